@@ -1,0 +1,1 @@
+"""What runs on the drone: sensors in, a floor plan and velocity setpoints out."""

@@ -1,0 +1,112 @@
+"""Configuration: typed groups with unit, default and bounds, read from one TOML file.
+
+Whatever cannot be used ends in a `ConfigError` of one line that names file, key, value and what
+is allowed; an unknown key is refused, never ignored.
+"""
+
+import tomllib
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from companion.errors import ConfigError
+from companion.messages import Beam
+
+
+class _Group(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class LinkConfig(_Group):
+    """MAVLink to the autopilot."""
+
+    url: str = Field("udpin:127.0.0.1:14550", pattern=r"^(udpin|udpout):[^:]+:\d{1,5}$")
+    """udpin waits for the autopilot at this address; udpout speaks first."""
+    system_id: int = Field(1, ge=1, le=255)
+    """The vehicle's system id, which the companion shares."""
+    component_id: int = Field(191, ge=1, le=255)
+    """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    connect_timeout_s: float = Field(8.0, gt=0, le=600)
+
+
+class AdcChannel(_Group):
+    """Where a Sharp sensor is wired."""
+
+    address: int = Field(ge=0x48, le=0x4B)
+    """I2C address of the ADS1115."""
+    channel: int = Field(ge=0, le=3)
+
+
+class SensorsConfig(_Group):
+    """Range sensors and gyro."""
+
+    bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
+    profile: Literal["gp2y0a710k0f", "paper"] = "gp2y0a710k0f"
+    channels: dict[Beam, AdcChannel] = {
+        Beam.FRONT: AdcChannel(address=0x48, channel=0),
+        Beam.LEFT: AdcChannel(address=0x48, channel=1),
+        Beam.RIGHT: AdcChannel(address=0x48, channel=2),
+        Beam.UP: AdcChannel(address=0x49, channel=0),
+        Beam.DOWN: AdcChannel(address=0x49, channel=1),
+    }
+    mount_offset_m: float = Field(0.08, ge=0, le=1)
+    """How far from the drone's centre each sensor sits, along its own beam."""
+    gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
+    rest_s: float = Field(3.0, ge=1, le=60)
+    """How long the gyro's bias is averaged before arming."""
+
+
+class MissionConfig(_Group):
+    """How the room is flown."""
+
+    height_m: float = Field(1.2, ge=0.5, le=10)
+    standoff_m: float = Field(1.5, ge=0.6, le=5)
+    speed_m_s: float = Field(1.0, ge=0.1, le=2)
+    turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
+    time_limit_s: float = Field(600.0, gt=0, le=3600)
+
+
+class Config(_Group):
+    """Everything that can be set."""
+
+    link: LinkConfig = LinkConfig()
+    sensors: SensorsConfig = SensorsConfig()
+    mission: MissionConfig = MissionConfig()
+
+
+def load(path: Path | None) -> Config:
+    """The configuration in `path`, or the defaults.
+
+    Raises:
+        ConfigError: one line that says what to mend.
+    """
+    if path is None:
+        return Config()
+    try:
+        return Config.model_validate(tomllib.loads(path.read_text()))
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_first_complaint(error)}") from error
+
+
+def _first_complaint(error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(sorted(_keys_at(first["loc"][:-1])))
+        return f"{key} = {first['input']!r}: no such key; known here: {known}"
+    return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
+
+
+def _keys_at(path: tuple[int | str, ...]) -> list[str]:
+    group: type[BaseModel] = Config
+    for part in path:
+        annotation = group.model_fields[str(part)].annotation if group else None
+        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+            return ["address", "channel"]
+        group = annotation
+    return list(group.model_fields)

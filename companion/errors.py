@@ -1,0 +1,17 @@
+"""Everything the companion can refuse, under one root, with words for the person reading it."""
+
+
+class CompanionError(Exception):
+    """Root of all errors that are told to the user as one line."""
+
+
+class ConfigError(CompanionError, ValueError):
+    """A configuration file, key or value that cannot be used."""
+
+
+class SensorError(CompanionError, OSError):
+    """A sensor that is absent, is not what it should be, or cannot be trusted."""
+
+
+class LinkError(CompanionError, OSError):
+    """The autopilot cannot be reached or does not answer."""

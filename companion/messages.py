@@ -1,0 +1,182 @@
+"""The values that the stages of a flight hand to each other.
+
+All frozen, all SI and radians, local NED and body FRD as in `frames`. `time_s` is the flight's
+own clock, which may be virtual.
+"""
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from companion.frames import Vector2, Vector3
+
+
+class Beam(enum.StrEnum):
+    """Where a range sensor looks, in body FRD."""
+
+    FRONT = "front"
+    RIGHT = "right"
+    BACK = "back"
+    LEFT = "left"
+    UP = "up"
+    DOWN = "down"
+
+
+class RangeState(enum.Enum):
+    """What a range sensor has to say; the five never look alike."""
+
+    DISTANCE = "distance"
+    NOTHING = "nothing in range"
+    TOO_NEAR = "too near"
+    STALE = "stale"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class RangeReading:
+    """One range: a distance with its variance, or the reason why there is none.
+
+    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE.
+    """
+
+    state: RangeState
+    distance_m: float = float("nan")
+    variance_m2: float = float("nan")
+
+    @property
+    def is_distance(self) -> bool:
+        return self.state is RangeState.DISTANCE
+
+
+@dataclass(frozen=True, slots=True)
+class RangeScan:
+    """One sweep over all range sensors."""
+
+    time_s: float
+    readings: Mapping[Beam, RangeReading]
+
+
+@dataclass(frozen=True, slots=True)
+class GyroSample:
+    """Body rate about the down axis, clockwise positive, bias not removed."""
+
+    time_s: float
+    yaw_rate_rad_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Odometry:
+    """The autopilot's own estimate in its own drifting local NED frame.
+
+    From LOCAL_POSITION_NED (32) and ATTITUDE (30), matched by their boot time.
+    """
+
+    time_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    yaw_rad: float
+
+
+class LandedState(enum.Enum):
+    """EXTENDED_SYS_STATE (245) landed_state."""
+
+    UNKNOWN = 0
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKING_OFF = 3
+    LANDING = 4
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """What the link knows of the autopilot at this moment."""
+
+    connected: bool = False
+    heartbeat_age_s: float = float("inf")
+    mode: str = ""
+    in_offboard_mode: bool = False
+    """The mode in which the autopilot follows our setpoints: GUIDED or OFFBOARD."""
+    armed: bool = False
+    landed_state: LandedState = LandedState.UNKNOWN
+    estimate_ready: bool = False
+    """The autopilot claims a usable position and sends it."""
+    refusal: str = ""
+    """The latest reason why a command was refused, in the autopilot's own words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """The companion's own estimate, local NED."""
+
+    time_s: float
+    north_m: float
+    east_m: float
+    down_m: float
+    yaw_rad: float
+    position_sigma_m: float = 0.0
+    yaw_sigma_rad: float = 0.0
+
+    @property
+    def height_m(self) -> float:
+        """Above the take-off point."""
+        return -self.down_m
+
+
+@dataclass(frozen=True, slots=True)
+class Setpoint:
+    """Velocity in body FRD and yaw rate; what the drone is asked to do until the next one."""
+
+    forward_m_s: float = 0.0
+    right_m_s: float = 0.0
+    down_m_s: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+
+
+HOLD = Setpoint()
+
+
+class CommandKind(enum.Enum):
+    """What the companion may ask of the autopilot besides setpoints."""
+
+    OFFBOARD_MODE = "follow setpoints"
+    ARM = "arm"
+    TAKE_OFF = "take off"
+    LAND = "land"
+    DISARM = "disarm"
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    kind: CommandKind
+    height_m: float = 0.0
+    """For TAKE_OFF: above the ground."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """A point where a beam met something, local NED, with the variance along the beam."""
+
+    time_s: float
+    beam: Beam
+    position_ned_m: Vector3
+    variance_m2: float
+
+
+@dataclass(frozen=True, slots=True)
+class WallSegment:
+    """A straight piece of wall seen from above, local NED (north, east)."""
+
+    start_ne_m: Vector2
+    end_ne_m: Vector2
+    sigma_m: float
+    """Standard deviation of the wall's offset along its normal."""
+    hits: int
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPlan:
+    """The map: walls, the points they were fitted to, and the path flown."""
+
+    walls: tuple[WallSegment, ...] = ()
+    hits: tuple[Hit, ...] = ()
+    path: tuple[Pose, ...] = field(default=())
