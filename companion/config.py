@@ -5,8 +5,9 @@ is allowed; an unknown key is refused, never ignored.
 """
 
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
@@ -60,6 +61,7 @@ class SensorsConfig(_Group):
 class MissionConfig(_Group):
     """How the room is flown."""
 
+    kind: Literal["room"] = "room"
     height_m: float = Field(1.2, ge=0.5, le=10)
     standoff_m: float = Field(1.5, ge=0.6, le=5)
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
@@ -75,22 +77,30 @@ class Config(_Group):
     mission: MissionConfig = MissionConfig()
 
 
-def load(path: Path | None) -> Config:
-    """The configuration in `path`, or the defaults.
+def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:
+    """The configuration in `path`, or the defaults, with `overrides` such as {"link.url": ...}.
 
     Raises:
         ConfigError: one line that says what to mend.
     """
-    if path is None:
-        return Config()
+    source = str(path) if path else "command line"
+    values: dict[str, Any] = _read(path) if path else {}
+    for key, value in (overrides or {}).items():
+        group, name = key.split(".")
+        values[group] = {**values.get(group, {}), name: value}
     try:
-        return Config.model_validate(tomllib.loads(path.read_text()))
+        return Config.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError(f"{source}: {_first_complaint(error)}") from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text())
     except OSError as error:
         raise ConfigError(f"{path}: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
-    except ValidationError as error:
-        raise ConfigError(f"{path}: {_first_complaint(error)}") from error
 
 
 def _first_complaint(error: ValidationError) -> str:

@@ -5,8 +5,9 @@ own clock, which may be virtual.
 """
 
 import enum
+import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from companion.frames import Vector2, Vector3
 
@@ -46,6 +47,11 @@ class RangeReading:
     @property
     def is_distance(self) -> bool:
         return self.state is RangeState.DISTANCE
+
+    @property
+    def is_alive(self) -> bool:
+        """The sensor answered, whatever it saw."""
+        return self.state not in (RangeState.STALE, RangeState.FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,6 +169,16 @@ class Hit:
 
 
 @dataclass(frozen=True, slots=True)
+class WallLine:
+    """A wall as the estimator knows it, local NED: {p : p·n = offset}, n = (cos, sin)(normal)."""
+
+    normal_rad: float
+    offset_m: float
+    sigma_m: float
+    """Of the offset."""
+
+
+@dataclass(frozen=True, slots=True)
 class WallSegment:
     """A straight piece of wall seen from above, local NED (north, east)."""
 
@@ -172,11 +188,19 @@ class WallSegment:
     """Standard deviation of the wall's offset along its normal."""
     hits: int
 
+    @property
+    def length_m(self) -> float:
+        return math.dist(self.start_ne_m, self.end_ne_m)
+
 
 @dataclass(frozen=True, slots=True)
 class FloorPlan:
-    """The map: walls, the points they were fitted to, and the path flown."""
+    """The map: walls, the points they were fitted to, and the path flown.
+
+    `ceiling_m` is above the take-off point; None if the up beam never met one.
+    """
 
     walls: tuple[WallSegment, ...] = ()
     hits: tuple[Hit, ...] = ()
-    path: tuple[Pose, ...] = field(default=())
+    path: tuple[Pose, ...] = ()
+    ceiling_m: float | None = None

@@ -1,1 +1,1 @@
-"""Everything needed to fly the companion on a laptop: world, vehicle, autopilot, sensors, scores."""
+"""Everything needed to fly the companion on a laptop: world, vehicle, autopilot, sensors, score."""

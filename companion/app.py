@@ -1,0 +1,164 @@
+"""The whole flight on one page: what comes in at a tick, stage by stage, to what goes out.
+
+    telemetry, gyro, ranges ─► calibrate at rest ─► estimate ─► decide ─► setpoint or command
+                                                       └──────► map
+
+No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from companion.config import Config
+from companion.estimation.ceiling import Ceiling
+from companion.estimation.estimator import Estimator
+from companion.estimation.rest import RestCalibration
+from companion.link.link import Telemetry
+from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.messages import (
+    Command,
+    FloorPlan,
+    GyroSample,
+    Pose,
+    RangeScan,
+    Setpoint,
+    WallSegment,
+)
+from companion.pdps import flight
+from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
+from companion.pdps.room_scan import Sight
+
+MAPPING_PHASES = frozenset({Phase.ROOM, Phase.HOME, Phase.HOLD})
+PROGRESS_PERIOD_S = 0.5
+PATH_PERIOD_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Inputs:
+    """Everything that has arrived since the last tick."""
+
+    telemetry: Telemetry
+    gyro: Sequence[GyroSample]
+    scan: RangeScan
+    land_requested: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How the flight is going, for people."""
+
+    time_s: float
+    activity: str
+    trouble: str
+    outline: float
+    """Share of all directions from the start in which the map has a wall, 0 to 1."""
+    walls_m: float
+    """Length of wall mapped."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outputs:
+    """What this tick asks for."""
+
+    setpoint: Setpoint | None
+    command: Command | None
+    progress: Progress
+    finished: bool
+
+
+class App:
+    """One flight."""
+
+    def __init__(self, config: Config) -> None:
+        self._config = config
+        self._rest = RestCalibration(config.sensors.rest_s)
+        self._estimator: Estimator | None = None
+        self._ceiling = Ceiling(config.sensors.mount_offset_m)
+        self._path: list[Pose] = []
+        self._last_gyro_s = self._last_scan_s = 0.0
+        self._progress = Progress(-PROGRESS_PERIOD_S, "", "", 0.0, 0.0)
+        self.flight = Flight()
+
+    def step(self, now_s: float, inputs: Inputs) -> Outputs:
+        """One tick of the control loop."""
+        self._note_arrivals(now_s, inputs)
+        self._calibrate(inputs)
+        pose = self._estimate(now_s, inputs)
+        action = self._decide(now_s, inputs, pose)
+        return Outputs(
+            action.setpoint,
+            action.command,
+            self._report(now_s),
+            finished=self.flight.phase in FINAL_PHASES,
+        )
+
+    def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
+        if inputs.gyro:
+            self._last_gyro_s = inputs.gyro[-1].time_s
+        if any(reading.is_alive for reading in inputs.scan.readings.values()):
+            self._last_scan_s = inputs.scan.time_s
+
+    def _calibrate(self, inputs: Inputs) -> None:
+        """The gyro's bias while the drone stands; origin and heading are where it ends."""
+        if self._estimator is not None or inputs.telemetry.vehicle.armed:
+            return
+        self._rest.add(inputs.gyro)
+        if self._rest.bias_rad_s is not None:
+            self._estimator = Estimator(self._rest.bias_rad_s, self._config.sensors.mount_offset_m)
+
+    def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
+        if self._estimator is None:
+            return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
+        self._estimator.turn(inputs.gyro)
+        if inputs.telemetry.odometry is not None:
+            self._estimator.move(inputs.telemetry.odometry)
+        if self.flight.phase in MAPPING_PHASES:
+            self._estimator.see(inputs.scan)
+            self._ceiling.see(inputs.scan, self._estimator.pose(now_s).height_m)
+        pose = self._estimator.pose(now_s)
+        if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
+            self._path.append(pose)
+        return pose
+
+    def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
+        wall = self._estimator.wall_ahead(pose.yaw_rad) if self._estimator else None
+        view = View(
+            time_s=now_s,
+            vehicle=inputs.telemetry.vehicle,
+            sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
+            gyro_at_rest=self._estimator is not None,
+            gyro_age_s=now_s - self._last_gyro_s,
+            scan_age_s=now_s - self._last_scan_s,
+            land_requested=inputs.land_requested,
+        )
+        self.flight, action = flight.step(self.flight, view, self._config.mission)
+        return action
+
+    def _report(self, now_s: float) -> Progress:
+        if now_s - self._progress.time_s < PROGRESS_PERIOD_S:
+            return self._progress
+        walls = self._walls()
+        self._progress = Progress(
+            now_s,
+            self.flight.activity,
+            self.flight.trouble,
+            outline_closed(walls, (0.0, 0.0)),
+            sum(wall.length_m for wall in walls),
+        )
+        return self._progress
+
+    def floor_plan(self) -> FloorPlan:
+        """The map so far."""
+        if self._estimator is None:
+            return FloorPlan()
+        return FloorPlan(
+            self._walls(),
+            tuple(self._estimator.hits),
+            tuple(self._path),
+            self._ceiling.height_m,
+        )
+
+    def _walls(self) -> tuple[WallSegment, ...]:
+        if self._estimator is None:
+            return ()
+        return wall_segments(self._estimator.wall_lines(), self._estimator.hits)

@@ -1,0 +1,57 @@
+"""The flight's clock: the machine's, or the virtual one that SITL serves with its bus."""
+
+import time
+from collections.abc import Callable
+
+from companion.drivers.virtual_clock import VirtualClock
+from companion.errors import SensorError
+from companion.link.transport import UdpTransport
+
+DATAGRAM_TIMEOUT_S = 1.0
+
+
+class SystemClock:
+    """The machine's monotonic clock, counted from `start_s` at the first use."""
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._epoch_s = time.monotonic() - start_s
+
+    def wait_until(self, time_s: float) -> float:
+        time.sleep(max(0.0, time_s - self._now_s()))
+        return self._now_s()
+
+    def _now_s(self) -> float:
+        return time.monotonic() - self._epoch_s
+
+
+class SitlClock:
+    """SITL's virtual time, in step with the MAVLink datagrams that belong to each moment.
+
+    Asking for a time lets the simulation reach it. Both sides tell how many datagrams they have
+    sent, and wait for them, so that a flight over UDP is the same to the bit as one in process.
+    If SITL goes away, time goes on by the machine's clock: the flight must still end by its rules.
+    """
+
+    def __init__(
+        self, served: VirtualClock, transport: UdpTransport, warn: Callable[[str], None]
+    ) -> None:
+        self._served = served
+        self._transport = transport
+        self._warn = warn
+        self._last_s = 0.0
+        self._fallback: SystemClock | None = None
+
+    def wait_until(self, time_s: float) -> float:
+        if self._fallback is not None:
+            return self._fallback.wait_until(time_s)
+        transport = self._transport
+        try:
+            self._last_s, sent = self._served.advance_to(
+                time_s, transport.local_port, transport.datagrams_sent
+            )
+        except SensorError as error:
+            self._warn(f"{error}; going on by this machine's clock")
+            self._fallback = SystemClock(self._last_s)
+            return self._last_s
+        transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
+        return self._last_s

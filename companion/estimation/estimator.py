@@ -1,0 +1,183 @@
+"""The order in which the estimator's parts are called, once a tick."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from companion.estimation.heading import HeadingFilter, WallBearing
+from companion.estimation.line_slam import LineSlam
+from companion.estimation.wall_runs import Line, RunHit, WallRun
+from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.messages import Beam, GyroSample, Hit, Odometry, Pose, RangeScan, WallLine
+
+BEAM_BEARING_FRD_RAD: Mapping[Beam, float] = {
+    Beam.FRONT: 0.0,
+    Beam.RIGHT: math.pi / 2,
+    Beam.BACK: math.pi,
+    Beam.LEFT: -math.pi / 2,
+}
+"""Horizontal beams, clockwise from the nose."""
+
+MOST_PLAUSIBLE_SPEED_M_S = 5.0
+"""An odometry step faster than this is a jump of the autopilot's estimate, not motion."""
+MOST_OBLIQUE_RAD = math.radians(30)
+REACH_M = 1.0
+"""A wall may go on this far beyond where it has been seen."""
+
+
+SQUARE_WITHIN_RAD = math.radians(5)
+SQUARE_SIGMA_RAD = math.radians(0.5)
+"""Walls this near to a right angle are taken to be built so, this exactly."""
+
+
+class Estimator:
+    """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
+
+    def __init__(self, rest_bias_rad_s: float, mount_offset_m: float) -> None:
+        self.heading = HeadingFilter(rest_bias_rad_s)
+        self.slam = LineSlam(self.heading)
+        self.hits: list[Hit] = []
+        self._mount_offset_m = mount_offset_m
+        self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
+        self._odometry: Odometry | None = None
+        self._height_m = 0.0
+        self._drifting_ne_m: Vector2 = (0.0, 0.0)
+        self._drifting_yaw_rad = 0.0
+
+    def pose(self, time_s: float) -> Pose:
+        return Pose(
+            time_s,
+            *self.slam.position_ne_m,
+            down_m=-self._height_m,
+            yaw_rad=self.heading.yaw_rad,
+            position_sigma_m=self.slam.position_sigma_m,
+            yaw_sigma_rad=self.heading.yaw_sigma_rad,
+        )
+
+    def turn(self, samples: Sequence[GyroSample]) -> None:
+        """Take in the gyro."""
+        self._drifting_yaw_rad += self.heading.predict(samples)
+
+    def move(self, odometry: Odometry) -> None:
+        """Take in the autopilot's odometry: only how far the body moved, not where to."""
+        last, self._odometry = self._odometry, odometry
+        if last is None or odometry.time_s <= last.time_s:
+            return
+        dt_s = odometry.time_s - last.time_s
+        north_m, east_m, down_m = (
+            now - then
+            for now, then in zip(odometry.position_ned_m, last.position_ned_m, strict=True)
+        )
+        self._height_m -= down_m
+        if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
+            return
+        half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
+        body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
+        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
+        scale = 1 + self.slam.scale_error
+        north_m, east_m = frd_to_ned(*body_m, self._drifting_yaw_rad - half_turn_rad)
+        self._drifting_ne_m = (
+            self._drifting_ne_m[0] + scale * north_m,
+            self._drifting_ne_m[1] + scale * east_m,
+        )
+
+    def see(self, scan: RangeScan) -> None:
+        """Take in one sweep of the horizontal beams."""
+        for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
+            reading = scan.readings.get(beam)
+            if reading is None:
+                continue
+            if not reading.is_distance:
+                self._learn(self._runs[beam].end(), scan.time_s)
+                continue
+            range_m = reading.distance_m + self._mount_offset_m
+            bearing_rad = self.heading.yaw_rad + bearing_frd_rad
+            self.slam.see_range(bearing_rad, range_m, reading.variance_m2)
+            north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
+            position_ned_m = (north_m, east_m, -self._height_m)
+            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2))
+            drifting_hit = RunHit(
+                scan.time_s,
+                _along(self._drifting_ne_m, self._drifting_yaw_rad + bearing_frd_rad, range_m),
+                reading.variance_m2,
+                self._drifting_ne_m,
+                self._drifting_yaw_rad,
+            )
+            self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+
+    def _learn(self, run: Line | None, now_s: float) -> None:
+        """A finished run tells the heading, and perhaps a new wall."""
+        if run is None:
+            return
+        seen = self._wall_bearing(run, now_s)
+        line = self._to_local(run)
+        known = self.slam.find(line)
+        if known is not None:
+            self.heading.see_wall(known.index, seen)
+            return
+        index = self.heading.add_wall(seen)
+        self._square_up(index)
+        self.slam.add(line, index)
+
+    def _wall_bearing(self, run: Line, now_s: float) -> WallBearing:
+        """The run's normal as it was seen off the nose in the middle of the run."""
+        age_s = now_s - run.mean_time_s
+        corrected_rad = self._drifting_yaw_rad - run.mean_yaw_rad
+        raw_rad = corrected_rad + self.heading.bias_rad_s * age_s
+        raw_rad /= 1 - self.heading.scale_error
+        bearing_frd_rad = run.normal_rad - run.mean_yaw_rad
+        return WallBearing(bearing_frd_rad, run.normal_sigma_rad, raw_rad, age_s)
+
+    def _square_up(self, wall: int) -> None:
+        """If a new wall is nearly square to the surest one, take it to be square."""
+        if wall == 0:
+            return
+        surest = min(range(wall), key=self.heading.normal_sigma_rad)
+        angle_rad = self.heading.normal_rad(wall) - self.heading.normal_rad(surest)
+        off_square_rad = wrap_rad(4 * angle_rad) / 4
+        if abs(off_square_rad) < SQUARE_WITHIN_RAD:
+            self.heading.square_up(wall, surest, SQUARE_SIGMA_RAD)
+
+    def _to_local(self, run: Line) -> Line:
+        """From the drifting frame to local NED, by the two poses of this moment."""
+        turn_rad = wrap_rad(self.heading.yaw_rad - self._drifting_yaw_rad)
+        ahead_m = run.centre[0] - self._drifting_ne_m[0]
+        aside_m = run.centre[1] - self._drifting_ne_m[1]
+        north_m, east_m = frd_to_ned(ahead_m, aside_m, turn_rad)
+        north_m += self.slam.position_ne_m[0]
+        east_m += self.slam.position_ne_m[1]
+        normal_rad = wrap_rad(run.normal_rad + turn_rad)
+        offset_m = north_m * math.cos(normal_rad) + east_m * math.sin(normal_rad)
+        return replace(run, normal_rad=normal_rad, offset_m=offset_m, centre=(north_m, east_m))
+
+    def wall_ahead(self, bearing_rad: float) -> tuple[float, float] | None:
+        """(normal_rad, distance_m along it) of the nearest known wall along a bearing."""
+        north_m, east_m = self.slam.position_ne_m
+        nearest: tuple[float, float] | None = None
+        for wall in self.slam.walls:
+            normal_rad, offset_m = self.slam.line(wall)
+            incidence_rad = wrap_rad(bearing_rad - normal_rad)
+            if abs(incidence_rad) > MOST_OBLIQUE_RAD:
+                continue
+            cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
+            distance_m = offset_m - north_m * cos_n - east_m * sin_n
+            north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]
+            met_m = cos_n * east - sin_n * north + distance_m * math.tan(incidence_rad)
+            met = distance_m > 0 and wall.reaches(met_m, REACH_M)
+            if met and (nearest is None or distance_m < nearest[1]):
+                nearest = normal_rad, distance_m
+        return nearest
+
+    def wall_lines(self) -> list[WallLine]:
+        """All walls, for the map."""
+        return [
+            WallLine(*self.slam.line(wall), self.slam.offset_sigma_m(wall))
+            for wall in self.slam.walls
+        ]
+
+
+def _along(origin: Vector2, bearing_rad: float, range_m: float) -> Vector2:
+    return (
+        origin[0] + range_m * math.cos(bearing_rad),
+        origin[1] + range_m * math.sin(bearing_rad),
+    )

@@ -1,0 +1,175 @@
+"""Heading from a cheap gyro, put right by the direction of walls.
+
+A linear Kalman filter over heading ψ, gyro bias b, gyro scale error s and the directions α_i of
+the normals of all walls seen so far:
+
+    ψ' = ψ + (1 - s)·G - b·dt,   G = ∫ω dt        b, s, α_i constant
+
+G is known, so the scale enters linearly. A wall whose normal was seen at the angle β off the nose,
+a turn G and a time τ ago, tells
+
+    β = α_i - ψ + (1 - s)·G - b·τ
+
+which is linear too. A wall seen again after a turn therefore measures the gyro's scale, one seen
+again later its bias, and all walls keep their place relative to the first heading, ψ = 0 at the
+start. Prediction and correction are filterpy's; it updates the covariance in Joseph form.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from filterpy.kalman import KalmanFilter
+from numpy.typing import NDArray
+
+from companion.frames import wrap_rad
+from companion.messages import GyroSample
+
+_YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
+_UNKNOWN_SIGMA_RAD = 10.0
+"""Prior of a wall's direction: none to speak of."""
+
+
+@dataclass(frozen=True, slots=True)
+class GyroModel:
+    """How far the gyro may be trusted (LSM9DS1; priors until an Allan analysis replaces them)."""
+
+    rate_noise_rad_s_sqrt_hz: float = math.radians(0.02)
+    bias_sigma_rad_s: float = math.radians(0.15)
+    """What calibration at rest leaves, and what take-off adds."""
+    bias_walk_rad_s_sqrt_s: float = math.radians(0.01)
+    scale_sigma: float = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class WallBearing:
+    """A wall's normal, seen `bearing_frd_rad` off the nose some time ago.
+
+    Since then the gyro has turned by `turned_rad`, uncorrected, in `age_s`.
+    """
+
+    bearing_frd_rad: float
+    sigma_rad: float
+    turned_rad: float
+    age_s: float
+
+
+class HeadingFilter:
+    """Heading relative to the first heading, clockwise positive, and the walls' directions."""
+
+    GATE_SIGMAS = 4.0
+
+    def __init__(self, rest_bias_rad_s: float, model: GyroModel = GyroModel()) -> None:
+        self._model = model
+        self._last_s: float | None = None
+        self._filter = self._grown(
+            np.array([0.0, rest_bias_rad_s, 0.0]),
+            np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2]),
+        )
+
+    @staticmethod
+    def _grown(x: NDArray[np.float64], p: NDArray[np.float64]) -> KalmanFilter:
+        kalman = KalmanFilter(dim_x=len(x), dim_z=1)
+        kalman.x, kalman.P = x.reshape(-1, 1), p
+        kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
+        return kalman
+
+    def _value(self, index: int) -> float:
+        return float(self._filter.x[index, 0])
+
+    def _sigma(self, index: int) -> float:
+        return math.sqrt(float(self._filter.P[index, index]))
+
+    @property
+    def yaw_rad(self) -> float:
+        return wrap_rad(self._value(_YAW))
+
+    @property
+    def yaw_sigma_rad(self) -> float:
+        return self._sigma(_YAW)
+
+    @property
+    def bias_rad_s(self) -> float:
+        return self._value(_BIAS)
+
+    @property
+    def scale_error(self) -> float:
+        return self._value(_SCALE)
+
+    def normal_rad(self, wall: int) -> float:
+        """Direction of a wall's normal, from the drone to the wall, local NED."""
+        return wrap_rad(self._value(_WALLS + wall))
+
+    def normal_sigma_rad(self, wall: int) -> float:
+        return self._sigma(_WALLS + wall)
+
+    def relative_sigma_rad(self, wall: int) -> float:
+        """Sigma of the angle between the nose and a wall's normal."""
+        difference = self._difference(_WALLS + wall, _YAW)
+        return math.sqrt(max(float(difference @ self._filter.P @ difference), 0.0))
+
+    def predict(self, samples: Sequence[GyroSample]) -> float:
+        """Integrate the samples since the last call; how far the heading moved, rad."""
+        turned_rad, duration_s = self._integrate(samples)
+        if duration_s <= 0:
+            return 0.0
+        kalman, model = self._filter, self._model
+        before = self._value(_YAW)
+        kalman.F[_YAW, _BIAS] = -duration_s
+        kalman.F[_YAW, _SCALE] = -turned_rad
+        kalman.x[_YAW, 0] += turned_rad
+        kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s
+        kalman.Q[_BIAS, _BIAS] = model.bias_walk_rad_s_sqrt_s**2 * duration_s
+        kalman.predict()
+        return self._value(_YAW) - before
+
+    def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
+        turned_rad = duration_s = 0.0
+        for sample in samples:
+            if self._last_s is not None and sample.time_s > self._last_s:
+                dt_s = sample.time_s - self._last_s
+                turned_rad += sample.yaw_rate_rad_s * dt_s
+                duration_s += dt_s
+            self._last_s = sample.time_s
+        return turned_rad, duration_s
+
+    def add_wall(self, seen: WallBearing) -> int:
+        """A wall not seen before; its number."""
+        size = len(self._filter.x)
+        covariance = np.zeros((size + 1, size + 1))
+        covariance[:size, :size] = self._filter.P
+        covariance[size, size] = _UNKNOWN_SIGMA_RAD**2
+        direction = seen.bearing_frd_rad - seen.turned_rad + self._value(_YAW)
+        self._filter = self._grown(np.append(self._filter.x, direction), covariance)
+        wall = size - _WALLS
+        self.see_wall(wall, seen)
+        return wall
+
+    def see_wall(self, wall: int, seen: WallBearing) -> bool:
+        """Correct by a wall seen again; False if that is not believable."""
+        h = self._difference(_WALLS + wall, _YAW)
+        h[_BIAS], h[_SCALE] = -seen.age_s, -seen.turned_rad
+        expected = float(h @ self._filter.x[:, 0]) + seen.turned_rad
+        return self._correct(h, wrap_rad(seen.bearing_frd_rad - expected), seen.sigma_rad)
+
+    def square_up(self, wall: int, other: int, sigma_rad: float) -> bool:
+        """Let two walls be at a multiple of 90°, as far as `sigma_rad` says."""
+        h = self._difference(_WALLS + wall, _WALLS + other)
+        angle = float(h @ self._filter.x[:, 0])
+        quarter = math.pi / 2
+        return self._correct(h, round(angle / quarter) * quarter - angle, sigma_rad)
+
+    def _difference(self, first: int, second: int) -> NDArray[np.float64]:
+        h = np.zeros(len(self._filter.x))
+        h[first], h[second] = 1.0, -1.0
+        return h
+
+    def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> bool:
+        kalman = self._filter
+        spread = math.sqrt(float(h @ kalman.P @ h) + sigma**2)
+        if abs(innovation) > self.GATE_SIGMAS * spread:
+            return False
+        measured = float(h @ kalman.x[:, 0]) + innovation
+        kalman.update(np.array([[measured]]), R=np.array([[sigma**2]]), H=h.reshape(1, -1))
+        return True

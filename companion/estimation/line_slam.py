@@ -1,0 +1,209 @@
+"""Position, odometry scale and the offsets of walls, estimated together.
+
+A Kalman filter over
+
+    x = (north, east, scale error, d_1, d_2, ...)
+
+Wall i has the direction α_i of its normal from the heading filter, an anchor a_i where it was
+first seen, and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. Turning α_i turns the wall about
+its anchor. Odometry moves the position by (1 + scale)·displacement, so that ranges to a wall flown
+towards tell the scale. A range r along bearing β from position p meets wall i where
+
+    r = (d_i - (p - a_i)·n_i) / cos(β - α_i)
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.estimation.heading import HeadingFilter
+from companion.estimation.wall_runs import Line
+from companion.frames import Vector2, wrap_rad
+
+_NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
+Row = NDArray[np.float64]
+
+
+@dataclass(slots=True)
+class Wall:
+    """What the filters' states do not hold: the anchor, and where along the line there is wall.
+
+    Along is measured from the anchor in the direction t = (-sin, cos)(normal), metres.
+    """
+
+    index: int
+    anchor_ne_m: Vector2
+    low_m: float
+    high_m: float
+
+    def extend(self, along_m: float) -> None:
+        self.low_m = min(self.low_m, along_m)
+        self.high_m = max(self.high_m, along_m)
+
+    def reaches(self, along_m: float, margin_m: float) -> bool:
+        return self.low_m - margin_m < along_m < self.high_m + margin_m
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryModel:
+    """How far the autopilot's flow odometry may be trusted."""
+
+    scale_sigma: float = 0.05
+    step_variance_m2_per_s: float = 0.005**2 / 0.1
+    """Random walk on each axis: 5 mm a step at 10 Hz."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Match:
+    wall: Wall
+    along_m: float
+    innovation_m: float
+    gradient: Row
+    variance_m2: float
+
+
+class LineSlam:
+    """The joint filter; angles are local NED bearings in radians."""
+
+    GATE_SIGMAS = 3.5
+    EXTENT_MARGIN_M = 3.0
+    """A hit this far beyond the known end of a wall may still belong to it."""
+    LEAST_COS_INCIDENCE = math.cos(math.radians(65))
+    SAME_NORMAL_RAD = math.radians(12)
+
+    def __init__(self, heading: HeadingFilter, odometry: OdometryModel = OdometryModel()) -> None:
+        self._heading = heading
+        self._odometry = odometry
+        self._x: Row = np.zeros(_WALLS)
+        self._p: Row = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self.walls: list[Wall] = []
+
+    @property
+    def position_ne_m(self) -> Vector2:
+        return float(self._x[_NORTH]), float(self._x[_EAST])
+
+    @property
+    def position_sigma_m(self) -> float:
+        return math.sqrt(float(max(self._p[_NORTH, _NORTH], self._p[_EAST, _EAST])))
+
+    @property
+    def scale_error(self) -> float:
+        return float(self._x[_SCALE])
+
+    def line(self, wall: Wall) -> tuple[float, float]:
+        """(normal_rad, offset_m) of a wall as {p : p·n = offset}."""
+        normal_rad = self._heading.normal_rad(wall.index)
+        north, east = wall.anchor_ne_m
+        offset_m = north * math.cos(normal_rad) + east * math.sin(normal_rad)
+        return normal_rad, offset_m + float(self._x[_WALLS + wall.index])
+
+    def offset_sigma_m(self, wall: Wall) -> float:
+        at = _WALLS + wall.index
+        return math.sqrt(float(self._p[at, at]))
+
+    def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
+        """Predict: the odometry's displacement, turned into local NED, scale not yet applied."""
+        scale = 1 + self._x[_SCALE]
+        north, east = displacement_ne_m
+        self._x[_NORTH] += scale * north
+        self._x[_EAST] += scale * east
+        # F = I except for the scale's column; P' = F P F' + Q
+        for row, by in ((_NORTH, north), (_EAST, east)):
+            self._p[row, :] += by * self._p[_SCALE, :]
+        for column, by in ((_NORTH, north), (_EAST, east)):
+            self._p[:, column] += by * self._p[:, _SCALE]
+        walk = self._odometry.step_variance_m2_per_s * dt_s
+        yaw_sigma_rad = self._heading.yaw_sigma_rad
+        self._p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
+        self._p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
+
+    def see_range(self, bearing_rad: float, range_m: float, variance_m2: float) -> None:
+        """Correct by one range, if it fits a known wall."""
+        best: tuple[float, _Match] | None = None
+        for wall in self.walls:
+            match = self._match(wall, bearing_rad, range_m, variance_m2)
+            if match is None:
+                continue
+            spread = float(match.gradient @ self._p @ match.gradient) + match.variance_m2
+            misfit = abs(match.innovation_m) / math.sqrt(spread)
+            if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
+                best = misfit, match
+        if best is not None:
+            self._correct(best[1])
+            best[1].wall.extend(best[1].along_m)
+
+    def _match(
+        self, wall: Wall, bearing_rad: float, range_m: float, variance_m2: float
+    ) -> _Match | None:
+        """What the range says if it met this wall; None if it cannot have."""
+        normal_rad = self._heading.normal_rad(wall.index)
+        incidence_rad = wrap_rad(bearing_rad - normal_rad)
+        cos_incidence = math.cos(incidence_rad)
+        if cos_incidence < self.LEAST_COS_INCIDENCE:
+            return None
+        cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
+        north = float(self._x[_NORTH]) - wall.anchor_ne_m[0]
+        east = float(self._x[_EAST]) - wall.anchor_ne_m[1]
+        along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
+        at = _WALLS + wall.index
+        distance_m = float(self._x[at]) - north * cos_n - east * sin_n
+        if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
+            return None
+        predicted_m = distance_m / cos_incidence
+        # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
+        lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
+        gradient = np.zeros(len(self._x))
+        gradient[_NORTH] = -cos_n / cos_incidence
+        gradient[_EAST] = -sin_n / cos_incidence
+        gradient[at] = 1 / cos_incidence
+        angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
+        variance_m2 += (lever_m * angle_sigma_rad) ** 2
+        return _Match(wall, along_m, range_m - predicted_m, gradient, variance_m2)
+
+    def _correct(self, match: _Match) -> None:
+        """Scalar Kalman update in Joseph form."""
+        ph = self._p @ match.gradient
+        gain = ph / (float(match.gradient @ ph) + match.variance_m2)
+        self._x += gain * match.innovation_m
+        keep = np.eye(len(self._x)) - np.outer(gain, match.gradient)
+        self._p = keep @ self._p @ keep.T + match.variance_m2 * np.outer(gain, gain)
+
+    def find(self, line: Line) -> Wall | None:
+        """The known wall of the same direction whose line passes through a run's centre."""
+        best: tuple[float, Wall] | None = None
+        for wall in self.walls:
+            normal_rad = self._heading.normal_rad(wall.index)
+            if abs(wrap_rad(line.normal_rad - normal_rad)) > self.SAME_NORMAL_RAD:
+                continue
+            north = line.centre[0] - wall.anchor_ne_m[0]
+            east = line.centre[1] - wall.anchor_ne_m[1]
+            cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
+            along_m = cos_n * east - sin_n * north
+            gradient = np.zeros(len(self._x))
+            at = _WALLS + wall.index
+            gradient[[_NORTH, _EAST, at]] = cos_n, sin_n, -1.0
+            lever = along_m * self._heading.relative_sigma_rad(wall.index)
+            spread = float(gradient @ self._p @ gradient) + line.offset_sigma_m**2 + lever**2
+            across_m = north * cos_n + east * sin_n - float(self._x[at])
+            misfit = abs(across_m) / math.sqrt(spread)
+            reached = wall.reaches(along_m, self.EXTENT_MARGIN_M + line.length_m / 2)
+            if reached and misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
+                best = misfit, wall
+        return best[1] if best else None
+
+    def add(self, line: Line, index: int) -> Wall:
+        """A new wall through the run's centre, known as well as position and run are."""
+        normal_rad = self._heading.normal_rad(index)
+        half_m = line.length_m / 2
+        wall = Wall(index, line.centre, -half_m, half_m)
+        size = len(self._x)
+        grown = np.zeros((size + 1, size))
+        grown[:size, :size] = np.eye(size)
+        grown[size, [_NORTH, _EAST]] = math.cos(normal_rad), math.sin(normal_rad)
+        self._p = grown @ self._p @ grown.T
+        self._p[size, size] += line.offset_sigma_m**2
+        self._x = np.append(self._x, 0.0)
+        self.walls.append(wall)
+        return wall

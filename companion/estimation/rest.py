@@ -1,0 +1,36 @@
+"""The gyro's bias, averaged while the drone stands still before take-off."""
+
+import math
+from collections.abc import Sequence
+
+from companion.messages import GyroSample
+
+MOST_RATE_SPREAD_RAD_S = math.radians(3.0)
+"""A sample this far from the mean means that somebody is moving the drone."""
+LEAST_SAMPLES = 20
+
+
+class RestCalibration:
+    """Averages until `rest_s` of stillness has been seen; any movement starts it afresh."""
+
+    def __init__(self, rest_s: float) -> None:
+        self._rest_s = rest_s
+        self._began_s = 0.0
+        self._sum_rad_s = 0.0
+        self._count = 0
+        self.bias_rad_s: float | None = None
+        """The bias, once known."""
+
+    def add(self, samples: Sequence[GyroSample]) -> None:
+        for sample in samples:
+            self._add(sample)
+
+    def _add(self, sample: GyroSample) -> None:
+        mean = self._sum_rad_s / self._count if self._count else sample.yaw_rate_rad_s
+        if self._count == 0 or abs(sample.yaw_rate_rad_s - mean) > MOST_RATE_SPREAD_RAD_S:
+            self._began_s, self._sum_rad_s, self._count = sample.time_s, 0.0, 0
+        self._sum_rad_s += sample.yaw_rate_rad_s
+        self._count += 1
+        still_s = sample.time_s - self._began_s
+        if still_s >= self._rest_s and self._count >= LEAST_SAMPLES:
+            self.bias_rad_s = self._sum_rad_s / self._count

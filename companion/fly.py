@@ -1,0 +1,57 @@
+"""The control loop: carries inputs to the flight and its outputs away, 20 times a second.
+
+The same loop serves the drone, SITL in two processes, and SITL in lockstep in one: what differs
+is the clock, the link's transport and the bus, and those are handed in.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.app import App, Inputs, Progress
+from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.drivers.ranges import RangeSensors
+from companion.link.link import Link
+from companion.pdps.flight import Flight
+
+TICK_S = 0.05
+
+
+class Clock(Protocol):
+    """Time as the flight knows it: of the machine, or virtual."""
+
+    def wait_until(self, time_s: float) -> float:
+        """Return the time once `time_s` is reached; later if the machine was slow."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Rig:
+    """All that the flight touches outside itself."""
+
+    link: Link
+    ranges: RangeSensors
+    gyro: Lsm9ds1
+    clock: Clock
+
+
+def fly(
+    app: App,
+    rig: Rig,
+    watch: Callable[[Progress], None],
+    land_requested: Callable[[], bool] = lambda: False,
+) -> Flight:
+    """Fly until the flight has ended, one way or another; its last state."""
+    now_s = rig.clock.wait_until(0.0)
+    tick = 0
+    while True:
+        inputs = Inputs(
+            rig.link.poll(now_s), rig.gyro.read(now_s), rig.ranges.read(now_s), land_requested()
+        )
+        outputs = app.step(now_s, inputs)
+        rig.link.send(now_s, outputs.setpoint, outputs.command)
+        watch(outputs.progress)
+        if outputs.finished:
+            return app.flight
+        tick = max(tick + 1, int(now_s / TICK_S))
+        now_s = rig.clock.wait_until(tick * TICK_S)

@@ -1,0 +1,138 @@
+"""The map as files: JSON for programs, PNG for people, PLY for 3-D viewers.
+
+JSON keeps local NED as the program has it; PNG and PLY are ENU, as their readers expect. Every
+file is written beside its place and then moved there, so that a crash never leaves half a map.
+"""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+
+from companion.frames import Vector2, ned_to_enu
+from companion.mapping.picture import draw
+from companion.messages import FloorPlan, Pose, WallSegment
+
+UNKNOWN_CEILING_M = 2.5
+"""How high walls are drawn when the up beam never met a ceiling."""
+WALL_COLOUR = (90, 110, 130, 255)
+HIT_COLOUR = (230, 120, 40, 255)
+
+
+def save(plan: FloorPlan, folder: Path) -> list[Path]:
+    """Write map.json, map.png and map.ply; their paths."""
+    writers: dict[str, Callable[[FloorPlan, Path], None]] = {
+        "map.json": save_json,
+        "map.png": draw,
+        "map.ply": save_ply,
+    }
+    for name, write in writers.items():
+        _save_as(write, plan, folder / name)
+    return [folder / name for name in writers]
+
+
+def _save_as(write: Callable[[FloorPlan, Path], None], plan: FloorPlan, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    unfinished = path.with_name(f".unfinished-{path.name}")
+    write(plan, unfinished)
+    unfinished.replace(path)
+
+
+def save_json(plan: FloorPlan, path: Path) -> None:
+    """Walls with their uncertainty, and the path flown; local NED, metres, radians, seconds."""
+    path.write_text(
+        json.dumps(
+            {
+                "frame": "local NED: origin at take-off, x along the first heading, z down",
+                "ceiling_m": plan.ceiling_m,
+                "walls": [_wall_record(wall) for wall in plan.walls],
+                "path": [_pose_record(pose) for pose in plan.path],
+            },
+            indent=1,
+        )
+    )
+
+
+def _wall_record(wall: WallSegment) -> dict[str, object]:
+    return {
+        "start_ne_m": wall.start_ne_m,
+        "end_ne_m": wall.end_ne_m,
+        "sigma_m": wall.sigma_m,
+        "hits": wall.hits,
+    }
+
+
+def _pose_record(pose: Pose) -> dict[str, float]:
+    return {
+        "time_s": pose.time_s,
+        "north_m": pose.north_m,
+        "east_m": pose.east_m,
+        "down_m": pose.down_m,
+        "yaw_rad": pose.yaw_rad,
+    }
+
+
+def load_json(path: Path) -> FloorPlan:
+    """The map of `save_json`; hits are not kept there."""
+    record = json.loads(path.read_text())
+    return FloorPlan(
+        walls=tuple(
+            WallSegment(tuple(w["start_ne_m"]), tuple(w["end_ne_m"]), w["sigma_m"], w["hits"])
+            for w in record["walls"]
+        ),
+        path=tuple(Pose(**pose) for pose in record["path"]),
+        ceiling_m=record["ceiling_m"],
+    )
+
+
+def save_ply(plan: FloorPlan, path: Path) -> None:
+    """Walls from floor to ceiling as faces, hits as points; ENU metres, z = 0 at take-off."""
+    ceiling_m = plan.ceiling_m if plan.ceiling_m is not None else UNKNOWN_CEILING_M
+    corners = [corner for wall in plan.walls for corner in _wall_corners(wall, ceiling_m)]
+    points = [ned_to_enu(hit.position_ned_m) for hit in plan.hits]
+    faces = [
+        (4 * wall + a, 4 * wall + b, 4 * wall + c)
+        for wall in range(len(plan.walls))
+        for a, b, c in ((0, 1, 2), (0, 2, 3))
+    ]
+    mesh = trimesh.Trimesh(
+        vertices=np.array([*corners, *points]).reshape(-1, 3),
+        faces=np.array(faces).reshape(-1, 3),
+        vertex_colors=np.array([WALL_COLOUR] * len(corners) + [HIT_COLOUR] * len(points)).reshape(
+            -1, 4
+        ),
+        process=False,
+    )
+    with path.open("wb") as file:
+        mesh.export(file, file_type="ply")
+
+
+def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, float, float]]:
+    def corner(end: Vector2, height_m: float) -> tuple[float, float, float]:
+        return ned_to_enu((end[0], end[1], -height_m))
+
+    start, end = wall.start_ne_m, wall.end_ne_m
+    return [
+        corner(start, 0.0),
+        corner(end, 0.0),
+        corner(end, ceiling_m),
+        corner(start, ceiling_m),
+    ]
+
+
+class AutoSave:
+    """Keeps map.json on disk while the flight goes on, for the case that the program dies."""
+
+    PERIOD_S = 5.0
+
+    def __init__(self, folder: Path, plan: Callable[[], FloorPlan]) -> None:
+        self._folder = folder
+        self._plan = plan
+        self._last_s = 0.0
+
+    def update(self, time_s: float) -> None:
+        if time_s - self._last_s >= self.PERIOD_S:
+            self._last_s = time_s
+            _save_as(save_json, self._plan(), self._folder / "map.json")

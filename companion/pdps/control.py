@@ -1,0 +1,37 @@
+"""The few control laws that all manoeuvres share. Velocities m/s, angles rad, body FRD."""
+
+import math
+
+from companion.frames import wrap_rad
+
+TURN_GAIN_1_S = 2.0
+HEIGHT_GAIN_1_S = 0.8
+MOST_CLIMB_M_S = 0.4
+DISTANCE_GAIN_1_S = 0.7
+BRAKING_M_S2 = 0.5
+"""Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
+
+
+def clamp(value: float, limit: float) -> float:
+    """`value` within ±limit."""
+    return max(-limit, min(limit, value))
+
+
+def turn_towards(heading_rad: float, yaw_rad: float, most_rad_s: float) -> float:
+    """Yaw rate that brings the nose to `heading_rad` the short way round."""
+    return clamp(TURN_GAIN_1_S * wrap_rad(heading_rad - yaw_rad), most_rad_s)
+
+
+def climb_to(height_m: float, present_m: float) -> float:
+    """Down velocity that brings the drone to `height_m`."""
+    return clamp(HEIGHT_GAIN_1_S * (present_m - height_m), MOST_CLIMB_M_S)
+
+
+def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
+    """Velocity towards a wall that holds the stand-off; negative backs away."""
+    return clamp(DISTANCE_GAIN_1_S * (present_m - wanted_m), most_m_s)
+
+
+def approach_speed(room_m: float, most_m_s: float) -> float:
+    """The speed from which the drone can still stop within `room_m`: √(2·a·room)."""
+    return min(most_m_s, math.sqrt(2 * BRAKING_M_S2 * max(room_m, 0.0)))

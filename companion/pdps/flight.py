@@ -1,0 +1,305 @@
+"""The whole flight, from the first heartbeat to the last.
+
+    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF ─► ROOM ─► HOME ─► LAND ─► DONE
+                                                 │        │       │        ▲
+                                                 └────────┴───┬───┘        │
+                                                fault         ▼            │ fault lasts,
+                                                            HOLD ──────────┘ time is up
+                                                              │ fault gone: back to where it was
+                                                              ▼
+    from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
+                                   autopilot disarms                    ─► FAILED
+                                   nothing heard for 10 s               ─► FAILED
+    before take-off:               no estimate, arming refused too long ─► FAILED
+
+Safety: setpoints go out only in ROOM, HOME and HOLD, that is while armed and in the mode that we
+asked for. When somebody else changes the mode, the companion stops sending at once and does not
+ask for the mode again. HOLD is a setpoint of zero velocity; if the link is gone, the autopilot
+comes to rest by its own setpoint timeout. DONE, HANDED_OVER and FAILED are final.
+"""
+
+import enum
+from dataclasses import dataclass, field, replace
+
+from companion.config import MissionConfig
+from companion.frames import Vector2
+from companion.messages import (
+    HOLD,
+    Beam,
+    Command,
+    CommandKind,
+    LandedState,
+    RangeState,
+    Setpoint,
+    VehicleState,
+)
+from companion.pdps import homing, room_scan
+from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+
+LINK_SILENT_S = 1.0
+SENSOR_SILENT_S = 0.5
+FAULT_LASTS_S = 3.0
+"""A fault that lasts this long ends in landing."""
+SENSOR_FAULT_LASTS_S = 1.0
+"""Blind in a room, the drone drifts; it lands sooner than for a silent link."""
+LINK_LOST_S = 10.0
+PREPARE_TIMEOUT_S = 60.0
+ARM_TIMEOUT_S = 30.0
+TAKE_OFF_TIMEOUT_S = 20.0
+AT_HEIGHT_M = 0.15
+HORIZONTAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
+
+
+class Phase(enum.Enum):
+    """Where in the diagram above."""
+
+    CONNECT = "waiting for the autopilot"
+    PREPARE = "waiting for gyro rest and a usable estimate"
+    OFFBOARD = "asking to be followed"
+    ARM = "arming"
+    TAKE_OFF = "taking off"
+    ROOM = "scanning the room"
+    HOME = "returning to the start"
+    HOLD = "holding"
+    LAND = "landing"
+    DONE = "landed"
+    HANDED_OVER = "handed over"
+    FAILED = "failed"
+
+
+FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
+FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD})
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """What the flight knows at one tick."""
+
+    time_s: float
+    vehicle: VehicleState
+    sight: Sight
+    gyro_at_rest: bool
+    """The gyro's bias has been averaged."""
+    gyro_age_s: float
+    scan_age_s: float
+    land_requested: bool = False
+    """The user or the operating system asks the program to end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """The flight's whole memory."""
+
+    phase: Phase = Phase.CONNECT
+    since_s: float = 0.0
+    began_s: float = 0.0
+    room: RoomScan = field(default_factory=RoomScan)
+    held_from: Phase = Phase.CONNECT
+    trouble: str = ""
+    """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
+    land_mode_seen: bool = False
+
+    @property
+    def completed(self) -> bool:
+        return self.phase is Phase.DONE and not self.trouble
+
+    @property
+    def ending(self) -> str:
+        """How the flight ended, in words."""
+        if self.completed:
+            return "mission complete"
+        return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
+
+    @property
+    def activity(self) -> str:
+        """The phase in words, as fine as it is known."""
+        return self.room.phase.value if self.phase is Phase.ROOM else self.phase.value
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """What to ask of the autopilot at this tick."""
+
+    setpoint: Setpoint | None = None
+    command: Command | None = None
+
+
+NOTHING = Action()
+HOME_NE_M: Vector2 = (0.0, 0.0)
+
+
+def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    """One tick: the next state and what to ask of the autopilot."""
+    if flight.phase in FINAL_PHASES:
+        return flight, NOTHING
+    if flight.phase in FLYING_PHASES and (ended := _taken_away(flight, view)):
+        return ended, NOTHING
+    if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
+        flight = cut_short
+    return _STEPS[flight.phase](flight, view, plan)
+
+
+def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
+    reason = flight.trouble if trouble is None else trouble
+    return replace(flight, phase=phase, since_s=view.time_s, trouble=reason)
+
+
+def _age_s(flight: Flight, view: View) -> float:
+    return view.time_s - flight.since_s
+
+
+# Before take-off
+
+
+def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    if view.vehicle.connected:
+        return _go(flight, Phase.PREPARE, view), NOTHING
+    return flight, NOTHING
+
+
+def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    if view.vehicle.armed:
+        return _go(flight, Phase.FAILED, view, "the vehicle is armed already; disarm it"), NOTHING
+    if view.vehicle.estimate_ready and view.gyro_at_rest:
+        return _go(flight, Phase.OFFBOARD, view), NOTHING
+    if _age_s(flight, view) > PREPARE_TIMEOUT_S:
+        missing = (
+            "the gyro is not at rest" if view.vehicle.estimate_ready else "no position estimate"
+        )
+        trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {missing}"
+        return _go(flight, Phase.FAILED, view, trouble), NOTHING
+    return flight, NOTHING
+
+
+def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    if view.vehicle.in_offboard_mode:
+        return _go(flight, Phase.ARM, view), NOTHING
+    return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
+
+
+def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    if view.vehicle.armed:
+        return replace(_go(flight, Phase.TAKE_OFF, view), began_s=view.time_s), NOTHING
+    return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
+
+
+def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    height_m = view.sight.pose.height_m
+    if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
+        return _go(flight, Phase.ROOM, view), Action(HOLD)
+    if view.vehicle.landed_state in (LandedState.IN_AIR, LandedState.TAKING_OFF):
+        if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
+            return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
+        return flight, NOTHING
+    command = Command(CommandKind.TAKE_OFF, plan.height_m)
+    return _insist(flight, view, command, TAKE_OFF_TIMEOUT_S)
+
+
+def _insist(
+    flight: Flight, view: View, command: Command, timeout_s: float
+) -> tuple[Flight, Action]:
+    """Ask until it is so, or until it has been refused for too long."""
+    if _age_s(flight, view) <= timeout_s:
+        return flight, Action(command=command)
+    refusal = view.vehicle.refusal or "no answer"
+    trouble = f"cannot {command.kind.value} after {timeout_s:.0f} s: {refusal}"
+    return _go(flight, Phase.FAILED, view, trouble), NOTHING
+
+
+# In the air
+
+
+def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    room, setpoint = room_scan.step(flight.room, view.sight, plan)
+    flight = replace(flight, room=room)
+    if room.phase is ScanPhase.CLOSED:
+        flight = _go(flight, Phase.HOME, view)
+    return flight, Action(setpoint)
+
+
+def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    if homing.arrived(view.sight, HOME_NE_M):
+        return _go(flight, Phase.LAND, view), Action(HOLD)
+    return flight, Action(homing.step(view.sight, HOME_NE_M, plan))
+
+
+def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    fault = _fault(view)
+    if fault is None:
+        return _go(flight, flight.held_from, view, ""), Action(HOLD)
+    lasts_s = FAULT_LASTS_S if _link_is_silent(view) else SENSOR_FAULT_LASTS_S
+    if _age_s(flight, view) > lasts_s:
+        return _go(flight, Phase.LAND, view), Action(command=Command(CommandKind.LAND))
+    return flight, Action(HOLD)
+
+
+def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    vehicle = view.vehicle
+    if vehicle.heartbeat_age_s > LINK_LOST_S:
+        trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
+        return _go(flight, Phase.FAILED, view, trouble), NOTHING
+    if not vehicle.armed and not _link_is_silent(view):
+        return _go(flight, Phase.DONE, view), NOTHING
+    if flight.land_mode_seen and vehicle.mode != "LAND":
+        return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}"), NOTHING
+    if vehicle.mode == "LAND":
+        return replace(flight, land_mode_seen=True), NOTHING
+    return flight, Action(command=Command(CommandKind.LAND))
+
+
+def _taken_away(flight: Flight, view: View) -> Flight | None:
+    """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
+    vehicle = view.vehicle
+    if vehicle.heartbeat_age_s > LINK_LOST_S:
+        return _go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
+    if _link_is_silent(view):
+        return None
+    if not vehicle.armed:
+        return _go(flight, Phase.FAILED, view, "the autopilot disarmed in the air")
+    if not vehicle.in_offboard_mode:
+        return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}")
+    return None
+
+
+def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+    """The flight goes on, but not as planned."""
+    if view.land_requested:
+        return _go(flight, Phase.LAND, view, "landing was requested")
+    if view.time_s - flight.began_s > plan.time_limit_s:
+        return _go(flight, Phase.LAND, view, f"time limit of {plan.time_limit_s:.0f} s reached")
+    fault = _fault(view)
+    if fault is not None and flight.phase is not Phase.HOLD:
+        return replace(_go(flight, Phase.HOLD, view, fault), held_from=flight.phase)
+    return None
+
+
+def _link_is_silent(view: View) -> bool:
+    return view.vehicle.heartbeat_age_s > LINK_SILENT_S
+
+
+def _fault(view: View) -> str | None:
+    if _link_is_silent(view):
+        return "the autopilot is silent"
+    if view.gyro_age_s > SENSOR_SILENT_S:
+        return "the gyro is silent"
+    if view.scan_age_s > SENSOR_SILENT_S:
+        return "the range sensors are silent"
+    failed = [
+        beam.value
+        for beam in HORIZONTAL_BEAMS
+        if (reading := view.sight.ranges.get(beam)) is None or reading.state is RangeState.FAILED
+    ]
+    return f"range sensor failed: {', '.join(failed)}" if failed else None
+
+
+_STEPS = {
+    Phase.CONNECT: _connect,
+    Phase.PREPARE: _prepare,
+    Phase.OFFBOARD: _offboard,
+    Phase.ARM: _arm,
+    Phase.TAKE_OFF: _take_off,
+    Phase.ROOM: _room,
+    Phase.HOME: _home,
+    Phase.HOLD: _hold,
+    Phase.LAND: _land,
+}

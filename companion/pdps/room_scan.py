@@ -1,0 +1,274 @@
+"""Tracing one room: turn, find the nearest wall, keep off it, go round parallel to the walls.
+
+            nothing returned          front returns
+    TURN ─────────────────────► SEEK ─────────────► TURN
+     │ nearest wall found
+     ▼
+    FACE ──► STAND_OFF ──► SCAN ──────────────────────────► CLOSED
+    nose to    keep the     │ ▲   all corners turned and
+    the wall   distance     │ │   past where the scan began
+                            ▼ │
+                           CORNER
+                 right beam meets the next wall: turn 90° right
+
+The drone faces the wall and moves to its right, so the room is traced clockwise and the right
+beam looks where the drone goes.
+
+Safety: it moves only forward and right, where a beam looks; it backs away from a wall no farther
+than the first turn has shown free; a beam that fails stops the movement along it.
+"""
+
+import enum
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, frd_to_ned, wrap_rad
+from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
+from companion.pdps.control import approach_speed, climb_to, keep_distance, turn_towards
+from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+
+QUARTER_TURN_RAD = math.pi / 2
+ON_HEADING_RAD = math.radians(2.5)
+AT_STANDOFF_M = 0.10
+SEEN_BY_ONE_TURN_M = 3.0
+"""How far back one turn is trusted to have seen free space."""
+LEAST_ROOM_BEHIND_M = 0.7
+SEEK_UNTIL_M = 4.0
+CORNER_READINGS = 2
+"""Consecutive readings that must agree before a corner is believed."""
+CORNER_MARGIN_M = 0.12
+CLOSING_OVERLAP_M = 0.3
+CORNERS_OF_A_ROOM = 4
+REFINEMENT_RAD = math.radians(15)
+FULL_STOP_BEFORE_M = 0.7
+"""Nearer than this to anything ahead the drone does not move on, whatever the phase."""
+
+
+class ScanPhase(enum.Enum):
+    """Where in the diagram above."""
+
+    TURN = "turning 360° to find the nearest wall"
+    SEEK = "flying forward until a wall returns"
+    FACE = "facing the wall"
+    STAND_OFF = "taking stand-off"
+    SCAN = "scanning parallel to the wall"
+    CORNER = "turning at a corner"
+    CLOSED = "all walls traced"
+
+
+@dataclass(frozen=True, slots=True)
+class Sight:
+    """What the room scan knows at one tick."""
+
+    pose: Pose
+    ranges: Mapping[Beam, RangeReading]
+    mount_offset_m: float
+    wall_ahead: tuple[float, float] | None = None
+    """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
+    distance along it, m."""
+
+    def clear_m(self, beam: Beam) -> float:
+        """Free distance from the drone's centre along a beam; 0 unless the beam says so."""
+        reading = self.ranges.get(beam)
+        if reading is None:
+            return 0.0
+        if reading.is_distance:
+            return reading.distance_m + self.mount_offset_m
+        return math.inf if reading.state is RangeState.NOTHING else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class RoomScan:
+    """The scan's whole memory."""
+
+    phase: ScanPhase = ScanPhase.TURN
+    turned_rad: float = 0.0
+    last_yaw_rad: float | None = None
+    turn: tuple[Ray, ...] = ()
+    heading_rad: float = 0.0
+    standoff_m: float = 0.0
+    """As planned, or as far as the first turn has shown that the drone may back away."""
+    first_heading_rad: float = 0.0
+    began_at_ne_m: Vector2 = (0.0, 0.0)
+    corners: int = 0
+    corner_readings: int = 0
+
+
+_BEAM_BEARING_RAD = {Beam.FRONT: 0.0, Beam.RIGHT: QUARTER_TURN_RAD, Beam.LEFT: -QUARTER_TURN_RAD}
+
+
+def step(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    move = _MOVES[scan.phase]
+    scan, setpoint = move(scan, sight, plan)
+    height = climb_to(plan.height_m, sight.pose.height_m)
+    return scan, replace(_guarded(setpoint, sight), down_m_s=height)
+
+
+def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    yaw_rad = sight.pose.yaw_rad
+    last_rad = yaw_rad if scan.last_yaw_rad is None else scan.last_yaw_rad
+    scan = replace(
+        scan,
+        turned_rad=scan.turned_rad + wrap_rad(yaw_rad - last_rad),
+        last_yaw_rad=yaw_rad,
+        turn=scan.turn + _rays(sight),
+    )
+    if scan.turned_rad < math.tau:
+        return scan, Setpoint(yaw_rate_rad_s=math.radians(plan.turn_rate_deg_s))
+    nearest = find_perpendicular(scan.turn)
+    if nearest is None:
+        return RoomScan(phase=ScanPhase.SEEK, heading_rad=yaw_rad), Setpoint()
+    behind_m = free_distance(scan.turn, nearest.bearing_rad + math.pi, SEEN_BY_ONE_TURN_M)
+    may_back_m = max(behind_m - LEAST_ROOM_BEHIND_M, 0.0)
+    faced = RoomScan(
+        phase=ScanPhase.FACE,
+        heading_rad=nearest.bearing_rad,
+        standoff_m=min(plan.standoff_m, nearest.distance_m + may_back_m),
+    )
+    return faced, Setpoint()
+
+
+def _rays(sight: Sight) -> tuple[Ray, ...]:
+    return tuple(
+        Ray(
+            wrap_rad(sight.pose.yaw_rad + bearing_rad),
+            reading.distance_m + sight.mount_offset_m,
+            math.sqrt(reading.variance_m2),
+        )
+        for beam, bearing_rad in _BEAM_BEARING_RAD.items()
+        if (reading := sight.ranges.get(beam)) is not None and reading.is_distance
+    )
+
+
+def _seek(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    ahead_m = sight.clear_m(Beam.FRONT)
+    if ahead_m < max(SEEK_UNTIL_M, plan.standoff_m):
+        return RoomScan(), Setpoint()
+    yaw_rate = _turn_rate(scan, sight, plan)
+    return scan, Setpoint(forward_m_s=0.5 * plan.speed_m_s, yaw_rate_rad_s=yaw_rate)
+
+
+def _face(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    scan = _refined(scan, sight)
+    if _on_heading(scan, sight):
+        return replace(scan, phase=ScanPhase.STAND_OFF), Setpoint()
+    return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+
+
+def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    scan = _refined(scan, sight)
+    distance_m = _wall_distance_m(sight)
+    if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
+        begun = replace(
+            scan,
+            phase=ScanPhase.SCAN,
+            first_heading_rad=scan.heading_rad,
+            began_at_ne_m=(sight.pose.north_m, sight.pose.east_m),
+        )
+        return begun, Setpoint()
+    forward = keep_distance(distance_m, scan.standoff_m, 0.7 * plan.speed_m_s)
+    return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+
+
+def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    scan = _refined(scan, sight)
+    if _is_closed(scan, sight):
+        return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
+    gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
+    met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
+    scan = replace(scan, corner_readings=scan.corner_readings + 1 if met else 0)
+    if scan.corner_readings >= CORNER_READINGS:
+        turned = replace(
+            scan,
+            phase=ScanPhase.CORNER,
+            heading_rad=wrap_rad(scan.heading_rad + QUARTER_TURN_RAD),
+            corner_readings=0,
+        )
+        return turned, Setpoint()
+    return scan, Setpoint(
+        forward_m_s=keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s),
+        right_m_s=approach_speed(gap_m, plan.speed_m_s),
+        yaw_rate_rad_s=_turn_rate(scan, sight, plan),
+    )
+
+
+def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    if _on_heading(scan, sight):
+        return replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1), Setpoint()
+    return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+
+
+def _closed(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    return scan, Setpoint()
+
+
+_MOVES = {
+    ScanPhase.TURN: _turn,
+    ScanPhase.SEEK: _seek,
+    ScanPhase.FACE: _face,
+    ScanPhase.STAND_OFF: _stand_off,
+    ScanPhase.SCAN: _scan,
+    ScanPhase.CORNER: _corner,
+    ScanPhase.CLOSED: _closed,
+}
+
+
+def _refined(scan: RoomScan, sight: Sight) -> RoomScan:
+    """Point at the wall as it is mapped by now rather than as the first turn saw it."""
+    if sight.wall_ahead is None:
+        return scan
+    normal_rad, _ = sight.wall_ahead
+    if abs(wrap_rad(normal_rad - scan.heading_rad)) > REFINEMENT_RAD:
+        return scan
+    return replace(scan, heading_rad=normal_rad)
+
+
+def _on_heading(scan: RoomScan, sight: Sight) -> bool:
+    return abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ON_HEADING_RAD
+
+
+def _turn_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
+    most_rad_s = math.radians(plan.turn_rate_deg_s)
+    return turn_towards(scan.heading_rad, sight.pose.yaw_rad, most_rad_s)
+
+
+def _wall_distance_m(sight: Sight) -> float:
+    """To the wall ahead: as mapped, if the front beam agrees, else as the beam says."""
+    ahead_m = sight.clear_m(Beam.FRONT)
+    if sight.wall_ahead is None:
+        return ahead_m
+    _, mapped_m = sight.wall_ahead
+    return mapped_m if abs(mapped_m - ahead_m) < 0.5 else ahead_m
+
+
+def _meets_wall(sight: Sight) -> bool:
+    reading = sight.ranges.get(Beam.RIGHT)
+    return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
+
+
+def _is_closed(scan: RoomScan, sight: Sight) -> bool:
+    if scan.corners < CORNERS_OF_A_ROOM:
+        return False
+    if abs(wrap_rad(scan.heading_rad - scan.first_heading_rad)) > REFINEMENT_RAD:
+        return False
+    along = frd_to_ned(0.0, 1.0, scan.first_heading_rad)
+    north_m = sight.pose.north_m - scan.began_at_ne_m[0]
+    east_m = sight.pose.east_m - scan.began_at_ne_m[1]
+    return north_m * along[0] + east_m * along[1] > CLOSING_OVERLAP_M
+
+
+def _guarded(setpoint: Setpoint, sight: Sight) -> Setpoint:
+    """Never on towards something near: the last word on every phase."""
+    forward, right = setpoint.forward_m_s, setpoint.right_m_s
+    if forward > 0:
+        forward = min(forward, approach_speed(_room_m(sight, Beam.FRONT), forward))
+    if right > 0:
+        right = min(right, approach_speed(_room_m(sight, Beam.RIGHT), right))
+    return replace(setpoint, forward_m_s=forward, right_m_s=right)
+
+
+def _room_m(sight: Sight, beam: Beam) -> float:
+    return sight.clear_m(beam) - FULL_STOP_BEFORE_M

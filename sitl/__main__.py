@@ -1,0 +1,5 @@
+"""`python -m sitl` is the command `sitl`."""
+
+from sitl.cli import main
+
+main()

@@ -1,0 +1,47 @@
+"""SITL and companion in one process on virtual time: a flight in seconds, the same every time."""
+
+from collections.abc import Callable
+
+from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.drivers.ranges import RangeSensors
+from companion.link.link import Link
+from companion.link.transport import direct_pair, pipe_pair
+
+from companion.app import App, Progress
+from companion.config import Config
+from companion.fly import Rig, fly
+from sitl.simulation import Setup, Simulation
+
+IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
+
+
+class LockstepClock:
+    """Waiting for a time is what makes the simulation reach it."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        self._simulation = simulation
+
+    def wait_until(self, time_s: float) -> float:
+        self._simulation.advance(time_s)
+        return self._simulation.time_s
+
+
+def fly_in_lockstep(
+    setup: Setup,
+    config: Config,
+    watch: Callable[[Progress], None],
+    transport: str = "direct",
+) -> tuple[App, Simulation]:
+    """Fly one mission to its end."""
+    sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport]()
+    simulation = Simulation(setup, sitl_end)
+    bus = simulation.board.bus
+    rig = Rig(
+        Link(companion_end, config.link),
+        RangeSensors(bus, config.sensors),
+        Lsm9ds1(bus, config.sensors.gyro_address),
+        LockstepClock(simulation),
+    )
+    app = App(config)
+    fly(app, rig, watch)
+    return app, simulation

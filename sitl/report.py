@@ -1,0 +1,87 @@
+"""A flight's report: what the mission left, scored against the truth."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+from rich.table import Table
+
+from companion.config import Config
+from companion.messages import FloorPlan
+from sitl.record import TruthRecord
+from sitl.score import least_time_s, score_map, score_trajectory
+from sitl.simulation import Setup
+from sitl.world.plan import wall_surfaces
+
+Report = dict[str, float | int | bool | str | None]
+WALL_CLOCK_KEYS = ("speed_factor", "waited_s")
+"""The only keys that may differ between two flights of the same seed."""
+
+
+def make_report(
+    setup: Setup,
+    config: Config,
+    plan: FloorPlan,
+    truth: TruthRecord,
+    *,
+    completed: bool,
+    ending: str,
+    waited_s: float,
+) -> Report:
+    """All scores of one flight; lengths in the unit of their key."""
+    surfaces = wall_surfaces(setup.world, config.mission.height_m)
+    report: Report = {
+        "world": setup.world.name,
+        "profile": setup.sensors.profile,
+        "seed": setup.seed,
+        "completed": completed and truth.collisions == 0,
+        "ending": ending,
+    }
+    report |= asdict(score_map(plan, surfaces, truth.take_off))
+    report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))
+    report |= {
+        "collisions": truth.collisions,
+        "clearance_m": truth.clearance_m,
+        "flight_time_s": truth.air_time_s,
+        "least_time_s": least_time_s(surfaces, config.mission.standoff_m, config.mission.speed_m_s),
+        "waited_s": waited_s,
+        "speed_factor": truth.path[-1].time_s / waited_s,
+    }
+    return {key: _rounded(value) for key, value in report.items()}
+
+
+def _rounded(value: object) -> float | int | bool | str | None:
+    if isinstance(value, float):
+        return round(value, 4) if math.isfinite(value) else None
+    assert isinstance(value, int | str)
+    return value
+
+
+def save_report(report: Report, path: Path) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(report, indent=2) + "\n")
+
+
+_ROWS = (
+    ("walls, in the take-off frame", "wall_error_cm", "{:.1f} cm"),
+    ("walls, aligned", "wall_error_aligned_cm", "{:.1f} cm"),
+    ("coverage", "coverage", "{:.1%}"),
+    ("false walls", "false_walls", "{:.1%}"),
+    ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),
+    ("least clearance", "clearance_m", "{:.2f} m"),
+    ("collisions", "collisions", "{}"),
+    ("time in the air", "flight_time_s", "{:.0f} s"),
+    ("least time to trace", "least_time_s", "{:.0f} s"),
+    ("speed", "speed_factor", "{:.0f} × real time"),
+)
+
+
+def report_table(report: Report) -> Table:
+    """The report for the terminal."""
+    flown = f"{report['world']} · {report['profile']} · seed {report['seed']}"
+    table = Table(title=f"{flown}: {report['ending']}", show_header=False, title_justify="left")
+    for label, key, form in _ROWS:
+        value = report[key]
+        table.add_row(label, "–" if value is None else form.format(value))
+    return table

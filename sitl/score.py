@@ -1,0 +1,172 @@
+"""How good the map and the flight were, against the truth. Every score is defined here, once.
+
+The map arrives in its own frame, local NED with its origin at take-off; the true pose at take-off
+puts it into the world. *Aligned* scores first move it rigidly to where it fits the true walls
+best, which takes out the error of that first pose and leaves the error of the map's shape.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from evo.core import metrics, sync
+from evo.core.trajectory import PoseTrajectory3D
+from numpy.typing import NDArray
+
+from companion.frames import Vector2
+from companion.messages import FloorPlan, Pose
+from sitl.truth import TrueState
+
+Points = NDArray[np.float64]
+Surface = tuple[Vector2, Vector2]
+
+SAMPLE_M = 0.05
+COVERED_WITHIN_M = 0.10
+FALSE_BEYOND_M = 0.20
+ALIGNMENT_STEPS = 30
+ALIGNMENT_REACH_M = 1.0
+"""Samples farther than this from any true wall do not pull on the alignment."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapScore:
+    """Wall errors in cm, shares from 0 to 1."""
+
+    wall_error_cm: float
+    wall_error_p95_cm: float
+    wall_error_aligned_cm: float
+    wall_error_aligned_p95_cm: float
+    coverage: float
+    """Share of the true wall length with a mapped wall within 10 cm, after alignment."""
+    false_walls: float
+    """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryScore:
+    """Absolute trajectory error, RMSE in cm: rigidly aligned, as ATE is defined, and as it is."""
+
+    ate_cm: float
+    ate_take_off_frame_cm: float
+
+
+def score_map(plan: FloorPlan, surfaces: Sequence[Surface], take_off: TrueState) -> MapScore:
+    """Compare the mapped walls with the true ones (world frame, north and east)."""
+    true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    mapped = _to_world(_samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
+    if not len(mapped):
+        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0)
+    error_m, _ = _nearest(mapped, true_walls)
+    aligned = align(mapped, true_walls)
+    aligned_error_m, _ = _nearest(aligned, true_walls)
+    to_mapped_m = _distance_to_points(_samples(surfaces), aligned)
+    return MapScore(
+        wall_error_cm=100 * float(error_m.mean()),
+        wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),
+        wall_error_aligned_cm=100 * float(aligned_error_m.mean()),
+        wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
+        coverage=float((to_mapped_m <= COVERED_WITHIN_M).mean()),
+        false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
+    )
+
+
+def score_trajectory(
+    path: Sequence[Pose], truth: Sequence[TrueState], take_off: TrueState
+) -> TrajectoryScore:
+    """ATE by evo; poses are matched to the truth by time."""
+    estimated = _trajectory(
+        [pose.time_s for pose in path],
+        _to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
+        [pose.yaw_rad + take_off.yaw_rad for pose in path],
+    )
+    true = _trajectory(
+        [state.time_s for state in truth],
+        np.array([state.position_ned_m[:2] for state in truth]),
+        [state.yaw_rad for state in truth],
+    )
+    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.06)
+    as_is_cm = _rmse_cm(true, estimated)
+    estimated.align(true)
+    return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
+
+
+def least_time_s(surfaces: Sequence[Surface], standoff_m: float, speed_m_s: float) -> float:
+    """Least time to trace a room with four square corners: (P - 8·d) / v."""
+    perimeter_m = sum(math.dist(*surface) for surface in surfaces)
+    return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
+
+
+def align(points: Points, walls: Points) -> Points:
+    """Move points (n, 2) rigidly onto wall segments (m, 2, 2): iterated closest points."""
+    for _ in range(ALIGNMENT_STEPS):
+        distance_m, nearest = _nearest(points, walls)
+        pull = distance_m < ALIGNMENT_REACH_M
+        if pull.sum() < 3:
+            return points
+        moved = _rigid_fit(points[pull], nearest[pull], points)
+        if float(np.abs(moved - points).max()) < 1e-5:
+            return moved
+        points = moved
+    return points
+
+
+def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
+    """Kabsch: the rotation and shift that bring `source` to `target`, applied to `points`."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    u, _, vt = np.linalg.svd((source - source_mean).T @ (target - target_mean))
+    flip = np.diag([1.0, np.sign(np.linalg.det(u @ vt))])
+    moved: Points = (points - source_mean) @ (u @ flip @ vt) + target_mean
+    return moved
+
+
+def _samples(segments: Sequence[Surface]) -> Points:
+    """Points every 5 cm along the segments, (n, 2)."""
+    pieces = []
+    for start, end in segments:
+        count = max(1, round(math.dist(start, end) / SAMPLE_M))
+        share = ((np.arange(count) + 0.5) / count)[:, None]
+        pieces.append((1 - share) * np.array(start) + share * np.array(end))
+    return np.concatenate(pieces) if pieces else np.empty((0, 2))
+
+
+def _to_world(points: Points, take_off: TrueState) -> Points:
+    """Local NED (north, east) to the world's, by the true pose at take-off."""
+    cos_yaw, sin_yaw = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
+    rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
+    moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
+    return moved
+
+
+def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
+    """Distance (n,) and closest point (n, 2) on any of the segments (m, 2, 2)."""
+    start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
+    length2 = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = ((points[:, None] - start) * along).sum(axis=2) / length2
+    foot = start + np.clip(share, 0, 1)[..., None] * along
+    distance = np.linalg.norm(points[:, None] - foot, axis=2)
+    best = distance.argmin(axis=1)
+    rows = np.arange(len(points))
+    return distance[rows, best], foot[rows, best]
+
+
+def _distance_to_points(points: Points, others: Points) -> Points:
+    squared = ((points[:, None] - others) ** 2).sum(axis=2)
+    nearest: Points = np.sqrt(squared.min(axis=1))
+    return nearest
+
+
+def _trajectory(time_s: Sequence[float], xy: Points, yaw_rad: Sequence[float]) -> PoseTrajectory3D:
+    half = np.array(yaw_rad) / 2
+    zero = np.zeros(len(half))
+    return PoseTrajectory3D(
+        positions_xyz=np.column_stack([xy, zero]),
+        orientations_quat_wxyz=np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
+        timestamps=np.array(time_s),
+    )
+
+
+def _rmse_cm(true: PoseTrajectory3D, estimated: PoseTrajectory3D) -> float:
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data((true, estimated))
+    return 100 * float(error.get_statistic(metrics.StatisticsType.rmse))

@@ -1,0 +1,184 @@
+"""Every arrow of the flight's diagram, and what it asks of the autopilot on the way."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import pytest
+
+from companion.config import MissionConfig
+from companion.messages import (
+    HOLD,
+    Beam,
+    CommandKind,
+    LandedState,
+    Pose,
+    RangeReading,
+    RangeState,
+    VehicleState,
+)
+from companion.pdps.flight import Action, Flight, Phase, View, step
+from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+
+PLAN = MissionConfig()
+ON_GROUND = VehicleState(
+    connected=True,
+    heartbeat_age_s=0.1,
+    mode="STABILIZE",
+    landed_state=LandedState.ON_GROUND,
+    estimate_ready=True,
+)
+FLYING = replace(
+    ON_GROUND, mode="GUIDED", in_offboard_mode=True, armed=True, landed_state=LandedState.IN_AIR
+)
+CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
+
+
+def view(
+    vehicle: VehicleState = FLYING,
+    *,
+    time_s: float = 100.0,
+    height_m: float = PLAN.height_m,
+    position: tuple[float, float] = (1.0, 1.0),
+    right: RangeReading = CLEAR,
+    gyro_at_rest: bool = True,
+    gyro_age_s: float = 0.0,
+    scan_age_s: float = 0.0,
+    land_requested: bool = False,
+) -> View:
+    ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR}
+    sight = Sight(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
+    return View(time_s, vehicle, sight, gyro_at_rest, gyro_age_s, scan_age_s, land_requested)
+
+
+def flying(phase: Phase) -> Flight:
+    return Flight(phase, since_s=99.0, began_s=90.0)
+
+
+def after(phase: Phase, seen: View) -> tuple[Phase, Action]:
+    flight, action = step(flying(phase), seen, PLAN)
+    return flight.phase, action
+
+
+def asks(action: Action) -> CommandKind | None:
+    return action.command.kind if action.command else None
+
+
+def test_it_waits_for_the_autopilot() -> None:
+    assert after(Phase.CONNECT, view(VehicleState()))[0] is Phase.CONNECT
+    assert after(Phase.CONNECT, view(ON_GROUND))[0] is Phase.PREPARE
+
+
+def test_it_waits_for_gyro_and_estimate() -> None:
+    assert after(Phase.PREPARE, view(ON_GROUND, gyro_at_rest=False))[0] is Phase.PREPARE
+    no_estimate = replace(ON_GROUND, estimate_ready=False)
+    assert after(Phase.PREPARE, view(no_estimate))[0] is Phase.PREPARE
+    assert after(Phase.PREPARE, view(ON_GROUND))[0] is Phase.OFFBOARD
+
+
+def test_it_asks_for_the_mode_then_arms_then_takes_off() -> None:
+    phase, action = after(Phase.OFFBOARD, view(ON_GROUND))
+    assert (phase, asks(action)) == (Phase.OFFBOARD, CommandKind.OFFBOARD_MODE)
+    guided = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True)
+    assert after(Phase.OFFBOARD, view(guided))[0] is Phase.ARM
+    phase, action = after(Phase.ARM, view(guided))
+    assert (phase, asks(action)) == (Phase.ARM, CommandKind.ARM)
+    armed = replace(guided, armed=True)
+    assert after(Phase.ARM, view(armed))[0] is Phase.TAKE_OFF
+    phase, action = after(Phase.TAKE_OFF, view(armed, height_m=0.0))
+    assert (phase, asks(action)) == (Phase.TAKE_OFF, CommandKind.TAKE_OFF)
+
+
+def test_no_setpoint_disturbs_the_climb() -> None:
+    climbing = replace(FLYING, landed_state=LandedState.TAKING_OFF)
+    assert after(Phase.TAKE_OFF, view(climbing, height_m=0.5)) == (Phase.TAKE_OFF, Action())
+
+
+def test_at_height_the_room_scan_begins() -> None:
+    phase, action = after(Phase.TAKE_OFF, view())
+    assert (phase, action.setpoint) == (Phase.ROOM, HOLD)
+
+
+def test_a_closed_room_sends_it_home_and_home_lands_it() -> None:
+    closed = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.CLOSED))
+    assert step(closed, view(), PLAN)[0].phase is Phase.HOME
+    assert after(Phase.HOME, view(position=(1.0, 0.0)))[0] is Phase.HOME
+    assert after(Phase.HOME, view(position=(0.05, 0.0)))[0] is Phase.LAND
+
+
+def test_landed_and_disarmed_is_done() -> None:
+    phase, action = after(Phase.LAND, view())
+    assert (phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
+    landed = replace(ON_GROUND, mode="LAND")
+    flight, action = step(flying(Phase.LAND), view(landed), PLAN)
+    assert (flight.phase, flight.completed, action) == (Phase.DONE, True, Action())
+
+
+@pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD])
+def test_a_pilot_who_changes_the_mode_has_the_drone_at_once(phase: Phase) -> None:
+    loiter = replace(FLYING, mode="LOITER", in_offboard_mode=False)
+    flight, action = step(flying(phase), view(loiter), PLAN)
+    assert (flight.phase, action) == (Phase.HANDED_OVER, Action())
+    assert flight.trouble == "mode changed to LOITER"
+    again, action = step(flight, view(), PLAN)
+    assert (again, action) == (flight, Action())
+
+
+def test_a_pilot_who_takes_over_while_landing_is_not_fought() -> None:
+    landing, _ = step(flying(Phase.LAND), view(replace(FLYING, mode="LAND")), PLAN)
+    taken, action = step(landing, view(replace(FLYING, mode="LOITER")), PLAN)
+    assert (taken.phase, action) == (Phase.HANDED_OVER, Action())
+
+
+def test_disarmed_in_the_air_has_failed() -> None:
+    flight, _ = step(flying(Phase.ROOM), view(replace(FLYING, armed=False)), PLAN)
+    assert (flight.phase, flight.completed) == (Phase.FAILED, False)
+
+
+FAULTS: dict[str, Callable[[float], View]] = {
+    "link": lambda time_s: view(replace(FLYING, heartbeat_age_s=1.5), time_s=time_s),
+    "gyro": lambda time_s: view(gyro_age_s=0.7, time_s=time_s),
+    "scan": lambda time_s: view(scan_age_s=0.7, time_s=time_s),
+    "one beam": lambda time_s: view(right=RangeReading(RangeState.FAILED), time_s=time_s),
+}
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on(fault: Callable[[float], View]) -> None:
+    held, action = step(flying(Phase.ROOM), fault(100.0), PLAN)
+    assert (held.phase, action) == (Phase.HOLD, Action(HOLD))
+    assert held.trouble
+    resumed, _ = step(held, view(time_s=100.5), PLAN)
+    assert (resumed.phase, resumed.trouble) == (Phase.ROOM, "")
+
+
+@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS.keys())
+def test_a_fault_that_lasts_lands_the_drone(fault: Callable[[float], View]) -> None:
+    held, _ = step(flying(Phase.ROOM), fault(100.0), PLAN)
+    landing, action = step(held, fault(103.5), PLAN)
+    assert (landing.phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
+    landed, _ = step(landing, view(ON_GROUND, time_s=110.0), PLAN)
+    assert landed.phase is Phase.DONE
+    assert not landed.completed
+
+
+def test_nothing_heard_for_ten_seconds_is_the_end() -> None:
+    silent = replace(FLYING, heartbeat_age_s=11.0)
+    for phase in (Phase.ROOM, Phase.LAND):
+        assert after(phase, view(silent))[0] is Phase.FAILED
+
+
+def test_time_limit_and_request_land_the_drone() -> None:
+    assert after(Phase.ROOM, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
+    assert after(Phase.ROOM, view(land_requested=True))[0] is Phase.LAND
+
+
+def test_refused_arming_ends_with_the_autopilots_words() -> None:
+    refusing = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True, refusal="ARM: no compass")
+    flight, _ = step(flying(Phase.ARM), view(refusing, time_s=140.0), PLAN)
+    assert flight.phase is Phase.FAILED
+    assert "no compass" in flight.trouble
+
+
+def test_a_vehicle_that_is_armed_already_is_left_alone() -> None:
+    phase, action = after(Phase.PREPARE, view(FLYING))
+    assert (phase, action) == (Phase.FAILED, Action())

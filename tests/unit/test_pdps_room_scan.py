@@ -1,0 +1,190 @@
+"""Every arrow of the room scan's diagram, and its safety rules."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from companion.config import MissionConfig
+from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
+from companion.pdps.room_scan import RoomScan, ScanPhase, Sight, step
+
+PLAN = MissionConfig()
+NOTHING = RangeReading(RangeState.NOTHING)
+
+
+def at(distance_m: float) -> RangeReading:
+    return RangeReading(RangeState.DISTANCE, distance_m, 0.01**2)
+
+
+def sight(
+    *,
+    yaw_rad: float = 0.0,
+    front: RangeReading = NOTHING,
+    right: RangeReading = NOTHING,
+    left: RangeReading = NOTHING,
+    position: tuple[float, float] = (0.0, 0.0),
+    wall_ahead: tuple[float, float] | None = None,
+) -> Sight:
+    pose = Pose(0.0, *position, down_m=-PLAN.height_m, yaw_rad=yaw_rad)
+    ranges = {Beam.FRONT: front, Beam.RIGHT: right, Beam.LEFT: left}
+    return Sight(pose, ranges, mount_offset_m=0.0, wall_ahead=wall_ahead)
+
+
+def turn_once(walls_m: dict[int, float]) -> RoomScan:
+    """A whole turn in a square of walls at the given distances (by bearing in degrees)."""
+
+    def ray(bearing_rad: float) -> RangeReading:
+        ranges = [
+            distance_m / math.cos(bearing_rad - math.radians(wall_deg))
+            for wall_deg, distance_m in walls_m.items()
+            if math.cos(bearing_rad - math.radians(wall_deg)) > 0.1
+        ]
+        return at(min(ranges)) if ranges and min(ranges) < 5 else NOTHING
+
+    scan = RoomScan()
+    for tick in range(0, 400):
+        if scan.phase is not ScanPhase.TURN:
+            break
+        yaw_rad = math.radians(2 * tick)
+        front, right, left = (ray(yaw_rad + a) for a in (0.0, math.pi / 2, -math.pi / 2))
+        scan, _ = step(scan, sight(yaw_rad=yaw_rad, front=front, right=right, left=left), PLAN)
+    return scan
+
+
+def test_it_turns_on_the_spot_until_it_has_gone_round() -> None:
+    scan, setpoint = step(RoomScan(), sight(), PLAN)
+    assert scan.phase is ScanPhase.TURN
+    assert setpoint == Setpoint(yaw_rate_rad_s=math.radians(45))
+
+
+def test_after_the_turn_it_faces_the_nearest_wall() -> None:
+    scan = turn_once({0: 4.0, 90: 3.5, 180: 2.5, 270: 4.5})
+    assert scan.phase is ScanPhase.FACE
+    assert math.degrees(scan.heading_rad) % 360 == pytest.approx(180, abs=1)
+
+
+def test_a_turn_that_meets_nothing_seeks_a_wall_ahead() -> None:
+    scan = turn_once({})
+    assert scan.phase is ScanPhase.SEEK
+    _, setpoint = step(scan, sight(yaw_rad=scan.heading_rad), PLAN)
+    assert setpoint.forward_m_s > 0
+
+
+def test_seeking_ends_in_another_turn_once_the_front_returns() -> None:
+    scan, setpoint = step(RoomScan(ScanPhase.SEEK), sight(front=at(3.5)), PLAN)
+    assert scan.phase is ScanPhase.TURN
+    assert setpoint.forward_m_s == 0
+
+
+def test_it_takes_its_stand_off_only_once_it_faces_the_wall() -> None:
+    facing = RoomScan(ScanPhase.FACE, heading_rad=1.0, standoff_m=1.5)
+    scan, setpoint = step(facing, sight(yaw_rad=0.0, front=at(3.0)), PLAN)
+    assert scan.phase is ScanPhase.FACE
+    assert setpoint.yaw_rate_rad_s > 0
+    scan, _ = step(facing, sight(yaw_rad=1.0, front=at(3.0)), PLAN)
+    assert scan.phase is ScanPhase.STAND_OFF
+
+
+def test_the_mapped_wall_refines_the_heading() -> None:
+    facing = RoomScan(ScanPhase.FACE, heading_rad=0.0, standoff_m=1.5)
+    scan, _ = step(facing, sight(front=at(3.0), wall_ahead=(0.1, 3.0)), PLAN)
+    assert scan.heading_rad == 0.1
+
+
+@pytest.mark.parametrize(("distance_m", "direction"), [(3.0, 1), (1.2, -1)])
+def test_it_closes_in_or_backs_off_to_the_stand_off(distance_m: float, direction: int) -> None:
+    taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
+    scan, setpoint = step(taking, sight(front=at(distance_m)), PLAN)
+    assert scan.phase is ScanPhase.STAND_OFF
+    assert math.copysign(1, setpoint.forward_m_s) == direction
+
+
+def test_at_the_stand_off_the_scan_begins() -> None:
+    taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
+    scan, _ = step(taking, sight(front=at(1.52), position=(2.0, 3.0)), PLAN)
+    assert scan.phase is ScanPhase.SCAN
+    assert scan.began_at_ne_m == (2.0, 3.0)
+
+
+def test_it_never_backs_farther_than_its_turn_has_shown_free() -> None:
+    boxed_in = turn_once({0: 0.9, 90: 1.1, 180: 1.0, 270: 1.1})
+    assert boxed_in.standoff_m == pytest.approx(0.9 + 0.3, abs=0.05)
+
+
+SCANNING = RoomScan(ScanPhase.SCAN, standoff_m=1.5)
+
+
+def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
+    scan, setpoint = step(SCANNING, sight(front=at(1.5), right=NOTHING), PLAN)
+    assert scan.phase is ScanPhase.SCAN
+    assert setpoint.right_m_s == PLAN.speed_m_s
+    assert setpoint.forward_m_s == pytest.approx(0)
+
+
+def test_scanning_keeps_its_distance() -> None:
+    _, near = step(SCANNING, sight(front=at(1.2)), PLAN)
+    _, far = step(SCANNING, sight(front=at(1.8)), PLAN)
+    assert near.forward_m_s < 0 < far.forward_m_s
+
+
+def test_it_slows_down_before_the_next_wall() -> None:
+    _, setpoint = step(SCANNING, sight(front=at(1.5), right=at(1.9)), PLAN)
+    assert 0 < setpoint.right_m_s < PLAN.speed_m_s
+
+
+def test_the_next_wall_at_the_right_makes_a_corner() -> None:
+    scan = SCANNING
+    for _ in range(2):
+        assert scan.phase is ScanPhase.SCAN
+        scan, _ = step(scan, sight(front=at(1.5), right=at(1.55)), PLAN)
+    assert scan.phase is ScanPhase.CORNER
+    assert scan.heading_rad == pytest.approx(math.pi / 2)
+
+
+def test_one_stray_reading_is_no_corner() -> None:
+    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.5)), PLAN)
+    scan, _ = step(scan, sight(front=at(1.5), right=at(4.0)), PLAN)
+    scan, _ = step(scan, sight(front=at(1.5), right=at(1.5)), PLAN)
+    assert scan.phase is ScanPhase.SCAN
+
+
+def test_after_the_corner_it_scans_the_next_wall() -> None:
+    turning = replace(SCANNING, phase=ScanPhase.CORNER, heading_rad=math.pi / 2)
+    scan, setpoint = step(turning, sight(yaw_rad=0.5), PLAN)
+    assert scan.phase is ScanPhase.CORNER
+    assert setpoint.yaw_rate_rad_s > 0
+    scan, _ = step(turning, sight(yaw_rad=math.pi / 2), PLAN)
+    assert scan.phase is ScanPhase.SCAN
+    assert scan.corners == 1
+
+
+@pytest.mark.parametrize(
+    ("corners", "east_m", "phase"),
+    [(4, 0.5, ScanPhase.CLOSED), (4, 0.1, ScanPhase.SCAN), (3, 0.5, ScanPhase.SCAN)],
+)
+def test_the_room_is_closed_past_where_the_scan_began(
+    corners: int, east_m: float, phase: ScanPhase
+) -> None:
+    scan = replace(SCANNING, corners=corners)
+    scan, _ = step(scan, sight(front=at(1.5), position=(0.0, east_m)), PLAN)
+    assert scan.phase is phase
+
+
+def test_a_closed_room_stays_closed_and_still() -> None:
+    scan, setpoint = step(RoomScan(ScanPhase.CLOSED), sight(), PLAN)
+    assert scan.phase is ScanPhase.CLOSED
+    assert setpoint == Setpoint()
+
+
+@pytest.mark.parametrize("state", [RangeState.FAILED, RangeState.STALE, RangeState.TOO_NEAR])
+def test_a_blind_right_beam_stops_the_scan(state: RangeState) -> None:
+    _, setpoint = step(SCANNING, sight(front=at(1.5), right=RangeReading(state)), PLAN)
+    assert setpoint.right_m_s == 0
+
+
+def test_height_is_held_in_every_phase() -> None:
+    low = replace(sight(), pose=Pose(0.0, 0.0, 0.0, down_m=-0.8, yaw_rad=0.0))
+    for phase in ScanPhase:
+        _, setpoint = step(RoomScan(phase), low, PLAN)
+        assert setpoint.down_m_s < 0
