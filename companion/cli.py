@@ -16,7 +16,7 @@ from companion.console import ProgressLine, summary
 from companion.drivers.bus import open_bus
 from companion.drivers.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
-from companion.drivers.virtual_clock import VirtualClock
+from companion.drivers.served_bus import VirtualClock
 from companion.errors import CompanionError
 from companion.fly import Clock, Rig, fly
 from companion.link.link import Link

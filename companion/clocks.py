@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable
 
-from companion.drivers.virtual_clock import VirtualClock
+from companion.drivers.served_bus import VirtualClock
 from companion.errors import SensorError
 from companion.link.transport import UdpTransport
 

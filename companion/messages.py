@@ -98,7 +98,8 @@ class VehicleState:
     """What the link knows of the autopilot at this moment."""
 
     connected: bool = False
-    heartbeat_age_s: float = float("inf")
+    silent_s: float = float("inf")
+    """How long nothing at all has been heard from it."""
     mode: str = ""
     in_offboard_mode: bool = False
     """The mode in which the autopilot follows our setpoints: GUIDED or OFFBOARD."""

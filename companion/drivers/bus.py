@@ -51,3 +51,17 @@ class LinuxI2cBus:
 
     def close(self) -> None:
         self._bus.close()
+
+
+def open_bus(url: str) -> Bus:
+    """The bus at "/dev/i2c-N" or "sitl://HOST:PORT".
+
+    Raises:
+        SensorError: it cannot be opened; names the url and the remedy.
+    """
+    if url.startswith("sitl://"):
+        from companion.drivers.served_bus import ServedBus  # noqa: PLC0415 - it implements Bus
+
+        host, port = url.removeprefix("sitl://").rsplit(":", 1)
+        return ServedBus(host, int(port))
+    return LinuxI2cBus(url)

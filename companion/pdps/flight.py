@@ -235,7 +235,7 @@ def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
 
 def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     vehicle = view.vehicle
-    if vehicle.heartbeat_age_s > LINK_LOST_S:
+    if vehicle.silent_s > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING
     if not vehicle.armed and not _link_is_silent(view):
@@ -250,7 +250,7 @@ def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
 def _taken_away(flight: Flight, view: View) -> Flight | None:
     """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
     vehicle = view.vehicle
-    if vehicle.heartbeat_age_s > LINK_LOST_S:
+    if vehicle.silent_s > LINK_LOST_S:
         return _go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
     if _link_is_silent(view):
         return None
@@ -274,7 +274,7 @@ def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None
 
 
 def _link_is_silent(view: View) -> bool:
-    return view.vehicle.heartbeat_age_s > LINK_SILENT_S
+    return view.vehicle.silent_s > LINK_SILENT_S
 
 
 def _fault(view: View) -> str | None:

@@ -22,7 +22,7 @@ from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
 PLAN = MissionConfig()
 ON_GROUND = VehicleState(
     connected=True,
-    heartbeat_age_s=0.1,
+    silent_s=0.1,
     mode="STABILIZE",
     landed_state=LandedState.ON_GROUND,
     estimate_ready=True,
@@ -135,7 +135,7 @@ def test_disarmed_in_the_air_has_failed() -> None:
 
 
 FAULTS: dict[str, Callable[[float], View]] = {
-    "link": lambda time_s: view(replace(FLYING, heartbeat_age_s=1.5), time_s=time_s),
+    "link": lambda time_s: view(replace(FLYING, silent_s=1.5), time_s=time_s),
     "gyro": lambda time_s: view(gyro_age_s=0.7, time_s=time_s),
     "scan": lambda time_s: view(scan_age_s=0.7, time_s=time_s),
     "one beam": lambda time_s: view(right=RangeReading(RangeState.FAILED), time_s=time_s),
@@ -162,7 +162,7 @@ def test_a_fault_that_lasts_lands_the_drone(fault: Callable[[float], View]) -> N
 
 
 def test_nothing_heard_for_ten_seconds_is_the_end() -> None:
-    silent = replace(FLYING, heartbeat_age_s=11.0)
+    silent = replace(FLYING, silent_s=11.0)
     for phase in (Phase.ROOM, Phase.LAND):
         assert after(phase, view(silent))[0] is Phase.FAILED
 

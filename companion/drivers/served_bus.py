@@ -1,0 +1,136 @@
+"""Client of the bus and of the virtual clock that SITL serves over TCP.
+
+Little-endian frames. Request: op, device address, length to write, length to read, payload;
+reply: status, length, payload. A WAIT has no reply, so that waiting costs no round trip.
+"""
+
+import errno
+import socket
+import struct
+import time
+
+from companion.errors import SensorError
+
+REQUEST = struct.Struct("<BBHH")
+REPLY = struct.Struct("<BH")
+WAIT_S = struct.Struct("<d")
+CLOCK_REQUEST = struct.Struct("<dHQ")
+"""Time to reach, s; the client's UDP port; MAVLink datagrams that it has sent."""
+CLOCK_REPLY = struct.Struct("<dQ")
+"""Time reached, s; MAVLink datagrams that SITL has sent."""
+
+OP_TRANSFER, OP_WAIT, OP_CLOCK = 1, 2, 3
+STATUS_OK, STATUS_NO_ACKNOWLEDGE, STATUS_MALFORMED = 0, 1, 2
+
+REPLY_TIMEOUT_S = 5.0
+RETRY_PERIOD_S = 1.0
+
+
+class _Connection:
+    """One TCP connection that answers requests in order."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._socket = socket.create_connection((host, port), timeout=REPLY_TIMEOUT_S)
+        self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+
+    def post(self, op: int, address: int, payload: bytes, count: int) -> None:
+        self._socket.sendall(REQUEST.pack(op, address, len(payload), count) + payload)
+
+    def reply(self) -> tuple[int, bytes]:
+        status, length = REPLY.unpack(self._receive(REPLY.size))
+        return status, self._receive(length)
+
+    def _receive(self, count: int) -> bytes:
+        data = b""
+        while len(data) < count:
+            more = self._socket.recv(count - len(data))
+            if not more:
+                raise ConnectionResetError(errno.ECONNRESET, "sitl closed the connection")
+            data += more
+        return data
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+def _refused(host: str, port: int, error: OSError) -> SensorError:
+    return SensorError(
+        f"nothing serves sitl://{host}:{port} ({error.strerror or error}); "
+        "start the simulator first: sitl run room_100"
+    )
+
+
+class ServedBus:
+    """The I2C bus behind a socket; a broken connection is tried again once a second."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = host, port
+        self._retry_at_s = 0.0
+        try:
+            self._connection: _Connection | None = _Connection(host, port)
+        except OSError as error:
+            raise _refused(host, port, error) from error
+
+    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+        connection = self._connected()
+        try:
+            connection.post(OP_TRANSFER, address, data, count)
+            status, answer = connection.reply()
+        except OSError:
+            self._drop()
+            raise
+        if status != STATUS_OK:
+            raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{address:02x}")
+        return answer
+
+    def wait(self, duration_s: float) -> None:
+        connection = self._connected()
+        try:
+            connection.post(OP_WAIT, 0, WAIT_S.pack(duration_s), 0)
+        except OSError:
+            self._drop()
+            raise
+
+    def _connected(self) -> _Connection:
+        if self._connection is None:
+            if time.monotonic() < self._retry_at_s:
+                raise ConnectionError(errno.ENOTCONN, "the served bus is gone")
+            self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
+            self._connection = _Connection(*self._address)
+        return self._connection
+
+    def _drop(self) -> None:
+        self.close()
+        self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
+
+    def close(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+
+class VirtualClock:
+    """SITL's time, served beside the bus on a connection of its own."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = host, port
+        try:
+            self._connection = _Connection(host, port)
+        except OSError as error:
+            raise _refused(host, port, error) from error
+
+    def advance_to(self, time_s: float, udp_port: int, datagrams_sent: int) -> tuple[float, int]:
+        """Let the simulation reach a time; the time reached, and the datagrams sent to us.
+
+        Raises:
+            SensorError: SITL is gone.
+        """
+        try:
+            request = CLOCK_REQUEST.pack(time_s, udp_port, datagrams_sent)
+            self._connection.post(OP_CLOCK, 0, request, 0)
+            _, answer = self._connection.reply()
+            reached_s, datagrams = CLOCK_REPLY.unpack(answer)
+        except (OSError, struct.error) as error:
+            self._connection.close()
+            raise SensorError(f"sitl's clock is gone ({error})") from error
+        return reached_s, datagrams

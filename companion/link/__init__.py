@@ -1,0 +1,1 @@
+"""MAVLink to the autopilot: transports, dialects, and the companion's view of the vehicle."""

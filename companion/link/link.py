@@ -1,0 +1,225 @@
+"""The companion's view of the autopilot: messages in, vehicle state and odometry out, and back.
+
+    HEARTBEAT ─► dialect, mode, armed            COMMAND_ACK, STATUSTEXT ─► refusals
+    LOCAL_POSITION_NED + ATTITUDE ─► odometry    EKF_STATUS_REPORT ─► estimate ready
+
+Heartbeats go out from `send`, that is from the control loop: a companion that hangs falls silent.
+"""
+
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import LinkConfig
+from companion.link.dialect import Dialect, dialect_of
+from companion.link.requests import CommandSender, Stream
+from companion.link.transport import Message, Transport
+from companion.messages import Command, LandedState, Odometry, Setpoint, VehicleState
+
+CONNECTED_S = 3.0
+"""A vehicle is gone after this long without any message."""
+HEARTBEAT_PERIOD_S = 1.0
+REQUEST_PERIOD_S = 1.0
+ODOMETRY_HZ = 20.0
+SLOW_HZ = 2.0
+VELOCITY_AND_YAW_RATE = 0x05C7
+"""SET_POSITION_TARGET_LOCAL_NED type_mask: only velocity and yaw rate count."""
+INDOOR_ORIGIN_DEG_E7 = (0, 0)
+"""Without GPS any origin will do, but the estimator needs one (SET_GPS_GLOBAL_ORIGIN, 48)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Telemetry:
+    """What the autopilot has told since the last poll."""
+
+    vehicle: VehicleState
+    odometry: Odometry | None = None
+    texts: tuple[str, ...] = ()
+
+
+class Link:
+    """One vehicle; time is an argument throughout."""
+
+    def __init__(self, transport: Transport, config: LinkConfig) -> None:
+        self._transport = transport
+        self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
+        self._dialect: Dialect | None = None
+        self._heard_s = float("-inf")
+        self._armed = False
+        self._custom_mode = 0
+        self._landed_state = LandedState.UNKNOWN
+        self._estimate_ready = False
+        self._has_position = False
+        self._position: Message = None
+        self._attitude: Message = None
+        self._boot_ms = -1
+        self._texts: dict[int, str] = {}
+        self._commands = CommandSender()
+        self._streams: tuple[Stream, ...] = ()
+        self._timeout_is_set = False
+        self._asked_s = self._heartbeat_s = float("-inf")
+
+    def poll(self, now_s: float) -> Telemetry:
+        """Take in what has arrived."""
+        odometry = None
+        texts: list[str] = []
+        for message in self._transport.receive():
+            if (message.get_srcSystem(), message.get_srcComponent()) != self._target:
+                continue
+            self._heard_s = now_s
+            kind = message.get_type()
+            if kind == "STATUSTEXT":
+                texts += self._text(message)
+            elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
+                odometry = self._pair(message, now_s) or odometry
+            else:
+                self._note(kind, message)
+            for stream in self._streams:
+                if stream.message_id == message.id:
+                    stream.seen_s = now_s
+        for text in texts:
+            self._commands.explain(text)
+        return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
+
+    def _note(self, kind: str, message: Message) -> None:
+        if kind == "HEARTBEAT":
+            self._dialect = self._dialect or self._meet(message.autopilot)
+            self._custom_mode = message.custom_mode
+            self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        elif kind == "EXTENDED_SYS_STATE":
+            self._landed_state = _landed_state(message.landed_state)
+        elif kind == "COMMAND_ACK":
+            self._commands.acknowledge(message)
+        elif self._dialect is None:
+            return
+        elif message.id == self._dialect.estimator_message:
+            self._estimate_ready = self._dialect.is_estimate_ready(message)
+        elif kind == "PARAM_VALUE":
+            name, value = self._dialect.setpoint_timeout
+            if message.param_id == name:
+                self._timeout_is_set = abs(message.param_value - value) < 1e-3
+
+    def _meet(self, autopilot: int) -> Dialect | None:
+        dialect = dialect_of(autopilot)
+        if dialect is not None:
+            self._streams = (
+                Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, ODOMETRY_HZ),
+                Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, ODOMETRY_HZ),
+                Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, SLOW_HZ),
+                Stream(dialect.estimator_message, SLOW_HZ),
+            )
+        return dialect
+
+    def _pair(self, message: Message, now_s: float) -> Odometry | None:
+        """Position and attitude of the same boot time; never one older than the last."""
+        if message.time_boot_ms <= self._boot_ms:
+            return None
+        if message.get_type() == "ATTITUDE":
+            self._attitude = message
+        else:
+            self._position = message
+            self._has_position = True
+        position, attitude = self._position, self._attitude
+        if not position or not attitude or position.time_boot_ms != attitude.time_boot_ms:
+            return None
+        self._boot_ms = position.time_boot_ms
+        return Odometry(
+            now_s,
+            (position.x, position.y, position.z),
+            (position.vx, position.vy, position.vz),
+            attitude.yaw,
+        )
+
+    def _text(self, message: Message) -> list[str]:
+        """A STATUSTEXT, or a longer text once its last chunk has come."""
+        if not message.id:
+            return [message.text]
+        self._texts[message.id] = self._texts.get(message.id, "") + message.text
+        if len(message.text) < 50:
+            return [self._texts.pop(message.id)]
+        return []
+
+    def _vehicle(self, now_s: float) -> VehicleState:
+        age_s = now_s - self._heard_s
+        dialect = self._dialect
+        return VehicleState(
+            connected=dialect is not None and age_s < CONNECTED_S,
+            silent_s=age_s,
+            mode=dialect.mode_name(self._custom_mode) if dialect else "",
+            in_offboard_mode=dialect is not None and dialect.is_offboard(self._custom_mode),
+            armed=self._armed,
+            landed_state=self._landed_state,
+            estimate_ready=self._estimate_ready and self._has_position and self._timeout_is_set,
+            refusal=self._commands.refusal,
+        )
+
+    def send(self, now_s: float, setpoint: Setpoint | None, command: Command | None) -> None:
+        """Heartbeat, requests that are due, and what the flight asks for."""
+        for message in self._due(now_s, setpoint, command):
+            self._transport.send(message)
+
+    def _due(
+        self, now_s: float, setpoint: Setpoint | None, command: Command | None
+    ) -> list[Message]:
+        messages: list[Message] = []
+        if now_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S - 1e-6:
+            self._heartbeat_s = now_s
+            messages.append(_heartbeat(active=setpoint is not None))
+        if self._dialect is None:
+            return messages
+        if now_s - self._asked_s >= REQUEST_PERIOD_S:
+            self._asked_s = now_s
+            messages += self._requests(now_s, self._dialect)
+        wanted = self._dialect.command(command) if command else None
+        messages += self._commands.messages(now_s, wanted, self._target)
+        if setpoint is not None:
+            messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
+        return messages
+
+    def _requests(self, now_s: float, dialect: Dialect) -> list[Message]:
+        messages = [m for s in self._streams for m in s.requests(now_s, self._target)]
+        if not self._has_position:
+            system, _ = self._target
+            messages.append(
+                mavlink.MAVLink_set_gps_global_origin_message(system, *INDOOR_ORIGIN_DEG_E7, 0)
+            )
+        if not self._timeout_is_set:
+            name, value = dialect.setpoint_timeout
+            messages.append(
+                mavlink.MAVLink_param_set_message(
+                    *self._target, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
+                )
+            )
+        return messages
+
+
+def _landed_state(value: int) -> LandedState:
+    try:
+        return LandedState(value)
+    except ValueError:
+        return LandedState.UNKNOWN
+
+
+def _heartbeat(*, active: bool) -> Message:
+    """HEARTBEAT (0) of an onboard controller."""
+    state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
+    )
+
+
+def _velocity(time_ms: int, target: tuple[int, int], setpoint: Setpoint) -> Message:
+    """SET_POSITION_TARGET_LOCAL_NED (84) in MAV_FRAME_BODY_NED: ArduPilot and PX4 both take it."""
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        time_ms % 2**32,
+        *target,
+        mavlink.MAV_FRAME_BODY_NED,
+        VELOCITY_AND_YAW_RATE,
+        *(0.0, 0.0, 0.0),
+        setpoint.forward_m_s,
+        setpoint.right_m_s,
+        setpoint.down_m_s,
+        *(0.0, 0.0, 0.0),
+        0.0,
+        setpoint.yaw_rate_rad_s,
+    )

@@ -1,0 +1,229 @@
+"""How MAVLink messages travel: UDP, bytes through memory, or message objects handed over.
+
+All three deliver the same messages to the bit. The emulated autopilot of SITL uses the same
+classes for its end.
+"""
+
+import errno
+import select
+import socket
+import struct
+import time
+from collections import deque
+from typing import Any, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.errors import LinkError
+
+Message = Any
+"""A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
+
+
+AUTOPILOT_ID = (1, mavlink.MAV_COMP_ID_AUTOPILOT1)
+COMPANION_ID = (1, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
+"""(system, component) of the two ends of an in-process link."""
+
+
+class Transport(Protocol):
+    """One end of a link."""
+
+    def receive(self) -> list[Message]:
+        """All that has arrived; never waits."""
+        ...
+
+    def send(self, message: Message) -> None:
+        """Send, or lose it silently, as a radio would."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def make_codec(system_id: int, component_id: int) -> Any:
+    """The one place where pymavlink's encoder and parser is made."""
+    codec = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+    codec.robust_parsing = True
+    return codec
+
+
+def _decode(codec: Any, data: bytes) -> list[Message]:
+    """Messages in a packet; what cannot be parsed is left out."""
+    messages = codec.parse_buffer(data) or []
+    return [message for message in messages if message.get_type() != "BAD_DATA"]
+
+
+class UdpTransport:
+    """MAVLink in datagrams.
+
+    "udpin:HOST:PORT" waits there for a peer and answers whoever spoke last; "udpout:HOST:PORT"
+    speaks first. Port 0 with udpin takes a free one.
+
+    Raises:
+        LinkError: the address cannot be used.
+    """
+
+    def __init__(self, url: str, system_id: int, component_id: int) -> None:
+        kind, host, port = url.split(":")
+        self._codec = make_codec(system_id, component_id)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._peer: tuple[str, int] | None = None
+        self._waiting: list[bytes] = []
+        self.datagrams_sent = 0
+        self.datagrams_received = 0
+        try:
+            if kind == "udpin":
+                self._socket.bind((host, int(port)))
+            else:
+                self._socket.bind(("", 0))
+                self._peer = (socket.gethostbyname(host), int(port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            remedy = "is another program using it? choose another port"
+            raise LinkError(f"{url}: {error}; {remedy}") from error
+
+    @property
+    def local_port(self) -> int:
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    def receive(self) -> list[Message]:
+        self._drain()
+        waiting, self._waiting = self._waiting, []
+        return [message for data in waiting for message in _decode(self._codec, data)]
+
+    def _drain(self) -> None:
+        while True:
+            try:
+                data, sender = self._socket.recvfrom(65535)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno == errno.ECONNREFUSED:  # nobody there yet: ICMP of an earlier send
+                    continue
+                return
+            if data[:1] not in (b"\xfd", b"\xfe"):  # not MAVLink: neither a message nor a peer
+                continue
+            self.datagrams_received += 1
+            self._peer = sender
+            self._waiting.append(data)
+
+    def await_datagrams(self, total: int, timeout_s: float) -> None:
+        """Wait until `total` datagrams have come in, in all; lost ones are given up in time."""
+        deadline_s = time.monotonic() + timeout_s
+        self._drain()
+        while self.datagrams_received < total:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not select.select([self._socket], [], [], left_s)[0]:
+                self.datagrams_received = total
+                return
+            self._drain()
+
+    def send(self, message: Message) -> None:
+        if self._peer is None:
+            return
+        data = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % 256
+        try:
+            self._socket.sendto(data, self._peer)
+        except OSError:
+            return
+        self.datagrams_sent += 1
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _PipeEnd:
+    """Bytes through memory."""
+
+    def __init__(
+        self, inbox: deque[bytes], outbox: deque[bytes], system_id: int, component_id: int
+    ) -> None:
+        self._inbox, self._outbox = inbox, outbox
+        self._codec = make_codec(system_id, component_id)
+
+    def receive(self) -> list[Message]:
+        data = b"".join(self._inbox)
+        self._inbox.clear()
+        return _decode(self._codec, data) if data else []
+
+    def send(self, message: Message) -> None:
+        self._outbox.append(message.pack(self._codec))
+        self._codec.seq = (self._codec.seq + 1) % 256
+
+    def close(self) -> None:
+        self._outbox.clear()
+
+
+class _DirectEnd:
+    """Message objects, as they would have come out of the bytes."""
+
+    def __init__(
+        self, inbox: deque[Message], outbox: deque[Message], system_id: int, component_id: int
+    ) -> None:
+        self._inbox, self._outbox = inbox, outbox
+        self._system_id, self._component_id = system_id, component_id
+
+    def receive(self) -> list[Message]:
+        messages = list(self._inbox)
+        self._inbox.clear()
+        return messages
+
+    def send(self, message: Message) -> None:
+        message._header.srcSystem = self._system_id
+        message._header.srcComponent = self._component_id
+        _round_floats(message)
+        self._outbox.append(message)
+
+    def close(self) -> None:
+        self._outbox.clear()
+
+
+_float_fields: dict[type, tuple[tuple[str, ...], struct.Struct, tuple[str, ...]]] = {}
+"""By message class: its single float fields and their packer, and its arrays of floats."""
+
+
+def _round_floats(message: Message) -> None:
+    """Give every float32 field the value that it has on the wire."""
+    kind = type(message)
+    if kind not in _float_fields:
+        floats = [
+            name
+            for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True)
+            if type_ == "float"
+        ]
+        arrays = tuple(name for name in floats if isinstance(getattr(message, name), list | tuple))
+        singles = tuple(name for name in floats if name not in arrays)
+        _float_fields[kind] = singles, struct.Struct(f"<{len(singles)}f"), arrays
+    singles, packer, arrays = _float_fields[kind]
+    values = packer.unpack(packer.pack(*[getattr(message, name) for name in singles]))
+    for name, value in zip(singles, values, strict=True):
+        setattr(message, name, value)
+    for name in arrays:
+        array = getattr(message, name)
+        setattr(
+            message,
+            name,
+            list(struct.unpack(f"<{len(array)}f", struct.pack(f"<{len(array)}f", *array))),
+        )
+
+
+def pipe_pair() -> tuple[Transport, Transport]:
+    """Two ends handing MAVLink bytes through memory: the autopilot's (1/1), the companion's."""
+    to_companion: deque[bytes] = deque()
+    to_autopilot: deque[bytes] = deque()
+    return (
+        _PipeEnd(to_autopilot, to_companion, *AUTOPILOT_ID),
+        _PipeEnd(to_companion, to_autopilot, *COMPANION_ID),
+    )
+
+
+def direct_pair() -> tuple[Transport, Transport]:
+    """Two ends handing message objects over: the autopilot's (1/1), the companion's."""
+    to_companion: deque[Message] = deque()
+    to_autopilot: deque[Message] = deque()
+    return (
+        _DirectEnd(to_autopilot, to_companion, *AUTOPILOT_ID),
+        _DirectEnd(to_companion, to_autopilot, *COMPANION_ID),
+    )
