@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from companion import config as configuration
-from companion.app import App
+from companion.app import App, Progress
 from companion.clocks import SitlClock, SystemClock
 from companion.config import Config
 from companion.console import ProgressLine, summary
@@ -70,13 +70,13 @@ def _fly(settings: Config, out: Path) -> int:
     interrupted = _Interruption(console)
     began_s = time.monotonic()
     try:
-        with ProgressLine(console) as progress:
-            flight = fly(
-                app,
-                rig,
-                lambda now: (progress.show(now), autosave.update(now.time_s))[0],
-                interrupted.requested,
-            )
+        with ProgressLine(console) as line:
+
+            def watch(progress: Progress) -> None:
+                line.show(progress)
+                autosave.update(progress.time_s)
+
+            flight = fly(app, rig, watch, interrupted.requested)
     finally:
         files = save(app.floor_plan(), out)
     console.print(summary(flight, app.floor_plan(), files, time.monotonic() - began_s))

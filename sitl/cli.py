@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from companion.link.transport import UdpTransport
 from rich.console import Console
 
 from companion import config as configuration
 from companion.config import Config
 from companion.console import ProgressLine
 from companion.errors import CompanionError
+from companion.link.transport import UdpTransport
 from companion.mapping.files import save
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
@@ -143,8 +143,7 @@ def _fly_udp(
     began_s: float,
 ) -> Report:
     shared = ("--profile", setup.sensors.profile)
-    world = setup.world.source or setup.world.name
-    sitl_arguments = (str(world), "--seed", str(setup.seed), "--speed", str(speed), *shared)
+    sitl_arguments = (setup.world_name, "--seed", str(setup.seed), "--speed", str(speed), *shared)
     companion_arguments = ("--config", str(config), *shared) if config else shared
     plan, truth, status = fly_in_two_processes(sitl_arguments, companion_arguments, out)
     return make_report(
@@ -160,7 +159,7 @@ def _fly_udp(
 
 def _setup(world: str, seed: int, profile: str) -> Setup:
     sensors = configuration.load(None, {"sensors.profile": profile}).sensors
-    return Setup(load_world(world), seed, sensors)
+    return Setup(load_world(world), world, seed, sensors)
 
 
 def main() -> None:

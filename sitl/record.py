@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from sitl.truth import TrueState
 
@@ -54,18 +55,15 @@ class TruthRecord:
     @classmethod
     def load(cls, path: Path) -> "TruthRecord":
         record = json.loads(path.read_text())
-        states = [
-            TrueState(
-                **{
-                    key: tuple(value) if isinstance(value, list) else value
-                    for key, value in state.items()
-                }
-            )
-            for state in record["path"]
-        ]
+        states = [_state(state) for state in record["path"]]
         truth = cls(states[0])
         truth.path = states
         truth.clearance_m = record["clearance_m"]
         truth.collisions = record["collisions"]
         truth.air_time_s = record["air_time_s"]
         return truth
+
+
+def _state(record: dict[str, Any]) -> TrueState:
+    lists = {key: tuple(value) for key, value in record.items() if isinstance(value, list)}
+    return TrueState(**(record | lists))

@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from companion.link.transport import UdpTransport
-
 from sitl.errors import SitlError
 from sitl.sensors.server import BusConnection
 from sitl.simulation import Simulation
@@ -86,7 +85,10 @@ class Server:
     def _accept(self) -> None:
         client_socket, _ = self._listener.accept()
         client_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        client = _Client(client_socket, BusConnection(self._simulation.board.bus, self._clock))
+        connection = BusConnection(
+            self._simulation.board.bus, self._clock, lambda: self._simulation.time_s
+        )
+        client = _Client(client_socket, connection)
         self._selector.register(client_socket, selectors.EVENT_READ, client)
 
     def _serve_client(self, client: _Client) -> None:

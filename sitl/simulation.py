@@ -13,9 +13,8 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from companion.link.transport import Transport
-
 from companion.config import SensorsConfig
+from companion.link.transport import Transport
 from sitl.autopilot.core import Autopilot
 from sitl.noise import stream
 from sitl.record import TruthRecord
@@ -33,6 +32,8 @@ class Setup:
     """What defines a simulated flight; the same setup gives the same flight, to the bit."""
 
     world: World
+    world_name: str
+    """As `load_world` takes it: the name of a built-in world, or a file."""
     seed: int
     sensors: SensorsConfig
 
@@ -88,7 +89,7 @@ def start_state(setup: Setup) -> TrueState:
     )
     return TrueState(
         time_s=0.0,
-        position_ned_m=(start.north_m, start.east_m, 0.0),
+        position_ned_m=(*start.position, 0.0),
         velocity_ned_m_s=(0.0, 0.0, 0.0),
         roll_rad=0.0,
         pitch_rad=0.0,

@@ -5,7 +5,6 @@ describes it (2 cm to 5 m, an error of 5 cm at any distance), which no $20 part 
 """
 
 from bisect import bisect_right
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -22,8 +21,11 @@ FAILED = RangeReading(RangeState.FAILED)
 class Profile(Protocol):
     """One kind of sensor."""
 
-    min_m: float
-    max_m: float
+    @property
+    def min_m(self) -> float: ...
+
+    @property
+    def max_m(self) -> float: ...
 
     def reading(self, volts: float) -> RangeReading:
         """What a voltage says."""
@@ -34,22 +36,33 @@ class Profile(Protocol):
         ...
 
 
-def _interpolate(x: float, xs: Sequence[float], ys: Sequence[float]) -> tuple[float, float]:
-    """Piecewise linear y and slope dy/dx at x; the end pieces go on beyond the ends."""
-    i = min(max(bisect_right(xs, x) - 1, 0), len(xs) - 2)
-    slope = (ys[i + 1] - ys[i]) / (xs[i + 1] - xs[i])
-    return ys[i] + slope * (x - xs[i]), slope
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Piecewise linear y over ascending x; the end pieces go on beyond the ends."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    def at(self, x: float) -> tuple[float, float]:
+        """Y and the slope dy/dx."""
+        i = min(max(bisect_right(self.x, x) - 1, 0), len(self.x) - 2)
+        slope = (self.y[i + 1] - self.y[i]) / (self.x[i + 1] - self.x[i])
+        return self.y[i] + slope * (x - self.x[i]), slope
+
+    def inverse(self) -> "Curve":
+        """X over y, for a rising curve."""
+        return Curve(self.y, self.x)
 
 
 @dataclass(frozen=True, slots=True)
 class SharpProfile:
-    """Triangulating sensor: voltage is nearly linear in 1/distance, and folds back when near.
+    """Triangulating sensor: voltage is nearly linear in 1/distance, and folds back when near."""
 
-    `far_points` are (distance m, V) over the specified range; `near_points` below it.
-    """
-
-    far_points: tuple[tuple[float, float], ...]
-    near_points: tuple[tuple[float, float], ...]
+    volts_by_inverse_m: Curve
+    """Over the specified range."""
+    inverse_m_by_volts: Curve
+    volts_by_near_m: Curve
+    """Below it."""
     noise_v: float
     gain_sigma: float
     """What calibration leaves of the unit's gain error."""
@@ -59,22 +72,21 @@ class SharpProfile:
 
     @property
     def min_m(self) -> float:
-        return self.far_points[0][0]
+        return 1 / self.volts_by_inverse_m.x[-1]
 
     @property
     def max_m(self) -> float:
-        return self.far_points[-1][0]
+        return 1 / self.volts_by_inverse_m.x[0]
 
     def reading(self, volts: float) -> RangeReading:
         """Distance by the datasheet's curve, linear in 1/distance between its points."""
         if not DEAD_BELOW_V <= volts <= self.broken_above_v:
             return FAILED
-        if volts > self.far_points[0][1]:
+        if volts > self.inverse_m_by_volts.x[-1]:
             return TOO_NEAR
-        if volts < self.far_points[-1][1]:
+        if volts < self.inverse_m_by_volts.x[0]:
             return NOTHING
-        rising = tuple(reversed(self.far_points))
-        inverse, slope = _interpolate(volts, [v for _, v in rising], [1 / d for d, _ in rising])
+        inverse, slope = self.inverse_m_by_volts.at(volts)
         distance_m = 1 / inverse
         sigma_m = self.noise_v * slope * distance_m**2
         variance = sigma_m**2 + (self.gain_sigma * distance_m) ** 2
@@ -85,11 +97,8 @@ class SharpProfile:
         if distance_m is None:
             return self.open_v
         if distance_m < self.min_m:
-            near = self.near_points
-            return _interpolate(max(distance_m, 0.0), [d for d, _ in near], [v for _, v in near])[0]
-        far = tuple(reversed(self.far_points))
-        volts, _ = _interpolate(1 / distance_m, [1 / d for d, _ in far], [v for _, v in far])
-        return max(volts, self.open_v)
+            return self.volts_by_near_m.at(max(distance_m, 0.0))[0]
+        return max(self.volts_by_inverse_m.at(1 / distance_m)[0], self.open_v)
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,15 +128,21 @@ class LinearProfile:
         return self.zero_v + self.volts_per_m * distance_m
 
 
+_GP2Y_POINTS = (
+    *((5.5, 1.37), (5.0, 1.39), (4.7, 1.40), (4.4, 1.42), (4.1, 1.44), (3.8, 1.47)),
+    *((3.5, 1.50), (3.2, 1.52), (2.9, 1.57), (2.6, 1.63), (2.3, 1.70), (2.0, 1.80)),
+    *((1.8, 1.90), (1.6, 2.00), (1.4, 2.10), (1.2, 2.30), (1.0, 2.50)),
+)
+"""Distance in metres and volts, from the datasheet's figure."""
+_GP2Y_FAR = Curve(
+    tuple(1 / metres for metres, _ in _GP2Y_POINTS), tuple(volts for _, volts in _GP2Y_POINTS)
+)
 GP2Y0A710K0F = SharpProfile(
-    far_points=(
-        *((1.0, 2.50), (1.2, 2.30), (1.4, 2.10), (1.6, 2.00), (1.8, 1.90), (2.0, 1.80)),
-        *((2.3, 1.70), (2.6, 1.63), (2.9, 1.57), (3.2, 1.52), (3.5, 1.50), (3.8, 1.47)),
-        *((4.1, 1.44), (4.4, 1.42), (4.7, 1.40), (5.0, 1.39), (5.5, 1.37)),
-    ),
-    near_points=(
-        *((0.0, 1.2), (0.2, 1.45), (0.4, 2.3), (0.5, 3.13), (0.6, 3.08), (0.7, 3.00)),
-        *((0.8, 2.80), (0.9, 2.60), (1.0, 2.50)),
+    volts_by_inverse_m=_GP2Y_FAR,
+    inverse_m_by_volts=_GP2Y_FAR.inverse(),
+    volts_by_near_m=Curve(
+        (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),
+        (1.20, 1.45, 2.30, 3.13, 3.08, 3.00, 2.80, 2.60, 2.50),
     ),
     noise_v=0.010,
     gain_sigma=0.003,

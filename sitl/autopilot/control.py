@@ -1,0 +1,123 @@
+"""What velocity the autopilot flies at this moment, in its own estimated frame.
+
+GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setpoint timeout── VELOCITY
+│                   │ ──setpoint────────────────►│
+└───────────────────┴──────── LAND ◄─────────────┘
+│ on the ground
+▼
+GROUND, disarmed
+"""
+
+import enum
+import math
+
+from companion.frames import Vector3
+from sitl.autopilot.estimator import FlowEstimator
+from sitl.vehicle import BRAKING_M_S2, STEP_S
+
+CLIMB_DELAY_S = 1.0
+"""ArduCopter spins its motors up first."""
+CLIMB_M_S = 1.2
+LAND_M_S = 0.5
+POSITION_GAIN_1_S = 0.8
+MOST_HOLD_M_S = 0.5
+AT_HEIGHT_M = 0.1
+DETECT_LANDING_S = 1.0
+
+
+class Manoeuvre(enum.Enum):
+    """Where in the diagram above."""
+
+    GROUND = "on the ground"
+    CLIMB = "taking off"
+    HOLD = "holding its position"
+    VELOCITY = "following velocity setpoints"
+    LAND = "landing"
+
+
+class Control:
+    """The manoeuvre flown now, and the velocity it asks for."""
+
+    def __init__(self, estimator: FlowEstimator) -> None:
+        self._estimator = estimator
+        self.manoeuvre = Manoeuvre.GROUND
+        self._since_s = 0.0
+        self._height_m = 0.0
+        self._hold_at: Vector3 | None = None
+        self._braking: tuple[float, float] = (0.0, 0.0)
+        self._velocity: Vector3 = (0.0, 0.0, 0.0)
+        self._yaw_rate = 0.0
+        self._on_ground_s = 0.0
+
+    def take_off(self, now_s: float, height_m: float) -> None:
+        self.manoeuvre, self._since_s, self._height_m = Manoeuvre.CLIMB, now_s, height_m
+
+    def land(self) -> None:
+        if self.manoeuvre is not Manoeuvre.GROUND:
+            self._begin_hold()
+            self.manoeuvre = Manoeuvre.LAND
+            self._on_ground_s = 0.0
+
+    def hold(self) -> None:
+        """Brake, then stay: what every mode without a pilot's stick movement does."""
+        if self.manoeuvre is not Manoeuvre.GROUND:
+            self._begin_hold()
+
+    def _begin_hold(self) -> None:
+        if self.manoeuvre is not Manoeuvre.HOLD:
+            self._braking = self._estimator.velocity_ned_m_s[:2]
+            self._hold_at = None
+        self.manoeuvre = Manoeuvre.HOLD
+
+    def follow(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> None:
+        """A velocity setpoint in the estimated NED."""
+        self.manoeuvre = Manoeuvre.VELOCITY
+        self._velocity, self._yaw_rate = velocity_ned_m_s, yaw_rate_rad_s
+
+    def stop(self) -> None:
+        self.manoeuvre = Manoeuvre.GROUND
+
+    def wanted(self, now_s: float, *, on_ground: bool) -> tuple[Vector3, float]:
+        """Velocity in the estimated NED and yaw rate; GROUND once it has landed."""
+        match self.manoeuvre:
+            case Manoeuvre.VELOCITY:
+                return self._velocity, self._yaw_rate
+            case Manoeuvre.CLIMB:
+                return self._climb(now_s), 0.0
+            case Manoeuvre.HOLD:
+                return self._stay(), 0.0
+            case Manoeuvre.LAND:
+                return self._descend(on_ground=on_ground), 0.0
+            case _:
+                return (0.0, 0.0, 0.0), 0.0
+
+    def _climb(self, now_s: float) -> Vector3:
+        if now_s - self._since_s < CLIMB_DELAY_S:
+            return 0.0, 0.0, 0.0
+        short_m = self._height_m + self._estimator.position_ned_m[2]
+        if short_m < AT_HEIGHT_M:
+            self._begin_hold()
+        return 0.0, 0.0, -min(CLIMB_M_S, 1.2 * max(short_m, 0.0))
+
+    def _stay(self) -> Vector3:
+        """Ramp the velocity down, then hold the position where the drone came to rest."""
+        speed = math.hypot(*self._braking)
+        if speed > BRAKING_M_S2 * STEP_S:
+            share = 1 - BRAKING_M_S2 * STEP_S / speed
+            self._braking = (self._braking[0] * share, self._braking[1] * share)
+            return *self._braking, 0.0
+        position = self._estimator.position_ned_m
+        self._hold_at = self._hold_at or position
+        velocity = [
+            POSITION_GAIN_1_S * (there - here)
+            for there, here in zip(self._hold_at, position, strict=True)
+        ]
+        north, east, down = (max(-MOST_HOLD_M_S, min(MOST_HOLD_M_S, v)) for v in velocity)
+        return north, east, down
+
+    def _descend(self, *, on_ground: bool) -> Vector3:
+        self._on_ground_s = self._on_ground_s + STEP_S if on_ground else 0.0
+        if self._on_ground_s >= DETECT_LANDING_S:
+            self.manoeuvre = Manoeuvre.GROUND
+        north, east, _ = self._stay()
+        return north, east, LAND_M_S

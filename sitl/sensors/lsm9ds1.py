@@ -1,0 +1,108 @@
+"""The LSM9DS1's gyro as its bus sees it, and why it cannot be trusted."""
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from companion.drivers.lsm9ds1 import (
+    FIFO_CONTINUOUS,
+    RAD_S_PER_COUNT,
+    REG_CTRL_1_G,
+    REG_FIFO_CTRL,
+    REG_FIFO_SRC,
+    REG_OUT_X_G,
+    REG_WHO_AM_I,
+    WHO_AM_I,
+)
+
+FIFO_DEPTH = 32
+OVERRUN = 0x40
+NOMINAL_ODR_HZ = 119.0
+YawRate = Callable[[float], float]
+"""time_s -> true body rate about down, rad/s."""
+
+
+@dataclass(frozen=True, slots=True)
+class GyroNoise:
+    """Sigmas; those of the reference noise are what take-off adds to the rest calibration."""
+
+    turn_on_bias_rad_s: float = math.radians(1.0)
+    flight_bias_rad_s: float = math.radians(0.1)
+    """Comes on by warming up and vibration, with the time constant below."""
+    flight_bias_after_s: float = 5.0
+    flight_bias_time_constant_s: float = 8.0
+    bias_walk_rad_s_sqrt_s: float = math.radians(20 / 3600)
+    white_rad_s_sqrt_hz: float = math.radians(0.01)
+    scale: float = 0.02
+    clock: float = 0.02
+    """Of the chip's own sample clock."""
+
+
+class Lsm9ds1Device:
+    """FIFO in continuous mode, gyro only; x and y axes read zero."""
+
+    def __init__(self, yaw_rate: YawRate, random: Random, noise: GyroNoise = GyroNoise()) -> None:
+        self._yaw_rate = yaw_rate
+        self._random = random
+        self._noise = noise
+        self._turn_on_bias = random.gauss(0, noise.turn_on_bias_rad_s)
+        self._flight_bias = random.gauss(0, noise.flight_bias_rad_s)
+        self._scale = 1 + random.gauss(0, noise.scale)
+        self._period_s = 1 / (NOMINAL_ODR_HZ * (1 + random.gauss(0, noise.clock)))
+        self._walk = 0.0
+        self._sampled = 0
+        self._fifo: deque[int] = deque(maxlen=FIFO_DEPTH)
+        self._overrun = False
+        self._registers = bytearray(128)
+        self._registers[REG_WHO_AM_I] = WHO_AM_I
+
+    def write_read(self, data: bytes, count: int, time_s: float) -> bytes:
+        self._fill(time_s)
+        register = data[0] & 0x7F if data else 0
+        for offset, value in enumerate(data[1:]):
+            address = (register + offset) & 0x7F
+            if address != REG_WHO_AM_I:
+                self._registers[address] = value
+        if not count:
+            return b""
+        if register == REG_FIFO_SRC:
+            self._registers[REG_FIFO_SRC] = len(self._fifo) | (OVERRUN if self._overrun else 0)
+            self._overrun = False
+        elif register == REG_OUT_X_G:
+            sample = self._fifo.popleft() if self._fifo else 0
+            self._registers[REG_OUT_X_G : REG_OUT_X_G + 6] = bytes(4) + sample.to_bytes(
+                2, "little", signed=True
+            )
+        end = register + count
+        return bytes(self._registers[register:end]).ljust(count, b"\x00")
+
+    def _fill(self, time_s: float) -> None:
+        """Sample by the chip's clock up to now; samples older than the FIFO's depth are lost."""
+        due = int(time_s / self._period_s)
+        running = (
+            self._registers[REG_CTRL_1_G] and self._registers[REG_FIFO_CTRL] == FIFO_CONTINUOUS
+        )
+        if not running:
+            self._sampled = due
+            return
+        if due - self._sampled > FIFO_DEPTH:
+            self._sampled = due - FIFO_DEPTH
+            self._overrun = True
+        while self._sampled < due:
+            self._sampled += 1
+            self._fifo.append(self._sample(self._sampled * self._period_s))
+
+    def _sample(self, time_s: float) -> int:
+        noise = self._noise
+        self._walk += self._random.gauss(
+            0, noise.bias_walk_rad_s_sqrt_s * math.sqrt(self._period_s)
+        )
+        warm_s = max(time_s - noise.flight_bias_after_s, 0.0)
+        warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
+        white = self._random.gauss(0, noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s))
+        rate = self._yaw_rate(time_s) * self._scale
+        rate += self._turn_on_bias + self._flight_bias * warm + self._walk + white
+        # The chip's z axis points up: its positive rate is counter-clockwise.
+        return max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT)))

@@ -1,0 +1,163 @@
+"""The text format of worlds, and its reader.
+
+name = "kitchen"            # one room or a whole building
+height_m = 2.6              # of the ceiling
+
+[[walls]]                   # a polyline seen from above, [north, east] in metres
+points = [[0, 0], [4, 0], [4, 3]]
+closed = false              # true joins the last point to the first
+bottom_m = 0                # heights above the floor; top_m is the ceiling if left out
+top_m = 2.6
+
+[[boxes]]                   # a solid: furniture, a pillar
+corner = [1, 1]             # least north and east
+size = [0.8, 1.6]
+bottom_m = 0
+top_m = 0.75
+
+[[starts]]                  # where a drone may stand; without heading_deg the seed draws it
+name = "door"
+position = [2, 1.5]
+heading_deg = 90
+"""
+
+import math
+import tomllib
+from importlib import resources
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from companion.frames import Vector2
+from sitl.errors import SitlError
+
+LEAST_LENGTH_M = 0.01
+
+Metres = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
+Height = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
+
+
+class WorldError(SitlError, ValueError):
+    """A world that does not exist or cannot be used; says which file, key and value."""
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+
+class Walls(_Part):
+    """Vertical surfaces along a polyline."""
+
+    points: tuple[tuple[Metres, Metres], ...] = Field(min_length=2)
+    closed: bool = False
+    bottom_m: Height = 0.0
+    top_m: Height | None = None
+
+    @property
+    def segments(self) -> list[tuple[Vector2, Vector2]]:
+        points = [*self.points, self.points[0]] if self.closed else list(self.points)
+        return list(pairwise(points))
+
+    @model_validator(mode="after")
+    def _is_not_degenerate(self) -> "Walls":
+        for start, end in self.segments:
+            if math.dist(start, end) < LEAST_LENGTH_M:
+                raise ValueError(f"{start} and {end} are the same point; leave one out")
+        return self
+
+
+class Box(_Part):
+    """A solid block with its sides along north and east."""
+
+    corner: tuple[Metres, Metres]
+    size: tuple[
+        Annotated[float, Field(ge=LEAST_LENGTH_M, le=1000)],
+        Annotated[float, Field(ge=LEAST_LENGTH_M, le=1000)],
+    ]
+    bottom_m: Height = 0.0
+    top_m: Height
+
+    @property
+    def segments(self) -> list[tuple[Vector2, Vector2]]:
+        (north, east), (depth, width) = self.corner, self.size
+        corners = [
+            (north, east),
+            (north + depth, east),
+            (north + depth, east + width),
+            (north, east + width),
+        ]
+        return list(pairwise([*corners, corners[0]]))
+
+    @model_validator(mode="after")
+    def _stands_upright(self) -> "Box":
+        if self.top_m <= self.bottom_m:
+            raise ValueError(f"top_m {self.top_m} must be above bottom_m {self.bottom_m}")
+        return self
+
+
+class Start(_Part):
+    """A place to take off from."""
+
+    name: str
+    position: tuple[Metres, Metres]
+    heading_deg: float | None = Field(None, ge=-360, le=360)
+
+
+class World(_Part):
+    """A room or building; plan coordinates are (north, east) in metres."""
+
+    name: str
+    height_m: float = Field(ge=0.5, le=100)
+    walls: tuple[Walls, ...] = ()
+    boxes: tuple[Box, ...] = ()
+    starts: tuple[Start, ...] = Field(min_length=1)
+
+    @model_validator(mode="after")
+    def _has_something_to_map(self) -> "World":
+        if not self.walls and not self.boxes:
+            raise ValueError("no walls and no boxes; add [[walls]]")
+        return self
+
+
+def world_names() -> list[str]:
+    """The built-in worlds."""
+    rooms = resources.files("sitl.world") / "rooms"
+    return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
+
+
+def load_world(name_or_path: str) -> World:
+    """A built-in world by name, or one from a TOML file.
+
+    Raises:
+        WorldError: one line that says what to mend.
+    """
+    if name_or_path in world_names():
+        text = (resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml").read_text()
+    elif name_or_path.endswith(".toml"):
+        try:
+            text = Path(name_or_path).read_text()
+        except (OSError, UnicodeDecodeError) as error:
+            raise WorldError(f"{name_or_path}: {error}") from error
+    else:
+        known = ", ".join(world_names())
+        raise WorldError(f"no world {name_or_path!r}; known: {known}, or a file ending in .toml")
+    return _parse(text, name_or_path)
+
+
+def _parse(text: str, source: str) -> World:
+    try:
+        return World.model_validate(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise WorldError(f"{source}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise WorldError(f"{source}: {_complaint(error)}") from error
+
+
+def _complaint(error: ValidationError) -> str:
+    first: Any = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
+    message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+    return f"{key}{value}: {message}" if key else message
