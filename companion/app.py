@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from companion.config import Config
+from companion.drivers.sharp import PROFILES
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
@@ -104,7 +105,10 @@ class App:
             return
         self._rest.add(inputs.gyro)
         if self._rest.bias_rad_s is not None:
-            self._estimator = Estimator(self._rest.bias_rad_s, self._config.sensors.mount_offset_m)
+            sensors = self._config.sensors
+            self._estimator = Estimator(
+                self._rest.bias_rad_s, PROFILES[sensors.profile], sensors.mount_offset_m
+            )
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self._estimator is None:

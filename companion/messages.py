@@ -8,6 +8,7 @@ import enum
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from companion.frames import Vector2, Vector3
 
@@ -52,6 +53,20 @@ class RangeReading:
     def is_alive(self) -> bool:
         """The sensor answered, whatever it saw."""
         return self.state not in (RangeState.STALE, RangeState.FAILED)
+
+
+class RangeModel(Protocol):
+    """What is known of a kind of range sensor."""
+
+    @property
+    def min_m(self) -> float: ...
+
+    @property
+    def max_m(self) -> float: ...
+
+    def sigma_m(self, distance_m: float) -> float:
+        """Standard deviation of a reading at a true distance."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)

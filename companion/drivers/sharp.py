@@ -4,11 +4,12 @@
 describes it (2 cm to 5 m, an error of 5 cm at any distance), which no $20 part is.
 """
 
+import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Protocol
 
-from companion.messages import RangeReading, RangeState
+from companion.messages import RangeModel, RangeReading, RangeState
 
 DEAD_BELOW_V = 0.20
 """A powered sensor never reads this low: unplugged, or its supply is gone."""
@@ -18,14 +19,8 @@ TOO_NEAR = RangeReading(RangeState.TOO_NEAR)
 FAILED = RangeReading(RangeState.FAILED)
 
 
-class Profile(Protocol):
+class Profile(RangeModel, Protocol):
     """One kind of sensor."""
-
-    @property
-    def min_m(self) -> float: ...
-
-    @property
-    def max_m(self) -> float: ...
 
     def reading(self, volts: float) -> RangeReading:
         """What a voltage says."""
@@ -86,11 +81,14 @@ class SharpProfile:
             return TOO_NEAR
         if volts < self.inverse_m_by_volts.x[0]:
             return NOTHING
-        inverse, slope = self.inverse_m_by_volts.at(volts)
-        distance_m = 1 / inverse
-        sigma_m = self.noise_v * slope * distance_m**2
-        variance = sigma_m**2 + (self.gain_sigma * distance_m) ** 2
-        return RangeReading(RangeState.DISTANCE, distance_m, variance)
+        distance_m = 1 / self.inverse_m_by_volts.at(volts)[0]
+        return RangeReading(RangeState.DISTANCE, distance_m, self.sigma_m(distance_m) ** 2)
+
+    def sigma_m(self, distance_m: float) -> float:
+        """Output noise through the curve's slope, dV/d(1/d), and what calibration leaves."""
+        _, volts_per_inverse_m = self.volts_by_inverse_m.at(1 / distance_m)
+        noise_m = self.noise_v / volts_per_inverse_m * distance_m**2
+        return math.hypot(noise_m, self.gain_sigma * distance_m)
 
     def volts(self, distance_m: float | None) -> float:
         """The datasheet's curve; beyond its end it falls on towards the open output."""
@@ -107,7 +105,7 @@ class LinearProfile:
 
     min_m: float
     max_m: float
-    sigma_m: float
+    error_m: float
     zero_v: float = 0.3
     volts_per_m: float = 0.5
     open_v: float = 3.3
@@ -120,7 +118,10 @@ class LinearProfile:
             return NOTHING
         if distance_m < self.min_m:
             return TOO_NEAR
-        return RangeReading(RangeState.DISTANCE, distance_m, self.sigma_m**2)
+        return RangeReading(RangeState.DISTANCE, distance_m, self.error_m**2)
+
+    def sigma_m(self, distance_m: float) -> float:
+        return self.error_m
 
     def volts(self, distance_m: float | None) -> float:
         if distance_m is None or distance_m > self.max_m:
@@ -147,5 +148,5 @@ GP2Y0A710K0F = SharpProfile(
     noise_v=0.010,
     gain_sigma=0.003,
 )
-PAPER = LinearProfile(min_m=0.02, max_m=5.0, sigma_m=0.05)
+PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05)
 PROFILES: dict[str, Profile] = {"gp2y0a710k0f": GP2Y0A710K0F, "paper": PAPER}

@@ -8,7 +8,16 @@ from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
-from companion.messages import Beam, GyroSample, Hit, Odometry, Pose, RangeScan, WallLine
+from companion.messages import (
+    Beam,
+    GyroSample,
+    Hit,
+    Odometry,
+    Pose,
+    RangeModel,
+    RangeScan,
+    WallLine,
+)
 
 BEAM_BEARING_FRD_RAD: Mapping[Beam, float] = {
     Beam.FRONT: 0.0,
@@ -25,6 +34,7 @@ REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
 
 
+TRUSTED_SIGMA_M = 0.12
 SQUARE_WITHIN_RAD = math.radians(5)
 SQUARE_SIGMA_RAD = math.radians(0.5)
 """Walls this near to a right angle are taken to be built so, this exactly."""
@@ -33,9 +43,10 @@ SQUARE_SIGMA_RAD = math.radians(0.5)
 class Estimator:
     """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
 
-    def __init__(self, rest_bias_rad_s: float, mount_offset_m: float) -> None:
+    def __init__(self, rest_bias_rad_s: float, sensor: RangeModel, mount_offset_m: float) -> None:
         self.heading = HeadingFilter(rest_bias_rad_s)
-        self.slam = LineSlam(self.heading)
+        self.slam = LineSlam(self.heading, sensor)
+        self._trusted_m = _trusted_m(sensor)
         self.hits: list[Hit] = []
         self._mount_offset_m = mount_offset_m
         self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
@@ -92,10 +103,12 @@ class Estimator:
                 continue
             range_m = reading.distance_m + self._mount_offset_m
             bearing_rad = self.heading.yaw_rad + bearing_frd_rad
-            self.slam.see_range(bearing_rad, range_m, reading.variance_m2)
+            self.slam.see_range(bearing_rad, range_m, self._mount_offset_m)
             north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
             self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2))
+            if reading.distance_m > self._trusted_m:
+                continue
             drifting_hit = RunHit(
                 scan.time_s,
                 _along(self._drifting_ne_m, self._drifting_yaw_rad + bearing_frd_rad, range_m),
@@ -174,6 +187,14 @@ class Estimator:
             WallLine(*self.slam.line(wall), self.slam.offset_sigma_m(wall))
             for wall in self.slam.walls
         ]
+
+
+def _trusted_m(sensor: RangeModel) -> float:
+    """How far a reading may be to tell a wall's direction: exact enough, and not near the end."""
+    distance_m = sensor.max_m - LineSlam.END_SIGMAS * sensor.sigma_m(sensor.max_m)
+    while sensor.sigma_m(distance_m) > TRUSTED_SIGMA_M:
+        distance_m -= 0.1
+    return distance_m
 
 
 def _along(origin: Vector2, bearing_rad: float, range_m: float) -> Vector2:

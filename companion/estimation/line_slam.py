@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.wall_runs import Line
 from companion.frames import Vector2, wrap_rad
+from companion.messages import RangeModel
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
 Row = NDArray[np.float64]
@@ -70,11 +71,18 @@ class LineSlam:
     GATE_SIGMAS = 3.5
     EXTENT_MARGIN_M = 3.0
     """A hit this far beyond the known end of a wall may still belong to it."""
+    END_SIGMAS = 2.0
     LEAST_COS_INCIDENCE = math.cos(math.radians(65))
     SAME_NORMAL_RAD = math.radians(12)
 
-    def __init__(self, heading: HeadingFilter, odometry: OdometryModel = OdometryModel()) -> None:
+    def __init__(
+        self,
+        heading: HeadingFilter,
+        sensor: RangeModel,
+        odometry: OdometryModel = OdometryModel(),
+    ) -> None:
         self._heading = heading
+        self._sensor = sensor
         self._odometry = odometry
         self._x: Row = np.zeros(_WALLS)
         self._p: Row = np.diag([0.0, 0.0, odometry.scale_sigma**2])
@@ -119,11 +127,11 @@ class LineSlam:
         self._p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
         self._p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
 
-    def see_range(self, bearing_rad: float, range_m: float, variance_m2: float) -> None:
-        """Correct by one range, if it fits a known wall."""
+    def see_range(self, bearing_rad: float, range_m: float, mount_offset_m: float) -> None:
+        """Correct by one range from the drone's centre, if it fits a known wall."""
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
-            match = self._match(wall, bearing_rad, range_m, variance_m2)
+            match = self._match(wall, bearing_rad, range_m, mount_offset_m)
             if match is None:
                 continue
             spread = float(match.gradient @ self._p @ match.gradient) + match.variance_m2
@@ -135,9 +143,14 @@ class LineSlam:
             best[1].wall.extend(best[1].along_m)
 
     def _match(
-        self, wall: Wall, bearing_rad: float, range_m: float, variance_m2: float
+        self, wall: Wall, bearing_rad: float, range_m: float, mount_offset_m: float
     ) -> _Match | None:
-        """What the range says if it met this wall; None if it cannot have."""
+        """What the range says if it met this wall; None if it cannot have.
+
+        Noise is taken at the predicted distance, not at the measured one: short readings would
+        else count for more than long ones. For the same reason nothing is learned near the end
+        of the sensor's range, where long readings are missing.
+        """
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = wrap_rad(bearing_rad - normal_rad)
         cos_incidence = math.cos(incidence_rad)
@@ -152,6 +165,9 @@ class LineSlam:
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
             return None
         predicted_m = distance_m / cos_incidence
+        sigma_m = self._sensor.sigma_m(max(predicted_m - mount_offset_m, self._sensor.min_m))
+        if predicted_m - mount_offset_m > self._sensor.max_m - self.END_SIGMAS * sigma_m:
+            return None
         # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
         gradient = np.zeros(len(self._x))
@@ -159,7 +175,7 @@ class LineSlam:
         gradient[_EAST] = -sin_n / cos_incidence
         gradient[at] = 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
-        variance_m2 += (lever_m * angle_sigma_rad) ** 2
+        variance_m2 = sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
         return _Match(wall, along_m, range_m - predicted_m, gradient, variance_m2)
 
     def _correct(self, match: _Match) -> None:

@@ -26,6 +26,8 @@ class Line:
     offset_sigma_m: float
     centre: Vector2
     length_m: float
+    misfit: float
+    """χ² of the hits about the line by its degrees of freedom; about 1 for a wall."""
     mean_time_s: float
     mean_yaw_rad: float
     """Heading of the drone, in the frame of the hits, when it saw the middle of the run."""
@@ -82,6 +84,7 @@ def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
     spread = 0.5 * (var_xx + var_yy) + math.hypot(0.5 * (var_xx - var_yy), var_xy)
     if spread <= 0:
         return None
+    thickness = max(var_xx + var_yy - spread, 0.0)
     normal_rad = along_rad + math.pi / 2
     cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
     offset_m = x * cos_n + y * sin_n
@@ -94,6 +97,7 @@ def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
         offset_sigma_m=1 / math.sqrt(weight),
         centre=(x, y),
         length_m=math.sqrt(12 * spread),
+        misfit=weight * thickness / (moments.hits - 2),
         mean_time_s=moments.time / weight,
         mean_yaw_rad=moments.yaw / weight,
     )
@@ -107,7 +111,9 @@ class WallRun:
     FULL_LENGTH_M = 2.5
     MOST_NORMAL_SIGMA_RAD = math.radians(2.5)
     MOST_INCIDENCE_RAD = math.radians(65)
-    MISFIT_SIGMAS = 3.5
+    MOST_MISFIT = 1.8
+    """A run round a corner lies about its line more loosely than its noise allows."""
+    MISFIT_SIGMAS = 3.0
     MISFITS_TO_END = 2
 
     def __init__(self) -> None:
@@ -133,8 +139,9 @@ class WallRun:
         self._misfits.clear()
         if line is None or line.length_m < self.LEAST_LENGTH_M:
             return None
-        trusted = line.normal_sigma_rad < self.MOST_NORMAL_SIGMA_RAD and self._is_faced(line)
-        return line if trusted else None
+        sure = line.normal_sigma_rad < self.MOST_NORMAL_SIGMA_RAD
+        straight = line.misfit < self.MOST_MISFIT
+        return line if sure and straight and self._is_faced(line) else None
 
     def _is_faced(self, line: Line) -> bool:
         """False for a row of hits along the beam itself: that is noise of the range, not a wall."""
