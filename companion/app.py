@@ -151,8 +151,16 @@ class App:
         )
         return self._progress
 
+    def final_floor_plan(self) -> FloorPlan:
+        """The map with the whole flight smoothed; takes a second or so."""
+        smoothed = self._estimator.smoothed() if self._estimator else None
+        if smoothed is None:
+            return self.floor_plan()
+        walls = wall_segments(smoothed.walls, smoothed.hits)
+        return FloorPlan(walls, smoothed.hits, smoothed.path, self._ceiling.height_m)
+
     def floor_plan(self) -> FloorPlan:
-        """The map so far."""
+        """The map so far, as the flight uses it."""
         if self._estimator is None:
             return FloorPlan()
         return FloorPlan(

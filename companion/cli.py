@@ -78,8 +78,9 @@ def _fly(settings: Config, out: Path) -> int:
 
             flight = fly(app, rig, watch, interrupted.requested)
     finally:
-        files = save(app.floor_plan(), out)
-    console.print(summary(flight, app.floor_plan(), files, time.monotonic() - began_s))
+        plan = app.final_floor_plan()
+        files = save(plan, out)
+    console.print(summary(flight, plan, files, time.monotonic() - began_s))
     if flight.phase is Phase.FAILED and not app.flight.began_s:
         console.print(_remedy(settings))
     return 0 if flight.completed else EXIT_NOT_COMPLETED

@@ -120,7 +120,7 @@ def _fly_lockstep(
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(setup, settings, progress.show, transport.value)
     waited_s = time.monotonic() - began_s
-    plan = app.floor_plan()
+    plan = app.final_floor_plan()
     if out is not None:
         save(plan, out)
     return make_report(

@@ -5,7 +5,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from companion.estimation.heading import HeadingFilter, WallBearing
+from companion.estimation.keyframes import Keyframes
 from companion.estimation.line_slam import LineSlam
+from companion.estimation.smoother import Smoothed, Smoother
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.messages import (
@@ -48,10 +50,14 @@ class Estimator:
         self.slam = LineSlam(self.heading, sensor)
         self._trusted_m = _trusted_m(sensor)
         self.hits: list[Hit] = []
+        self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
+        self._keyframes = Keyframes()
         self._mount_offset_m = mount_offset_m
         self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
         self._odometry: Odometry | None = None
         self._height_m = 0.0
+        self._raw_ne_m: Vector2 = (0.0, 0.0)
+        self._raw_yaw_rad = 0.0
         self._drifting_ne_m: Vector2 = (0.0, 0.0)
         self._drifting_yaw_rad = 0.0
 
@@ -67,7 +73,9 @@ class Estimator:
 
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
-        self._drifting_yaw_rad += self.heading.predict(samples)
+        corrected_rad, raw_rad = self.heading.predict(samples)
+        self._drifting_yaw_rad += corrected_rad
+        self._raw_yaw_rad += raw_rad
 
     def move(self, odometry: Odometry) -> None:
         """Take in the autopilot's odometry: only how far the body moved, not where to."""
@@ -85,15 +93,18 @@ class Estimator:
         half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
+        self._raw_ne_m = _moved(self._raw_ne_m, body_m, self._raw_yaw_rad - half_turn_rad)
         scale = 1 + self.slam.scale_error
-        north_m, east_m = frd_to_ned(*body_m, self._drifting_yaw_rad - half_turn_rad)
-        self._drifting_ne_m = (
-            self._drifting_ne_m[0] + scale * north_m,
-            self._drifting_ne_m[1] + scale * east_m,
+        self._drifting_ne_m = _moved(
+            self._drifting_ne_m,
+            (scale * body_m[0], scale * body_m[1]),
+            self._drifting_yaw_rad - half_turn_rad,
         )
 
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
+        pose = self.pose(scan.time_s)
+        self._keyframes.advance(pose, self._raw_ne_m, self._raw_yaw_rad)
         for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
             reading = scan.readings.get(beam)
             if reading is None:
@@ -102,6 +113,8 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
+            raw = self._raw_ne_m, self._raw_yaw_rad
+            self._keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
             bearing_rad = self.heading.yaw_rad + bearing_frd_rad
             self.slam.see_range(bearing_rad, range_m, self._mount_offset_m)
             north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
@@ -117,6 +130,13 @@ class Estimator:
                 self._drifting_yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+
+    def smoothed(self) -> Smoothed | None:
+        """The whole flight set right by all that was seen; None before anything was."""
+        if len(self._keyframes.frames) < 2:
+            return None
+        keyframes = self._keyframes
+        return self._smoother.smooth(keyframes.frames, keyframes.hits, self.wall_lines())
 
     def _learn(self, run: Line | None, now_s: float) -> None:
         """A finished run tells the heading, and perhaps a new wall."""
@@ -195,6 +215,11 @@ def _trusted_m(sensor: RangeModel) -> float:
     while sensor.sigma_m(distance_m) > TRUSTED_SIGMA_M:
         distance_m -= 0.1
     return distance_m
+
+
+def _moved(place: Vector2, body_m: Vector2, yaw_rad: float) -> Vector2:
+    north_m, east_m = frd_to_ned(*body_m, yaw_rad)
+    return place[0] + north_m, place[1] + east_m
 
 
 def _along(origin: Vector2, bearing_rad: float, range_m: float) -> Vector2:

@@ -109,11 +109,14 @@ class HeadingFilter:
         difference = self._difference(_WALLS + wall, _YAW)
         return math.sqrt(max(float(difference @ self._filter.P @ difference), 0.0))
 
-    def predict(self, samples: Sequence[GyroSample]) -> float:
-        """Integrate the samples since the last call; how far the heading moved, rad."""
+    def predict(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
+        """Integrate the samples since the last call.
+
+        Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
+        """
         turned_rad, duration_s = self._integrate(samples)
         if duration_s <= 0:
-            return 0.0
+            return 0.0, 0.0
         kalman, model = self._filter, self._model
         before = self._value(_YAW)
         kalman.F[_YAW, _BIAS] = -duration_s
@@ -122,7 +125,7 @@ class HeadingFilter:
         kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s
         kalman.Q[_BIAS, _BIAS] = model.bias_walk_rad_s_sqrt_s**2 * duration_s
         kalman.predict()
-        return self._value(_YAW) - before
+        return self._value(_YAW) - before, turned_rad
 
     def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
         turned_rad = duration_s = 0.0

@@ -1,0 +1,86 @@
+"""What the smoother needs of the flight: a pose every 0.2 s, what was measured between, and hits.
+
+All in frames that nothing estimated has touched: displacements and hits are relative to the
+keyframe before them, by raw odometry and gyro.
+"""
+
+from dataclasses import dataclass, field
+
+from companion.frames import Vector2, ned_to_frd
+from companion.messages import Beam, Pose
+
+PERIOD_S = 0.2
+
+
+@dataclass(frozen=True, slots=True)
+class Keyframe:
+    """A moment of the flight. Motion is from the keyframe before, in that one's body frame."""
+
+    time_s: float
+    guess: Pose
+    """The filters' pose at that time."""
+    moved_frd_m: Vector2
+    """By odometry, its scale not corrected."""
+    turned_rad: float
+    """By the gyro, neither bias nor scale corrected."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeyframeHit:
+    """One return of a beam, relative to its keyframe's position and heading."""
+
+    time_s: float
+    beam: Beam
+    keyframe: int
+    offset_frd_m: Vector2
+    """Where the drone was."""
+    bearing_frd_rad: float
+    """Where the beam pointed, off the keyframe's heading."""
+    range_m: float
+    """From the drone's centre."""
+    down_m: float
+
+
+@dataclass(slots=True)
+class Keyframes:
+    """The record; `raw_ne_m` and `raw_yaw_rad` are the uncorrected dead reckoning."""
+
+    frames: list[Keyframe] = field(default_factory=list)
+    hits: list[KeyframeHit] = field(default_factory=list)
+    _raw_ne_m: Vector2 = (0.0, 0.0)
+    _raw_yaw_rad: float = 0.0
+
+    def advance(self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float) -> None:
+        """Make a keyframe if it is time for one."""
+        if self.frames and pose.time_s - self.frames[-1].time_s < PERIOD_S - 1e-6:
+            return
+        moved_frd_m, turned_rad = self._since(raw_ne_m, raw_yaw_rad)
+        self.frames.append(Keyframe(pose.time_s, pose, moved_frd_m, turned_rad))
+        self._raw_ne_m, self._raw_yaw_rad = raw_ne_m, raw_yaw_rad
+
+    def add_hit(
+        self,
+        pose: Pose,
+        beam: Beam,
+        bearing_frd_rad: float,
+        range_m: float,
+        raw: tuple[Vector2, float],
+    ) -> None:
+        """A hit seen now, `bearing_frd_rad` off the nose, at the raw dead-reckoned (place, yaw)."""
+        offset_frd_m, turned_rad = self._since(*raw)
+        self.hits.append(
+            KeyframeHit(
+                pose.time_s,
+                beam,
+                len(self.frames) - 1,
+                offset_frd_m,
+                turned_rad + bearing_frd_rad,
+                range_m,
+                pose.down_m,
+            )
+        )
+
+    def _since(self, raw_ne_m: Vector2, raw_yaw_rad: float) -> tuple[Vector2, float]:
+        north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
+        moved = ned_to_frd(north_m, east_m, self._raw_yaw_rad)
+        return moved, raw_yaw_rad - self._raw_yaw_rad
