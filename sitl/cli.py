@@ -58,13 +58,16 @@ def run(
     ] = "udpout:127.0.0.1:14550",
     bus_port: Annotated[int, typer.Option(help="TCP port of the sensor bus; 0: any.")] = 5790,
     speed: Annotated[float, typer.Option(help="Most times real time.", min=0.1, max=1000)] = 1.0,
+    lockstep: Annotated[
+        bool, typer.Option(help="Time stands still until a companion asks for it.")
+    ] = False,
     truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
 ) -> None:
     """Serve a vehicle in a world: MAVLink on UDP, its sensors on TCP; Ctrl-C ends it."""
     setup = _setup(world, seed, profile)
     transport = UdpTransport(mavlink, AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT)
     simulation = Simulation(setup, transport)
-    server = Server(simulation, transport, bus_port, speed)
+    server = Server(simulation, transport, bus_port=bus_port, speed=speed, lockstep=lockstep)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: server.stop())
     kind, host, port = mavlink.split(":")

@@ -30,7 +30,15 @@ def fly_in_two_processes(
     sitl = subprocess.Popen(
         [
             *(sys.executable, "-m", "sitl", "run", *sitl_arguments),
-            *("--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0", "--truth", str(truth_path)),
+            *(
+                "--mavlink",
+                "udpin:127.0.0.1:0",
+                "--bus-port",
+                "0",
+                "--lockstep",
+                "--truth",
+                str(truth_path),
+            ),
         ],
         stdout=subprocess.PIPE,
         text=True,

@@ -2,7 +2,8 @@
 
 One thread, one loop. While a companion asks for virtual time, the simulation goes exactly as far
 as it is asked to, and no faster than `speed` times real time. While nobody asks, for example with
-only a ground station connected, it runs by itself in real time.
+only a ground station connected, it runs by itself in real time; unless it is run `lockstep`, where
+time stands still until somebody asks, so that a flight is the same to the bit however it is flown.
 """
 
 import selectors
@@ -50,10 +51,17 @@ class Server:
     """The event loop; `stop` from a signal handler ends it."""
 
     def __init__(
-        self, simulation: Simulation, transport: UdpTransport, bus_port: int, speed: float
+        self,
+        simulation: Simulation,
+        transport: UdpTransport,
+        *,
+        bus_port: int,
+        speed: float,
+        lockstep: bool = False,
     ) -> None:
         self._simulation = simulation
         self._transport = transport
+        self._lockstep = lockstep
         self._pace = Pace(speed)
         self._attended_s = -UNATTENDED_AFTER_S
         self._selector = selectors.DefaultSelector()
@@ -75,7 +83,8 @@ class Server:
             while self._running:
                 for key, _ in self._selector.select(FREE_RUN_STEP_S):
                     self._accept() if key.data is None else self._serve_client(key.data)
-                self._run_unattended()
+                if not self._lockstep:
+                    self._run_unattended()
                 watch(self._simulation.time_s)
         finally:
             for key in list(self._selector.get_map().values()):

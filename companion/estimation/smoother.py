@@ -8,9 +8,11 @@ was seen late. Unknowns, solved together by Gauss-Newton on sparse normal equati
 
 Residuals, each divided by its sigma:
 
-    odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) - (1 + s)·d_k         gyro  ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
-    hit        (p_k + R(ψ_k)·q)·n_i - ρ_i                   bias  b_{k+1} - b_k
-    priors     p_0 = 0, ψ_0 = 0, b_0, g, s
+    odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) - (1 + s)·d_k
+    gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
+    bias       b_{k+1} - b_k
+    hit        (p_k + R(ψ_k)·q)·n_i - ρ_i
+    priors     p_0 and ψ_0 (from take-off to the first range), b_0, g, s
 
 Which hit belongs to which wall is decided anew in every round, with an ever narrower gate; walls
 that turn out to be one are merged, walls that too little speaks for are dropped. A Cauchy weight
@@ -47,6 +49,7 @@ LEAST_HITS = 12
 LEAST_EXTENT_M = 0.6
 NEAR_END_SIGMAS = 2.0
 ODOMETRY_FLOOR_M = 0.002
+LEAST_SIGMA = 1e-4
 POSE_SIZE = 4
 
 
@@ -82,6 +85,7 @@ class _Measured:
     offset: Array
     bearing: Array
     range_m: Array
+    start: Pose
 
 
 class Smoother:
@@ -92,14 +96,12 @@ class Smoother:
         sensor: RangeModel,
         mount_offset_m: float,
         rest_bias_rad_s: float,
-        gyro: GyroModel = GyroModel(),
-        odometry: OdometryModel = OdometryModel(),
     ) -> None:
         self._sensor = sensor
         self._mount_offset_m = mount_offset_m
         self._rest_bias_rad_s = rest_bias_rad_s
-        self._gyro = gyro
-        self._odometry = odometry
+        self._gyro = GyroModel()
+        self._odometry = OdometryModel()
 
     def smooth(
         self,
@@ -116,13 +118,24 @@ class Smoother:
             np.array([[w.normal_rad, w.offset_m] for w in walls]).reshape(-1, 2),
         )
         state.poses[:, 2] = np.unwrap([f.guess.yaw_rad for f in frames])
-        sigma = np.ones(len(hits))
         for gate_m in GATES_M:
             wall_of, sigma = self._associate(state, measured, gate_m)
             wall_of = _merge_and_drop(state, measured, wall_of)
             for _ in range(STEPS_A_ROUND):
                 information = self._step(state, measured, wall_of, sigma)
-        return self._result(state, measured, frames, hits, wall_of, sigma, information)
+        points, _, _ = _project(state, measured)
+        return Smoothed(
+            _wall_lines(state, information),
+            tuple(map(self._hit, hits, points)),
+            tuple(map(_pose, frames, state.poses)),
+            state.odometry_scale,
+            state.gyro_scale,
+        )
+
+    def _hit(self, hit: KeyframeHit, point: Array) -> Hit:
+        sigma_m = self._sensor.sigma_m(max(hit.range_m - self._mount_offset_m, self._sensor.min_m))
+        position_ned_m = (float(point[0]), float(point[1]), hit.down_m)
+        return Hit(hit.time_s, hit.beam, position_ned_m, sigma_m**2)
 
     def _associate(
         self, state: _State, m: _Measured, gate_m: float
@@ -166,7 +179,7 @@ class Smoother:
         return factor
 
     def _add_motion(self, system: "_System", state: _State, m: _Measured) -> None:
-        p, gyro = state.poses, self._gyro
+        p, gyro, start = state.poses, self._gyro, m.start
         k = np.arange(len(p) - 1)
         at, after = POSE_SIZE * k, POSE_SIZE * (k + 1)
         cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
@@ -200,56 +213,27 @@ class Smoother:
             [(at + 3, -one), (after + 3, one)],
         )
         for column, value, prior_sigma in (
-            (0, p[0, 0], 1e-4),
-            (1, p[0, 1], 1e-4),
-            (2, p[0, 2], 1e-4),
+            (0, p[0, 0] - start.north_m, start.position_sigma_m + LEAST_SIGMA),
+            (1, p[0, 1] - start.east_m, start.position_sigma_m + LEAST_SIGMA),
+            (2, p[0, 2] - start.yaw_rad, start.yaw_sigma_rad + LEAST_SIGMA),
             (3, p[0, 3] - self._rest_bias_rad_s, gyro.bias_sigma_rad_s),
             (system.gyro_scale, state.gyro_scale, gyro.scale_sigma),
             (system.odometry_scale, state.odometry_scale, self._odometry.scale_sigma),
         ):
             system.add(np.array([value]), prior_sigma, [(np.array([column]), np.ones(1))])
 
-    def _result(
-        self,
-        state: _State,
-        m: _Measured,
-        frames: Sequence[Keyframe],
-        hits: Sequence[KeyframeHit],
-        wall_of: NDArray[np.int64],
-        sigma: Array,
-        factor: "splu",
-    ) -> Smoothed:
-        points, _, _ = _project(state, m)
-        first = POSE_SIZE * len(state.poses) + 2
-        offset_sigma = [
-            math.sqrt(_variance(factor, first + 2 * i + 1)) for i in range(len(state.walls))
-        ]
-        return Smoothed(
-            tuple(
-                WallLine(float(normal), float(offset), s)
-                for (normal, offset), s in zip(state.walls, offset_sigma, strict=True)
-            ),
-            tuple(
-                Hit(
-                    hit.time_s,
-                    hit.beam,
-                    (float(point[0]), float(point[1]), hit.down_m),
-                    self._sensor.sigma_m(max(hit.range_m - self._mount_offset_m, 0.1)) ** 2,
-                )
-                for hit, point in zip(hits, points, strict=True)
-            ),
-            tuple(
-                replace(
-                    frame.guess,
-                    north_m=float(pose[0]),
-                    east_m=float(pose[1]),
-                    yaw_rad=wrap_rad(float(pose[2])),
-                )
-                for frame, pose in zip(frames, state.poses, strict=True)
-            ),
-            state.odometry_scale,
-            state.gyro_scale,
-        )
+
+def _pose(frame: Keyframe, pose: Array) -> Pose:
+    north_m, east_m, yaw_rad, _ = map(float, pose)
+    return replace(frame.guess, north_m=north_m, east_m=east_m, yaw_rad=wrap_rad(yaw_rad))
+
+
+def _wall_lines(state: _State, information: "splu") -> tuple[WallLine, ...]:
+    first = POSE_SIZE * len(state.poses) + 2
+    return tuple(
+        WallLine(float(normal), float(offset), math.sqrt(_variance(information, first + 2 * i + 1)))
+        for i, (normal, offset) in enumerate(state.walls)
+    )
 
 
 class _System:
@@ -391,4 +375,5 @@ def _as_arrays(frames: Sequence[Keyframe], hits: Sequence[KeyframeHit]) -> _Meas
         offset=np.array([hit.offset_frd_m for hit in hits]).reshape(-1, 2),
         bearing=np.array([hit.bearing_frd_rad for hit in hits]),
         range_m=np.array([hit.range_m for hit in hits]),
+        start=frames[0].guess,
     )
