@@ -22,7 +22,6 @@ from companion.fly import Clock, Rig, fly
 from companion.link.link import Link
 from companion.link.transport import UdpTransport
 from companion.mapping.files import AutoSave, save
-from companion.pdps.flight import Phase
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -81,8 +80,8 @@ def _fly(settings: Config, out: Path) -> int:
         plan = app.final_floor_plan()
         files = save(plan, out)
     console.print(summary(flight, plan, files, time.monotonic() - began_s))
-    if flight.phase is Phase.FAILED and not app.flight.began_s:
-        console.print(_remedy(settings))
+    if not flight.took_off:
+        console.print(_remedy(settings), soft_wrap=True)
     return 0 if flight.completed else EXIT_NOT_COMPLETED
 
 

@@ -28,7 +28,6 @@ class LinkConfig(_Group):
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
     """MAV_COMP_ID_ONBOARD_COMPUTER."""
-    connect_timeout_s: float = Field(8.0, gt=0, le=600)
 
 
 class AdcChannel(_Group):

@@ -2,26 +2,35 @@
 
 from collections.abc import Callable
 
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.drivers.ranges import RangeSensors
-from companion.link.link import Link
-from companion.link.transport import direct_pair, pipe_pair
-
 from companion.app import App, Progress
 from companion.config import Config
+from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.drivers.ranges import RangeSensors
 from companion.fly import Rig, fly
+from companion.link.link import Link
+from companion.link.transport import direct_pair, pipe_pair
 from sitl.simulation import Setup, Simulation
 
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
 
 
+Script = Callable[[Simulation], None]
+"""Called at every tick of the companion; may inject faults and act as the pilot."""
+
+
+def no_script(simulation: Simulation) -> None:
+    """A flight in which nothing happens."""
+
+
 class LockstepClock:
     """Waiting for a time is what makes the simulation reach it."""
 
-    def __init__(self, simulation: Simulation) -> None:
+    def __init__(self, simulation: Simulation, script: Script) -> None:
         self._simulation = simulation
+        self._script = script
 
     def wait_until(self, time_s: float) -> float:
+        self._script(self._simulation)
         self._simulation.advance(time_s)
         return self._simulation.time_s
 
@@ -31,6 +40,7 @@ def fly_in_lockstep(
     config: Config,
     watch: Callable[[Progress], None],
     transport: str = "direct",
+    script: Script = no_script,
 ) -> tuple[App, Simulation]:
     """Fly one mission to its end."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport]()
@@ -40,7 +50,7 @@ def fly_in_lockstep(
         Link(companion_end, config.link),
         RangeSensors(bus, config.sensors),
         Lsm9ds1(bus, config.sensors.gyro_address),
-        LockstepClock(simulation),
+        LockstepClock(simulation, script),
     )
     app = App(config)
     fly(app, rig, watch)

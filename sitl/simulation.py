@@ -43,6 +43,8 @@ class Simulation:
 
     def __init__(self, setup: Setup, transport: Transport) -> None:
         self._transport = transport
+        self.is_link_down = False
+        """A fault for tests: MAVLink is lost in both directions."""
         self._model = WorldModel(setup.world)
         start = start_state(setup)
         self.autopilot = Autopilot(setup.seed, start)
@@ -57,12 +59,14 @@ class Simulation:
     def advance(self, time_s: float) -> None:
         """Take in what the companion has sent, and let time pass until `time_s`."""
         for message in self._transport.receive():
-            self.autopilot.receive(message)
+            if not self.is_link_down:
+                self.autopilot.receive(message)
         while self.autopilot.time_s < time_s - 1e-9:
             self.autopilot.step()
             self._observe(self.autopilot.truth)
             for message in self.autopilot.take_outbox():
-                self._transport.send(message)
+                if not self.is_link_down:
+                    self._transport.send(message)
         self.board.bus.set_time(self.autopilot.time_s)
 
     def _observe(self, state: TrueState) -> None:

@@ -10,7 +10,8 @@
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
-    before take-off:               no estimate, arming refused too long ─► FAILED
+    before take-off:               no autopilot, no estimate, arming
+                                   refused, each for too long           ─► FAILED
 
 Safety: setpoints go out only in ROOM, HOME and HOLD, that is while armed and in the mode that we
 asked for. When somebody else changes the mode, the companion stops sending at once and does not
@@ -43,6 +44,7 @@ FAULT_LASTS_S = 3.0
 SENSOR_FAULT_LASTS_S = 1.0
 """Blind in a room, the drone drifts; it lands sooner than for a silent link."""
 LINK_LOST_S = 10.0
+CONNECT_TIMEOUT_S = 8.0
 PREPARE_TIMEOUT_S = 60.0
 ARM_TIMEOUT_S = 30.0
 TAKE_OFF_TIMEOUT_S = 20.0
@@ -104,6 +106,10 @@ class Flight:
         return self.phase is Phase.DONE and not self.trouble
 
     @property
+    def took_off(self) -> bool:
+        return self.began_s > 0
+
+    @property
     def ending(self) -> str:
         """How the flight ended, in words."""
         if self.completed:
@@ -154,6 +160,8 @@ def _age_s(flight: Flight, view: View) -> float:
 def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.connected:
         return _go(flight, Phase.PREPARE, view), NOTHING
+    if _age_s(flight, view) > CONNECT_TIMEOUT_S:
+        return _go(flight, Phase.FAILED, view, "no autopilot heard"), NOTHING
     return flight, NOTHING
 
 

@@ -64,6 +64,11 @@ class Autopilot:
         return self._steps * STEP_S
 
     @property
+    def mode(self) -> int:
+        """HEARTBEAT.custom_mode."""
+        return self._mode
+
+    @property
     def truth(self) -> TrueState:
         return self._vehicle.state
 

@@ -34,7 +34,7 @@ class SensorBoard:
         self, seed: int, config: SensorsConfig, range_m: RangeQuery, truth_at: TruthAt
     ) -> None:
         physics = PHYSICS[config.profile]
-        self.sensors: dict[Beam, SharpUnit] = {
+        self._sensors: dict[Beam, SharpUnit] = {
             beam: SharpUnit(
                 physics,
                 _beam_query(beam, config.mount_offset_m, physics.sees_to_m, range_m, truth_at),
@@ -51,9 +51,13 @@ class SensorBoard:
         )
         self.bus = DeviceBus(devices)
 
+    def unplug(self, beam: str) -> None:
+        """A fault for tests: a range sensor loses its plug."""
+        self._sensors[Beam(beam)].is_unplugged = True
+
     def _voltage(self, config: SensorsConfig, address: int) -> Callable[[int, float], float]:
         inputs = {
-            c.channel: self.sensors[beam]
+            c.channel: self._sensors[beam]
             for beam, c in config.channels.items()
             if c.address == address
         }
