@@ -5,6 +5,7 @@ classes for its end.
 """
 
 import errno
+import re
 import select
 import socket
 import struct
@@ -16,6 +17,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import LinkError
 
+URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
 Message = Any
 """A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
 
@@ -47,9 +49,15 @@ def make_codec(system_id: int, component_id: int) -> Any:
 
 
 def _decode(codec: Any, data: bytes) -> list[Message]:
-    """Messages in a packet; what cannot be parsed is left out."""
+    """Whole messages in a packet; what cannot be parsed or is not known is left out.
+
+    Half a message at the packet's end is forgotten, or it would swallow the next packet.
+    """
     messages = codec.parse_buffer(data) or []
-    return [message for message in messages if message.get_type() != "BAD_DATA"]
+    if codec.buf_len():
+        codec.buf, codec.buf_index = bytearray(), 0
+        codec.expected_length = mavlink.HEADER_LEN_V1 + 2
+    return [m for m in messages if m.get_type() != "BAD_DATA" and m.id in mavlink.mavlink_map]
 
 
 class UdpTransport:
@@ -63,6 +71,8 @@ class UdpTransport:
     """
 
     def __init__(self, url: str, system_id: int, component_id: int) -> None:
+        if not re.fullmatch(URL_PATTERN, url):
+            raise LinkError(f"{url}: not a link; write udpin:HOST:PORT or udpout:HOST:PORT")
         kind, host, port = url.split(":")
         self._codec = make_codec(system_id, component_id)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -146,7 +156,7 @@ class _PipeEnd:
     def receive(self) -> list[Message]:
         data = b"".join(self._inbox)
         self._inbox.clear()
-        return _decode(self._codec, data) if data else []
+        return _decode(self._codec, data)
 
     def send(self, message: Message) -> None:
         self._outbox.append(message.pack(self._codec))

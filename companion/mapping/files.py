@@ -98,13 +98,13 @@ def save_ply(plan: FloorPlan, path: Path) -> None:
         for a, b, c in ((0, 1, 2), (0, 2, 3))
     ]
     mesh = trimesh.Trimesh(
-        vertices=np.array([*corners, *points]).reshape(-1, 3),
-        faces=np.array(faces).reshape(-1, 3),
-        vertex_colors=np.array([WALL_COLOUR] * len(corners) + [HIT_COLOUR] * len(points)).reshape(
-            -1, 4
-        ),
+        np.array([*corners, *points]).reshape(-1, 3),
+        np.array(faces, dtype=int).reshape(-1, 3),
         process=False,
     )
+    if len(mesh.vertices):
+        colours = [WALL_COLOUR] * len(corners) + [HIT_COLOUR] * len(points)
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.array(colours))
     with path.open("wb") as file:
         mesh.export(file, file_type="ply")
 

@@ -33,7 +33,7 @@ def test_it_maps_larger_rooms(fly: Fly, world: str) -> None:
     assert app.flight.completed, app.flight.ending
     surfaces = wall_surfaces(load_world(world), 1.2)
     score = score_map(app.final_floor_plan(), surfaces, simulation.record.take_off)
-    assert score.coverage >= 0.9
+    assert score.wall_error_aligned_cm <= 15
     assert simulation.record.collisions == 0
 
 

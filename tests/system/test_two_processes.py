@@ -1,0 +1,180 @@
+"""What only real processes can prove: that the two meet over sockets alone, and end well."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+DEADLINE_S = 120
+
+
+def sitl(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "sitl", *arguments]
+
+
+def companion(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "companion", *arguments]
+
+
+@contextmanager
+def running_sitl(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """`sitl run` on free ports; its process, MAVLink port and bus port."""
+    process = subprocess.Popen(
+        sitl("run", "room_100", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0", *arguments),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        text = "".join(process.stdout.readline() for _ in range(3))
+        ports = re.findall(r"127\.0\.0\.1:(\d+)", text)
+        yield process, ports[0], ports[1]
+    finally:
+        process.kill()
+        process.communicate(timeout=10)
+
+
+def flying(mavlink_port: str, bus_port: str, out: Path) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        companion(
+            *("fly", "--link", f"udpout:127.0.0.1:{mavlink_port}"),
+            *("--bus", f"sitl://127.0.0.1:{bus_port}", "--out", str(out)),
+        ),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def read_until(process: subprocess.Popen[str], words: str) -> str:
+    assert process.stdout is not None
+    text = ""
+    while words not in text:
+        line = process.stdout.readline()
+        assert line, f"it ended without saying {words!r}: {text}"
+        text += line
+    return text
+
+
+def test_a_flight_in_two_processes_is_the_flight_in_one(tmp_path: Path) -> None:
+    reports = {}
+    for transport in ("direct", "udp"):
+        out = tmp_path / transport
+        subprocess.run(
+            sitl("fly", "room_100", "--seed", "2", "--transport", transport, "--out", str(out)),
+            check=True,
+            timeout=DEADLINE_S,
+            stdout=subprocess.DEVNULL,
+        )
+        assert {"map.png", "map.ply", "map.json", "report.json"} <= set(os.listdir(out))
+        reports[transport] = json.loads((out / "report.json").read_text())
+        for wall_clock in ("waited_s", "speed_factor"):
+            del reports[transport][wall_clock]
+    assert reports["direct"] == reports["udp"]
+    assert reports["udp"]["completed"] is True
+    maps = [(tmp_path / transport / "map.json").read_bytes() for transport in reports]
+    assert maps[0] == maps[1]
+
+
+def test_when_sitl_is_killed_the_companion_says_so_and_keeps_the_map(tmp_path: Path) -> None:
+    with running_sitl("--speed", "1000") as (process, mavlink_port, bus_port):
+        pilot = flying(mavlink_port, bus_port, tmp_path)
+        read_until(pilot, "scanning parallel to the wall")
+        process.kill()
+        output, _ = pilot.communicate(timeout=60)
+    assert pilot.returncode == 1
+    assert "clock is gone" in output
+    assert "nothing heard for 10 s" in re.sub(r"[\s│]+", " ", output)
+    assert json.loads((tmp_path / "map.json").read_text())["walls"]
+    assert (tmp_path / "map.png").exists()
+
+
+def test_when_asked_to_stop_it_lands_first(tmp_path: Path) -> None:
+    with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
+        pilot = flying(mavlink_port, bus_port, tmp_path)
+        read_until(pilot, "scanning parallel to the wall")
+        pilot.send_signal(signal.SIGTERM)
+        output, _ = pilot.communicate(timeout=60)
+    assert pilot.returncode == 1
+    assert "landing was requested" in output
+    assert (tmp_path / "map.json").exists()
+
+
+def test_without_sitl_it_says_what_to_start_within_ten_seconds(tmp_path: Path) -> None:
+    began_s = time.monotonic()
+    result = subprocess.run(
+        companion("fly", "--bus", "sitl://127.0.0.1:1", "--link", "udpout:127.0.0.1:1"),
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+        cwd=tmp_path,
+    )
+    assert result.returncode == 2
+    assert time.monotonic() - began_s < 10
+    assert "sitl://127.0.0.1:1" in result.stderr
+    assert "sitl run room_100" in result.stderr
+    assert "Traceback" not in result.stderr
+
+
+def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
+    with running_sitl("--speed", "1000") as (_, _, bus_port):
+        silent = flying("1", bus_port, tmp_path)
+        output, _ = silent.communicate(timeout=30)
+    assert silent.returncode == 1
+    assert "no autopilot heard" in output
+    assert "udpout:127.0.0.1:1" in output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("fly", "kitchen"), ("kitchen", "room_100")),
+        (("fly", "room_100", "--profile", "lidar"), ("lidar", "gp2y0a710k0f")),
+        (("fly", "room_100", "--mission", "dance"), ("dance", "room")),
+        (("run", "room_100", "--mavlink", "serial"), ("serial",)),
+    ],
+)
+def test_what_sitl_cannot_do_is_one_line(arguments: tuple[str, ...], words: list[str]) -> None:
+    result = subprocess.run(
+        sitl(*arguments), capture_output=True, text=True, timeout=30, check=False
+    )
+    assert result.returncode == 2
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert all(word in result.stderr for word in words)
+
+
+def test_a_port_in_use_is_one_line() -> None:
+    with running_sitl() as (_, _, bus_port):
+        second = subprocess.run(
+            sitl("run", "room_100", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", bus_port),
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
+        )
+    assert second.returncode == 2
+    assert bus_port in second.stderr
+
+
+def test_the_companions_process_loads_nothing_of_sitl(tmp_path: Path) -> None:
+    """Imports every module that the companion's process may use, then looks for sitl."""
+    code = (
+        "import pkgutil, sys, companion\n"
+        "for m in pkgutil.walk_packages(companion.__path__, 'companion.'):\n"
+        "    __import__(m.name) if not m.name.endswith('__main__') else None\n"
+        "found = [n for n in sys.modules if n == 'sitl' or n.startswith('sitl.')]\n"
+        "sys.exit(str(found) if found else 0)\n"
+    )
+    result = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=False, timeout=60
+    )
+    assert result.returncode == 0, result.stderr

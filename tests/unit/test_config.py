@@ -1,0 +1,71 @@
+"""Configuration is read whole or refused in one line."""
+
+from pathlib import Path
+
+import pytest
+
+from companion.config import Config, load
+from companion.errors import ConfigError
+from companion.messages import Beam
+
+
+def refused(tmp_path: Path, text: str) -> str:
+    path = tmp_path / "drone.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as error:
+        load(path)
+    message = str(error.value)
+    assert "drone.toml" in message
+    assert "\n" not in message
+    return message
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[mission]\nspeed_m_s = 5.0\n", ("mission.speed_m_s", "5.0", "less than or equal to 2")),
+        ("[mission]\nheight_m = 'low'\n", ("mission.height_m", "low", "valid number")),
+        ("[mission]\nsped = 1\n", ("mission.sped", "no such key", "speed_m_s")),
+        ("[wings]\nspan = 1\n", ("wings", "no such key", "mission")),
+        ("[link]\nurl = 'com3'\n", ("link.url", "com3", "udpin")),
+        ("[sensors]\nprofile = 'lidar'\n", ("sensors.profile", "lidar", "gp2y0a710k0f")),
+        ("[sensors]\nbus = 'usb'\n", ("sensors.bus", "usb")),
+        (
+            "[sensors.channels]\nfront = {address = 1, channel = 0}\n",
+            ("sensors.channels.front.address", "72"),
+        ),
+        ("[mission\n", ("not TOML",)),
+    ],
+)
+def test_what_cannot_be_used_is_named(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+    message = refused(tmp_path, text)
+    for word in words:
+        assert word in message
+
+
+def test_a_missing_file_is_named() -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.toml"):
+        load(Path("nowhere.toml"))
+
+
+def test_values_are_read_and_the_rest_is_default(tmp_path: Path) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text(
+        "[mission]\nspeed_m_s = 0.5\n[sensors.channels]\nfront = {address = 74, channel = 3}\n"
+    )
+    config = load(path)
+    assert config.mission.speed_m_s == 0.5
+    assert config.mission.height_m == Config().mission.height_m
+    assert list(config.sensors.channels) == [Beam.FRONT]
+
+
+def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text("[sensors]\nprofile = 'paper'\nrest_s = 5\n")
+    config = load(path, {"sensors.profile": "gp2y0a710k0f"})
+    assert (config.sensors.profile, config.sensors.rest_s) == ("gp2y0a710k0f", 5)
+
+
+def test_a_bad_option_is_refused_like_a_bad_file() -> None:
+    with pytest.raises(ConfigError, match=r"command line: mission\.kind = 'dance'"):
+        load(None, {"mission.kind": "dance"})

@@ -1,0 +1,159 @@
+"""Heading, wall runs, position: in metres and degrees, on made-up motions with known truth."""
+
+import math
+from random import Random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.drivers.sharp import GP2Y0A710K0F, PAPER
+from companion.estimation.estimator import Estimator
+from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
+from companion.estimation.rest import RestCalibration
+from companion.estimation.wall_runs import RunHit, WallRun
+from companion.messages import Beam, GyroSample, Odometry, RangeReading, RangeScan, RangeState
+
+
+def gyro(rate_deg_s: float, seconds: float, start_s: float = 0.0) -> list[GyroSample]:
+    return [
+        GyroSample(start_s + 0.01 * i, math.radians(rate_deg_s))
+        for i in range(round(seconds * 100) + 1)
+    ]
+
+
+def test_heading_integrates_the_gyro_without_its_rest_bias() -> None:
+    heading = HeadingFilter(math.radians(2.0))
+    heading.predict(gyro(47.0, 2.0))
+    assert math.degrees(heading.yaw_rad) == pytest.approx(90, abs=0.1)
+
+
+@settings(deadline=None)
+@given(st.floats(-0.05, 0.05), st.floats(-0.3, 0.3))
+def test_a_wall_seen_again_after_a_turn_tells_the_gyros_scale(scale: float, bias: float) -> None:
+    """A full turn takes 8 s; the wall is where it was, whatever the gyro says."""
+    model = GyroModel(bias_sigma_rad_s=math.radians(0.01))
+    heading = HeadingFilter(math.radians(bias), model)
+    wall = heading.add_wall(WallBearing(0.2, math.radians(0.3), 0.0, 0.0))
+    heading.predict(gyro(45.0 * (1 + scale) + bias, 8.0))
+    seen = WallBearing(0.2 - math.tau, math.radians(0.3), 0.0, 0.0)
+    heading.see_wall(wall, seen)
+    assert math.degrees(heading.yaw_rad) == pytest.approx(0, abs=1.0)
+    assert heading.scale_error == pytest.approx(scale / (1 + scale), abs=0.004)
+
+
+def test_an_unbelievable_wall_direction_is_refused() -> None:
+    heading = HeadingFilter(0.0)
+    wall = heading.add_wall(WallBearing(0.0, math.radians(0.5), 0.0, 0.0))
+    assert not heading.see_wall(wall, WallBearing(math.radians(20), 0.01, 0.0, 0.0))
+    assert heading.yaw_rad == pytest.approx(0, abs=1e-6)
+
+
+@pytest.mark.parametrize("turns", [1, 3, 11])
+def test_heading_wraps(turns: int) -> None:
+    heading = HeadingFilter(0.0)
+    heading.predict(gyro(90.0, 4.0 * turns))
+    assert -math.pi <= heading.yaw_rad < math.pi
+    assert math.degrees(heading.yaw_rad) == pytest.approx(0, abs=0.5)
+
+
+def test_rest_calibration_waits_for_stillness() -> None:
+    rest = RestCalibration(2.0)
+    rest.add(gyro(0.5, 1.5))
+    rest.add(gyro(30.0, 0.5, start_s=1.5))
+    assert rest.bias_rad_s is None
+    rest.add(gyro(0.5, 2.5, start_s=2.1))
+    assert rest.bias_rad_s == pytest.approx(math.radians(0.5), abs=1e-6)
+
+
+def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, float]:
+    """Hits along a wall 1.5 m away; direction error and claimed sigma, degrees."""
+    random = Random(seed)
+    run = WallRun()
+    normal = math.radians(normal_deg)
+    for i in range(400):
+        along = 0.05 * i
+        eye = (-along * math.sin(normal), along * math.cos(normal))
+        range_m = 1.5 + random.gauss(0, sigma_m)
+        hit = (eye[0] + range_m * math.cos(normal), eye[1] + range_m * math.sin(normal))
+        line = run.add(RunHit(0.05 * i, hit, sigma_m**2, eye, 0.0))
+        if line:
+            error = math.degrees(math.remainder(line.normal_rad - normal, math.tau))
+            return error, math.degrees(line.normal_sigma_rad)
+    pytest.fail("no run was finished")
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.floats(-180, 180), st.sampled_from([0.01, 0.05]), st.integers(0, 10_000))
+def test_a_run_tells_the_walls_direction_as_well_as_it_claims(
+    normal_deg: float, sigma_m: float, seed: int
+) -> None:
+    error_deg, sigma_deg = run_along(normal_deg, sigma_m, seed)
+    assert abs(error_deg) < 5 * sigma_deg
+    assert sigma_deg < 2.0
+
+
+def test_noise_along_the_beam_is_no_wall() -> None:
+    random = Random(3)
+    run = WallRun()
+    for i in range(200):
+        hit = (4.0 + random.gauss(0, 0.3), 0.0)
+        assert run.add(RunHit(0.05 * i, hit, 0.3**2, (0.0, 0.0), 0.0)) is None
+    assert run.end() is None
+
+
+def corridor(estimator: Estimator, scale: float, noise: Random, sigma_m: float) -> float:
+    """Fly 4 m east towards a wall at 6 m, facing a wall 1.5 m north; the true east at the end."""
+    estimator.turn([GyroSample(0.0, 0.0)])
+    east = 0.0
+    for tick in range(1, 81):
+        time_s = 0.05 * tick
+        east += 0.05
+        estimator.turn([GyroSample(time_s, 0.0)])
+        estimator.move(Odometry(time_s, (0.0, east * scale, -1.2), (0.0, scale, 0.0), yaw_rad=0.0))
+        readings = {
+            Beam.FRONT: RangeReading(RangeState.DISTANCE, 1.5 + noise.gauss(0, sigma_m), 0.0025),
+            Beam.RIGHT: RangeReading(
+                RangeState.DISTANCE, 6.0 - east + noise.gauss(0, sigma_m), 0.0025
+            )
+            if 6.0 - east < 4.8
+            else RangeReading(RangeState.NOTHING),
+        }
+        estimator.see(RangeScan(time_s, readings))
+    return east
+
+
+def test_odometry_alone_is_believed_until_walls_say_otherwise() -> None:
+    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator.move(Odometry(0.0, (5.0, 5.0, 0.0), (0.0, 0.0, 0.0), 1.0))
+    estimator.move(Odometry(0.1, (5.0, 5.5, -0.1), (0.0, 0.0, 0.0), 1.0))
+    pose = estimator.pose(0.1)
+    assert math.hypot(pose.north_m, pose.east_m) == pytest.approx(0.5)
+    assert pose.height_m == pytest.approx(0.1)
+
+
+def test_a_jump_of_the_odometry_is_not_motion() -> None:
+    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator.move(Odometry(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
+    estimator.move(Odometry(0.05, (8.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
+    assert estimator.pose(0.05).north_m == 0
+
+
+def test_the_facing_wall_is_mapped_at_its_distance() -> None:
+    estimator = Estimator(0.0, PAPER, 0.0)
+    corridor(estimator, 1.0, Random(1), 0.02)
+    ahead = estimator.wall_ahead(0.0)
+    assert ahead is not None
+    normal_rad, distance_m = ahead
+    assert math.degrees(normal_rad) == pytest.approx(0, abs=1)
+    assert distance_m == pytest.approx(1.5, abs=0.03)
+
+
+def test_the_smoother_needs_something_to_smooth() -> None:
+    assert Estimator(0.0, GP2Y0A710K0F, 0.0).smoothed() is None
+    estimator = Estimator(0.0, PAPER, 0.0)
+    corridor(estimator, 1.0, Random(1), 0.02)
+    smoothed = estimator.smoothed()
+    assert smoothed is not None
+    assert len(smoothed.walls) == 1
+    assert smoothed.walls[0].offset_m == pytest.approx(1.5, abs=0.03)

@@ -1,0 +1,104 @@
+"""The three transports carry the same messages."""
+
+import math
+import socket
+import struct
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.errors import LinkError
+from companion.link.transport import Message, UdpTransport, direct_pair, pipe_pair
+
+FLOATS = st.floats(width=32, allow_nan=False) | st.floats(-1e30, 1e30, allow_nan=False)
+
+
+def carried(pair: object, message: Message) -> Message:
+    autopilot, companion = pair()  # type: ignore[operator]
+    autopilot.send(message)
+    (received,) = companion.receive()
+    return received
+
+
+@given(st.lists(FLOATS, min_size=6, max_size=6), st.integers(0, 2**32 - 1))
+def test_a_message_handed_over_is_what_its_bytes_would_be(values: list[float], ms: int) -> None:
+    direct = carried(direct_pair, mavlink.MAVLink_local_position_ned_message(ms, *values))
+    as_bytes = carried(pipe_pair, mavlink.MAVLink_local_position_ned_message(ms, *values))
+    assert direct.to_dict() == as_bytes.to_dict()
+    assert direct.get_srcSystem() == as_bytes.get_srcSystem() == 1
+
+
+@given(st.lists(FLOATS, min_size=21, max_size=21))
+def test_arrays_of_floats_are_rounded_too(covariance: list[float]) -> None:
+    def message() -> Message:
+        return mavlink.MAVLink_odometry_message(
+            0, 20, 12, 1.1, 2.2, 3.3, [1.0, 0.1, 0.2, 0.3], *(0.1,) * 6, covariance, covariance
+        )
+
+    assert carried(direct_pair, message()).to_dict() == carried(pipe_pair, message()).to_dict()
+
+
+def test_nan_survives_the_hand_over() -> None:
+    message = mavlink.MAVLink_local_position_ned_message(0, math.nan, 0, 0, 0, 0, 0)
+    assert math.isnan(carried(direct_pair, message).x)
+
+
+UdpPair = tuple[UdpTransport, UdpTransport]
+
+
+@pytest.fixture
+def udp_pair() -> Iterator[UdpPair]:
+    autopilot = UdpTransport("udpin:127.0.0.1:0", 1, 1)
+    companion = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 1, 191)
+    yield autopilot, companion
+    autopilot.close()
+    companion.close()
+
+
+def heartbeat() -> Message:
+    return mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3)
+
+
+def test_udp_answers_whoever_spoke(udp_pair: UdpPair) -> None:
+    autopilot, companion = udp_pair
+    companion.send(heartbeat())
+    autopilot.await_datagrams(1, 2.0)
+    assert [m.get_type() for m in autopilot.receive()] == ["HEARTBEAT"]
+    autopilot.send(heartbeat())
+    companion.await_datagrams(1, 2.0)
+    (answer,) = companion.receive()
+    assert (answer.get_srcSystem(), answer.get_srcComponent()) == (1, 1)
+
+
+@pytest.mark.parametrize("garbage", [b"hello", b"\xfd" * 40, b"\xfd\x09\x00\x00", b"\xfe\xff"])
+def test_garbage_is_no_message(udp_pair: UdpPair, garbage: bytes) -> None:
+    autopilot, companion = udp_pair
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
+        stranger.sendto(garbage, ("127.0.0.1", autopilot.local_port))
+    companion.send(heartbeat())
+    autopilot.await_datagrams(1 + (garbage[0] >= 0xFD), 2.0)
+    assert [m.get_type() for m in autopilot.receive()] == ["HEARTBEAT"]
+
+
+def test_nobody_there_is_no_error(udp_pair: UdpPair) -> None:
+    autopilot, companion = udp_pair
+    autopilot.close()
+    for _ in range(3):
+        companion.send(heartbeat())
+        assert companion.receive() == []
+
+
+def test_a_port_in_use_is_refused_with_its_url(udp_pair: UdpPair) -> None:
+    autopilot, _ = udp_pair
+    url = f"udpin:127.0.0.1:{autopilot.local_port}"
+    with pytest.raises(LinkError, match=url):
+        UdpTransport(url, 1, 191)
+
+
+def test_float32_is_what_arrives() -> None:
+    message = mavlink.MAVLink_local_position_ned_message(0, 0.1, 0, 0, 0, 0, 0)
+    (rounded,) = struct.unpack("<f", struct.pack("<f", 0.1))
+    assert carried(direct_pair, message).x == rounded

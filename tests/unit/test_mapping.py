@@ -1,0 +1,96 @@
+"""From lines and hits to walls, and the files of the map."""
+
+import json
+import math
+from pathlib import Path
+
+import matplotlib.image
+import pytest
+import trimesh
+
+from companion.mapping.files import AutoSave, load_json, save
+from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.messages import Beam, FloorPlan, Hit, Pose, WallLine
+
+SQUARE_M = 2.0
+LINES = [WallLine(math.radians(90 * i), SQUARE_M, 0.01) for i in range(4)]
+
+
+def hits_along(line: WallLine, from_m: float, to_m: float, step_m: float = 0.1) -> list[Hit]:
+    cos_n, sin_n = math.cos(line.normal_rad), math.sin(line.normal_rad)
+    count = round((to_m - from_m) / step_m) + 1
+    places = [from_m + i * step_m for i in range(count)]
+    return [
+        Hit(
+            0.0,
+            Beam.FRONT,
+            (line.offset_m * cos_n - a * sin_n, line.offset_m * sin_n + a * cos_n, -1.2),
+            0.01**2,
+        )
+        for a in places
+    ]
+
+
+def square() -> FloorPlan:
+    hits = [hit for line in LINES for hit in hits_along(line, -1.8, 1.8)]
+    path = (Pose(0.0, 0.0, 0.0, -1.2, 0.0), Pose(0.1, 0.1, 0.0, -1.2, 0.0))
+    return FloorPlan(wall_segments(LINES, hits), tuple(hits), path, 2.6)
+
+
+def test_walls_end_at_their_common_corners() -> None:
+    walls = square().walls
+    assert len(walls) == 4
+    corners = {tuple(round(x, 6) for x in end) for w in walls for end in (w.start_ne_m, w.end_ne_m)}
+    assert corners == {(n, e) for n in (-2, 2) for e in (-2, 2)}
+    assert sum(wall.length_m for wall in walls) == pytest.approx(16)
+
+
+def test_a_gap_without_hits_stays_open() -> None:
+    line = WallLine(0.0, 2.0, 0.01)
+    walls = wall_segments([line], hits_along(line, -2.0, -0.5) + hits_along(line, 0.5, 2.0))
+    assert sorted(round(wall.length_m, 2) for wall in walls) == [1.5, 1.5]
+
+
+def test_a_few_stray_hits_are_no_wall() -> None:
+    line = WallLine(0.0, 2.0, 0.01)
+    assert wall_segments([line], hits_along(line, 0.0, 0.2)) == ()
+
+
+def test_hits_off_a_line_do_not_lengthen_it() -> None:
+    line, other = WallLine(0.0, 2.0, 0.01), WallLine(0.0, 2.5, 0.01)
+    (wall,) = wall_segments([line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0))
+    assert wall.length_m == pytest.approx(1.0)
+
+
+def test_the_outline_is_closed_when_every_direction_has_a_wall() -> None:
+    walls = square().walls
+    assert outline_closed(walls, (0.0, 0.0)) == 1.0
+    assert outline_closed(walls[:2], (0.0, 0.0)) == pytest.approx(0.5, abs=0.02)
+    assert outline_closed((), (0.0, 0.0)) == 0.0
+
+
+def test_the_files_hold_the_map(tmp_path: Path) -> None:
+    plan = square()
+    files = save(plan, tmp_path)
+    assert [file.name for file in files] == ["map.json", "map.png", "map.ply"]
+    loaded = load_json(tmp_path / "map.json")
+    assert (loaded.walls, loaded.path, loaded.ceiling_m) == (plan.walls, plan.path, plan.ceiling_m)
+    assert matplotlib.image.imread(tmp_path / "map.png").shape[0] > 400
+    mesh = trimesh.load_mesh(tmp_path / "map.ply", process=False)
+    assert len(mesh.faces) == 2 * 4
+    low, high = mesh.bounds
+    assert [*low, *high] == pytest.approx([-2, -2, 0, 2, 2, 2.6])
+    assert {path.name for path in tmp_path.iterdir()} == {file.name for file in files}
+
+
+def test_an_empty_map_is_a_map(tmp_path: Path) -> None:
+    save(FloorPlan(), tmp_path)
+    assert load_json(tmp_path / "map.json").walls == ()
+
+
+def test_the_map_is_kept_while_the_flight_goes_on(tmp_path: Path) -> None:
+    autosave = AutoSave(tmp_path, square)
+    autosave.update(1.0)
+    assert not list(tmp_path.iterdir())
+    autosave.update(6.0)
+    assert len(json.loads((tmp_path / "map.json").read_text())["walls"]) == 4

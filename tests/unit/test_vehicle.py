@@ -1,0 +1,61 @@
+"""The vehicle moves as ArduCopter was measured to move."""
+
+import math
+from random import Random
+
+import pytest
+
+from sitl.truth import TrueState
+from sitl.vehicle import Gusts, Vehicle
+
+STILL_AIR = Gusts(sigma_m_s=0.0)
+
+
+def airborne() -> Vehicle:
+    start = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    vehicle = Vehicle(start, Random(1), STILL_AIR)
+    for _ in range(200):
+        vehicle.step((0.0, 0.0, -1.0), 0.0)
+    return vehicle
+
+
+def test_a_velocity_step_rises_as_measured() -> None:
+    vehicle = airborne()
+    speeds = [vehicle.step((1.0, 0.0, 0.0), 0.0).velocity_ned_m_s[0] for _ in range(200)]
+    assert speeds[99] == pytest.approx(0.84, abs=0.02)
+    assert speeds[199] == pytest.approx(0.95, abs=0.02)
+
+
+def test_it_tilts_into_its_acceleration_and_levels_out() -> None:
+    vehicle = airborne()
+    starting = vehicle.step((1.0, 0.0, 0.0), 0.0)
+    assert starting.pitch_rad < -math.radians(5)
+    for _ in range(1000):
+        cruising = vehicle.step((1.0, 0.0, 0.0), 0.0)
+    assert cruising.pitch_rad == pytest.approx(0, abs=math.radians(0.5))
+
+
+def test_yaw_rate_is_limited() -> None:
+    vehicle = airborne()
+    for _ in range(200):
+        state = vehicle.step((0.0, 0.0, 0.0), 10.0)
+    assert math.degrees(state.yaw_rate_rad_s) == pytest.approx(90, abs=1)
+
+
+def test_without_motors_it_falls_to_the_ground_and_stays() -> None:
+    vehicle = airborne()
+    for _ in range(300):
+        state = vehicle.rest()
+    assert state.position_ned_m[2] == 0
+    assert state.velocity_ned_m_s == (0, 0, 0)
+
+
+def test_gusts_move_it_a_little() -> None:
+    start = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+    vehicle = Vehicle(start, Random(1))
+    speeds = []
+    for _ in range(3000):
+        vehicle._floor = 0.0
+        speeds.append(vehicle.step((0.0, 0.0, 0.0), 0.0).velocity_ned_m_s[0])
+    rms = math.sqrt(sum(speed**2 for speed in speeds) / len(speeds))
+    assert 0.01 < rms < 0.06

@@ -1,0 +1,178 @@
+"""Worlds: their files, and exact ranges and clearances in them."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.frames import Vector3
+from sitl.world.format import World, WorldError, load_world, world_names
+from sitl.world.mesh import full_mesh, obstacle_mesh
+from sitl.world.model import BODY_RADIUS_M, WorldModel
+from sitl.world.plan import wall_surfaces
+
+FURNISHED = World.model_validate(
+    {
+        "name": "furnished",
+        "height_m": 2.6,
+        "walls": [
+            {"points": [(0, 0), (6, 0), (6, 5), (0, 5)], "closed": True},
+            {"points": [(2, 0), (2.5, 2)], "top_m": 1.8},
+        ],
+        "boxes": [
+            {"corner": (4, 3), "size": (0.8, 1.2), "top_m": 0.75},
+            {"corner": (1, 4), "size": (0.4, 0.4), "bottom_m": 1.0, "top_m": 2.0},
+        ],
+        "starts": [{"name": "middle", "position": (3, 2.5)}],
+    }
+)
+MODEL = WorldModel(FURNISHED)
+REACH_M = 12.0
+
+
+def true_range(origin: Vector3, direction: Vector3) -> float | None:
+    """The same by brute force: plane of every triangle, and areas to see whether it is inside."""
+    mesh = full_mesh(FURNISHED)
+    best = None
+    start, along = np.array(origin), np.array(direction)
+    for a, b, c in mesh.vertices[mesh.faces]:
+        normal = np.cross(b - a, c - a)
+        slope = float(normal @ along)
+        if abs(slope) < 1e-12:
+            continue
+        distance = float(normal @ (a - start)) / slope
+        hit = start + distance * along
+        parts = [np.cross(q - p, hit - p) @ normal for p, q in ((a, b), (b, c), (c, a))]
+        inside = min(parts) >= -1e-9 * float(normal @ normal)
+        if inside and 0 <= distance <= REACH_M and (best is None or distance < best):
+            best = distance
+    return best
+
+
+INSIDE = st.tuples(st.floats(0.05, 5.95), st.floats(0.05, 4.95), st.floats(-2.55, -0.05))
+
+
+def unit(bearing_rad: float, climb_rad: float) -> Vector3:
+    level = math.cos(climb_rad)
+    return level * math.cos(bearing_rad), level * math.sin(bearing_rad), -math.sin(climb_rad)
+
+
+@settings(max_examples=300, deadline=None)
+@given(INSIDE, st.floats(-math.pi, math.pi), st.floats(-1.5, 1.5))
+def test_ranges_are_exact(origin: Vector3, bearing_rad: float, climb_rad: float) -> None:
+    direction = unit(bearing_rad, climb_rad)
+    expected = true_range(origin, direction)
+    assert expected is not None  # a closed room: no ray may get lost
+    assert MODEL.range_m(origin, direction, REACH_M) == pytest.approx(expected, abs=1e-9)
+
+
+CORNERS = [(n, e, d) for n in (0.0, 6.0) for e in (0.0, 5.0) for d in (0.0, -1.3, -2.6)]
+
+
+@settings(max_examples=200, deadline=None)
+@given(INSIDE, st.sampled_from(CORNERS))
+def test_rays_at_edges_and_corners_are_not_lost(origin: Vector3, corner: Vector3) -> None:
+    distance = math.dist(origin, corner)
+    direction = tuple((c - o) / distance for c, o in zip(corner, origin, strict=True))
+    expected = true_range(origin, direction)  # type: ignore[arg-type]
+    found = MODEL.range_m(origin, direction, REACH_M)  # type: ignore[arg-type]
+    assert found is not None
+    assert expected is not None
+    assert found == pytest.approx(expected, abs=1e-6)
+
+
+def test_beyond_its_reach_a_beam_meets_nothing() -> None:
+    assert MODEL.range_m((3.0, 2.5, -1.2), (1.0, 0.0, 0.0), 2.9) is None
+    assert MODEL.range_m((3.0, 2.5, -1.2), (1.0, 0.0, 0.0), 3.1) == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf])
+def test_poses_that_are_not_finite_never_reach_fcl(bad: float) -> None:
+    with pytest.raises(ValueError, match="not a finite pose"):
+        MODEL.range_m((bad, 0.0, 0.0), (1.0, 0.0, 0.0), 5.0)
+    with pytest.raises(ValueError, match="not a finite pose"):
+        MODEL.clearance_m((bad, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("position", "clearance_m"),
+    [
+        ((5.5, 1.0, -1.3), 0.5),
+        ((3.0, 2.5, -2.3), 0.3),
+        ((4.4, 3.6, -1.75), 0.85),
+        ((4.4, 3.6, -0.4), 0.0),
+        ((1.2, 4.2, -1.5), 0.0),
+    ],
+)
+def test_clearance_knows_walls_ceiling_and_solids(position: Vector3, clearance_m: float) -> None:
+    assert MODEL.clearance_m(position) == pytest.approx(clearance_m, abs=1e-6)
+
+
+def test_the_floor_is_no_obstacle() -> None:
+    assert MODEL.clearance_m((3.0, 2.5, 0.0)) > 0.5
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.lists(INSIDE, min_size=2, max_size=20))
+def test_the_bound_on_clearance_never_hides_a_lower_one(path: list[Vector3]) -> None:
+    watching = WorldModel(FURNISHED)
+    for position in path:
+        exact = watching.clearance_m(position) - BODY_RADIUS_M
+        assert min(watching.body_clearance_m(position), 1.0) <= exact + 1e-6
+
+
+def test_the_papers_first_room_is_ten_by_ten() -> None:
+    room = load_world("room_100")
+    surfaces = wall_surfaces(room, 1.2)
+    assert sum(math.dist(*surface) for surface in surfaces) == 40
+    assert room.height_m == 2.6
+    model = WorldModel(room)
+    start = (*room.starts[0].position, -1.2)
+    assert model.clearance_m(start) > BODY_RADIUS_M + 1
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_every_built_in_world_loads(name: str) -> None:
+    world = load_world(name)
+    assert world.name == name
+    assert len(obstacle_mesh(world).faces)
+
+
+def test_furniture_shows_only_at_its_height() -> None:
+    assert len(wall_surfaces(FURNISHED, 0.5)) == 4 + 1 + 4
+    assert len(wall_surfaces(FURNISHED, 1.5)) == 4 + 1 + 4
+    assert len(wall_surfaces(FURNISHED, 2.2)) == 4
+
+
+WALLS = "[[walls]]\npoints = [[0, 0], [1, 0]]\n[[starts]]\nname = 'a'\nposition = [0.5, 0.5]\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("name = 'x'\nheight_m = nan\n" + WALLS, "height_m"),
+        ("name = 'x'\nheight_m = 2.6\nroof = 1\n" + WALLS, "roof"),
+        ("name = 'x'\nheight_m = 2.6\n" + WALLS.replace("[1, 0]", "[0, 0]"), "same point"),
+        ("name = 'x'\nheight_m = 2.6\n" + WALLS.replace("[1, 0]", "[1e9, 0]"), "1000"),
+        ("name = 'x'\nheight_m = 2.6\n" + WALLS.split("[[starts]]", maxsplit=1)[0], "starts"),
+        ("name = 'x'\nheight_m = 2.6\n[[starts]]\nname = 'a'\nposition = [0, 0]\n", "walls"),
+        ("name = ", "not TOML"),
+    ],
+)
+def test_bad_worlds_are_refused_in_one_line(tmp_path: Path, text: str, complaint: str) -> None:
+    path = tmp_path / "bad.toml"
+    path.write_text(text)
+    with pytest.raises(WorldError) as refused:
+        load_world(str(path))
+    message = str(refused.value)
+    assert "bad.toml" in message
+    assert complaint in message
+    assert "\n" not in message
+
+
+def test_an_unknown_world_names_the_known_ones() -> None:
+    with pytest.raises(WorldError, match="room_100"):
+        load_world("kitchen")
