@@ -1,32 +1,33 @@
-# make fly   set up and fly a simulated drone through a room; leaves out/map.png, map.ply, report.json
-# make test  set up and run the checks and tests
+# make fly    set up, fly a simulated drone through a room; leaves out/map.png, map.ply, report.json
+# make test   set up, run the tests
+# make check  set up, run the linters, the type checker and the layers' contract
 
 PYTHON ?= python3
 VENV := .venv
-SPEED ?= 30
+SPEED ?= 1000
 
 .PHONY: setup fly test check
 
 setup: $(VENV)/.ready
 
 $(VENV)/.ready: pyproject.toml
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' \
-		|| { echo "Python 3.11 or newer is needed; name one with: make PYTHON=python3.12 $(MAKECMDGOALS)"; exit 1; }
-	@$(PYTHON) -c 'import ensurepip' 2>/dev/null \
-		|| { echo "Python's venv is missing; on Debian: apt install python3-venv"; exit 1; }
-	@echo "setting up $(VENV); this is done once"
-	$(PYTHON) -m venv $(VENV)
-	$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "Python 3.11 or newer is needed; name one: make PYTHON=python3.12 ..."; exit 1; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+		{ echo "Python's venv is missing; on Debian: apt install python3-venv"; exit 1; }
+	@echo "setting up $(VENV), once"
+	@$(PYTHON) -m venv $(VENV)
+	@$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[dev]'
 	@touch $@
 
 fly: setup
-	$(VENV)/bin/sitl fly room_100 --transport udp --speed $(SPEED) --out out
+	@$(VENV)/bin/sitl fly room_100 --transport udp --speed $(SPEED) --out out
 
 test: setup
-	$(VENV)/bin/pytest
+	@$(VENV)/bin/pytest
 
 check: setup
-	$(VENV)/bin/ruff check
-	$(VENV)/bin/ruff format --check
-	$(VENV)/bin/mypy
-	$(VENV)/bin/lint-imports
+	@$(VENV)/bin/ruff check
+	@$(VENV)/bin/ruff format --check
+	@$(VENV)/bin/mypy
+	@$(VENV)/bin/lint-imports

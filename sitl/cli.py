@@ -72,9 +72,9 @@ def run(
         signal.signal(number, lambda *_: server.stop())
     kind, host, port = mavlink.split(":")
     shown_port = transport.local_port if kind == "udpin" else port
-    print(f"world    {world}, seed {seed}, sensors {profile}")  # noqa: T201
-    print(f"MAVLink  {kind}:{host}:{shown_port}")  # noqa: T201
-    print(f"sensors  sitl://127.0.0.1:{server.bus_port}", flush=True)  # noqa: T201
+    print(f"world    {world}, seed {seed}, sensors {profile}")
+    print(f"MAVLink  {kind}:{host}:{shown_port}")
+    print(f"sensors  sitl://127.0.0.1:{server.bus_port}", flush=True)
     server.serve()
     if truth is not None:
         simulation.record.save(truth)
