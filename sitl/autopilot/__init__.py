@@ -5,5 +5,6 @@
                    ├─► control: what velocity to fly now ─► vehicle
                    └─◄ estimator: drifting flow odometry ◄──┘
 
-`ardupilot` holds what is particular to ArduCopter: mode numbers, answers and texts.
+`ardupilot` and `px4` hold what is particular to each, behind `personality`: mode numbers, answers,
+texts, setpoint frames, what happens when setpoints stop.
 """

@@ -1,6 +1,7 @@
 """The emulated flight controller: MAVLink in, MAVLink out, and a vehicle that it flies.
 
-Answers follow what was measured on a running ArduCopter. Nothing that comes in raises.
+What happens is decided here, how it is called and answered by the personality. Nothing that comes
+in raises.
 """
 
 import math
@@ -8,65 +9,67 @@ from collections.abc import Callable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot import ardupilot
+from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.control import Control, Manoeuvre
 from sitl.autopilot.estimator import REFERENCE_NOISE, FlowEstimator, OdometryNoise
 from sitl.autopilot.messages import Outgoing
+from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.personality import Behaviour, Personality, Refusal
+from sitl.autopilot.px4 import Px4
 from sitl.autopilot.streams import Message, Streams
+from sitl.autopilot.telemetry import Status, Telemetry
 from sitl.noise import stream
 from sitl.truth import TrueState
 from sitl.vehicle import STEP_S, Vehicle
 
+PERSONALITIES: dict[str, type[ArduPilot] | type[Px4]] = {"ardupilot": ArduPilot, "px4": Px4}
+
 HEARTBEAT_STEPS = 100
-BATTERY_CELLS = 4
+FLIGHT_BATTERY_S = 600.0
+"""How long a full battery flies."""
+STREAM_STEPS = 50
+"""Setpoints no farther apart than this are a stream."""
+LIFT_OFF_M_S = -0.1
+"""A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
+FORCE_ARM = 2989
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 DENIED: int = mavlink.MAV_RESULT_DENIED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
-FLIGHT_BATTERY_S = 600.0
-"""How long a full battery flies."""
-FORCE_ARM = 2989
 
 
 class Autopilot:
     """One vehicle with its flight controller; time passes only by `step`."""
 
-    def __init__(self, seed: int, start: TrueState, noise: OdometryNoise = REFERENCE_NOISE) -> None:
+    def __init__(
+        self,
+        seed: int,
+        start: TrueState,
+        noise: OdometryNoise = REFERENCE_NOISE,
+        personality: str = "ardupilot",
+    ) -> None:
+        self._is: Personality = PERSONALITIES[personality]()
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
         self._estimator = FlowEstimator(start, stream(seed, "flow"), noise)
         self._control = Control(self._estimator)
-        self._parameters = {name: value for name, (value, _) in ardupilot.PARAMETERS.items()}
+        self._parameters = Parameters(self._is)
         self._outgoing = Outgoing()
-        self._streams = Streams(
-            {
-                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
-                mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
-                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
-                mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: self._ekf_status,
-                mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
-                mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery_status,
-                mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
-                mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._home,
-            }
-        )
-        self._steps = 0
-        self._mode = ardupilot.STABILIZE
-        self._armed = False
-        self._crashed = False
-        self._origin: tuple[int, int, int] | None = None
+        self._status = Status(self._is.boot_mode)
+        self._telemetry = Telemetry(self._is, self._status, self._estimator)
+        self._telemetry.truth = start
+        self._streams = Streams(self._telemetry.makers(), self._is.streams_hz)
         self._setpoint_step: int | None = None
-        self._battery = 1.0
 
     # Time
 
     @property
     def time_s(self) -> float:
-        return self._steps * STEP_S
+        return self._status.step * STEP_S
 
     @property
     def mode(self) -> int:
         """HEARTBEAT.custom_mode."""
-        return self._mode
+        return self._status.mode
 
     @property
     def truth(self) -> TrueState:
@@ -74,16 +77,20 @@ class Autopilot:
 
     def step(self) -> None:
         """10 ms of flight."""
-        self._steps += 1
+        status = self._status
+        status.step += 1
         self._expire_setpoint()
-        if self._armed:
+        if status.armed:
             self._fly()
         else:
             self._vehicle.rest()
+        self._telemetry.truth = self._vehicle.state
         self._estimator.update(self._vehicle.state)
-        if self._steps % HEARTBEAT_STEPS == 0:
-            self._outgoing.add(self._heartbeat())
-        self._outgoing.extend(self._streams.due(self._steps))
+        status.manoeuvre = self._control.manoeuvre
+        if status.step % HEARTBEAT_STEPS == 0:
+            status.is_armable = not self._arming_complaint()
+            self._outgoing.add(self._telemetry.heartbeat())
+        self._outgoing.extend(self._streams.due(status.step))
 
     def take_outbox(self) -> list[Message]:
         """What has been said since the last call."""
@@ -91,30 +98,35 @@ class Autopilot:
 
     def _fly(self) -> None:
         was = self._control.manoeuvre
-        velocity, yaw_rate = self._control.wanted(self.time_s, on_ground=self._vehicle.on_ground)
         if was is Manoeuvre.GROUND:
             self._vehicle.rest()
             return
+        velocity, yaw_rate = self._control.wanted(self.time_s, on_ground=self._vehicle.on_ground)
         self._vehicle.step(
             self._estimator.to_true_frame(velocity), self._estimator.to_true_rate(yaw_rate)
         )
-        self._battery = max(0.0, self._battery - STEP_S / FLIGHT_BATTERY_S)
+        self._status.battery = max(0.0, self._status.battery - STEP_S / FLIGHT_BATTERY_S)
         if self._control.manoeuvre is Manoeuvre.GROUND:
             self._disarm()
+        climbed = was is Manoeuvre.CLIMB and self._control.manoeuvre is Manoeuvre.HOLD
+        if climbed and self._status.mode == self._is.take_off_mode:
+            self._enter(self._is.hold_mode)
 
     def _expire_setpoint(self) -> None:
-        """ArduCopter flies the last setpoint for GUID_TIMEOUT, then brakes, without a word."""
+        """The last setpoint is flown for a while; then the vehicle brakes, or changes its mode."""
         if self._setpoint_step is None or self._control.manoeuvre is not Manoeuvre.VELOCITY:
             return
-        timeout_s = max(self._parameters["GUID_TIMEOUT"], ardupilot.LEAST_GUID_TIMEOUT_S)
-        if (self._steps - self._setpoint_step) * STEP_S > timeout_s:
+        timeout_s, mode = self._is.setpoint_loss(self._parameters.values)
+        if (self._status.step - self._setpoint_step) * STEP_S > timeout_s:
             self._control.hold()
+            if mode is not None:
+                self._enter(mode)
 
     # What happens to it
 
     def crash(self, reason: str) -> None:
         """It has hit something: motors off for good."""
-        self._crashed = True
+        self._status.crashed = True
         self._disarm()
         self._outgoing.text(mavlink.MAV_SEVERITY_EMERGENCY, f"Crash: {reason}")
 
@@ -123,7 +135,7 @@ class Autopilot:
         self._enter(custom_mode)
 
     def _disarm(self) -> None:
-        self._armed = False
+        self._status.armed = False
         self._control.stop()
 
     # Messages in
@@ -132,12 +144,12 @@ class Autopilot:
         """Anything a client may send; what is not for this vehicle or not known is ignored."""
         handlers: dict[str, Callable[[Message], object]] = {
             "COMMAND_LONG": self._command_long,
-            "SET_MODE": lambda m: self._set_mode(m.base_mode, m.custom_mode),
+            "SET_MODE": self._set_mode_message,
             "SET_POSITION_TARGET_LOCAL_NED": self._setpoint,
             "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
-            "PARAM_SET": self._set_parameter,
-            "PARAM_REQUEST_READ": self._read_parameter,
-            "PARAM_REQUEST_LIST": lambda m: self._list_parameters(),
+            "PARAM_SET": lambda m: self._outgoing.extend(self._parameters.set(m)),
+            "PARAM_REQUEST_READ": lambda m: self._outgoing.extend(self._parameters.read(m)),
+            "PARAM_REQUEST_LIST": lambda m: self._outgoing.extend(self._parameters.list()),
             "TIMESYNC": self._timesync,
         }
         handler = handlers.get(message.get_type())
@@ -148,260 +160,156 @@ class Autopilot:
         commands: dict[int, Callable[[Message], int]] = {
             mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_or_disarm,
             mavlink.MAV_CMD_RUN_PREARM_CHECKS: self._check,
-            mavlink.MAV_CMD_DO_SET_MODE: lambda m: self._set_mode(int(m.param1), int(m.param2)),
+            mavlink.MAV_CMD_DO_SET_MODE: self._set_mode,
             mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
-            mavlink.MAV_CMD_NAV_LAND: lambda m: self._enter(ardupilot.LAND),
+            mavlink.MAV_CMD_NAV_LAND: lambda m: self._enter(self._is.land_mode),
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._tell_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._send_requested,
         }
-        command = commands.get(message.command)
-        numbers = [getattr(message, f"param{i}") for i in (1, 2)]
-        texts_before = self._outgoing.begin_answer()
-        if command is None:
-            result = UNSUPPORTED
-        elif all(map(math.isfinite, numbers)):
-            result = command(message)
-        else:
-            result = DENIED
+        command = commands.get(message.command, lambda m: UNSUPPORTED)
+        mark = self._outgoing.begin_answer()
+        result = command(message)
         sender = message.get_srcSystem(), message.get_srcComponent()
         ack = mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
-        self._outgoing.answer(ack, texts_before)
+        self._outgoing.answer(ack, mark)
 
     # Modes, arming, take-off
 
-    def _set_mode(self, base_mode: int, custom_mode: int) -> int:
-        if not base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+    def _set_mode(self, message: Message) -> int:
+        """MAV_CMD_DO_SET_MODE (176)."""
+        base, main, sub = (_whole(p) for p in (message.param1, message.param2, message.param3))
+        if not base & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             return DENIED
-        return self._enter(custom_mode)
+        return self._ask_for(self._is.mode_of(main, sub))
 
-    def _enter(self, custom_mode: int) -> int:
-        if custom_mode not in ardupilot.MODES:
-            self._outgoing.text(mavlink.MAV_SEVERITY_WARNING, f"No such mode {custom_mode}")
-            return FAILED
-        if custom_mode != self._mode:
-            self._mode = custom_mode
-            self._setpoint_step = None
-            self._outgoing.add(self._heartbeat())
-            if custom_mode == ardupilot.LAND:
-                self._control.land()
-            else:
-                self._control.hold()
+    def _set_mode_message(self, message: Message) -> None:
+        """SET_MODE (11), the old way."""
+        if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
+            self._ask_for(message.custom_mode)
+
+    def _ask_for(self, mode: int) -> int:
+        if self._is.behaviour(mode) is Behaviour.OFFBOARD and not self._may_go_offboard():
+            return self._is.refused
+        return self._enter(mode)
+
+    def _may_go_offboard(self) -> bool:
+        if not self._is.setpoints_before_offboard:
+            return True
+        since = self._setpoint_step
+        streaming = since is not None and self._status.step - since <= STREAM_STEPS
+        return streaming and self._estimator.has_settled
+
+    def _enter(self, mode: int) -> int:
+        behaviour = self._is.behaviour(mode)
+        if behaviour is None:
+            if text := self._is.no_such_mode(mode):
+                self._outgoing.text(mavlink.MAV_SEVERITY_WARNING, text)
+            return self._is.refused
+        if mode == self._status.mode:
+            return ACCEPTED
+        self._status.mode = mode
+        self._outgoing.add(self._telemetry.heartbeat())
+        if behaviour is Behaviour.LAND:
+            self._control.land()
+        elif behaviour is not Behaviour.TAKE_OFF:
+            self._control.hold()
         return ACCEPTED
 
     def _arming_complaint(self) -> str:
-        if self._crashed:
+        if self._status.crashed:
             return "Crashed: restart the simulator"
         if not self._estimator.has_settled:
             return "AHRS: not healthy"
-        if self._origin is None:
+        if self._status.origin is None:
             return "AHRS: waiting for home"
         return ""
 
     def _check(self, message: Message) -> int:
-        complaint = self._arming_complaint()
-        if complaint:
+        if complaint := self._arming_complaint():
             self._outgoing.text(mavlink.MAV_SEVERITY_CRITICAL, f"PreArm: {complaint}")
         return ACCEPTED
 
     def _arm_or_disarm(self, message: Message) -> int:
         if message.param1 == 0:
             if not self._vehicle.on_ground:
-                return FAILED
+                return self._is.refused
             self._disarm()
             return ACCEPTED
-        complaint = self._arming_complaint()
-        if complaint:
+        if complaint := self._arming_complaint():
             forced = message.param2 == FORCE_ARM
             text = "Need Position Estimate" if forced else complaint
             self._outgoing.text(mavlink.MAV_SEVERITY_CRITICAL, f"Arm: {text}")
-            return FAILED
-        self._armed = True
+            return self._is.refused
+        self._status.armed = True
         return ACCEPTED
 
     def _take_off(self, message: Message) -> int:
-        ready = self._armed and self._mode == ardupilot.GUIDED and self._vehicle.on_ground
-        if not ready or not 0 < message.param7 < 1000:  # false for NaN too
-            return FAILED
-        self._control.take_off(self.time_s, message.param7)
+        height_m = self._is.take_off_height_m(message.param7, self._parameters.values)
+        offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
+        ready = self._status.armed and self._vehicle.on_ground
+        in_right_mode = self._is.take_off_mode is not None or offboard
+        if not ready or not in_right_mode or not 0 < height_m < 1000:  # false for NaN too
+            return FAILED if self._is.take_off_mode is None else self._is.refused
+        if self._is.take_off_mode is not None:
+            self._enter(self._is.take_off_mode)
+        self._control.take_off(self.time_s, height_m)
         return ACCEPTED
 
     def _setpoint(self, message: Message) -> None:
-        flying = self._control.manoeuvre in (Manoeuvre.HOLD, Manoeuvre.VELOCITY)
-        if self._mode != ardupilot.GUIDED or not flying:
+        target = self._is.setpoint(message, self._estimator.yaw_rad)
+        if isinstance(target, Refusal) and target.text:
+            self._outgoing.text(mavlink.MAV_SEVERITY_ERROR, target.text)
+        offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
+        if isinstance(target, Refusal):
+            if target.stops and offboard:
+                self._control.hold()
             return
-        target = ardupilot.velocity_target(message, self._estimator.yaw_rad)
-        if target is None:
-            self._control.hold()
-            return
-        self._setpoint_step = self._steps
-        self._control.follow(target.velocity_ned_m_s, target.yaw_rate_rad_s)
+        self._setpoint_step = self._status.step
+        lifts = self._is.lifts_off_by_setpoint and target.velocity_ned_m_s[2] < LIFT_OFF_M_S
+        may_move = self._control.manoeuvre in (Manoeuvre.HOLD, Manoeuvre.VELOCITY) or lifts
+        if offboard and self._status.armed and may_move:
+            self._control.follow(target.velocity_ned_m_s, target.yaw_rate_rad_s)
 
-    # Origin, parameters, time
+    # Origin, time, streams
 
     def _set_origin(self, message: Message) -> None:
-        if self._origin is None and self._estimator.has_settled:
-            self._origin = message.latitude, message.longitude, message.altitude
+        if self._status.origin is None and self._estimator.has_settled:
+            self._status.origin = message.latitude, message.longitude, message.altitude
             self._outgoing.text(mavlink.MAV_SEVERITY_INFO, "EKF3 IMU0 origin set")
             self._outgoing.add(
-                mavlink.MAVLink_gps_global_origin_message(*self._origin, self._boot_us())
+                mavlink.MAVLink_gps_global_origin_message(
+                    *self._status.origin, self._status.boot_us
+                )
             )
-
-    def _set_parameter(self, message: Message) -> None:
-        if message.param_id in self._parameters and math.isfinite(message.param_value):
-            self._parameters[message.param_id] = message.param_value
-            self._tell_parameter(message.param_id, 65535)
-
-    def _read_parameter(self, message: Message) -> None:
-        names = list(self._parameters)
-        if 0 <= message.param_index < len(names):
-            self._tell_parameter(names[message.param_index], message.param_index)
-        elif message.param_index == -1 and message.param_id in self._parameters:
-            self._tell_parameter(message.param_id, 65535)
-
-    def _list_parameters(self) -> None:
-        for index, name in enumerate(self._parameters):
-            self._tell_parameter(name, index)
-
-    def _tell_parameter(self, name: str, index: int) -> None:
-        _, kind = ardupilot.PARAMETERS[name]
-        value = self._parameters[name]
-        self._outgoing.add(
-            mavlink.MAVLink_param_value_message(
-                name.encode(), value, kind, len(self._parameters), index
-            )
-        )
 
     def _timesync(self, message: Message) -> None:
         if message.tc1 == 0:
-            self._outgoing.add(
-                mavlink.MAVLink_timesync_message(self._boot_us() * 1000, message.ts1)
-            )
-
-    # Streams
+            now_ns = self._status.boot_us * 1000
+            self._outgoing.add(mavlink.MAVLink_timesync_message(now_ns, message.ts1))
 
     def _set_interval(self, message: Message) -> int:
-        result = self._streams.set_interval(int(message.param1), message.param2)
+        message_id = _whole(message.param1)
+        result = self._streams.set_interval(message_id, message.param2)
         if result == DENIED:
-            text = f"No ap_message for mavlink id ({int(message.param1)})"
+            text = f"No ap_message for mavlink id ({message_id})"
             self._outgoing.text(mavlink.MAV_SEVERITY_WARNING, text)
         return result
 
     def _tell_interval(self, message: Message) -> int:
-        message_id = int(message.param1)
+        message_id = _whole(message.param1)
         interval = self._streams.interval_us(message_id)
         self._outgoing.add(mavlink.MAVLink_message_interval_message(message_id & 0xFFFF, interval))
         return ACCEPTED
 
     def _send_requested(self, message: Message) -> int:
-        answer = self._streams.make(int(message.param1))
+        answer = self._streams.make(_whole(message.param1))
         if answer is None:
             return FAILED
         self._outgoing.add(answer)
         return ACCEPTED
 
-    # Messages out
 
-    def _boot_ms(self) -> int:
-        return self._steps * 10
-
-    def _boot_us(self) -> int:
-        return self._steps * 10_000
-
-    def _heartbeat(self) -> Message:
-        base = ardupilot.BASE_MODE_IDLE
-        if self._mode in (ardupilot.GUIDED, ardupilot.GUIDED_NOGPS):
-            base |= ardupilot.BASE_MODE_GUIDED_BIT
-        if self._armed:
-            base |= mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-        flying = self._control.manoeuvre is not Manoeuvre.GROUND
-        state = mavlink.MAV_STATE_ACTIVE if flying else mavlink.MAV_STATE_STANDBY
-        state = mavlink.MAV_STATE_CRITICAL if self._crashed else state
-        return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_QUADROTOR, ardupilot.AUTOPILOT, base, self._mode, state, 3
-        )
-
-    @property
-    def _has_position(self) -> bool:
-        return self._estimator.has_settled and self._origin is not None
-
-    def _local_position(self) -> Message | None:
-        if not self._has_position:
-            return None
-        position, velocity = self._estimator.position_ned_m, self._estimator.velocity_ned_m_s
-        return mavlink.MAVLink_local_position_ned_message(self._boot_ms(), *position, *velocity)
-
-    def _attitude(self) -> Message:
-        truth, estimate = self._vehicle.state, self._estimator
-        return mavlink.MAVLink_attitude_message(
-            self._boot_ms(),
-            truth.roll_rad,
-            truth.pitch_rad,
-            estimate.yaw_rad,
-            *(0.0, 0.0, estimate.yaw_rate_rad_s),
-        )
-
-    def _extended_state(self) -> Message:
-        landed = {
-            Manoeuvre.GROUND: mavlink.MAV_LANDED_STATE_ON_GROUND,
-            Manoeuvre.CLIMB: mavlink.MAV_LANDED_STATE_TAKEOFF,
-            Manoeuvre.LAND: mavlink.MAV_LANDED_STATE_LANDING,
-        }.get(self._control.manoeuvre, mavlink.MAV_LANDED_STATE_IN_AIR)
-        return mavlink.MAVLink_extended_sys_state_message(0, landed)
-
-    def _ekf_status(self) -> Message:
-        flags = ardupilot.EKF_READY if self._has_position else ardupilot.EKF_WITHOUT_POSITION
-        return mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.0)
-
-    def _millivolts(self) -> int:
-        return round(1000 * BATTERY_CELLS * (3.5 + 0.7 * self._battery))
-
-    def _sys_status(self) -> Message:
-        present = (
-            mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
-            | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
-            | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
-            | mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
-        )
-        health = present
-        if not self._arming_complaint():
-            health |= mavlink.MAV_SYS_STATUS_PREARM_CHECK
-        return mavlink.MAVLink_sys_status_message(
-            present,
-            present,
-            health,
-            200,
-            self._millivolts(),
-            1200,
-            round(100 * self._battery),
-            *(0, 0, 0, 0, 0, 0),
-        )
-
-    def _battery_status(self) -> Message:
-        cell = self._millivolts() // BATTERY_CELLS
-        cells = [cell] * BATTERY_CELLS + [65535] * (10 - BATTERY_CELLS)
-        return mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 2500, cells, 1200, -1, -1, round(100 * self._battery)
-        )
-
-    def _version(self) -> Message:
-        return mavlink.MAVLink_autopilot_version_message(
-            ardupilot.CAPABILITIES,
-            ardupilot.FLIGHT_SW_VERSION,
-            0,
-            0,
-            0,
-            bytes(8),
-            bytes(8),
-            bytes(8),
-            0,
-            0,
-            0,
-        )
-
-    def _home(self) -> Message | None:
-        if self._origin is None:
-            return None
-        return mavlink.MAVLink_home_position_message(
-            *self._origin, 0.0, 0.0, 0.0, [1.0, 0.0, 0.0, 0.0], 0.0, 0.0, 0.0, self._boot_us()
-        )
+def _whole(parameter: float) -> int:
+    """A number out of a float parameter; 0 for what is none."""
+    return int(parameter) if math.isfinite(parameter) else 0

@@ -2,8 +2,9 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.ardupilot import TEXT_LENGTH
 from sitl.autopilot.streams import Message
+
+TEXT_LENGTH = 50
 
 
 class Outgoing:

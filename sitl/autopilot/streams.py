@@ -1,5 +1,6 @@
 """Which messages go out when: those asked for with SET_MESSAGE_INTERVAL, on the 10 ms grid."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -16,15 +17,19 @@ STEPS_PER_S = 100
 
 
 class Streams:
-    """Message intervals; at first none is sent unasked."""
+    """Message intervals."""
 
-    def __init__(self, makers: dict[int, Maker]) -> None:
+    def __init__(self, makers: dict[int, Maker], unasked_hz: dict[int, float]) -> None:
         self._makers = makers
         self._every: dict[int, int] = {}
+        for message_id, rate_hz in unasked_hz.items():
+            self.set_interval(message_id, 1e6 / rate_hz)
 
     def set_interval(self, message_id: int, interval_us: float) -> int:
         """MAV_CMD_SET_MESSAGE_INTERVAL (511); its MAV_RESULT."""
-        if message_id not in self._makers or 0 < interval_us < LEAST_INTERVAL_US:
+        if message_id not in self._makers or not math.isfinite(interval_us):
+            return DENIED
+        if 0 < interval_us < LEAST_INTERVAL_US:
             return DENIED
         if interval_us <= 0:
             self._every.pop(message_id, None)

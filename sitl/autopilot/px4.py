@@ -1,0 +1,132 @@
+"""PX4 1.17: as read in its source."""
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.frames import frd_to_ned
+from sitl.autopilot.personality import Behaviour, Refusal, VelocityTarget
+from sitl.autopilot.streams import Message
+
+
+def custom_mode(main: int, sub: int = 0) -> int:
+    """HEARTBEAT.custom_mode: the main mode in the third byte, the sub-mode in the fourth."""
+    return main << 16 | sub << 24
+
+
+MANUAL, ALTCTL, POSCTL, OFFBOARD = (custom_mode(main) for main in (1, 2, 3, 6))
+AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL, AUTO_LAND = (custom_mode(4, sub) for sub in (2, 3, 5, 6))
+BEHAVIOUR = {
+    **dict.fromkeys((MANUAL, ALTCTL, POSCTL, AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
+    OFFBOARD: Behaviour.OFFBOARD,
+    AUTO_TAKEOFF: Behaviour.TAKE_OFF,
+    AUTO_LAND: Behaviour.LAND,
+}
+OFFBOARD_LOSS_MODES = {0: POSCTL, 1: ALTCTL, 2: MANUAL, 3: AUTO_RTL, 4: AUTO_LAND, 5: AUTO_LOITER}
+"""By COM_OBL_RC_ACT."""
+
+BASE_MODE_IDLE = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+BASE_MODE_AUTO = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+
+READY = (
+    mavlink.ESTIMATOR_ATTITUDE
+    | mavlink.ESTIMATOR_VELOCITY_HORIZ
+    | mavlink.ESTIMATOR_VELOCITY_VERT
+    | mavlink.ESTIMATOR_POS_HORIZ_REL
+    | mavlink.ESTIMATOR_POS_VERT_ABS
+)
+WITHOUT_POSITION = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
+
+IGNORE_VELOCITY = 0x0038
+IGNORE_YAW_RATE = 0x0800
+IGNORE_ALL = 0x0DFF
+MOST_VELOCITY_M_S = 12.0
+"""MPC_XY_VEL_MAX; faster setpoints are cut."""
+
+_INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+
+
+class Px4:
+    """The multicopter."""
+
+    autopilot: int = mavlink.MAV_AUTOPILOT_PX4
+    boot_mode = AUTO_LOITER
+    land_mode = AUTO_LAND
+    take_off_mode: int | None = AUTO_TAKEOFF
+    hold_mode = AUTO_LOITER
+    refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    has_bytewise_parameters = True
+    setpoints_before_offboard = True
+    lifts_off_by_setpoint = True
+    capabilities: int = (
+        mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+        | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+        | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+    )
+    flight_sw_version = 0x01_11_00_40
+
+    def __init__(self) -> None:
+        self.streams_hz: dict[int, float] = {
+            mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
+            mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
+        }
+        self.parameters: dict[str, tuple[float, int]] = {
+            "COM_OBC_LOSS_T": (5.0, _REAL32),
+            "COM_OBL_RC_ACT": (0, _INT32),
+            "COM_OF_LOSS_T": (1.0, _REAL32),
+            "CP_DIST": (-1.0, _REAL32),
+            "EKF2_EV_CTRL": (0, _INT32),
+            "EKF2_GPS_CTRL": (0, _INT32),
+            "EKF2_HGT_REF": (2, _INT32),
+            "MAV_SYS_ID": (1, _INT32),
+            "MIS_TAKEOFF_ALT": (2.5, _REAL32),
+            "MPC_XY_VEL_MAX": (12.0, _REAL32),
+            "SYS_HAS_GPS": (0, _INT32),
+        }
+
+    def behaviour(self, mode: int) -> Behaviour | None:
+        return BEHAVIOUR.get(mode)
+
+    def mode_of(self, main: int, sub: int) -> int:
+        return custom_mode(main, sub)
+
+    def base_mode(self, mode: int, *, armed: bool) -> int:
+        automatic = BASE_MODE_AUTO if mode >> 16 & 0xFF in (4, 6) else 0
+        return BASE_MODE_IDLE | automatic | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+
+    def no_such_mode(self, mode: int) -> str:
+        return ""
+
+    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
+        """Only frames 1 and 8; one ignored velocity axis ignores all."""
+        m: Any = message
+        turned = m.coordinate_frame == mavlink.MAV_FRAME_BODY_NED
+        if not turned and m.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
+            frame = m.coordinate_frame
+            return Refusal(f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {frame} unsupported")
+        if m.type_mask & IGNORE_ALL == IGNORE_ALL or m.type_mask & IGNORE_VELOCITY:
+            return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
+        yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
+        if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate))):
+            return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
+        vx, vy, vz = (
+            max(-MOST_VELOCITY_M_S, min(MOST_VELOCITY_M_S, v)) for v in (m.vx, m.vy, m.vz)
+        )
+        north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
+        return VelocityTarget((north, east, vz), yaw_rate)
+
+    def setpoint_loss(self, parameters: dict[str, float]) -> tuple[float, int | None]:
+        action = int(parameters["COM_OBL_RC_ACT"])
+        return parameters["COM_OF_LOSS_T"], OFFBOARD_LOSS_MODES.get(action, AUTO_LOITER)
+
+    def take_off_height_m(self, asked_m: float, parameters: dict[str, float]) -> float:
+        """The command's altitude is above the sea, which nobody knows indoors."""
+        return parameters["MIS_TAKEOFF_ALT"]
+
+    def estimator_status(self, boot_us: int, *, has_position: bool) -> Message:
+        """ESTIMATOR_STATUS (230)."""
+        flags = READY if has_position else WITHOUT_POSITION
+        return mavlink.MAVLink_estimator_status_message(
+            boot_us, flags, *(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05)
+        )
