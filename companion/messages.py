@@ -118,6 +118,8 @@ class VehicleState:
     mode: str = ""
     in_offboard_mode: bool = False
     """The mode in which the autopilot follows our setpoints: GUIDED or OFFBOARD."""
+    takes_off_by_setpoint: bool = False
+    """It lifts off by a climbing setpoint (PX4) rather than by a command (ArduPilot)."""
     armed: bool = False
     landed_state: LandedState = LandedState.UNKNOWN
     estimate_ready: bool = False

@@ -45,6 +45,15 @@ class Transport(StrEnum):
 
 World = Annotated[str, typer.Argument(help="A built-in world, or a world file.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
+
+
+class Personality(StrEnum):
+    """Which autopilot the vehicle answers as."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+
+
 Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
 
 
@@ -53,6 +62,7 @@ def run(
     world: World,
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
+    autopilot: Personality = Personality.ARDUPILOT,
     mavlink: Annotated[
         str, typer.Option(help="udpout:HOST:PORT or udpin:HOST:PORT.")
     ] = "udpout:127.0.0.1:14550",
@@ -64,7 +74,7 @@ def run(
     truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
 ) -> None:
     """Serve a vehicle in a world: MAVLink on UDP, its sensors on TCP; Ctrl-C ends it."""
-    setup = _setup(world, seed, profile)
+    setup = _setup(world, seed, profile, autopilot)
     transport = UdpTransport(mavlink, AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT)
     simulation = Simulation(setup, transport)
     server = Server(simulation, transport, bus_port=bus_port, speed=speed, lockstep=lockstep)
@@ -72,7 +82,7 @@ def run(
         signal.signal(number, lambda *_: server.stop())
     kind, host, port = mavlink.split(":")
     shown_port = transport.local_port if kind == "udpin" else port
-    print(f"world    {world}, seed {seed}, sensors {profile}")
+    print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     print(f"MAVLink  {kind}:{host}:{shown_port}")
     print(f"sensors  sitl://127.0.0.1:{server.bus_port}", flush=True)
     server.serve()
@@ -85,6 +95,7 @@ def fly(
     world: World,
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
+    autopilot: Personality = Personality.ARDUPILOT,
     mission: Annotated[str, typer.Option(help="What to fly: room.")] = "room",
     config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
     transport: Annotated[
@@ -97,7 +108,7 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    setup = _setup(world, seed, profile)
+    setup = _setup(world, seed, profile, autopilot)
     overrides = {"sensors.profile": profile, "mission.kind": mission}
     settings = configuration.load(config, overrides)
     console = Console(highlight=False)
@@ -146,7 +157,11 @@ def _fly_udp(
     began_s: float,
 ) -> Report:
     shared = ("--profile", setup.sensors.profile)
-    sitl_arguments = (setup.world_name, "--seed", str(setup.seed), "--speed", str(speed), *shared)
+    sitl_arguments = (
+        setup.world_name,
+        *("--seed", str(setup.seed), "--speed", str(speed), "--autopilot", setup.autopilot),
+        *shared,
+    )
     companion_arguments = ("--config", str(config), *shared) if config else shared
     plan, truth, status = fly_in_two_processes(sitl_arguments, companion_arguments, out)
     return make_report(
@@ -160,9 +175,9 @@ def _fly_udp(
     )
 
 
-def _setup(world: str, seed: int, profile: str) -> Setup:
+def _setup(world: str, seed: int, profile: str, autopilot: Personality) -> Setup:
     sensors = configuration.load(None, {"sensors.profile": profile}).sensors
-    return Setup(load_world(world), world, seed, sensors)
+    return Setup(load_world(world), world, seed, sensors, autopilot.value)
 
 
 def main() -> None:

@@ -36,6 +36,8 @@ class Setup:
     """As `load_world` takes it: the name of a built-in world, or a file."""
     seed: int
     sensors: SensorsConfig
+    autopilot: str = "ardupilot"
+    """Or "px4"."""
 
 
 class Simulation:
@@ -47,7 +49,7 @@ class Simulation:
         """A fault for tests: MAVLink is lost in both directions."""
         self._model = WorldModel(setup.world)
         start = start_state(setup)
-        self.autopilot = Autopilot(setup.seed, start)
+        self.autopilot = Autopilot(setup.seed, start, personality=setup.autopilot)
         self._history = deque([start], maxlen=HISTORY_STEPS)
         self.record = TruthRecord(start)
         self.board = SensorBoard(setup.seed, setup.sensors, self._model.range_m, self._truth_at)

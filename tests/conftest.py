@@ -6,16 +6,11 @@ import pytest
 
 from companion import config as configuration
 from companion.app import App, Progress
-from companion.config import Config
 from sitl.lockstep import Script, fly_in_lockstep, no_script
 from sitl.simulation import Setup, Simulation
 from sitl.world.format import load_world
 
 Fly = Callable[..., tuple[App, Simulation]]
-
-
-def make_setup(world: str, seed: int, settings: Config) -> Setup:
-    return Setup(load_world(world), world, seed, settings.sensors)
 
 
 @pytest.fixture
@@ -25,13 +20,15 @@ def fly() -> Fly:
     def fly_it(
         world: str = "room_100",
         seed: int = 1,
+        *,
         profile: str = "gp2y0a710k0f",
         transport: str = "direct",
+        autopilot: str = "ardupilot",
         script: Script = no_script,
         **overrides: object,
     ) -> tuple[App, Simulation]:
         settings = configuration.load(None, {"sensors.profile": profile, **overrides})
-        setup = make_setup(world, seed, settings)
+        setup = Setup(load_world(world), world, seed, settings.sensors, autopilot)
 
         def watch(progress: Progress) -> None:
             """Nobody looks."""

@@ -1,6 +1,9 @@
 """What differs between autopilots, seen from the companion."""
 
-from typing import Any, Protocol
+import math
+import struct
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -9,14 +12,36 @@ from companion.messages import Command, CommandKind
 Parameters = tuple[float, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter as it travels: `wire_value` is what stands in PARAM_SET's float."""
+
+    name: str
+    wire_value: float
+    kind: int
+    """MAV_PARAM_TYPE."""
+
+
+def _real(name: str, value: float) -> Parameter:
+    return Parameter(name, value, mavlink.MAV_PARAM_TYPE_REAL32)
+
+
+def _bytewise_int(name: str, value: int) -> Parameter:
+    """PX4 sends an integer's bytes in place of the float."""
+    (wire_value,) = struct.unpack("<f", struct.pack("<i", value))
+    return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
+
+
 class Dialect(Protocol):
     """One kind of autopilot."""
 
-    autopilot: int
+    autopilot: ClassVar[int]
     """HEARTBEAT.autopilot of this kind."""
-    setpoint_timeout: tuple[str, float]
-    """The parameter that bounds how long an old setpoint is flown, and the value we want."""
-    estimator_message: int
+    safety_parameters: ClassVar[tuple[Parameter, ...]]
+    """What bounds how long an old setpoint is flown, and what happens then; as we want them."""
+    takes_off_by_setpoint: ClassVar[bool]
+    """It lifts off by following a climbing setpoint in its offboard mode."""
+    estimator_message: ClassVar[int]
     """Which message tells the state of the estimator."""
 
     def mode_name(self, custom_mode: int) -> str: ...
@@ -51,9 +76,10 @@ ARDUCOPTER_MODES = {
 class ArduPilot:
     """ArduCopter 4.6."""
 
-    autopilot = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
-    setpoint_timeout = ("GUID_TIMEOUT", 0.5)
-    estimator_message = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+    autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+    safety_parameters: ClassVar[tuple[Parameter, ...]] = (_real("GUID_TIMEOUT", 0.5),)
+    takes_off_by_setpoint: ClassVar[bool] = False
+    estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
 
     GUIDED, LAND = 4, 9
     NEEDED_FLAGS = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_ABS
@@ -84,7 +110,71 @@ class ArduPilot:
                 return mavlink.MAV_CMD_DO_SET_MODE, (custom, self.LAND)
 
 
-DIALECTS: tuple[Dialect, ...] = (ArduPilot(),)
+def px4_mode(main: int, sub: int = 0) -> int:
+    """HEARTBEAT.custom_mode of PX4."""
+    return main << 16 | sub << 24
+
+
+PX4_MODES = {
+    px4_mode(1): "MANUAL",
+    px4_mode(2): "ALTCTL",
+    px4_mode(3): "POSCTL",
+    px4_mode(5): "ACRO",
+    px4_mode(6): "OFFBOARD",
+    px4_mode(7): "STABILIZED",
+    px4_mode(4, 2): "TAKEOFF",
+    px4_mode(4, 3): "HOLD",
+    px4_mode(4, 4): "MISSION",
+    px4_mode(4, 5): "RTL",
+    px4_mode(4, 6): "LAND",
+}
+PX4_LAND_ON_SETPOINT_LOSS = 4
+
+
+class Px4:
+    """PX4 1.16 and later, multicopter."""
+
+    autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_PX4
+    safety_parameters: ClassVar[tuple[Parameter, ...]] = (
+        _real("COM_OF_LOSS_T", 0.5),
+        _bytewise_int("COM_OBL_RC_ACT", PX4_LAND_ON_SETPOINT_LOSS),
+    )
+    takes_off_by_setpoint: ClassVar[bool] = True
+    estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
+
+    OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
+    NEEDED_FLAGS = (
+        mavlink.ESTIMATOR_ATTITUDE
+        | mavlink.ESTIMATOR_VELOCITY_HORIZ
+        | mavlink.ESTIMATOR_POS_HORIZ_REL
+    )
+
+    def mode_name(self, custom_mode: int) -> str:
+        return PX4_MODES.get(custom_mode, f"mode {custom_mode}")
+
+    def is_offboard(self, custom_mode: int) -> bool:
+        return custom_mode == px4_mode(self.OFFBOARD_MAIN)
+
+    def is_estimate_ready(self, message: Any) -> bool:
+        needed = message.flags & self.NEEDED_FLAGS == self.NEEDED_FLAGS
+        return needed and not message.flags & mavlink.ESTIMATOR_CONST_POS_MODE
+
+    def command(self, command: Command) -> tuple[int, Parameters]:
+        custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
+        match command.kind:
+            case CommandKind.OFFBOARD_MODE:
+                return mavlink.MAV_CMD_DO_SET_MODE, (custom, self.OFFBOARD_MAIN)
+            case CommandKind.ARM:
+                return mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1,)
+            case CommandKind.DISARM:
+                return mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0,)
+            case CommandKind.TAKE_OFF:
+                return mavlink.MAV_CMD_NAV_TAKEOFF, (math.nan,) * 7
+            case CommandKind.LAND:
+                return mavlink.MAV_CMD_DO_SET_MODE, (custom, self.AUTO_MAIN, self.LAND_SUB)
+
+
+DIALECTS: tuple[Dialect, ...] = (ArduPilot(), Px4())
 
 
 def dialect_of(autopilot: int) -> Dialect | None:

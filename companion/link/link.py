@@ -6,6 +6,7 @@
 Heartbeats go out from `send`, that is from the control loop: a companion that hangs falls silent.
 """
 
+import math
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -56,7 +57,7 @@ class Link:
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
         self._streams: tuple[Stream, ...] = ()
-        self._timeout_is_set = False
+        self._parameters_set: dict[str, bool] = {}
         self._asked_s = self._heartbeat_s = float("-inf")
 
     def poll(self, now_s: float) -> Telemetry:
@@ -95,9 +96,10 @@ class Link:
         elif message.id == self._dialect.estimator_message:
             self._estimate_ready = self._dialect.is_estimate_ready(message)
         elif kind == "PARAM_VALUE":
-            name, value = self._dialect.setpoint_timeout
-            if message.param_id == name:
-                self._timeout_is_set = abs(message.param_value - value) < 1e-3
+            for parameter in self._dialect.safety_parameters:
+                if message.param_id == parameter.name:
+                    set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
+                    self._parameters_set[parameter.name] = set_
 
     def _meet(self, autopilot: int) -> Dialect | None:
         dialect = dialect_of(autopilot)
@@ -142,14 +144,18 @@ class Link:
     def _vehicle(self, now_s: float) -> VehicleState:
         age_s = now_s - self._heard_s
         dialect = self._dialect
+        if dialect is None:
+            return VehicleState(silent_s=age_s)
+        ready = self._estimate_ready and self._has_position and self._is_safe(dialect)
         return VehicleState(
-            connected=dialect is not None and age_s < CONNECTED_S,
+            connected=age_s < CONNECTED_S,
             silent_s=age_s,
-            mode=dialect.mode_name(self._custom_mode) if dialect else "",
-            in_offboard_mode=dialect is not None and dialect.is_offboard(self._custom_mode),
+            mode=dialect.mode_name(self._custom_mode),
+            in_offboard_mode=dialect.is_offboard(self._custom_mode),
+            takes_off_by_setpoint=dialect.takes_off_by_setpoint,
             armed=self._armed,
             landed_state=self._landed_state,
-            estimate_ready=self._estimate_ready and self._has_position and self._timeout_is_set,
+            estimate_ready=ready,
             refusal=self._commands.refusal,
         )
 
@@ -183,14 +189,18 @@ class Link:
             messages.append(
                 mavlink.MAVLink_set_gps_global_origin_message(system, *INDOOR_ORIGIN_DEG_E7, 0)
             )
-        if not self._timeout_is_set:
-            name, value = dialect.setpoint_timeout
-            messages.append(
-                mavlink.MAVLink_param_set_message(
-                    *self._target, name.encode(), value, mavlink.MAV_PARAM_TYPE_REAL32
-                )
+        messages += [
+            mavlink.MAVLink_param_set_message(
+                *self._target, parameter.name.encode(), parameter.wire_value, parameter.kind
             )
+            for parameter in dialect.safety_parameters
+            if not self._parameters_set.get(parameter.name)
+        ]
         return messages
+
+    def _is_safe(self, dialect: Dialect) -> bool:
+        """The autopilot has confirmed every safety parameter."""
+        return all(self._parameters_set.get(p.name) for p in dialect.safety_parameters)
 
 
 def _landed_state(value: int) -> LandedState:

@@ -13,10 +13,12 @@
     before take-off:               no autopilot, no estimate, arming
                                    refused, each for too long           ─► FAILED
 
-Safety: setpoints go out only in ROOM, HOME and HOLD, that is while armed and in the mode that we
-asked for. When somebody else changes the mode, the companion stops sending at once and does not
-ask for the mode again. HOLD is a setpoint of zero velocity; if the link is gone, the autopilot
-comes to rest by its own setpoint timeout. DONE, HANDED_OVER and FAILED are final.
+Safety: setpoints that move the drone go out only in TAKE_OFF (PX4), ROOM, HOME and HOLD, that is
+while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
+velocity and show PX4 that a companion is there. When somebody else changes the mode, the companion
+stops sending at once and does not ask for the mode again. HOLD is a setpoint of zero velocity; if
+the link is gone, the autopilot comes to rest by its own setpoint timeout. DONE, HANDED_OVER and
+FAILED are final.
 """
 
 import enum
@@ -48,6 +50,7 @@ CONNECT_TIMEOUT_S = 8.0
 PREPARE_TIMEOUT_S = 60.0
 ARM_TIMEOUT_S = 30.0
 TAKE_OFF_TIMEOUT_S = 20.0
+TAKE_OFF_M_S = 0.5
 AT_HEIGHT_M = 0.15
 HORIZONTAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
 
@@ -187,7 +190,7 @@ def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
 
 def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.armed:
-        return replace(_go(flight, Phase.TAKE_OFF, view), began_s=view.time_s), NOTHING
+        return replace(_go(flight, Phase.TAKE_OFF, view), began_s=view.time_s), Action(HOLD)
     return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
 
 
@@ -195,9 +198,11 @@ def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
     height_m = view.sight.pose.height_m
     if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
         return _go(flight, Phase.ROOM, view), Action(HOLD)
+    if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
+        return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
+    if view.vehicle.takes_off_by_setpoint:
+        return flight, Action(Setpoint(down_m_s=-TAKE_OFF_M_S))
     if view.vehicle.landed_state in (LandedState.IN_AIR, LandedState.TAKING_OFF):
-        if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
-            return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
         return flight, NOTHING
     command = Command(CommandKind.TAKE_OFF, plan.height_m)
     return _insist(flight, view, command, TAKE_OFF_TIMEOUT_S)
@@ -208,7 +213,8 @@ def _insist(
 ) -> tuple[Flight, Action]:
     """Ask until it is so, or until it has been refused for too long."""
     if _age_s(flight, view) <= timeout_s:
-        return flight, Action(command=command)
+        setpoint = None if command.kind is CommandKind.TAKE_OFF else HOLD
+        return flight, Action(setpoint, command)
     refusal = view.vehicle.refusal or "no answer"
     trouble = f"cannot {command.kind.value} after {timeout_s:.0f} s: {refusal}"
     return _go(flight, Phase.FAILED, view, trouble), NOTHING

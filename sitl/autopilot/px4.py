@@ -26,9 +26,12 @@ BEHAVIOUR = {
 OFFBOARD_LOSS_MODES = {0: POSCTL, 1: ALTCTL, 2: MANUAL, 3: AUTO_RTL, 4: AUTO_LAND, 5: AUTO_LOITER}
 """By COM_OBL_RC_ACT."""
 
-BASE_MODE_IDLE = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
-BASE_MODE_AUTO = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
+BASE_MODE_IDLE: int = (
+    mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+)
+BASE_MODE_AUTO: int = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
 
+ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 READY = (
     mavlink.ESTIMATOR_ATTITUDE
     | mavlink.ESTIMATOR_VELOCITY_HORIZ
@@ -93,7 +96,7 @@ class Px4:
 
     def base_mode(self, mode: int, *, armed: bool) -> int:
         automatic = BASE_MODE_AUTO if mode >> 16 & 0xFF in (4, 6) else 0
-        return BASE_MODE_IDLE | automatic | (mavlink.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
+        return BASE_MODE_IDLE | automatic | (ARMED if armed else 0)
 
     def no_such_mode(self, mode: int) -> str:
         return ""

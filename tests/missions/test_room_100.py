@@ -13,7 +13,7 @@ from tests.conftest import Fly
 @pytest.mark.parametrize("profile", ["gp2y0a710k0f", "paper"])
 @pytest.mark.parametrize("seed", [1, 10])
 def test_it_maps_the_room_and_lands_at_home(fly: Fly, profile: str, seed: int) -> None:
-    app, simulation = fly("room_100", seed, profile)
+    app, simulation = fly("room_100", seed, profile=profile)
     plan, truth = app.final_floor_plan(), simulation.record
     assert app.flight.completed, app.flight.ending
     assert truth.collisions == 0
@@ -29,7 +29,7 @@ def test_it_maps_the_room_and_lands_at_home(fly: Fly, profile: str, seed: int) -
 
 @pytest.mark.parametrize("world", ["room_200", "room_300"])
 def test_it_maps_larger_rooms(fly: Fly, world: str) -> None:
-    app, simulation = fly(world, 1, "paper")
+    app, simulation = fly(world, 1, profile="paper")
     assert app.flight.completed, app.flight.ending
     surfaces = wall_surfaces(load_world(world), 1.2)
     score = score_map(app.final_floor_plan(), surfaces, simulation.record.take_off)
@@ -49,3 +49,13 @@ def test_another_seed_is_another_flight(fly: Fly) -> None:
     _, first = fly(seed=5)
     _, other = fly(seed=6)
     assert first.record.path != other.record.path
+
+
+def test_a_px4_flies_the_same_mission(fly: Fly) -> None:
+    app, simulation = fly(seed=4, autopilot="px4")
+    assert app.flight.completed, app.flight.ending
+    assert simulation.record.collisions == 0
+    surfaces = wall_surfaces(load_world("room_100"), 1.2)
+    score = score_map(app.final_floor_plan(), surfaces, simulation.record.take_off)
+    assert score.coverage >= 0.95
+    assert score.wall_error_aligned_cm <= 15

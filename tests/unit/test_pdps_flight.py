@@ -93,6 +93,21 @@ def test_no_setpoint_disturbs_the_climb() -> None:
     assert after(Phase.TAKE_OFF, view(climbing, height_m=0.5)) == (Phase.TAKE_OFF, Action())
 
 
+def test_px4_lifts_off_by_a_climbing_setpoint() -> None:
+    px4 = replace(FLYING, takes_off_by_setpoint=True, landed_state=LandedState.ON_GROUND)
+    phase, action = after(Phase.TAKE_OFF, view(px4, height_m=0.0))
+    assert phase is Phase.TAKE_OFF
+    assert action.command is None
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s < 0
+
+
+def test_before_take_off_setpoints_are_of_zero_velocity() -> None:
+    for phase in (Phase.OFFBOARD, Phase.ARM):
+        guided = replace(ON_GROUND, in_offboard_mode=phase is Phase.ARM)
+        assert after(phase, view(guided))[1].setpoint == HOLD
+
+
 def test_at_height_the_room_scan_begins() -> None:
     phase, action = after(Phase.TAKE_OFF, view())
     assert (phase, action.setpoint) == (Phase.ROOM, HOLD)
