@@ -30,7 +30,7 @@ from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
 
 MAPPING_PHASES = frozenset({Phase.ROOM, Phase.HOME, Phase.HOLD})
-PROGRESS_PERIOD_S = 0.5
+PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
 

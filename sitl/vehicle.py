@@ -13,6 +13,7 @@ from companion.frames import Vector3, wrap_rad
 from sitl.truth import TrueState
 
 STEP_S = 0.01
+GUST_STEPS = 5
 QUICK_SHARE, QUICK_S, SLOW_S = 0.86, 0.42, 2.0
 CLIMB_S = 0.35
 YAW_S = 0.15
@@ -55,11 +56,12 @@ class Vehicle:
     def step(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> TrueState:
         """Fly for one step towards a commanded velocity."""
         before = self._velocity[0], self._velocity[1]
+        if self._steps % GUST_STEPS == 0:
+            self._blow()
         for axis in (0, 1):
             wanted = velocity_ned_m_s[axis]
             self._quick[axis] += (wanted - self._quick[axis]) * STEP_S / QUICK_S
             self._slow[axis] += (wanted - self._slow[axis]) * STEP_S / SLOW_S
-            self._blow(axis)
             settled = QUICK_SHARE * self._quick[axis] + (1 - QUICK_SHARE) * self._slow[axis]
             self._velocity[axis] = settled + self._gust[axis]
         self._velocity[2] += (velocity_ned_m_s[2] - self._velocity[2]) * STEP_S / CLIMB_S
@@ -68,11 +70,12 @@ class Vehicle:
         self._move()
         return self._publish(before)
 
-    def _blow(self, axis: int) -> None:
+    def _blow(self) -> None:
         """Ornstein-Uhlenbeck process."""
-        fade = STEP_S / self._gusts.time_constant_s
+        fade = GUST_STEPS * STEP_S / self._gusts.time_constant_s
         kick = self._gusts.sigma_m_s * math.sqrt(2 * fade)
-        self._gust[axis] += -fade * self._gust[axis] + self._random.gauss(0, kick)
+        for axis in (0, 1):
+            self._gust[axis] += -fade * self._gust[axis] + self._random.gauss(0, kick)
 
     def _move(self) -> None:
         for axis in (0, 1, 2):

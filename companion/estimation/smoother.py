@@ -270,7 +270,8 @@ class _System:
         shape = self._count, self._size
         places = np.concatenate(self._rows), np.concatenate(self._columns)
         jacobian = coo_matrix((np.concatenate(self._values), places), shape=shape).tocsc()
-        factor = splu((jacobian.T @ jacobian).tocsc())
+        information = (jacobian.T @ jacobian).tocsc()
+        factor = splu(information, permc_spec="NATURAL", options={"SymmetricMode": True})
         step: Array = -factor.solve(jacobian.T @ np.concatenate(self._residuals))
         return step, factor
 

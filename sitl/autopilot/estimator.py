@@ -9,6 +9,8 @@ from sitl.truth import TrueState
 
 CONVERGES_S = 4.0
 """After boot, until the attitude has settled."""
+WALK_STEPS = 10
+WALK_S = 0.1
 HEIGHT_DRIFT_TIME_CONSTANT_S = 30.0
 
 
@@ -43,7 +45,8 @@ class FlowEstimator:
         self._gyro_scale = 1 + random.gauss(0, noise.gyro_scale)
         self._truth = start
         self._floor = start.position_ned_m[2]
-        self._drift_m = 0.0
+        self._steps = 0
+        self._drift_m = self._height_error_m = 0.0
         self.yaw_rad = wrap_rad(start.yaw_rad + random.gauss(0, noise.compass_rad))
         self.yaw_rate_rad_s = 0.0
         self.position_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -67,18 +70,25 @@ class FlowEstimator:
         north, east, _ = truth.velocity_ned_m_s
         forward, right = ned_to_frd(north, east, truth.yaw_rad)
         north, east = frd_to_ned(forward * self._scale, right * self._scale, self.yaw_rad)
+        self._steps += 1
+        if self._steps % WALK_STEPS == 0:
+            self._wander(moving=moving)
         x, y, _ = self.position_ned_m
-        walk_m = self._noise.step_m * math.sqrt(dt_s / 0.1) if moving else 0.0
-        gauss = self._random.gauss
-        x += north * dt_s + gauss(0, walk_m)
-        y += east * dt_s + gauss(0, walk_m)
-        fade = dt_s / HEIGHT_DRIFT_TIME_CONSTANT_S
-        kick = self._noise.height_drift_m * math.sqrt(2 * fade)
-        self._drift_m += -fade * self._drift_m + gauss(0, kick)
-        down = truth.position_ned_m[2] - self._floor + self._drift_m
-        self.position_ned_m = (x, y, down + gauss(0, self._noise.height_m))
+        down = truth.position_ned_m[2] - self._floor + self._height_error_m
+        self.position_ned_m = (x + north * dt_s, y + east * dt_s, down)
         self.velocity_ned_m_s = (north, east, truth.velocity_ned_m_s[2])
         self._truth = truth
+
+    def _wander(self, *, moving: bool) -> None:
+        """What goes wrong ten times a second."""
+        gauss, noise = self._random.gauss, self._noise
+        if moving:
+            x, y, down = self.position_ned_m
+            self.position_ned_m = (x + gauss(0, noise.step_m), y + gauss(0, noise.step_m), down)
+        fade = WALK_S / HEIGHT_DRIFT_TIME_CONSTANT_S
+        kick = noise.height_drift_m * math.sqrt(2 * fade)
+        self._drift_m += -fade * self._drift_m + gauss(0, kick)
+        self._height_error_m = self._drift_m + gauss(0, noise.height_m)
 
     def to_true_frame(self, velocity_ned_m_s: Vector3) -> Vector3:
         """The true velocity that the estimate would call this: what its control loop ends at."""

@@ -19,6 +19,7 @@ from companion.drivers.lsm9ds1 import (
 
 FIFO_DEPTH = 32
 OVERRUN = 0x40
+WALK_SAMPLES = 10
 NOMINAL_ODR_HZ = 119.0
 YawRate = Callable[[float], float]
 """time_s -> true body rate about down, rad/s."""
@@ -52,6 +53,8 @@ class Lsm9ds1Device:
         self._scale = 1 + random.gauss(0, noise.scale)
         self._period_s = 1 / (NOMINAL_ODR_HZ * (1 + random.gauss(0, noise.clock)))
         self._walk = 0.0
+        self._walk_kick = noise.bias_walk_rad_s_sqrt_s * math.sqrt(WALK_SAMPLES * self._period_s)
+        self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
         self._sampled = 0
         self._fifo: deque[int] = deque(maxlen=FIFO_DEPTH)
         self._overrun = False
@@ -96,12 +99,11 @@ class Lsm9ds1Device:
 
     def _sample(self, time_s: float) -> int:
         noise = self._noise
-        self._walk += self._random.gauss(
-            0, noise.bias_walk_rad_s_sqrt_s * math.sqrt(self._period_s)
-        )
+        if self._sampled % WALK_SAMPLES == 0:
+            self._walk += self._random.gauss(0, self._walk_kick)
         warm_s = max(time_s - noise.flight_bias_after_s, 0.0)
         warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
-        white = self._random.gauss(0, noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s))
+        white = self._random.gauss(0, self._white)
         rate = self._yaw_rate(time_s) * self._scale
         rate += self._turn_on_bias + self._flight_bias * warm + self._walk + white
         # The chip's z axis points up: its positive rate is counter-clockwise.

@@ -34,6 +34,7 @@ class WorldModel:
         self._everything, self._triangles = _collision_object(full_mesh(world))
         self._obstacles, _ = _collision_object(obstacle_mesh(world))
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
+        self._request = fcl.CollisionRequest(num_max_contacts=MOST_CONTACTS, enable_contact=False)
         self._beams: dict[float, fcl.CollisionObject] = {}
         self._checked_at: Vector3 | None = None
         self._clearance_m = 0.0
@@ -45,11 +46,12 @@ class WorldModel:
         if beam is None:
             beam = fcl.CollisionObject(fcl.Box(BEAM_WIDTH_M, BEAM_WIDTH_M, most_m))
             self._beams[most_m] = beam
-        middle = [o + 0.5 * most_m * d for o, d in zip(origin, direction, strict=True)]
-        beam.setTransform(fcl.Transform(_rotation_to(direction), np.array(middle)))
+        half_m = 0.5 * most_m
+        (x, y, z), (dx, dy, dz) = origin, direction
+        middle = np.array((x + half_m * dx, y + half_m * dy, z + half_m * dz))
+        beam.setTransform(fcl.Transform(_rotation_to(direction), middle))
         result = fcl.CollisionResult()
-        request = fcl.CollisionRequest(num_max_contacts=MOST_CONTACTS, enable_contact=False)
-        fcl.collide(self._everything, beam, request, result)
+        fcl.collide(self._everything, beam, self._request, result)
         touched = {contact.b1 for contact in result.contacts}
         return _nearest(origin, direction, (self._triangles[i] for i in touched), most_m)
 
@@ -97,15 +99,13 @@ def _check_finite(values: tuple[float, ...]) -> None:
 
 
 def _rotation_to(direction: Vector3) -> np.ndarray:
-    """A rotation whose third column is the direction."""
+    """The quaternion (w, x, y, z) that turns the z axis to the direction, half-way round."""
     x, y, z = direction
-    # Duff et al. 2017, "Building an Orthonormal Basis, Revisited", equation (10).
-    sign = math.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    return np.array(
-        [[1 + sign * x * x * a, b, x], [sign * b, sign + y * y * a, y], [-sign * x, -y, z]]
-    )
+    if z < -1 + 1e-9:
+        return np.array((0.0, 1.0, 0.0, 0.0))
+    # (1 + z0·d, z0 × d), normalised
+    scale = 1 / math.sqrt(2 * (1 + z))
+    return np.array(((1 + z) * scale, -y * scale, x * scale, 0.0))
 
 
 def _nearest(
