@@ -1,11 +1,11 @@
-"""Texas Instruments ADS1115: four single-ended 16-bit channels over I2C.
+"""Texas Instruments ADS1115: four single-ended 16-bit channels, one conversion at a time.
 
 Registers and bits as in the datasheet (SBAS444), table 8 and figure 36.
 """
 
 from collections.abc import Sequence
 
-from companion.drivers.bus import Bus
+from companion.drivers.bus import Bus, Transaction
 from companion.errors import SensorError
 
 REG_CONVERSION, REG_CONFIG = 0x00, 0x01
@@ -29,38 +29,40 @@ def config_word(channel: int) -> int:
     return START | mux | PGA_4_096_V | SINGLE_SHOT | RATE_860_SPS | COMPARATOR_OFF
 
 
-class Ads1115:
-    """One chip. Start a channel, let the bus wait `CONVERSION_S`, then read it.
+def start(address: int, channel: int) -> Transaction:
+    """Start a conversion; its result can be read `CONVERSION_S` later."""
+    return Transaction(address, bytes([REG_CONFIG]) + config_word(channel).to_bytes(2, "big"))
+
+
+def read(address: int) -> Transaction:
+    """Read the latest finished conversion."""
+    return Transaction(address, bytes([REG_CONVERSION]), 2)
+
+
+def volts(answer: bytes) -> float:
+    """What the answer to `read` says."""
+    return int.from_bytes(answer, "big", signed=True) * VOLTS_PER_COUNT
+
+
+def check(bus: Bus, address: int) -> None:
+    """Make sure that an ADS1115 is there: it has no identity, but keeps what it is told.
 
     Raises:
-        SensorError: no ADS1115 answers at the address.
+        SensorError: names the address and the remedy.
     """
-
-    def __init__(self, bus: Bus, address: int) -> None:
-        self._bus = bus
-        self.address = address
-        try:
-            self.start(0)
-            answer = bus.write_read(address, bytes([REG_CONFIG]), 2)
-        except OSError as error:
-            raise SensorError(
-                f"no ADS1115 at 0x{address:02x} ({error}); check wiring and its ADDR pin"
-            ) from error
-        found = int.from_bytes(answer, "big") & READ_BACK_BITS
-        if found != config_word(0) & READ_BACK_BITS:
-            raise SensorError(
-                f"the chip at 0x{address:02x} is no ADS1115 (its config reads 0x{found:04x}); "
-                "check the addresses in [sensors]"
-            )
-
-    def start(self, channel: int) -> None:
-        word = config_word(channel)
-        self._bus.write_read(self.address, bytes([REG_CONFIG, word >> 8, word & 0xFF]), 0)
-
-    def read_volts(self) -> float:
-        """The latest finished conversion."""
-        answer = self._bus.write_read(self.address, bytes([REG_CONVERSION]), 2)
-        return int.from_bytes(answer, "big", signed=True) * VOLTS_PER_COUNT
+    try:
+        read_back = Transaction(address, bytes([REG_CONFIG]), 2)
+        _, answer = bus.transfer([start(address, 0), read_back])
+    except OSError as error:
+        raise SensorError(
+            f"no ADS1115 at 0x{address:02x} ({error}); check wiring and its ADDR pin"
+        ) from error
+    found = int.from_bytes(answer, "big") & READ_BACK_BITS
+    if found != config_word(0) & READ_BACK_BITS:
+        raise SensorError(
+            f"the chip at 0x{address:02x} is no ADS1115 (its config reads 0x{found:04x}); "
+            "check the addresses in [sensors]"
+        )
 
 
 def rounds(channels: Sequence[tuple[int, int]]) -> list[list[tuple[int, int]]]:

@@ -5,16 +5,32 @@ serves; nothing above this file can tell them apart.
 """
 
 import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Protocol
 
 from companion.errors import SensorError
 
 
-class Bus(Protocol):
-    """One I2C controller. Every transfer may raise OSError: no acknowledge, bus gone."""
+@dataclass(frozen=True, slots=True)
+class Transaction:
+    """Write `data` to the device at `address`, then read `count` bytes (repeated start)."""
 
-    def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        """Write `data` to the device at `address`, then read `count` bytes (repeated start)."""
+    address: int
+    data: bytes
+    count: int = 0
+
+
+class Bus(Protocol):
+    """One I2C controller."""
+
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        """Carry out transactions one after the other; the bytes read by each.
+
+        Raises:
+            OSError: a device did not acknowledge, and what came after it was not done; or the
+                bus is gone.
+        """
         ...
 
     def wait(self, duration_s: float) -> None:
@@ -22,6 +38,10 @@ class Bus(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+MOST_TRANSACTIONS = 21
+"""The kernel takes 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
 
 
 class LinuxI2cBus:
@@ -39,12 +59,18 @@ class LinuxI2cBus:
                 "and add this user to the group i2c"
             ) from error
 
-    def write_read(self, address: int, data: bytes, count: int) -> bytes:
-        messages = [self._i2c_msg.write(address, data)] if data else []
-        if count:
-            messages.append(self._i2c_msg.read(address, count))
-        self._bus.i2c_rdwr(*messages)
-        return bytes(messages[-1]) if count else b""
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        answers: list[bytes] = []
+        for first in range(0, len(transactions), MOST_TRANSACTIONS):
+            answers += self._transfer(transactions[first : first + MOST_TRANSACTIONS])
+        return answers
+
+    def _transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        writes = [self._i2c_msg.write(t.address, t.data) for t in transactions]
+        reads = [self._i2c_msg.read(t.address, t.count) if t.count else None for t in transactions]
+        pairs = zip(writes, reads, strict=True)
+        self._bus.i2c_rdwr(*[message for pair in pairs for message in pair if message is not None])
+        return [b"" if read is None else bytes(read) for read in reads]
 
     def wait(self, duration_s: float) -> None:
         time.sleep(duration_s)

@@ -6,7 +6,7 @@ positive rate is counter-clockwise seen from above; FRD yaw is clockwise, hence 
 
 import math
 
-from companion.drivers.bus import Bus
+from companion.drivers.bus import Bus, Transaction
 from companion.errors import SensorError
 from companion.messages import GyroSample
 
@@ -43,7 +43,7 @@ class Lsm9ds1:
         self._last_s: float | None = None
         self._configured = False
         try:
-            found = bus.write_read(address, bytes([REG_WHO_AM_I]), 1)[0]
+            found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
             self._configure()
         except OSError as error:
             raise SensorError(
@@ -56,14 +56,14 @@ class Lsm9ds1:
             )
 
     def _configure(self) -> None:
-        for register, value in (
+        settings = (
             (REG_CTRL_8, BLOCK_UPDATE_AND_AUTO_INCREMENT),
             (REG_CTRL_6_XL, ACCELEROMETER_OFF),
             (REG_CTRL_1_G, ODR_119_HZ_245_DPS),
             (REG_CTRL_9, FIFO_ENABLE),
             (REG_FIFO_CTRL, FIFO_CONTINUOUS),
-        ):
-            self._bus.write_read(self._address, bytes([register, value]), 0)
+        )
+        self._bus.transfer([Transaction(self._address, bytes(setting)) for setting in settings])
         self._configured = True
 
     def read(self, time_s: float) -> list[GyroSample]:
@@ -91,9 +91,8 @@ class Lsm9ds1:
         return samples
 
     def _drain(self) -> list[int]:
-        source = self._bus.write_read(self._address, bytes([REG_FIFO_SRC]), 1)[0]
-        counts = []
-        for _ in range(source & FIFO_COUNT_BITS):
-            data = self._bus.write_read(self._address, bytes([REG_OUT_X_G]), SAMPLE_BYTES)
-            counts.append(int.from_bytes(data[4:6], "little", signed=True))
-        return counts
+        ((source,),) = self._bus.transfer([Transaction(self._address, bytes([REG_FIFO_SRC]), 1)])
+        sample = Transaction(self._address, bytes([REG_OUT_X_G]), SAMPLE_BYTES)
+        count = source & FIFO_COUNT_BITS
+        answers = self._bus.transfer([sample] * count) if count else []
+        return [int.from_bytes(answer[4:6], "little", signed=True) for answer in answers]

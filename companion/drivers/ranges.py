@@ -1,11 +1,13 @@
 """All range sensors in one sweep."""
 
 from companion.config import SensorsConfig
-from companion.drivers.ads1115 import CONVERSION_S, Ads1115, rounds
+from companion.drivers import ads1115
 from companion.drivers.bus import Bus
 from companion.drivers.sharp import PROFILES
 from companion.messages import RangeReading, RangeScan, RangeState
 
+Channel = tuple[int, int]
+"""I2C address of the ADC, and its input."""
 STALE_FOR_S = 0.25
 """A sensor that was well this recently is called stale; after that it has failed."""
 
@@ -22,15 +24,19 @@ class RangeSensors:
         self._bus = bus
         self._profile = PROFILES[config.profile]
         self._beams = {(c.address, c.channel): beam for beam, c in config.channels.items()}
-        self._chips = {a: Ads1115(bus, a) for a in sorted({a for a, _ in self._beams})}
-        self._rounds = rounds(list(self._beams))
+        self._rounds = ads1115.rounds(list(self._beams))
         self._good_s = dict.fromkeys(self._beams, float("-inf"))
+        for address in sorted({address for address, _ in self._beams}):
+            ads1115.check(bus, address)
 
     def read(self, time_s: float) -> RangeScan:
         """One sweep, all chips converting at the same time."""
-        volts: dict[tuple[int, int], float] = {}
-        for pairs in self._rounds:
-            volts |= self._convert(pairs)
+        volts = self._sweep(self._rounds)
+        if len(volts) < len(self._beams):  # a chip is gone: the others are read one by one
+            volts = {}
+            for address in {address for address, _ in self._beams}:
+                mine = [[p for p in pairs if p[0] == address] for pairs in self._rounds]
+                volts |= self._sweep([pairs for pairs in mine if pairs])
         readings = {}
         for pair, beam in self._beams.items():
             if pair in volts:
@@ -41,23 +47,16 @@ class RangeSensors:
                 readings[beam] = RangeReading(RangeState.STALE if stale else RangeState.FAILED)
         return RangeScan(time_s, readings)
 
-    def _convert(self, pairs: list[tuple[int, int]]) -> dict[tuple[int, int], float]:
-        """Volts of one channel on each chip; chips that do not answer are left out."""
-        started = []
-        for pair in pairs:
-            try:
-                self._chips[pair[0]].start(pair[1])
-                started.append(pair)
-            except OSError:
-                continue
-        volts: dict[tuple[int, int], float] = {}
+    def _sweep(self, rounds: list[list[Channel]]) -> dict[Channel, float]:
+        """Volts by channel: each round is started by the transfer that reads the one before."""
+        volts: dict[Channel, float] = {}
         try:
-            self._bus.wait(CONVERSION_S)
+            for before, pairs in zip([[], *rounds], [*rounds, []], strict=True):
+                reads = [ads1115.read(address) for address, _ in before]
+                answers = self._bus.transfer(reads + [ads1115.start(*pair) for pair in pairs])
+                volts |= dict(zip(before, map(ads1115.volts, answers), strict=False))
+                if pairs:
+                    self._bus.wait(ads1115.CONVERSION_S)
         except OSError:
-            return volts
-        for pair in started:
-            try:
-                volts[pair] = self._chips[pair[0]].read_volts()
-            except OSError:
-                continue
+            return {}
         return volts

@@ -1,18 +1,23 @@
 """Client of the bus and of the virtual clock that SITL serves over TCP.
 
-Little-endian frames. Request: op, device address, length to write, length to read, payload;
-reply: status, length, payload. A WAIT has no reply, so that waiting costs no round trip.
+Little-endian frames. Request: op, length, payload; reply: status, length, payload. A TRANSFER's
+payload is a row of transactions (device address, length to write, length to read, data to write);
+its reply is all bytes read, in order. A WAIT has no reply: waiting costs no round trip.
 """
 
 import errno
 import socket
 import struct
 import time
+from collections.abc import Sequence
+from itertools import accumulate
 
+from companion.drivers.bus import Transaction
 from companion.errors import SensorError
 
-REQUEST = struct.Struct("<BBHH")
+REQUEST = struct.Struct("<BH")
 REPLY = struct.Struct("<BH")
+TRANSACTION = struct.Struct("<BBB")
 WAIT_S = struct.Struct("<d")
 CLOCK_REQUEST = struct.Struct("<dHQ")
 """Time to reach, s; the client's UDP port; MAVLink datagrams that it has sent."""
@@ -33,8 +38,8 @@ class _Connection:
         self._socket = socket.create_connection((host, port), timeout=REPLY_TIMEOUT_S)
         self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
-    def post(self, op: int, address: int, payload: bytes, count: int) -> None:
-        self._socket.sendall(REQUEST.pack(op, address, len(payload), count) + payload)
+    def post(self, op: int, payload: bytes) -> None:
+        self._socket.sendall(REQUEST.pack(op, len(payload)) + payload)
 
     def reply(self) -> tuple[int, bytes]:
         status, length = REPLY.unpack(self._receive(REPLY.size))
@@ -60,6 +65,10 @@ def _refused(host: str, port: int, error: OSError) -> SensorError:
     )
 
 
+def _addresses(transactions: Sequence[Transaction]) -> str:
+    return " or ".join(f"0x{address:02x}" for address in sorted({t.address for t in transactions}))
+
+
 class ServedBus:
     """The I2C bus behind a socket; a broken connection is tried again once a second."""
 
@@ -71,22 +80,26 @@ class ServedBus:
         except OSError as error:
             raise _refused(host, port, error) from error
 
-    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        request = b"".join(
+            TRANSACTION.pack(t.address, len(t.data), t.count) + t.data for t in transactions
+        )
         connection = self._connected()
         try:
-            connection.post(OP_TRANSFER, address, data, count)
+            connection.post(OP_TRANSFER, request)
             status, answer = connection.reply()
         except OSError:
             self._drop()
             raise
         if status != STATUS_OK:
-            raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{address:02x}")
-        return answer
+            raise OSError(errno.EREMOTEIO, f"no acknowledge from {_addresses(transactions)}")
+        ends = accumulate(t.count for t in transactions)
+        return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
 
     def wait(self, duration_s: float) -> None:
         connection = self._connected()
         try:
-            connection.post(OP_WAIT, 0, WAIT_S.pack(duration_s), 0)
+            connection.post(OP_WAIT, WAIT_S.pack(duration_s))
         except OSError:
             self._drop()
             raise
@@ -127,7 +140,7 @@ class VirtualClock:
         """
         try:
             request = CLOCK_REQUEST.pack(time_s, udp_port, datagrams_sent)
-            self._connection.post(OP_CLOCK, 0, request, 0)
+            self._connection.post(OP_CLOCK, request)
             _, answer = self._connection.reply()
             reached_s, datagrams = CLOCK_REPLY.unpack(answer)
         except (OSError, struct.error) as error:

@@ -1,8 +1,10 @@
 """An I2C bus with register-level devices on it."""
 
 import errno
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
+
+from companion.drivers.bus import Transaction
 
 BITS_PER_BYTE = 9
 """Eight and the acknowledge."""
@@ -30,7 +32,11 @@ class DeviceBus:
         """The simulation has reached a time; the bus goes on from there."""
         self._time_s = max(self._time_s, time_s)
 
-    def write_read(self, address: int, data: bytes, count: int) -> bytes:
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        return [self._carry_out(transaction) for transaction in transactions]
+
+    def _carry_out(self, transaction: Transaction) -> bytes:
+        address, data, count = transaction.address, transaction.data, transaction.count
         self._time_s += (2 + len(data) + count) * BITS_PER_BYTE / CLOCK_HZ
         device = self._devices.get(address)
         if device is None or self.is_broken or address in self.dead_addresses:

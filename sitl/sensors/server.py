@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from companion.drivers.bus import Transaction
 from companion.drivers.served_bus import (
     CLOCK_REPLY,
     CLOCK_REQUEST,
@@ -13,6 +14,7 @@ from companion.drivers.served_bus import (
     STATUS_MALFORMED,
     STATUS_NO_ACKNOWLEDGE,
     STATUS_OK,
+    TRANSACTION,
     WAIT_S,
 )
 from sitl.sensors.i2c import DeviceBus
@@ -20,7 +22,7 @@ from sitl.sensors.i2c import DeviceBus
 Clock = Callable[[float, int, int], tuple[float, int]]
 """(target_s, client's UDP port, datagrams it sent) -> (time reached, datagrams sent to it)."""
 
-LONGEST_TRANSFER = 256
+LONGEST_REQUEST = 4096
 LONGEST_WAIT_S = 1.0
 LONGEST_CLOCK_STEP_S = 60.0
 
@@ -40,24 +42,20 @@ class BusConnection:
         self._buffer += data
         replies = b""
         while not self.closing and len(self._buffer) >= REQUEST.size:
-            op, address, length, count = REQUEST.unpack_from(self._buffer)
-            if max(length, count) > LONGEST_TRANSFER:
+            op, length = REQUEST.unpack_from(self._buffer)
+            if length > LONGEST_REQUEST:
                 replies += self._refuse()
                 break
             end = REQUEST.size + length
             if len(self._buffer) < end:
                 break
             payload, self._buffer = self._buffer[REQUEST.size : end], self._buffer[end:]
-            replies += self._serve(op, address, payload, count)
+            replies += self._serve(op, payload)
         return replies
 
-    def _serve(self, op: int, address: int, payload: bytes, count: int) -> bytes:
+    def _serve(self, op: int, payload: bytes) -> bytes:
         if op == OP_TRANSFER:
-            try:
-                answer = self._bus.write_read(address, payload, count)
-            except OSError:
-                return REPLY.pack(STATUS_NO_ACKNOWLEDGE, 0)
-            return REPLY.pack(STATUS_OK, len(answer)) + answer
+            return self._transfer(payload)
         if op == OP_WAIT and len(payload) == WAIT_S.size:
             (duration_s,) = WAIT_S.unpack(payload)
             if 0 <= duration_s <= LONGEST_WAIT_S:
@@ -70,6 +68,32 @@ class BusConnection:
                 return REPLY.pack(STATUS_OK, len(answer)) + answer
         return self._refuse()
 
+    def _transfer(self, payload: bytes) -> bytes:
+        transactions = _decoded(payload)
+        if transactions is None:
+            return self._refuse()
+        try:
+            answer = b"".join(self._bus.transfer(transactions))
+        except OSError:
+            return REPLY.pack(STATUS_NO_ACKNOWLEDGE, 0)
+        return REPLY.pack(STATUS_OK, len(answer)) + answer
+
     def _refuse(self) -> bytes:
         self.closing = True
         return REPLY.pack(STATUS_MALFORMED, 0)
+
+
+def _decoded(payload: bytes) -> list[Transaction] | None:
+    """The transactions of a TRANSFER; None if they do not fill it exactly."""
+    transactions = []
+    at = 0
+    while at < len(payload):
+        if len(payload) - at < TRANSACTION.size:
+            return None
+        address, length, count = TRANSACTION.unpack_from(payload, at)
+        at += TRANSACTION.size
+        if len(payload) - at < length:
+            return None
+        transactions.append(Transaction(address, payload[at : at + length], count))
+        at += length
+    return transactions
