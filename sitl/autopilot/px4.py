@@ -73,6 +73,10 @@ class Px4:
         self.streams_hz: dict[int, float] = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+            mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
+            mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
         }
         self.parameters: dict[str, tuple[float, int]] = {
             "COM_OBC_LOSS_T": (5.0, _REAL32),
@@ -107,7 +111,7 @@ class Px4:
         turned = m.coordinate_frame == mavlink.MAV_FRAME_BODY_NED
         if not turned and m.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
             frame = m.coordinate_frame
-            return Refusal(f"SET_POSITION_TARGET_LOCAL_NED coordinate frame {frame} unsupported")
+            return Refusal(f"coordinate frame {frame} unsupported")
         if m.type_mask & IGNORE_ALL == IGNORE_ALL or m.type_mask & IGNORE_VELOCITY:
             return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
         yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate

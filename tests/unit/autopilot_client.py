@@ -1,0 +1,77 @@
+"""A ground station for the conformance tests of the emulated autopilot."""
+
+import math
+from typing import Any
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.link.transport import Message, pipe_pair
+from sitl.autopilot.core import Autopilot
+from sitl.truth import TrueState
+
+ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.3, 0.0)
+
+
+class Client:
+    """A ground station with the vehicle on the other end of a pipe of bytes."""
+
+    def __init__(self, personality: str = "ardupilot") -> None:
+        self.autopilot = Autopilot(1, START, personality=personality)
+        self._vehicle_end, self._end = pipe_pair()
+
+    def sends(self, message: Message) -> list[Any]:
+        self._end.send(message)
+        for received in self._vehicle_end.receive():
+            self.autopilot.receive(received)
+        return self._heard()
+
+    def waits(self, seconds: float) -> list[Any]:
+        for _ in range(round(seconds * 100)):
+            self.autopilot.step()
+        return self._heard()
+
+    def _heard(self) -> list[Any]:
+        for message in self.autopilot.take_outbox():
+            self._vehicle_end.send(message)
+        return self._end.receive()
+
+    def commands(self, command: int, *parameters: float) -> list[Any]:
+        padded = (*parameters, *(0.0,) * (7 - len(parameters)))
+        return self.sends(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
+
+    def result(self, command: int, *parameters: float) -> int:
+        acks = [m for m in self.commands(command, *parameters) if m.get_type() == "COMMAND_ACK"]
+        assert len(acks) == 1
+        assert acks[0].command == command
+        result: int = acks[0].result
+        return result
+
+    def is_ready(self) -> "Client":
+        self.waits(5)
+        self.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
+        assert self.result(176, 1, 4) == ACCEPTED
+        return self
+
+    def flies(self) -> "Client":
+        self.is_ready()
+        assert self.result(400, 1) == ACCEPTED
+        assert self.result(22, 0, 0, 0, 0, 0, 0, 2) == ACCEPTED
+        self.waits(8)
+        return self
+
+    def velocity(
+        self, *, frame: int, mask: int, vx: float = 1.0, vz: float = 0.0, yaw_rate: float = 0.0
+    ) -> list[Any]:
+        return self.sends(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, frame, mask, 0, 0, 0, vx, 0, vz, 0, 0, 0, 0, yaw_rate
+            )
+        )
+
+    def speed(self) -> float:
+        return math.hypot(*self.autopilot.truth.velocity_ned_m_s[:2])
+
+
+def kinds(messages: list[Any]) -> list[str]:
+    return [m.get_type() for m in messages]
