@@ -21,6 +21,7 @@ from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Server
 from sitl.simulation import Setup, Simulation
+from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError, load_world
 
 EXIT_NOT_COMPLETED = 1
@@ -33,6 +34,9 @@ commands = typer.Typer(
     pretty_exceptions_enable=False,
     help="Simulated rooms, autopilot and sensors for the companion.",
 )
+
+
+commands.add_typer(world_commands, name="world")
 
 
 class Transport(StrEnum):

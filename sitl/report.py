@@ -12,7 +12,7 @@ from companion.messages import FloorPlan
 from sitl.record import TruthRecord
 from sitl.score import least_time_s, score_map, score_trajectory
 from sitl.simulation import Setup
-from sitl.world.plan import wall_surfaces
+from sitl.world.plan import seeable_points, wall_surfaces
 
 Report = dict[str, float | int | bool | str | None]
 WALL_CLOCK_KEYS = ("speed_factor", "waited_s")
@@ -30,7 +30,10 @@ def make_report(
     waited_s: float,
 ) -> Report:
     """All scores of one flight; lengths in the unit of their key."""
-    surfaces = wall_surfaces(setup.world, config.mission.height_m)
+    height_m = config.mission.height_m
+    surfaces = wall_surfaces(setup.world, height_m)
+    north, east, _ = truth.take_off.position_ned_m
+    seeable = seeable_points(setup.world, height_m, (north, east))
     report: Report = {
         "world": setup.world.name,
         "profile": setup.sensors.profile,
@@ -38,7 +41,7 @@ def make_report(
         "completed": completed and truth.collisions == 0,
         "ending": ending,
     }
-    report |= asdict(score_map(plan, surfaces, truth.take_off))
+    report |= asdict(score_map(plan, surfaces, seeable, truth.take_off))
     report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))
     report |= {
         "collisions": truth.collisions,

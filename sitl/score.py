@@ -14,14 +14,13 @@ from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from numpy.typing import NDArray
 
-from companion.frames import Vector2
 from companion.messages import FloorPlan, Pose
 from sitl.truth import TrueState
+from sitl.world.format import Segment
+from sitl.world.plan import samples
 
 Points = NDArray[np.float64]
-Surface = tuple[Vector2, Vector2]
 
-SAMPLE_M = 0.05
 COVERED_WITHIN_M = 0.10
 FALSE_BEYOND_M = 0.20
 ALIGNMENT_STEPS = 30
@@ -38,7 +37,7 @@ class MapScore:
     wall_error_aligned_cm: float
     wall_error_aligned_p95_cm: float
     coverage: float
-    """Share of the true wall length with a mapped wall within 10 cm, after alignment."""
+    """Share of the true wall that could be seen with a mapped one within 10 cm, aligned."""
     false_walls: float
     """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
 
@@ -51,16 +50,21 @@ class TrajectoryScore:
     ate_take_off_frame_cm: float
 
 
-def score_map(plan: FloorPlan, surfaces: Sequence[Surface], take_off: TrueState) -> MapScore:
-    """Compare the mapped walls with the true ones (world frame, north and east)."""
+def score_map(
+    plan: FloorPlan, surfaces: Sequence[Segment], seeable: Points, take_off: TrueState
+) -> MapScore:
+    """Compare the mapped walls with the true ones (world frame, north and east).
+
+    `seeable` are samples (n, 2) of those surfaces that could be seen; coverage is taken of them.
+    """
     true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
-    mapped = _to_world(_samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
+    mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
     if not len(mapped):
         return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0)
     error_m, _ = _nearest(mapped, true_walls)
     aligned = align(mapped, true_walls)
     aligned_error_m, _ = _nearest(aligned, true_walls)
-    to_mapped_m = _distance_to_points(_samples(surfaces), aligned)
+    to_mapped_m = _distance_to_points(seeable, aligned)
     return MapScore(
         wall_error_cm=100 * float(error_m.mean()),
         wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),
@@ -91,7 +95,7 @@ def score_trajectory(
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
 
 
-def least_time_s(surfaces: Sequence[Surface], standoff_m: float, speed_m_s: float) -> float:
+def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: float) -> float:
     """Least time to trace a room with four square corners: (P - 8·d) / v."""
     perimeter_m = sum(math.dist(*surface) for surface in surfaces)
     return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
@@ -118,16 +122,6 @@ def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
     flip = np.diag([1.0, np.sign(np.linalg.det(u @ vt))])
     moved: Points = (points - source_mean) @ (u @ flip @ vt) + target_mean
     return moved
-
-
-def _samples(segments: Sequence[Surface]) -> Points:
-    """Points every 5 cm along the segments, (n, 2)."""
-    pieces = []
-    for start, end in segments:
-        count = max(1, round(math.dist(start, end) / SAMPLE_M))
-        share = ((np.arange(count) + 0.5) / count)[:, None]
-        pieces.append((1 - share) * np.array(start) + share * np.array(end))
-    return np.concatenate(pieces) if pieces else np.empty((0, 2))
 
 
 def _to_world(points: Points, take_off: TrueState) -> Points:

@@ -23,6 +23,7 @@ heading_deg = 90
 
 import math
 import tomllib
+from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -34,6 +35,10 @@ from companion.frames import Vector2
 from sitl.errors import SitlError
 
 LEAST_LENGTH_M = 0.01
+ON_WALL_M = 0.05
+"""How far off its wall a door's centre may be written."""
+
+Segment = tuple[Vector2, Vector2]
 
 Metres = Annotated[float, Field(ge=-1000, le=1000, allow_inf_nan=False)]
 Height = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
@@ -47,25 +52,101 @@ class _Part(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
+class Door(_Part):
+    """An opening in a wall."""
+
+    centre: tuple[Metres, Metres]
+    width_m: float = Field(ge=0.1, le=20)
+    height_m: float = Field(2.0, ge=0.1, le=20)
+
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """An upright rectangle of wall, seen from above from `start` to `end`, (north, east)."""
+
+    start: Vector2
+    end: Vector2
+    bottom_m: float
+    top_m: float
+    thickness_m: float = 0.0
+
+    @property
+    def outline(self) -> list[Segment]:
+        """What of it is seen from above: itself, or the four sides of a thick one."""
+        if self.thickness_m <= 0:
+            return [(self.start, self.end)]
+        north = self.end[0] - self.start[0]
+        east = self.end[1] - self.start[1]
+        share = self.thickness_m / 2 / math.hypot(north, east)
+        aside = -east * share, north * share
+        corners = [
+            (point[0] + side * aside[0], point[1] + side * aside[1])
+            for point, side in ((self.start, 1), (self.end, 1), (self.end, -1), (self.start, -1))
+        ]
+        return list(pairwise([*corners, corners[0]]))
+
+
 class Walls(_Part):
-    """Vertical surfaces along a polyline."""
+    """Walls along a polyline, with doors in them."""
 
     points: tuple[tuple[Metres, Metres], ...] = Field(min_length=2)
     closed: bool = False
+    thickness_m: float = Field(0.0, ge=0, le=2)
     bottom_m: Height = 0.0
     top_m: Height | None = None
+    doors: tuple[Door, ...] = ()
 
     @property
-    def segments(self) -> list[tuple[Vector2, Vector2]]:
+    def segments(self) -> list[Segment]:
         points = [*self.points, self.points[0]] if self.closed else list(self.points)
         return list(pairwise(points))
+
+    def panels(self, ceiling_m: float) -> list[Panel]:
+        """The walls with their doors cut out and lintels left above."""
+        top_m = ceiling_m if self.top_m is None else self.top_m
+        panels = []
+        for start, end in self.segments:
+            length_m = math.dist(start, end)
+            gaps = sorted(gap for door in self.doors if (gap := _gap(door, start, end)))
+            at_m = 0.0
+            for from_m, to_m, height_m in gaps:
+                panels.append((start, end, at_m, from_m, self.bottom_m))
+                panels.append((start, end, from_m, to_m, height_m))
+                at_m = to_m
+            panels.append((start, end, at_m, length_m, self.bottom_m))
+        return [
+            Panel(_between(s, e, a), _between(s, e, b), bottom_m, top_m, self.thickness_m)
+            for s, e, a, b, bottom_m in panels
+            if b - a > LEAST_LENGTH_M and top_m - bottom_m > LEAST_LENGTH_M
+        ]
 
     @model_validator(mode="after")
     def _is_not_degenerate(self) -> "Walls":
         for start, end in self.segments:
             if math.dist(start, end) < LEAST_LENGTH_M:
                 raise ValueError(f"{start} and {end} are the same point; leave one out")
+        for door in self.doors:
+            if not any(_gap(door, start, end) for start, end in self.segments):
+                raise ValueError(f"the door at {door.centre} is on none of the walls, or too wide")
         return self
+
+
+def _gap(door: Door, start: Vector2, end: Vector2) -> tuple[float, float, float] | None:
+    """From, to and height of a door along a wall, metres; None if it is not in this wall."""
+    length_m = math.dist(start, end)
+    north, east = (end[0] - start[0]) / length_m, (end[1] - start[1]) / length_m
+    to_north, to_east = door.centre[0] - start[0], door.centre[1] - start[1]
+    along_m, across_m = to_north * north + to_east * east, to_east * north - to_north * east
+    half_m = door.width_m / 2
+    inside = half_m <= along_m <= length_m - half_m
+    if abs(across_m) > ON_WALL_M or not inside:
+        return None
+    return along_m - half_m, along_m + half_m, door.height_m
+
+
+def _between(start: Vector2, end: Vector2, along_m: float) -> Vector2:
+    share = along_m / math.dist(start, end)
+    return start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
 
 
 class Box(_Part):
@@ -80,7 +161,7 @@ class Box(_Part):
     top_m: Height
 
     @property
-    def segments(self) -> list[tuple[Vector2, Vector2]]:
+    def segments(self) -> list[Segment]:
         (north, east), (depth, width) = self.corner, self.size
         corners = [
             (north, east),
@@ -113,6 +194,11 @@ class World(_Part):
     walls: tuple[Walls, ...] = ()
     boxes: tuple[Box, ...] = ()
     starts: tuple[Start, ...] = Field(min_length=1)
+
+    @property
+    def panels(self) -> list[Panel]:
+        """All walls, doors cut out."""
+        return [panel for walls in self.walls for panel in walls.panels(self.height_m)]
 
     @model_validator(mode="after")
     def _has_something_to_map(self) -> "World":

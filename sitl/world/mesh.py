@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import Vector2, Vector3
-from sitl.world.format import Box, Walls, World
+from sitl.world.format import World
 
 MARGIN_M = 2.0
 """Floor and ceiling reach this far beyond the outermost wall."""
@@ -36,11 +36,13 @@ def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
 
 def obstacle_mesh(world: World) -> Mesh:
     """Walls, boxes and ceiling: all that the drone must not touch."""
-    quads = [
-        _upright(start, end, walls.bottom_m, _top(walls.top_m, world))
-        for walls in world.walls
-        for start, end in walls.segments
-    ]
+    quads = []
+    for panel in world.panels:
+        sides = panel.outline
+        quads += [_upright(start, end, panel.bottom_m, panel.top_m) for start, end in sides]
+        if len(sides) > 1:
+            corners = [start for start, _ in sides]
+            quads += [_level(corners, panel.top_m), _level(corners, panel.bottom_m)]
     for box in world.boxes:
         quads += [_upright(start, end, box.bottom_m, box.top_m) for start, end in box.segments]
         corners = [start for start, _ in box.segments]
@@ -57,10 +59,6 @@ def full_mesh(world: World) -> Mesh:
         np.concatenate([obstacles.vertices, floor.vertices]),
         np.concatenate([obstacles.faces, floor.faces + len(obstacles.vertices)]),
     )
-
-
-def _top(top_m: float | None, world: World) -> float:
-    return world.height_m if top_m is None else top_m
 
 
 def _upright(
@@ -80,8 +78,9 @@ def _level(corners: list[Vector2], height_m: float) -> tuple[Vector3, Vector3, V
 
 
 def _bounds(world: World) -> list[Vector2]:
-    parts: list[Walls | Box] = [*world.walls, *world.boxes]
-    points = [point for part in parts for segment in part.segments for point in segment]
+    sides = [side for panel in world.panels for side in panel.outline]
+    sides += [side for box in world.boxes for side in box.segments]
+    points = [point for side in sides for point in side]
     norths, easts = [p[0] for p in points], [p[1] for p in points]
     south, north = min(norths) - MARGIN_M, max(norths) + MARGIN_M
     west, east = min(easts) - MARGIN_M, max(easts) + MARGIN_M

@@ -1,17 +1,99 @@
-"""The true walls seen from above, at one height."""
+"""The true walls seen from above, at one height, and which of them could be seen."""
+
+import math
+from collections import deque
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from companion.frames import Vector2
-from sitl.world.format import World
+from sitl.world.format import Segment, World
+from sitl.world.model import BODY_RADIUS_M, WorldModel
+
+Points = NDArray[np.float64]
+
+SAMPLE_M = 0.05
+CELL_M = 0.15
+"""Of the grid over which the drone is moved about."""
+MOST_CELLS = 400_000
+SEEN_FROM_M = 1.5
+"""A wall counts as one that could be seen if the drone can hover this near, facing it."""
+CLEAR_OF_SAMPLE_M = 0.03
+MOST_VIEWPOINTS = 60
 
 
-def wall_surfaces(world: World, height_m: float) -> list[tuple[Vector2, Vector2]]:
+def wall_surfaces(world: World, height_m: float) -> list[Segment]:
     """Segments, (north, east) in metres, of every wall and box that stands at this height."""
-    surfaces: list[tuple[Vector2, Vector2]] = []
-    for walls in world.walls:
-        top_m = world.height_m if walls.top_m is None else walls.top_m
-        if walls.bottom_m <= height_m <= top_m:
-            surfaces += walls.segments
+    surfaces: list[Segment] = []
+    for panel in world.panels:
+        if panel.bottom_m <= height_m <= panel.top_m:
+            surfaces += panel.outline
     for box in world.boxes:
         if box.bottom_m <= height_m <= box.top_m:
             surfaces += box.segments
     return surfaces
+
+
+def samples(segments: list[Segment]) -> Points:
+    """Points every 5 cm along the segments, (n, 2)."""
+    pieces = []
+    for start, end in segments:
+        count = max(1, round(math.dist(start, end) / SAMPLE_M))
+        share = ((np.arange(count) + 0.5) / count)[:, None]
+        pieces.append((1 - share) * np.array(start) + share * np.array(end))
+    return np.concatenate(pieces) if pieces else np.empty((0, 2))
+
+
+def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
+    """Samples of the surfaces that a drone which starts there could fly up to and see."""
+    surfaces = wall_surfaces(world, height_m)
+    reached = _reachable(world, height_m, start)
+    walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    points = samples(surfaces)
+    seen = [_is_seen(point, reached, walls) for point in points]
+    visible: Points = points[np.array(seen, dtype=bool)]
+    return visible
+
+
+def _reachable(world: World, height_m: float, start: Vector2) -> Points:
+    """Cell centres that the drone's body can be brought to at this height, (n, 2)."""
+    model = WorldModel(world)
+    waiting = deque([(0, 0)])
+    free = {(0, 0)}
+    while waiting and len(free) < MOST_CELLS:
+        row, column = waiting.popleft()
+        for cell in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
+            place = (start[0] + cell[0] * CELL_M, start[1] + cell[1] * CELL_M, -height_m)
+            if cell not in free and model.clearance_m(place) > BODY_RADIUS_M:
+                free.add(cell)
+                waiting.append(cell)
+    return np.array(start) + CELL_M * np.array(sorted(free), dtype=float)
+
+
+def _is_seen(point: Points, reached: Points, walls: Points) -> bool:
+    """Some reachable place near the point has a clear line to it."""
+    distance = np.linalg.norm(reached - point, axis=1)
+    near = np.argsort(distance, kind="stable")[:MOST_VIEWPOINTS]
+    near = near[distance[near] < SEEN_FROM_M]
+    eyes = reached[near]
+    if not len(eyes):
+        return False
+    towards = (point - eyes) / distance[near][:, None]
+    ends = point - CLEAR_OF_SAMPLE_M * towards
+    return bool((~_crosses(eyes, ends, walls)).any())
+
+
+def _crosses(starts: Points, ends: Points, walls: Points) -> Any:
+    """For each line of sight whether any wall cuts it; booleans (n,)."""
+    a, b = starts[:, None], ends[:, None]
+    c, d = walls[None, :, 0], walls[None, :, 1]
+    cuts = (_side(a, b, c) * _side(a, b, d) <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0)
+    return cuts.any(axis=1)
+
+
+def _side(a: Points, b: Points, p: Points) -> Points:
+    """On which side of the line from a to b the point p is."""
+    along, to = b - a, p - a
+    side: Points = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
+    return side

@@ -4,10 +4,17 @@ import math
 
 import pytest
 
-from sitl.score import score_map, score_trajectory
+from companion.messages import FloorPlan
+from sitl.record import TruthRecord
+from sitl.score import MapScore, score_map, score_trajectory
 from sitl.world.format import load_world
-from sitl.world.plan import wall_surfaces
+from sitl.world.plan import samples, wall_surfaces
 from tests.conftest import Fly
+
+
+def map_score(world: str, plan: FloorPlan, truth: TruthRecord) -> MapScore:
+    surfaces = wall_surfaces(load_world(world), 1.2)
+    return score_map(plan, surfaces, samples(surfaces), truth.take_off)
 
 
 @pytest.mark.parametrize("profile", ["gp2y0a710k0f", "paper"])
@@ -18,7 +25,7 @@ def test_it_maps_the_room_and_lands_at_home(fly: Fly, profile: str, seed: int) -
     assert app.flight.completed, app.flight.ending
     assert truth.collisions == 0
     assert truth.clearance_m > 0.3
-    score = score_map(plan, wall_surfaces(load_world("room_100"), 1.2), truth.take_off)
+    score = map_score("room_100", plan, truth)
     assert score.coverage >= 0.95
     assert score.wall_error_aligned_cm <= 15
     assert score_trajectory(plan.path, truth.path, truth.take_off).ate_cm <= 15
@@ -31,8 +38,7 @@ def test_it_maps_the_room_and_lands_at_home(fly: Fly, profile: str, seed: int) -
 def test_it_maps_larger_rooms(fly: Fly, world: str) -> None:
     app, simulation = fly(world, 1, profile="paper")
     assert app.flight.completed, app.flight.ending
-    surfaces = wall_surfaces(load_world(world), 1.2)
-    score = score_map(app.final_floor_plan(), surfaces, simulation.record.take_off)
+    score = map_score(world, app.final_floor_plan(), simulation.record)
     assert score.wall_error_aligned_cm <= 15
     assert simulation.record.collisions == 0
 
@@ -55,7 +61,6 @@ def test_a_px4_flies_the_same_mission(fly: Fly) -> None:
     app, simulation = fly(seed=4, autopilot="px4")
     assert app.flight.completed, app.flight.ending
     assert simulation.record.collisions == 0
-    surfaces = wall_surfaces(load_world("room_100"), 1.2)
-    score = score_map(app.final_floor_plan(), surfaces, simulation.record.take_off)
+    score = map_score("room_100", app.final_floor_plan(), simulation.record)
     assert score.coverage >= 0.95
     assert score.wall_error_aligned_cm <= 15

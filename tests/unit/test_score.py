@@ -10,6 +10,7 @@ from companion.frames import Vector2, frd_to_ned
 from companion.messages import FloorPlan, Pose, WallSegment
 from sitl.score import least_time_s, score_map, score_trajectory
 from sitl.truth import TrueState
+from sitl.world.plan import samples
 
 ROOM: list[tuple[Vector2, Vector2]] = [
     ((0.0, 0.0), (10.0, 0.0)),
@@ -30,7 +31,7 @@ def moved(point: Vector2, north: float, east: float, turn_rad: float) -> Vector2
 
 
 def test_the_true_map_is_perfect() -> None:
-    score = score_map(mapped(ROOM), ROOM, HERE)
+    score = score_map(mapped(ROOM), ROOM, samples(ROOM), HERE)
     assert score.wall_error_cm == pytest.approx(0, abs=1e-9)
     assert (score.coverage, score.false_walls) == (1.0, 0.0)
 
@@ -39,7 +40,7 @@ def test_the_true_map_is_perfect() -> None:
 @given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.02, 0.02))
 def test_alignment_takes_out_a_rigid_error(north: float, east: float, turn_rad: float) -> None:
     walls = [(moved(a, north, east, turn_rad), moved(b, north, east, turn_rad)) for a, b in ROOM]
-    score = score_map(mapped(walls), ROOM, HERE)
+    score = score_map(mapped(walls), ROOM, samples(ROOM), HERE)
     assert score.wall_error_aligned_cm < 0.1
     assert score.coverage == 1.0
 
@@ -47,25 +48,25 @@ def test_alignment_takes_out_a_rigid_error(north: float, east: float, turn_rad: 
 def test_the_take_off_pose_puts_the_map_into_the_world() -> None:
     take_off = TrueState(0.0, (3.0, 4.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 1.0, 0.0)
     there = [tuple(frd_to_ned(p[0] - 3.0, p[1] - 4.0, -1.0) for p in wall) for wall in ROOM]
-    score = score_map(mapped(there), ROOM, take_off)  # type: ignore[arg-type]
+    score = score_map(mapped(there), ROOM, samples(ROOM), take_off)  # type: ignore[arg-type]
     assert score.wall_error_cm == pytest.approx(0, abs=1e-6)
 
 
 def test_a_map_too_large_cannot_be_aligned_away() -> None:
     walls = [((1.02 * a[0], 1.02 * a[1]), (1.02 * b[0], 1.02 * b[1])) for a, b in ROOM]
-    score = score_map(mapped(walls), ROOM, HERE)
+    score = score_map(mapped(walls), ROOM, samples(ROOM), HERE)
     assert score.wall_error_aligned_cm == pytest.approx(10, abs=2)
 
 
 def test_missing_and_invented_walls_are_counted() -> None:
     invented: tuple[Vector2, Vector2] = ((3.0, 3.0), (3.0, 8.0))
-    score = score_map(mapped([*ROOM[:3], invented]), ROOM, HERE)
+    score = score_map(mapped([*ROOM[:3], invented]), ROOM, samples(ROOM), HERE)
     assert score.coverage == pytest.approx(0.75, abs=0.01)
     assert score.false_walls == pytest.approx(5 / 35, abs=0.01)
 
 
 def test_an_empty_map_covers_nothing() -> None:
-    assert score_map(FloorPlan(), ROOM, HERE).coverage == 0.0
+    assert score_map(FloorPlan(), ROOM, samples(ROOM), HERE).coverage == 0.0
 
 
 def test_trajectory_error_by_evo() -> None:

@@ -12,7 +12,7 @@ from companion.frames import Vector3
 from sitl.world.format import World, WorldError, load_world, world_names
 from sitl.world.mesh import full_mesh, obstacle_mesh
 from sitl.world.model import BODY_RADIUS_M, WorldModel
-from sitl.world.plan import wall_surfaces
+from sitl.world.plan import seeable_points, wall_surfaces
 
 FURNISHED = World.model_validate(
     {
@@ -141,12 +141,68 @@ def test_every_built_in_world_loads(name: str) -> None:
     assert len(obstacle_mesh(world).faces)
 
 
+@pytest.mark.parametrize("name", world_names())
+def test_every_start_is_free(name: str) -> None:
+    world = load_world(name)
+    model = WorldModel(world)
+    for start in world.starts:
+        assert model.clearance_m((*start.position, -1.2)) >= 0.6
+
+
+@pytest.mark.parametrize("name", ["two_room_300", "three_room_450", "complex", "office"])
+def test_every_room_can_be_reached_from_every_start(name: str) -> None:
+    world = load_world(name)
+    seen = [len(seeable_points(world, 1.2, start.position)) for start in world.starts]
+    assert max(seen) - min(seen) <= 0.01 * max(seen)
+
+
+def test_a_wall_seen_from_one_side_only_counts_once() -> None:
+    """Inside the building of `exterior` nobody gets: its walls are seen from the yard."""
+    world = load_world("exterior")
+    points = seeable_points(world, 1.2, world.starts[0].position)
+    around_yard = 2 * (24 + 28)
+    around_building = 10 + 14 + 5 + 7 + 5 + 7
+    assert len(points) * 0.05 == pytest.approx(around_yard + around_building, rel=0.01)
+
+
+DOOR = World.model_validate(
+    {
+        "name": "door",
+        "height_m": 2.6,
+        "walls": [
+            {"points": [(0, 0), (4, 0), (4, 8), (0, 8)], "closed": True},
+            {
+                "points": [(0, 4), (4, 4)],
+                "thickness_m": 0.2,
+                "doors": [{"centre": (2, 4), "width_m": 1.0, "height_m": 2.0}],
+            },
+        ],
+        "starts": [{"name": "west", "position": (2, 2)}],
+    }
+)
+
+
+def test_a_door_is_open_below_its_lintel() -> None:
+    model = WorldModel(DOOR)
+    east = (0.0, 1.0, 0.0)
+    assert model.range_m((2.0, 2.0, -1.2), east, 8) == pytest.approx(6.0)
+    assert model.range_m((2.0, 2.0, -2.3), east, 8) == pytest.approx(1.9)
+    assert model.range_m((1.0, 2.0, -1.2), east, 8) == pytest.approx(1.9)
+
+
+def test_a_thick_wall_has_two_faces_and_ends() -> None:
+    surfaces = wall_surfaces(DOOR, 1.2)
+    assert len(surfaces) == 4 + 2 * 4
+    assert len(wall_surfaces(DOOR, 2.3)) == 4 + 3 * 4
+
+
 def test_furniture_shows_only_at_its_height() -> None:
     assert len(wall_surfaces(FURNISHED, 0.5)) == 4 + 1 + 4
     assert len(wall_surfaces(FURNISHED, 1.5)) == 4 + 1 + 4
     assert len(wall_surfaces(FURNISHED, 2.2)) == 4
 
 
+STRAY_DOOR = "[[walls.doors]]\ncentre = [5, 5]\nwidth_m = 1\n"
 WALLS = "[[walls]]\npoints = [[0, 0], [1, 0]]\n[[starts]]\nname = 'a'\nposition = [0.5, 0.5]\n"
 
 
@@ -159,6 +215,13 @@ WALLS = "[[walls]]\npoints = [[0, 0], [1, 0]]\n[[starts]]\nname = 'a'\nposition 
         ("name = 'x'\nheight_m = 2.6\n" + WALLS.replace("[1, 0]", "[1e9, 0]"), "1000"),
         ("name = 'x'\nheight_m = 2.6\n" + WALLS.split("[[starts]]", maxsplit=1)[0], "starts"),
         ("name = 'x'\nheight_m = 2.6\n[[starts]]\nname = 'a'\nposition = [0, 0]\n", "walls"),
+        (
+            "name = 'x'\nheight_m = 2.6\n"
+            + WALLS.replace(
+                "[[starts]]", "[[walls.doors]]\ncentre = [5, 5]\nwidth_m = 1\n[[starts]]"
+            ),
+            "none of the walls",
+        ),
         ("name = ", "not TOML"),
     ],
 )

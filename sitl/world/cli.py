@@ -1,0 +1,70 @@
+"""`sitl world`: what worlds there are, what they look like, and whether a file is one."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from sitl.world.drawing import draw_plan
+from sitl.world.format import World, WorldError, load_world, world_names
+from sitl.world.mesh import full_mesh
+from sitl.world.model import WorldModel
+
+LEAST_START_CLEARANCE_M = 0.6
+START_HEIGHT_M = 1.2
+
+commands = typer.Typer(no_args_is_help=True, help="The worlds to fly in.")
+
+
+@commands.command("list")
+def list_worlds() -> None:
+    """The built-in worlds."""
+    table = Table("world", "extent", "ceiling", "starts", "triangles")
+    for name in world_names():
+        world = load_world(name)
+        north_m, east_m = _extent(world)
+        table.add_row(
+            name,
+            f"{north_m:g} × {east_m:g} m",
+            f"{world.height_m:g} m",
+            ", ".join(start.name for start in world.starts),
+            str(len(full_mesh(world).faces)),
+        )
+    Console().print(table)
+
+
+@commands.command()
+def show(
+    world: Annotated[str, typer.Argument(help="A built-in world, or a world file.")],
+    out: Annotated[Path | None, typer.Option(help="PNG to write; NAME.png if left out.")] = None,
+) -> None:
+    """Draw the plan with its start poses."""
+    loaded = load_world(world)
+    path = out or Path(f"{loaded.name}.png")
+    draw_plan(loaded, path)
+    typer.echo(str(path))
+
+
+@commands.command()
+def check(
+    world: Annotated[str, typer.Argument(help="A built-in world, or a world file.")],
+) -> None:
+    """Load a world and see that every start is free."""
+    loaded = load_world(world)
+    model = WorldModel(loaded)
+    for start in loaded.starts:
+        clearance_m = model.clearance_m((*start.position, -START_HEIGHT_M))
+        if clearance_m < LEAST_START_CLEARANCE_M:
+            raise WorldError(
+                f"{world}: start {start.name!r} has {clearance_m:.2f} m around it; "
+                f"{LEAST_START_CLEARANCE_M} m are needed, move it"
+            )
+    typer.echo(f"{loaded.name}: {len(loaded.panels)} walls, {len(loaded.boxes)} boxes, good")
+
+
+def _extent(world: World) -> tuple[float, float]:
+    points = [point for panel in world.panels for point in (panel.start, panel.end)]
+    norths, easts = zip(*points, strict=True)
+    return max(norths) - min(norths), max(easts) - min(easts)
