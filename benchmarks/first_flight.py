@@ -15,7 +15,7 @@ from companion.app import Progress
 from sitl.lockstep import fly_in_lockstep
 from sitl.report import Report, make_report
 from sitl.simulation import Setup
-from sitl.world.format import load_world
+from sitl.world.loading import load_world
 
 PROFILES = ("paper", "gp2y0a710k0f")
 COLUMNS = (

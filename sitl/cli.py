@@ -22,7 +22,8 @@ from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Server
 from sitl.simulation import Setup, Simulation
 from sitl.world.cli import commands as world_commands
-from sitl.world.format import WorldError, load_world
+from sitl.world.format import WorldError
+from sitl.world.loading import load_world
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2

@@ -8,7 +8,7 @@ from companion import config as configuration
 from companion.app import App, Progress
 from sitl.lockstep import Script, fly_in_lockstep, no_script
 from sitl.simulation import Setup, Simulation
-from sitl.world.format import load_world
+from sitl.world.loading import load_world
 
 Fly = Callable[..., tuple[App, Simulation]]
 

@@ -1,7 +1,9 @@
 """Rooms and buildings.
 
-    TOML file ─► format ─► World ─► mesh ─► triangles ─► model (FCL): ranges, clearance
-                             └────► plan: the true walls seen from above, for the scorer
+    TOML file ──► format ──┬─► World ─► mesh ─► triangles ─► model (FCL): ranges, clearance
+    other files ► importers┘     └────► plan: the true walls seen from above, for the scorer
+
+`loading` finds the file or built-in world for a name.
 
 The world's frame is NED with the floor at down = 0; files give heights upwards.
 """

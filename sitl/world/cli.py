@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from sitl.world.drawing import draw_plan
-from sitl.world.format import World, WorldError, load_world, world_names
+from sitl.world.format import World, WorldError
+from sitl.world.loading import load_world, world_names
 from sitl.world.mesh import full_mesh
 from sitl.world.model import WorldModel
 
@@ -51,8 +52,8 @@ def show(
 def check(
     world: Annotated[str, typer.Argument(help="A built-in world, or a world file.")],
 ) -> None:
-    """Load a world and see that every start is free."""
-    loaded = load_world(world)
+    """Load a world, tell what had to be mended, and see that every start is free."""
+    loaded = load_world(world, typer.echo)
     model = WorldModel(loaded)
     for start in loaded.starts:
         clearance_m = model.clearance_m((*start.position, -START_HEIGHT_M))

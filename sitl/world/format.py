@@ -26,7 +26,6 @@ import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
-from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
@@ -213,26 +212,12 @@ def world_names() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
 
 
-def load_world(name_or_path: str) -> World:
-    """A built-in world by name, or one from a TOML file.
+def parse_world(text: str, source: str) -> World:
+    """A world from the text of its file.
 
     Raises:
         WorldError: one line that says what to mend.
     """
-    if name_or_path in world_names():
-        text = (resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml").read_text()
-    elif name_or_path.endswith(".toml"):
-        try:
-            text = Path(name_or_path).read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise WorldError(f"{name_or_path}: {error}") from error
-    else:
-        known = ", ".join(world_names())
-        raise WorldError(f"no world {name_or_path!r}; known: {known}, or a file ending in .toml")
-    return _parse(text, name_or_path)
-
-
-def _parse(text: str, source: str) -> World:
     try:
         return World.model_validate(tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:

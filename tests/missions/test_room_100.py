@@ -7,7 +7,7 @@ import pytest
 from companion.messages import FloorPlan
 from sitl.record import TruthRecord
 from sitl.score import MapScore, score_map, score_trajectory
-from sitl.world.format import load_world
+from sitl.world.loading import load_world
 from sitl.world.plan import samples, wall_surfaces
 from tests.conftest import Fly
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.frames import Vector3
-from sitl.world.format import World, WorldError, load_world, world_names
+from sitl.world.format import World, WorldError
+from sitl.world.loading import load_world, world_names
 from sitl.world.mesh import full_mesh, obstacle_mesh
 from sitl.world.model import BODY_RADIUS_M, WorldModel
 from sitl.world.plan import seeable_points, wall_surfaces

@@ -1,0 +1,93 @@
+"""Plans as plain wall segments in JSON.
+
+    {"name": ..., "units": "m", "walls": [[x1, y1, x2, y2], ...]}
+
+x is east and y is north, metres; there are no heights, so walls go to a ceiling at 2.6 m. Real
+plans repeat segments, cross them and leave gaps; what cannot be a wall is left out and counted.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from sitl.world.format import World, WorldError
+from sitl.world.importers.starts import free_starts
+
+CEILING_M = 2.6
+LEAST_WALL_M = 0.01
+FARTHEST_M = 1000.0
+MOST_WALLS = 50_000
+SAME_TO_M = 0.001
+"""Segments equal to the millimetre are one."""
+
+Number = tuple[float, float, float, float]
+
+
+def load_segments(path: Path, tell: Callable[[str], None]) -> World:
+    """Read a plan.
+
+    Raises:
+        WorldError: nothing can be made of it; one line that says why.
+    """
+    record = _read(path)
+    walls = record.get("walls")
+    if not isinstance(walls, list) or not walls:
+        raise WorldError(f"{path}: walls: a list of [x1, y1, x2, y2] is needed")
+    if len(walls) > MOST_WALLS:
+        raise WorldError(f"{path}: walls: {len(walls)} are too many, {MOST_WALLS} at most")
+    if record.get("units", "m") != "m":
+        raise WorldError(f"{path}: units = {record['units']!r}: should be 'm'")
+    good = _mended(walls, tell)
+    if not good:
+        raise WorldError(f"{path}: walls: none of {len(walls)} is usable")
+    return World.model_validate(
+        {
+            "name": str(record.get("name", path.stem)),
+            "height_m": CEILING_M,
+            "walls": [{"points": [(y1, x1), (y2, x2)]} for x1, y1, x2, y2 in good],
+            "starts": free_starts([((y1, x1), (y2, x2)) for x1, y1, x2, y2 in good], str(path)),
+        }
+    )
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        record = json.loads(path.read_text())
+    except (OSError, ValueError, RecursionError) as error:
+        raise WorldError(f"{path}: {error}") from error
+    if not isinstance(record, dict):
+        raise WorldError(f"{path}: not a plan: an object with walls is needed")
+    return record
+
+
+def _mended(walls: list[Any], tell: Callable[[str], None]) -> list[Number]:
+    """The walls that can be used, each once; tells how many were not and why."""
+    numbers = [tuple(map(float, wall)) for wall in walls if _is_four_numbers(wall)]
+    near = [wall for wall in numbers if max(map(abs, wall)) <= FARTHEST_M]
+    long = [wall for wall in near if math.dist(wall[:2], wall[2:]) >= LEAST_WALL_M]
+    single = {_key(wall): wall for wall in long}
+    for what, before, after in (
+        ("not four finite numbers", walls, numbers),
+        (f"farther than {FARTHEST_M:g} m", numbers, near),
+        (f"shorter than {LEAST_WALL_M:g} m", near, long),
+        ("repeated", long, single),
+    ):
+        if len(after) < len(before):
+            tell(f"left out {len(before) - len(after)} of {len(walls)} walls: {what}")
+    return [(x1, y1, x2, y2) for x1, y1, x2, y2 in single.values()]
+
+
+def _is_four_numbers(wall: object) -> bool:
+    return (
+        isinstance(wall, list)
+        and len(wall) == 4
+        and all(isinstance(x, int | float) and math.isfinite(x) for x in wall)
+    )
+
+
+def _key(wall: tuple[float, ...]) -> frozenset[tuple[int, int]]:
+    """The same for a wall and for its reverse."""
+    x1, y1, x2, y2 = (round(value / SAME_TO_M) for value in wall)
+    return frozenset({(x1, y1), (x2, y2)})

@@ -1,0 +1,77 @@
+"""Where a drone may start in a plan that does not say."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import Vector2
+from sitl.world.format import Segment, WorldError
+
+LEAST_CLEARANCE_M = 0.6
+MOST_CLEARANCE_M = 3.0
+"""Farther from walls no place is any better."""
+STEP_M = 0.4
+STARTS = 3
+APART_M = 3.0
+RAYS = 16
+LEAST_ENCLOSED = 12
+"""Of so many directions a wall must be met, or the place is outside."""
+
+Points = NDArray[np.float64]
+
+
+def free_starts(segments: list[Segment], source: str) -> list[dict[str, object]]:
+    """Up to three enclosed places with room around them, apart from each other, best first.
+
+    Raises:
+        WorldError: there is none.
+    """
+    walls = np.array(segments, dtype=float)
+    places = _grid(walls)
+    clearance = np.concatenate([_clearance(part, walls) for part in np.array_split(places, 64)])
+    order = np.argsort(-np.minimum(clearance, MOST_CLEARANCE_M), kind="stable")
+    chosen: list[Vector2] = []
+    for index in order:
+        if clearance[index] < LEAST_CLEARANCE_M or len(chosen) == STARTS:
+            break
+        place = float(places[index, 0]), float(places[index, 1])
+        apart = all(math.dist(place, other) >= APART_M for other in chosen)
+        if apart and _is_enclosed(places[index], walls):
+            chosen.append(place)
+    if not chosen:
+        raise WorldError(f"{source}: no enclosed place with {LEAST_CLEARANCE_M} m around it")
+    return [{"name": f"start {i + 1}", "position": place} for i, place in enumerate(chosen)]
+
+
+def _grid(walls: Points) -> Points:
+    low, high = walls.min(axis=(0, 1)), walls.max(axis=(0, 1))
+    step = max(STEP_M, float((high - low).max()) / 300)
+    north = np.arange(low[0] + step, high[0], step)
+    east = np.arange(low[1] + step, high[1], step)
+    return np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _clearance(places: Points, walls: Points) -> Points:
+    """Distance of each place to the nearest wall."""
+    if not len(places):
+        return np.empty(0)
+    start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
+    length2 = (along**2).sum(axis=1)
+    share = ((places[:, None] - start) * along).sum(axis=2) / length2
+    foot = start + np.clip(share, 0, 1)[..., None] * along
+    nearest: Points = np.linalg.norm(places[:, None] - foot, axis=2).min(axis=1)
+    return nearest
+
+
+def _is_enclosed(place: Points, walls: Points) -> bool:
+    """Rays in nearly all directions meet a wall."""
+    bearings = np.arange(RAYS) * math.tau / RAYS + 0.01
+    ray = np.column_stack([np.cos(bearings), np.sin(bearings)])[:, None]
+    start, along = walls[:, 0] - place, walls[:, 1] - walls[:, 0]
+    cross = ray[..., 0] * along[:, 1] - ray[..., 1] * along[:, 0]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
+        share = (start[:, 0] * ray[..., 1] - start[:, 1] * ray[..., 0]) / cross
+    meets = (distance > 0) & (share >= 0) & (share <= 1)
+    return int(meets.any(axis=1).sum()) >= LEAST_ENCLOSED

@@ -1,0 +1,42 @@
+"""From a name or a file to a world."""
+
+from collections.abc import Callable
+from importlib import resources
+from pathlib import Path
+
+from sitl.world.format import World, WorldError, parse_world
+from sitl.world.importers.segments import load_segments
+
+IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {".json": load_segments}
+"""By the file's suffix."""
+
+
+def world_names() -> list[str]:
+    """The built-in worlds."""
+    rooms = resources.files("sitl.world") / "rooms"
+    return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
+
+
+def keep_quiet(mended: str) -> None:
+    """For callers that do not want to hear what an importer mended."""
+
+
+def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> World:
+    """A built-in world by name, or one from a file; `tell` hears what was mended.
+
+    Raises:
+        WorldError: one line that says what to mend.
+    """
+    if name_or_path in world_names():
+        room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
+        return parse_world(room.read_text(), name_or_path)
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        try:
+            return parse_world(path.read_text(), name_or_path)
+        except (OSError, UnicodeDecodeError) as error:
+            raise WorldError(f"{name_or_path}: {error}") from error
+    if path.suffix in IMPORTERS:
+        return IMPORTERS[path.suffix](path, tell)
+    known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])
+    raise WorldError(f"no world {name_or_path!r}; known: {known}, or a file ending in {suffixes}")
