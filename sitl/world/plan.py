@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
 from sitl.world.format import Segment, World
@@ -16,7 +17,7 @@ Points = NDArray[np.float64]
 SAMPLE_M = 0.05
 CELL_M = 0.15
 """Of the grid over which the drone is moved about."""
-MOST_CELLS = 400_000
+OUTSIDE_M = 1.0
 SEEN_FROM_M = 1.5
 """A wall counts as one that could be seen if the drone can hover this near, facing it."""
 CLEAR_OF_SAMPLE_M = 0.03
@@ -51,7 +52,8 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
     reached = _reachable(world, height_m, start)
     walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
     points = samples(surfaces)
-    seen = [_is_seen(point, reached, walls) for point in points]
+    tree = cKDTree(reached)
+    seen = [_is_seen(point, reached[_near(tree, point)], walls) for point in points]
     visible: Points = points[np.array(seen, dtype=bool)]
     return visible
 
@@ -59,28 +61,45 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
 def _reachable(world: World, height_m: float, start: Vector2) -> Points:
     """Cell centres that the drone's body can be brought to at this height, (n, 2)."""
     model = WorldModel(world)
+    low, high = _bounds(world)
     waiting = deque([(0, 0)])
     free = {(0, 0)}
-    while waiting and len(free) < MOST_CELLS:
+    while waiting:
         row, column = waiting.popleft()
         for cell in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
             place = (start[0] + cell[0] * CELL_M, start[1] + cell[1] * CELL_M, -height_m)
-            if cell not in free and model.clearance_m(place) > BODY_RADIUS_M:
+            inside = low[0] < place[0] < high[0] and low[1] < place[1] < high[1]
+            if inside and cell not in free and model.clearance_m(place) > BODY_RADIUS_M:
                 free.add(cell)
                 waiting.append(cell)
     return np.array(start) + CELL_M * np.array(sorted(free), dtype=float)
 
 
-def _is_seen(point: Points, reached: Points, walls: Points) -> bool:
-    """Some reachable place near the point has a clear line to it."""
-    distance = np.linalg.norm(reached - point, axis=1)
-    near = np.argsort(distance, kind="stable")[:MOST_VIEWPOINTS]
-    near = near[distance[near] < SEEN_FROM_M]
-    eyes = reached[near]
+def _bounds(world: World) -> tuple[Vector2, Vector2]:
+    """Least and greatest north and east that the drone need go to: outside, once round."""
+    points = [point for panel in world.panels for point in (panel.start, panel.end)]
+    points += [point for box in world.boxes for segment in box.segments for point in segment]
+    norths, easts = zip(*points, strict=True)
+    return (
+        (min(norths) - OUTSIDE_M, min(easts) - OUTSIDE_M),
+        (max(norths) + OUTSIDE_M, max(easts) + OUTSIDE_M),
+    )
+
+
+def _near(tree: cKDTree, point: Points) -> NDArray[np.int64]:
+    """The nearest reachable places, few enough to look from each."""
+    distance, index = tree.query(point, k=MOST_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
+    found: NDArray[np.int64] = index[np.isfinite(distance)]
+    return found
+
+
+def _is_seen(point: Points, eyes: Points, walls: Points) -> bool:
+    """From one of these places there is a clear line to the point."""
     if not len(eyes):
         return False
-    towards = (point - eyes) / distance[near][:, None]
-    ends = point - CLEAR_OF_SAMPLE_M * towards
+    ray = point - eyes
+    distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), CLEAR_OF_SAMPLE_M)
+    ends = point - CLEAR_OF_SAMPLE_M * ray / distance
     return bool((~_crosses(eyes, ends, walls)).any())
 
 
