@@ -14,23 +14,23 @@ from sitl.simulation import Setup, Simulation
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
 
 
-Script = Callable[[Simulation], None]
+Script = Callable[[Simulation, App], None]
 """Called at every tick of the companion; may inject faults and act as the pilot."""
 
 
-def no_script(simulation: Simulation) -> None:
+def no_script(simulation: Simulation, app: App) -> None:
     """A flight in which nothing happens."""
 
 
 class LockstepClock:
     """Waiting for a time is what makes the simulation reach it."""
 
-    def __init__(self, simulation: Simulation, script: Script) -> None:
+    def __init__(self, simulation: Simulation, happens: Callable[[], None]) -> None:
         self._simulation = simulation
-        self._script = script
+        self._happens = happens
 
     def wait_until(self, time_s: float) -> float:
-        self._script(self._simulation)
+        self._happens()
         self._simulation.advance(time_s)
         return self._simulation.time_s
 
@@ -45,13 +45,13 @@ def fly_in_lockstep(
     """Fly one mission to its end."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport]()
     simulation = Simulation(setup, sitl_end)
+    app = App(config)
     bus = simulation.board.bus
     rig = Rig(
         Link(companion_end, config.link),
         RangeSensors(bus, config.sensors),
         Lsm9ds1(bus, config.sensors.gyro_address),
-        LockstepClock(simulation, script),
+        LockstepClock(simulation, lambda: script(simulation, app)),
     )
-    app = App(config)
     fly(app, rig, watch)
     return app, simulation

@@ -1,0 +1,21 @@
+"""Does the companion map our kitchen, and does it do the right thing when something breaks?"""
+
+from sitl.testing import Sitl, at, link_down, pilot_mode, when
+
+
+def test_kitchen(sitl: Sitl) -> None:
+    flight = sitl.fly("kitchen.toml", mission="room", seed=3)
+    assert flight.completed, flight.ending
+    assert flight.report.coverage > 0.95
+    assert flight.report.wall_error_aligned_cm < 10
+
+
+def test_the_pilot_gets_the_drone(sitl: Sitl) -> None:
+    flight = sitl.fly("kitchen.toml", script=[when("scanning", pilot_mode("LOITER"))])
+    assert flight.ending == "handed over: mode changed to LOITER"
+
+
+def test_a_lost_link_lands_the_drone(sitl: Sitl) -> None:
+    flight = sitl.fly("kitchen.toml", script=[at(20, link_down(for_s=5))])
+    assert "silent" in flight.ending
+    assert flight.truth.collisions == 0

@@ -1,0 +1,122 @@
+"""A flight in a test: one call to fly, and everything that can be asked of it afterwards."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from companion import config as configuration
+from companion.app import App, Progress
+from companion.config import Config
+from companion.messages import FloorPlan
+from sitl.lockstep import fly_in_lockstep
+from sitl.record import TruthRecord
+from sitl.report import Report, make_report
+from sitl.simulation import Setup, Simulation
+from sitl.testing.script import Event, play
+from sitl.world.loading import load_world, world_names
+
+
+class ReportView:
+    """The report's keys as attributes: `report.coverage`."""
+
+    def __init__(self, report: Report) -> None:
+        self._report = report
+
+    def __getattr__(self, key: str) -> Any:
+        if key not in self._report:
+            known = ", ".join(sorted(self._report))
+            raise AttributeError(f"no {key!r} in the report; it has {known}")
+        return self._report[key]
+
+
+@dataclass
+class Flight:
+    """A flight that has ended."""
+
+    app: App
+    simulation: Simulation
+    setup: Setup
+    config: Config
+    waited_s: float
+
+    @property
+    def completed(self) -> bool:
+        """The mission was completed and nothing was hit."""
+        return self.app.flight.completed and self.truth.collisions == 0
+
+    @property
+    def ending(self) -> str:
+        """How it ended, in the companion's words."""
+        return self.app.flight.ending
+
+    @property
+    def truth(self) -> TruthRecord:
+        """The true path, clearance and collisions."""
+        return self.simulation.record
+
+    @cached_property
+    def plan(self) -> FloorPlan:
+        """The map that the companion made."""
+        return self.app.final_floor_plan()
+
+    @cached_property
+    def report(self) -> ReportView:
+        """All scores, by the keys of `sitl fly --report`."""
+        return ReportView(
+            make_report(
+                self.setup,
+                self.config,
+                self.plan,
+                self.truth,
+                completed=self.app.flight.completed,
+                ending=self.ending,
+                waited_s=self.waited_s,
+            )
+        )
+
+
+class Sitl:
+    """Flies missions in simulation; files are looked for in `folder` first."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def fly(
+        self,
+        world: str,
+        *,
+        mission: str = "room",
+        seed: int = 1,
+        profile: str = "gp2y0a710k0f",
+        autopilot: str = "ardupilot",
+        transport: str = "direct",
+        config: str | None = None,
+        settings: Mapping[str, object] | None = None,
+        script: Sequence[Event] = (),
+    ) -> Flight:
+        """Fly one mission to its end.
+
+        `config` is the companion's TOML file, `settings` single values above it, such as
+        {"mission.speed_m_s": 0.5}.
+
+        Raises:
+            WorldError, ConfigError: one line that says what to mend.
+        """
+        overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
+        loaded = configuration.load(self._path(config) if config else None, overrides)
+        name = world if world in world_names() else str(self._path(world))
+        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot)
+        began_s = time.monotonic()
+
+        def watch(progress: Progress) -> None:
+            """Nobody looks."""
+
+        app, simulation = fly_in_lockstep(setup, loaded, watch, transport, play(script))
+        return Flight(app, simulation, setup, loaded, time.monotonic() - began_s)
+
+    def _path(self, name: str) -> Path:
+        beside = self._folder / name
+        return beside if beside.exists() else Path(name)
