@@ -28,6 +28,11 @@ class LinkConfig(_Group):
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
     """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
+    """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
+    All three at zero count as not told."""
+    origin_lon_deg: float = Field(8.5456, ge=-180, le=180)
+    origin_alt_m: float = Field(488.0, ge=-500, le=9000)
 
 
 class AdcChannel(_Group):

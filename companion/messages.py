@@ -89,7 +89,7 @@ class GyroSample:
 class Odometry:
     """The autopilot's own estimate in its own drifting local NED frame.
 
-    From LOCAL_POSITION_NED (32) and ATTITUDE (30), matched by their boot time.
+    From LOCAL_POSITION_NED (32) and ATTITUDE (30), carried to `time_s`.
     """
 
     time_s: float

@@ -82,7 +82,9 @@ class ArduPilot:
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
 
     GUIDED, LAND = 4, 9
-    NEEDED_FLAGS = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_HORIZ | mavlink.EKF_POS_HORIZ_ABS
+    NEEDED_FLAGS = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_HORIZ
+    POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
+    """One is enough: with optical flow alone there is only a relative position."""
     FORBIDDEN_FLAGS = mavlink.EKF_CONST_POS_MODE | mavlink.EKF_UNINITIALIZED
 
     def mode_name(self, custom_mode: int) -> str:
@@ -92,8 +94,9 @@ class ArduPilot:
         return custom_mode == self.GUIDED
 
     def is_estimate_ready(self, message: Any) -> bool:
-        needed = message.flags & self.NEEDED_FLAGS == self.NEEDED_FLAGS
-        return needed and not message.flags & self.FORBIDDEN_FLAGS
+        flags = message.flags
+        needed = flags & self.NEEDED_FLAGS == self.NEEDED_FLAGS and flags & self.POSITION_FLAGS
+        return bool(needed) and not flags & self.FORBIDDEN_FLAGS
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
 from companion.link.dialect import Dialect, dialect_of
+from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.requests import CommandSender, Stream
 from companion.link.transport import Message, Transport
 from companion.messages import Command, LandedState, Odometry, Setpoint, VehicleState
@@ -21,12 +22,9 @@ CONNECTED_S = 3.0
 """A vehicle is gone after this long without any message."""
 HEARTBEAT_PERIOD_S = 1.0
 REQUEST_PERIOD_S = 1.0
-ODOMETRY_HZ = 20.0
 SLOW_HZ = 2.0
 VELOCITY_AND_YAW_RATE = 0x05C7
 """SET_POSITION_TARGET_LOCAL_NED type_mask: only velocity and yaw rate count."""
-INDOOR_ORIGIN_DEG_E7 = (0, 0)
-"""Without GPS any origin will do, but the estimator needs one (SET_GPS_GLOBAL_ORIGIN, 48)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,16 +42,14 @@ class Link:
     def __init__(self, transport: Transport, config: LinkConfig) -> None:
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
+        self._origin = _origin(config)
         self._dialect: Dialect | None = None
         self._heard_s = float("-inf")
         self._armed = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
         self._estimate_ready = False
-        self._has_position = False
-        self._position: Message = None
-        self._attitude: Message = None
-        self._boot_ms = -1
+        self._odometry = OdometryReader()
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
         self._streams: tuple[Stream, ...] = ()
@@ -72,7 +68,7 @@ class Link:
             if kind == "STATUSTEXT":
                 texts += self._text(message)
             elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
-                odometry = self._pair(message, now_s) or odometry
+                odometry = self._odometry.read(message, now_s) or odometry
             else:
                 self._note(kind, message)
             for stream in self._streams:
@@ -105,32 +101,12 @@ class Link:
         dialect = dialect_of(autopilot)
         if dialect is not None:
             self._streams = (
-                Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, ODOMETRY_HZ),
-                Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, ODOMETRY_HZ),
+                Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, POSITION_HZ),
+                Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_HZ),
                 Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, SLOW_HZ),
                 Stream(dialect.estimator_message, SLOW_HZ),
             )
         return dialect
-
-    def _pair(self, message: Message, now_s: float) -> Odometry | None:
-        """Position and attitude of the same boot time; never one older than the last."""
-        if message.time_boot_ms <= self._boot_ms:
-            return None
-        if message.get_type() == "ATTITUDE":
-            self._attitude = message
-        else:
-            self._position = message
-            self._has_position = True
-        position, attitude = self._position, self._attitude
-        if not position or not attitude or position.time_boot_ms != attitude.time_boot_ms:
-            return None
-        self._boot_ms = position.time_boot_ms
-        return Odometry(
-            now_s,
-            (position.x, position.y, position.z),
-            (position.vx, position.vy, position.vz),
-            attitude.yaw,
-        )
 
     def _text(self, message: Message) -> list[str]:
         """A STATUSTEXT, or a longer text once its last chunk has come."""
@@ -146,7 +122,7 @@ class Link:
         dialect = self._dialect
         if dialect is None:
             return VehicleState(silent_s=age_s)
-        ready = self._estimate_ready and self._has_position and self._is_safe(dialect)
+        ready = self._estimate_ready and self._odometry.has_position and self._is_safe(dialect)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
@@ -184,11 +160,8 @@ class Link:
 
     def _requests(self, now_s: float, dialect: Dialect) -> list[Message]:
         messages = [m for s in self._streams for m in s.requests(now_s, self._target)]
-        if not self._has_position:
-            system, _ = self._target
-            messages.append(
-                mavlink.MAVLink_set_gps_global_origin_message(system, *INDOOR_ORIGIN_DEG_E7, 0)
-            )
+        if not self._odometry.has_position:
+            messages.append(self._origin)
         messages += [
             mavlink.MAVLink_param_set_message(
                 *self._target, parameter.name.encode(), parameter.wire_value, parameter.kind
@@ -215,6 +188,16 @@ def _heartbeat(*, active: bool) -> Message:
     state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
+    )
+
+
+def _origin(config: LinkConfig) -> Message:
+    """SET_GPS_GLOBAL_ORIGIN (48), which the estimators need although there is no GPS."""
+    return mavlink.MAVLink_set_gps_global_origin_message(
+        config.system_id,
+        round(1e7 * config.origin_lat_deg),
+        round(1e7 * config.origin_lon_deg),
+        round(1e3 * config.origin_alt_m),
     )
 
 

@@ -1,13 +1,28 @@
 """ArduCopter 4.6.3: numbers, answers and texts as measured on a running one."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import frd_to_ned
-from sitl.autopilot.personality import Behaviour, Refusal, VelocityTarget
+from companion.frames import Vector3, frd_to_ned, wrap_rad
+from sitl.autopilot.ground_truth import Place, sim_state
+from sitl.autopilot.outside import AROUND, Outside
+from sitl.autopilot.personality import (
+    Behaviour,
+    Condition,
+    EstimatorHealth,
+    Failsafe,
+    ParameterValues,
+    PositionTarget,
+    Refusal,
+    Sources,
+    Target,
+    VelocityTarget,
+)
 from sitl.autopilot.streams import Message
+from sitl.truth import TrueState
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20
@@ -21,20 +36,70 @@ BEHAVIOUR = {
 BASE_MODE_IDLE = 81
 BASE_MODE_GUIDED_BIT = 8
 """89 in GUIDED, 217 in GUIDED and armed."""
-EKF_READY = 895
-EKF_WITHOUT_POSITION = 167
 
+EKF_UNINITIALISED = 1024
+EKF_READY = 895
+EKF_FLOW_ONLY = 367
+"""A relative position, no absolute one (read in its source)."""
+EKF_WITHOUT_POSITION = 167
+EKF_FADING, EKF_FADING_AFTER_S = 831, 5.0
+EKF_LOST, EKF_LOST_AFTER_S = 37, 8.0
+VISION_TIMEOUT_S = 0.3
+FLOW, EXTERNAL_NAV = 5, 6
+"""Values of EK3_SRC1_VELXY and its like."""
+MAVLINK_RANGEFINDER, MAVLINK_PROXIMITY = 10, 2
+"""RNGFND1_TYPE and PRX1_TYPE whose readings come as DISTANCE_SENSOR."""
+
+IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 FORCE = 0x0200
-IGNORE_VELOCITY = 0x0038
-IGNORE_YAW_RATE = 0x0800
-MOST_VELOCITY_M_S = 1000.0
+IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
+MOST_VALUE = 1000.0
 LEAST_GUID_TIMEOUT_S = 0.1
 TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
-NED_FRAMES = (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
+OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
+FRAMES = (*OFFSET_FRAMES, mavlink.MAV_FRAME_LOCAL_NED)
 STOP = Refusal(stops=True)
 
 _INT8, _INT16 = mavlink.MAV_PARAM_TYPE_INT8, mavlink.MAV_PARAM_TYPE_INT16
 _INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+
+LAND_ACTIONS = (1, 3, 4, 5)
+"""Of BATT_FS_LOW_ACT and its like, those that land where there is nowhere to return to."""
+
+
+def _land_if(parameter: str) -> Callable[[ParameterValues], int | None]:
+    return lambda parameters: LAND if parameters[parameter] in LAND_ACTIONS else None
+
+
+def _battery_below(parameter: str) -> Callable[[Condition, ParameterValues], bool]:
+    return lambda condition, parameters: condition.battery_v < parameters[parameter]
+
+
+def _ground_station_lost(condition: Condition, parameters: ParameterValues) -> bool:
+    age_s = condition.ground_station_age_s
+    wanted = parameters["FS_GCS_ENABLE"] > 0 and math.isfinite(age_s)
+    return wanted and age_s > parameters["FS_GCS_TIMEOUT"]
+
+
+FAILSAFES = (
+    Failsafe(
+        lambda condition, _: condition.needs_outside and condition.outside_age_s > EKF_LOST_AFTER_S,
+        ("EKF variance", "EKF Failsafe: changed to LAND Mode"),
+        "EKF Failsafe Cleared",
+        lambda _: LAND,
+    ),
+    Failsafe(
+        _battery_below("BATT_LOW_VOLT"), ("Battery 1 is low",), mode=_land_if("BATT_FS_LOW_ACT")
+    ),
+    Failsafe(
+        _battery_below("BATT_CRT_VOLT"),
+        ("Battery 1 is critical",),
+        mode=_land_if("BATT_FS_CRT_ACT"),
+    ),
+    Failsafe(
+        _ground_station_lost, ("GCS Failsafe",), "GCS Failsafe Cleared", _land_if("FS_GCS_ENABLE")
+    ),
+)
 
 
 class ArduPilot:
@@ -51,6 +116,14 @@ class ArduPilot:
     lifts_off_by_setpoint = False
     capabilities = 64495
     flight_sw_version = 67502976
+    odometry_frames: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_FRD,)
+    position_needs_origin = True
+    outside_lost_s = EKF_LOST_AFTER_S
+    force_skips_checks = True
+    origin_text = "EKF3 IMU0 origin set"
+    timesync_period_s = 10.0
+    failsafes: tuple[Failsafe, ...] = FAILSAFES
+    ground_truth: int = mavlink.MAVLINK_MSG_ID_SIM_STATE
 
     def __init__(self) -> None:
         self.streams_hz: dict[int, float] = {}
@@ -59,17 +132,26 @@ class ArduPilot:
             "AVOID_BEHAVE": (0, _INT8),
             "AVOID_ENABLE": (3, _INT8),
             "AVOID_MARGIN": (2.0, _REAL32),
-            "EK3_SRC1_POSXY": (6, _INT8),
-            "EK3_SRC1_VELXY": (6, _INT8),
+            "BATT_CRT_VOLT": (0.0, _REAL32),
+            "BATT_FS_CRT_ACT": (0, _INT8),
+            "BATT_FS_LOW_ACT": (0, _INT8),
+            "BATT_LOW_VOLT": (10.5, _REAL32),
+            "EK3_SRC1_POSXY": (0, _INT8),
+            "EK3_SRC1_POSZ": (1, _INT8),
+            "EK3_SRC1_VELXY": (5, _INT8),
+            "EK3_SRC1_VELZ": (0, _INT8),
             "EK3_SRC1_YAW": (1, _INT8),
+            "FLOW_TYPE": (10, _INT8),
+            "FS_GCS_ENABLE": (0, _INT8),
+            "FS_GCS_TIMEOUT": (5.0, _REAL32),
             "FS_THR_ENABLE": (0, _INT8),
             "GPS1_TYPE": (0, _INT8),
             "GUID_TIMEOUT": (3.0, _REAL32),
-            "PRX1_TYPE": (2, _INT8),
+            "PRX1_TYPE": (0, _INT8),
             "RNGFND1_ORIENT": (25, _INT8),
-            "RNGFND1_TYPE": (10, _INT8),
+            "RNGFND1_TYPE": (100, _INT8),
             "SYSID_THISMAV": (1, _INT16),
-            "VISO_TYPE": (1, _INT8),
+            "VISO_TYPE": (0, _INT8),
             "WP_YAW_BEHAVIOR": (2, _INT8),
         }
 
@@ -86,32 +168,133 @@ class ArduPilot:
     def no_such_mode(self, mode: int) -> str:
         return f"No such mode {mode}"
 
-    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
+    def setpoint(
+        self,
+        message: Message,
+        yaw_rad: float,
+        position_ned_m: Vector3,
+        parameters: ParameterValues,
+    ) -> Target | Refusal:
         """Frames 1 and 7 are NED; 8 and 9 are turned by the heading.
 
-        Any other frame, a forced or empty mask, one ignored velocity axis, NaN or absurd values
-        restart GUIDED, which stops.
+        Any other frame, a mask that leaves nothing it can fly, a forced acceleration, NaN or
+        absurd values restart GUIDED, which stops.
         """
         m: Any = message
+        mask = m.type_mask
+        forced = mask & FORCE and not mask & IGNORE_ACCELERATION
+        if m.coordinate_frame not in FRAMES or forced:
+            return STOP
         turned = m.coordinate_frame in TURNED_FRAMES
-        if not turned and m.coordinate_frame not in NED_FRAMES:
+        if not mask & IGNORE_VELOCITY:
+            return _velocity(m, yaw_rad, turned=turned, parameters=parameters)
+        if mask & IGNORE_POSITION or not mask & IGNORE_ACCELERATION:
             return STOP
-        if m.type_mask & (FORCE | IGNORE_VELOCITY):
+        if not _are_sane(m.x, m.y, m.z):
             return STOP
-        yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
-        numbers = (m.vx, m.vy, m.vz, yaw_rate)
-        if not all(math.isfinite(v) and abs(v) <= MOST_VELOCITY_M_S for v in numbers):
-            return STOP
-        north, east = frd_to_ned(m.vx, m.vy, yaw_rad) if turned else (m.vx, m.vy)
-        return VelocityTarget((north, east, m.vz), yaw_rate)
+        north, east = frd_to_ned(m.x, m.y, yaw_rad) if turned else (m.x, m.y)
+        offset = position_ned_m if m.coordinate_frame in OFFSET_FRAMES else (0.0, 0.0, 0.0)
+        return PositionTarget((north + offset[0], east + offset[1], m.z + offset[2]))
 
-    def setpoint_loss(self, parameters: dict[str, float]) -> tuple[float, int | None]:
+    def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         return max(parameters["GUID_TIMEOUT"], LEAST_GUID_TIMEOUT_S), None
 
-    def take_off_height_m(self, asked_m: float, parameters: dict[str, float]) -> float:
+    def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float:
         return asked_m
 
-    def estimator_status(self, boot_us: int, *, has_position: bool) -> Message:
+    def sources(self, parameters: ParameterValues) -> Sources:
+        vision = parameters["VISO_TYPE"] > 0
+        return Sources(
+            flow=parameters["EK3_SRC1_VELXY"] == FLOW and parameters["FLOW_TYPE"] > 0,
+            outside_position=vision and parameters["EK3_SRC1_POSXY"] == EXTERNAL_NAV,
+            outside_velocity=vision and parameters["EK3_SRC1_VELXY"] == EXTERNAL_NAV,
+            outside_yaw=vision and parameters["EK3_SRC1_YAW"] == EXTERNAL_NAV,
+        )
+
+    def needs_origin(self, mode: int) -> bool:
+        return mode != GUIDED_NOGPS
+
+    def needs_position(self, mode: int) -> bool:
+        return mode != GUIDED_NOGPS
+
+    def accepts_origin(self, place: Place) -> bool:
+        """A place that is all zero counts as not set (read in its source)."""
+        return any(place)
+
+    def peripheral_complaint(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> str:
+        if parameters["VISO_TYPE"] > 0 and outside.pose_age_s(now_s) > VISION_TIMEOUT_S:
+            return "VisOdom: not healthy"
+        down = int(parameters["RNGFND1_ORIENT"])
+        if parameters["RNGFND1_TYPE"] == MAVLINK_RANGEFINDER and not outside.has_range(down, now_s):
+            return "Rangefinder 1: No Data"
+        if parameters["PRX1_TYPE"] == MAVLINK_PROXIMITY and not outside.has_proximity(now_s):
+            return "PRX1: No Data"
+        return ""
+
+    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
+        return (f"{'Arm' if arming else 'PreArm'}: {complaint}",)
+
+    def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
         """EKF_STATUS_REPORT (193)."""
-        flags = EKF_READY if has_position else EKF_WITHOUT_POSITION
-        return mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, 0.1, 0.0)
+        return mavlink.MAVLink_ekf_status_report_message(
+            _ekf_flags(health), 0.1, 0.1, 0.1, 0.1, 0.0
+        )
+
+    def distance_echoes(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> list[Message]:
+        """The rangefinder with its instance as id, proximity with 10 + sector."""
+        fresh = outside.fresh_ranges(now_s)
+        echoes = []
+        down = int(parameters["RNGFND1_ORIENT"])
+        if parameters["RNGFND1_TYPE"] == MAVLINK_RANGEFINDER and down in fresh:
+            echoes.append(_echo(fresh[down], 0, now_s))
+        if parameters["PRX1_TYPE"] == MAVLINK_PROXIMITY:
+            echoes += [_echo(fresh[o], 10 + AROUND.index(o), now_s) for o in AROUND if o in fresh]
+        return echoes
+
+    def true_state(self, truth: TrueState) -> Message:
+        return sim_state(truth)
+
+
+def _are_sane(*values: float) -> bool:
+    return all(math.isfinite(v) and abs(v) <= MOST_VALUE for v in values)
+
+
+def _velocity(
+    m: Any, yaw_rad: float, *, turned: bool, parameters: ParameterValues
+) -> VelocityTarget | Refusal:
+    """Velocity with a yaw, a yaw rate, or neither: then it turns as WP_YAW_BEHAVIOR says."""
+    yaw_rate = None if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
+    yaw = None if m.type_mask & IGNORE_YAW else m.yaw
+    if not _are_sane(m.vx, m.vy, m.vz, yaw_rate or 0.0, yaw or 0.0):
+        return STOP
+    if yaw is not None and turned:
+        yaw = wrap_rad(yaw_rad + yaw)
+    if yaw is None and yaw_rate is None and parameters["WP_YAW_BEHAVIOR"] == 0:
+        yaw_rate = 0.0
+    north, east = frd_to_ned(m.vx, m.vy, yaw_rad) if turned else (m.vx, m.vy)
+    return VelocityTarget((north, east, m.vz), yaw_rate, yaw)
+
+
+def _ekf_flags(health: EstimatorHealth) -> int:
+    age_s, sources = health.outside_age_s, health.sources
+    if not health.settled:
+        return EKF_UNINITIALISED
+    if not health.has_position:
+        seen = math.isfinite(age_s) and sources.needs_outside
+        return EKF_LOST if seen and age_s > EKF_LOST_AFTER_S else EKF_WITHOUT_POSITION
+    if sources.outside_position and age_s <= EKF_FADING_AFTER_S:
+        return EKF_READY
+    return EKF_FLOW_ONLY if sources.flow else EKF_FADING
+
+
+def _echo(message: Message, sensor_id: int, now_s: float) -> Message:
+    m: Any = message
+    return mavlink.MAVLink_distance_sensor_message(
+        round(now_s * 1000),
+        *(m.min_distance, m.max_distance, m.current_distance),
+        *(m.type, sensor_id, m.orientation, 0),
+    )

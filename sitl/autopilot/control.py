@@ -1,6 +1,6 @@
 """What velocity the autopilot flies at this moment, in its own estimated frame.
 
-GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setpoint timeout── VELOCITY
+GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setpoint timeout── FOLLOW
 │                   │ ──setpoint────────────────►│
 └───────────────────┴──────── LAND ◄─────────────┘
 │ on the ground
@@ -11,8 +11,9 @@ GROUND, disarmed
 import enum
 import math
 
-from companion.frames import Vector3
-from sitl.autopilot.estimator import FlowEstimator
+from companion.frames import Vector3, wrap_rad
+from sitl.autopilot.estimator import Estimator
+from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
 from sitl.vehicle import BRAKING_M_S2, STEP_S
 
 CLIMB_DELAY_S = 1.0
@@ -22,6 +23,14 @@ LAND_M_S = 0.5
 POSITION_GAIN_1_S = 0.8
 MOST_HOLD_M_S = 0.5
 AT_HEIGHT_M = 0.1
+CRUISE_M_S = 5.0
+"""To a position."""
+APPROACH_M_S2 = 1.0
+YAW_GAIN_1_S = 3.0
+MOST_YAW_RATE_RAD_S = math.radians(67)
+"""Turning to a commanded heading, as measured."""
+COURSE_FROM_M_S = 0.5
+"""From this speed on the nose is turned to the course where no yaw is commanded."""
 DETECT_LANDING_S = 1.0
 
 
@@ -31,22 +40,21 @@ class Manoeuvre(enum.Enum):
     GROUND = "on the ground"
     CLIMB = "taking off"
     HOLD = "holding its position"
-    VELOCITY = "following velocity setpoints"
+    FOLLOW = "following setpoints"
     LAND = "landing"
 
 
 class Control:
     """The manoeuvre flown now, and the velocity it asks for."""
 
-    def __init__(self, estimator: FlowEstimator) -> None:
+    def __init__(self, estimator: Estimator) -> None:
         self._estimator = estimator
         self.manoeuvre = Manoeuvre.GROUND
         self._since_s = 0.0
         self._height_m = 0.0
         self._hold_at: Vector3 | None = None
         self._braking: tuple[float, float] = (0.0, 0.0)
-        self._velocity: Vector3 = (0.0, 0.0, 0.0)
-        self._yaw_rate = 0.0
+        self._target: Target = VelocityTarget((0.0, 0.0, 0.0), 0.0)
         self._on_ground_s = 0.0
 
     def take_off(self, now_s: float, height_m: float) -> None:
@@ -69,10 +77,10 @@ class Control:
             self._hold_at = None
         self.manoeuvre = Manoeuvre.HOLD
 
-    def follow(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> None:
-        """A velocity setpoint in the estimated NED."""
-        self.manoeuvre = Manoeuvre.VELOCITY
-        self._velocity, self._yaw_rate = velocity_ned_m_s, yaw_rate_rad_s
+    def follow(self, target: Target) -> None:
+        """A setpoint in the estimated NED."""
+        self.manoeuvre = Manoeuvre.FOLLOW
+        self._target = target
 
     def stop(self) -> None:
         self.manoeuvre = Manoeuvre.GROUND
@@ -80,8 +88,8 @@ class Control:
     def wanted(self, now_s: float, *, on_ground: bool) -> tuple[Vector3, float]:
         """Velocity in the estimated NED and yaw rate; GROUND once it has landed."""
         match self.manoeuvre:
-            case Manoeuvre.VELOCITY:
-                return self._velocity, self._yaw_rate
+            case Manoeuvre.FOLLOW:
+                return self._follow(self._target)
             case Manoeuvre.CLIMB:
                 return self._climb(now_s), 0.0
             case Manoeuvre.HOLD:
@@ -90,6 +98,44 @@ class Control:
                 return self._descend(on_ground=on_ground), 0.0
             case _:
                 return (0.0, 0.0, 0.0), 0.0
+
+    def _follow(self, target: Target) -> tuple[Vector3, float]:
+        if isinstance(target, PositionTarget):
+            velocity = self._towards(target.position_ned_m)
+            return velocity, self._along(velocity)
+        return target.velocity_ned_m_s, self._turn(target)
+
+    def _towards(self, position_ned_m: Vector3) -> Vector3:
+        """Straight there, slowing down in time."""
+        off = [
+            there - here
+            for there, here in zip(position_ned_m, self._estimator.position_ned_m, strict=True)
+        ]
+        distance_m = math.hypot(*off)
+        if distance_m == 0:
+            return 0.0, 0.0, 0.0
+        speed = min(
+            CRUISE_M_S, math.sqrt(APPROACH_M_S2 * distance_m), POSITION_GAIN_1_S * distance_m
+        )
+        north, east, down = (speed / distance_m * value for value in off)
+        return north, east, max(-CLIMB_M_S, min(CLIMB_M_S, down))
+
+    def _turn(self, target: VelocityTarget) -> float:
+        if target.yaw_rad is not None:
+            return self._turn_to(target.yaw_rad)
+        if target.yaw_rate_rad_s is not None:
+            return target.yaw_rate_rad_s
+        return self._along(target.velocity_ned_m_s)
+
+    def _along(self, velocity_ned_m_s: Vector3) -> float:
+        north, east, _ = velocity_ned_m_s
+        if math.hypot(north, east) < COURSE_FROM_M_S:
+            return 0.0
+        return self._turn_to(math.atan2(east, north))
+
+    def _turn_to(self, yaw_rad: float) -> float:
+        rate = YAW_GAIN_1_S * wrap_rad(yaw_rad - self._estimator.yaw_rad)
+        return max(-MOST_YAW_RATE_RAD_S, min(MOST_YAW_RATE_RAD_S, rate))
 
     def _climb(self, now_s: float) -> Vector3:
         if now_s - self._since_s < CLIMB_DELAY_S:

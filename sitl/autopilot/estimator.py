@@ -1,10 +1,17 @@
-"""The autopilot's own position estimate: optical flow and a compass, without GPS. It drifts."""
+"""The autopilot's own estimate of pose and velocity, without GPS. It drifts.
+
+true motion ─► optical flow (scale, noise, dropouts) ─► velocity ─► position
+true motion ─► inertial sensors, adrift ──────────────────┘  ▲        ▲
+pose from outside (ODOMETRY, VISION_...), where chosen ──────┴────────┘
+"""
 
 import math
 from dataclasses import dataclass
-from random import Random
 
 from companion.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
+from sitl.autopilot.outside import OutsidePose
+from sitl.autopilot.personality import Sources
+from sitl.noise import stream
 from sitl.truth import TrueState
 
 CONVERGES_S = 4.0
@@ -12,11 +19,16 @@ CONVERGES_S = 4.0
 WALK_STEPS = 10
 WALK_S = 0.1
 HEIGHT_DRIFT_TIME_CONSTANT_S = 30.0
+LEAST_FLOW_HEIGHT_M = 0.2
+POSITION_GAIN, VELOCITY_GAIN, YAW_GAIN = 0.15, 0.1, 0.1
+VELOCITY_FROM_POSITION_1_S = 0.5
+"""How far one pose from outside pulls the estimate; at 50 Hz it follows within about 0.2 s."""
+FLOW_ONLY = Sources(flow=True)
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """The reference noise; sigmas."""
+    """The reference noise, and what flow sensors suffer from besides; sigmas."""
 
     scale: float = 0.03
     step_m: float = 0.005
@@ -26,19 +38,27 @@ class OdometryNoise:
     compass_rad: float = math.radians(5.0)
     height_m: float = 0.01
     height_drift_m: float = 0.03
+    flow_height_m: float = 0.005
+    """Error of the height by which flow is multiplied, redrawn at 10 Hz: worse when flying low."""
+    flow_dropout: float = 0.002
+    """Chance, at 10 Hz, that the floor shows no texture and the last velocity is kept for 0.1 s."""
+    inertial_m_s2: float = 0.02
+    """Drift of the velocity when nothing corrects it."""
 
 
 REFERENCE_NOISE = OdometryNoise()
 
 
-class FlowEstimator:
+class Estimator:
     """Position, velocity and yaw as the autopilot believes them; its own NED from where it began.
 
     The control loops close on this estimate, so its errors become true motion.
     """
 
-    def __init__(self, start: TrueState, random: Random, noise: OdometryNoise) -> None:
-        self._random = random
+    def __init__(self, start: TrueState, seed: int, noise: OdometryNoise) -> None:
+        self._random = random = stream(seed, "flow")
+        self._flow_random = stream(seed, "flow dropouts")
+        self._inertial_random = stream(seed, "inertial drift")
         self._noise = noise
         self._scale = 1 + random.gauss(0, noise.scale)
         self._gyro_bias = random.gauss(0, noise.gyro_bias_rad_s)
@@ -47,6 +67,11 @@ class FlowEstimator:
         self._floor = start.position_ned_m[2]
         self._steps = 0
         self._drift_m = self._height_error_m = 0.0
+        self._flow_scale = self._scale
+        self._flow_held: tuple[float, float] | None = None
+        self._sources = FLOW_ONLY
+        self._inertial_error = (0.0, 0.0)
+        self._reset_counter: int | None = None
         self.yaw_rad = wrap_rad(start.yaw_rad + random.gauss(0, noise.compass_rad))
         self.yaw_rate_rad_s = 0.0
         self.position_ned_m: Vector3 = (0.0, 0.0, 0.0)
@@ -56,30 +81,42 @@ class FlowEstimator:
     def has_settled(self) -> bool:
         return self._truth.time_s >= CONVERGES_S
 
-    @property
-    def scale(self) -> float:
-        return self._scale
-
-    def update(self, truth: TrueState) -> None:
-        """Take in one step of true motion."""
+    def update(
+        self, truth: TrueState, sources: Sources = FLOW_ONLY, pose: OutsidePose | None = None
+    ) -> None:
+        """Take in one step of true motion, and what has come from outside."""
         dt_s = truth.time_s - self._truth.time_s
+        self._sources = sources
         moving = truth.position_ned_m[2] < self._floor
         if moving:
             self.yaw_rate_rad_s = truth.yaw_rate_rad_s * self._gyro_scale + self._gyro_bias
             self.yaw_rad = wrap_rad(self.yaw_rad + self.yaw_rate_rad_s * dt_s)
-        north, east, _ = truth.velocity_ned_m_s
-        forward, right = ned_to_frd(north, east, truth.yaw_rad)
-        north, east = frd_to_ned(forward * self._scale, right * self._scale, self.yaw_rad)
         self._steps += 1
         if self._steps % WALK_STEPS == 0:
-            self._wander(moving=moving)
+            self._wander(truth, moving=moving)
+        north, east = self._flow(truth) if sources.flow else self._inertial(truth)
         x, y, _ = self.position_ned_m
         down = truth.position_ned_m[2] - self._floor + self._height_error_m
         self.position_ned_m = (x + north * dt_s, y + east * dt_s, down)
         self.velocity_ned_m_s = (north, east, truth.velocity_ned_m_s[2])
+        if pose is not None:
+            self._correct(pose)
         self._truth = truth
 
-    def _wander(self, *, moving: bool) -> None:
+    def _flow(self, truth: TrueState) -> tuple[float, float]:
+        if self._flow_held is not None:
+            return self._flow_held
+        north, east, _ = truth.velocity_ned_m_s
+        forward, right = ned_to_frd(north, east, truth.yaw_rad)
+        return frd_to_ned(forward * self._flow_scale, right * self._flow_scale, self.yaw_rad)
+
+    def _inertial(self, truth: TrueState) -> tuple[float, float]:
+        north, east, _ = truth.velocity_ned_m_s
+        forward, right = ned_to_frd(north, east, truth.yaw_rad)
+        north, east = frd_to_ned(forward, right, self.yaw_rad)
+        return north + self._inertial_error[0], east + self._inertial_error[1]
+
+    def _wander(self, truth: TrueState, *, moving: bool) -> None:
         """What goes wrong ten times a second."""
         gauss, noise = self._random.gauss, self._noise
         if moving:
@@ -89,12 +126,56 @@ class FlowEstimator:
         kick = noise.height_drift_m * math.sqrt(2 * fade)
         self._drift_m += -fade * self._drift_m + gauss(0, kick)
         self._height_error_m = self._drift_m + gauss(0, noise.height_m)
+        self._lose_flow(truth)
+        self._drift_inertial(moving=moving)
+
+    def _drift_inertial(self, *, moving: bool) -> None:
+        drift = self._noise.inertial_m_s2 * WALK_S
+        north, east = self._inertial_error
+        gauss = self._inertial_random.gauss
+        drifted = north + gauss(0, drift), east + gauss(0, drift)
+        self._inertial_error = drifted if moving else (0.0, 0.0)
+
+    def _lose_flow(self, truth: TrueState) -> None:
+        random, noise = self._flow_random, self._noise
+        height_m = max(self._floor - truth.position_ned_m[2], LEAST_FLOW_HEIGHT_M)
+        self._flow_scale = self._scale * (1 + random.gauss(0, noise.flow_height_m) / height_m)
+        lost = random.random() < noise.flow_dropout
+        self._flow_held = self.velocity_ned_m_s[:2] if lost else None
+
+    def _correct(self, pose: OutsidePose) -> None:
+        """Alpha-beta filter: position and velocity are pulled towards what is told."""
+        sources = self._sources
+        jumped = pose.reset_counter != self._reset_counter
+        self._reset_counter = pose.reset_counter
+        if sources.outside_yaw and pose.yaw_rad is not None:
+            gain = 1.0 if jumped else YAW_GAIN
+            self.yaw_rad = wrap_rad(self.yaw_rad + gain * wrap_rad(pose.yaw_rad - self.yaw_rad))
+        if sources.outside_position and pose.position_ned_m is not None:
+            gain = 1.0 if jumped else POSITION_GAIN
+            x, y, down = self.position_ned_m
+            off = pose.position_ned_m[0] - x, pose.position_ned_m[1] - y
+            self.position_ned_m = (x + gain * off[0], y + gain * off[1], down)
+            if not sources.outside_velocity and not jumped:
+                self._pull_velocity(VELOCITY_FROM_POSITION_1_S, off)
+        if sources.outside_velocity and pose.velocity_ned_m_s is not None:
+            north, east, _ = self.velocity_ned_m_s
+            off = pose.velocity_ned_m_s[0] - north, pose.velocity_ned_m_s[1] - east
+            self._pull_velocity(VELOCITY_GAIN, off)
+
+    def _pull_velocity(self, gain: float, off: tuple[float, float]) -> None:
+        north, east = self._inertial_error
+        self._inertial_error = north + gain * off[0], east + gain * off[1]
 
     def to_true_frame(self, velocity_ned_m_s: Vector3) -> Vector3:
         """The true velocity that the estimate would call this: what its control loop ends at."""
         north, east, down = velocity_ned_m_s
+        scale = self._scale
+        if not self._sources.flow:
+            scale = 1.0
+            north, east = north - self._inertial_error[0], east - self._inertial_error[1]
         forward, right = ned_to_frd(north, east, self.yaw_rad)
-        north, east = frd_to_ned(forward / self._scale, right / self._scale, self._truth.yaw_rad)
+        north, east = frd_to_ned(forward / scale, right / scale, self._truth.yaw_rad)
         return north, east, down
 
     def to_true_rate(self, yaw_rate_rad_s: float) -> float:

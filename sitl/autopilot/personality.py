@@ -1,11 +1,15 @@
 """What makes one autopilot different from another; `core` knows only this."""
 
 import enum
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Protocol
 
 from companion.frames import Vector3
+from sitl.autopilot.ground_truth import Place
+from sitl.autopilot.outside import Outside
 from sitl.autopilot.streams import Message
+from sitl.truth import TrueState
 
 
 class Behaviour(enum.Enum):
@@ -19,10 +23,24 @@ class Behaviour(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class VelocityTarget:
-    """An accepted velocity setpoint, in the autopilot's estimated NED."""
+    """An accepted velocity setpoint, in the autopilot's estimated NED.
+
+    Neither yaw nor yaw rate: the autopilot turns as it sees fit.
+    """
 
     velocity_ned_m_s: Vector3
-    yaw_rate_rad_s: float
+    yaw_rate_rad_s: float | None = None
+    yaw_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PositionTarget:
+    """An accepted position setpoint, in the autopilot's estimated NED; it turns towards it."""
+
+    position_ned_m: Vector3
+
+
+Target = VelocityTarget | PositionTarget
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +49,62 @@ class Refusal:
 
     text: str = ""
     stops: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Sources:
+    """What the estimator is built on, as the parameters choose."""
+
+    flow: bool
+    """Velocity from the optical flow sensor that the vehicle has."""
+    outside_position: bool = False
+    outside_velocity: bool = False
+    outside_yaw: bool = False
+    """Out of messages such as ODOMETRY (331) and VISION_POSITION_ESTIMATE (102)."""
+
+    @property
+    def needs_outside(self) -> bool:
+        """Without messages there is no position."""
+        return not self.flow and (self.outside_position or self.outside_velocity)
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What failsafes look at; ages in seconds, infinite for what was never heard."""
+
+    flying: bool
+    outside_age_s: float
+    needs_outside: bool
+    battery: float
+    """Share left."""
+    battery_v: float
+    ground_station_age_s: float
+    onboard_computer_age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorHealth:
+    """What the estimator's status messages tell."""
+
+    settled: bool
+    has_position: bool
+    sources: Sources
+    outside_age_s: float
+    """Since a pose came from outside; infinite if none ever did."""
+
+
+ParameterValues = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Failsafe:
+    """Something that may go wrong in flight, and what the autopilot then says and does."""
+
+    fails: Callable[[Condition, ParameterValues], bool]
+    texts: tuple[str, ...]
+    cleared: str = ""
+    mode: Callable[[ParameterValues], int | None] = lambda parameters: None
+    """The mode that it changes to; None: it only tells."""
 
 
 class Personality(Protocol):
@@ -57,6 +131,19 @@ class Personality(Protocol):
     lifts_off_by_setpoint: bool
     capabilities: int
     flight_sw_version: int
+    odometry_frames: tuple[int, ...]
+    """Frames of ODOMETRY (331) that are understood."""
+    position_needs_origin: bool
+    """There is no position before SET_GPS_GLOBAL_ORIGIN (48)."""
+    outside_lost_s: float
+    """How long the position lives on after the last pose from outside."""
+    force_skips_checks: bool
+    origin_text: str
+    """What is said when the origin comes; or nothing."""
+    timesync_period_s: float
+    failsafes: tuple[Failsafe, ...]
+    ground_truth: int
+    """Id of the message that tells the true state, where it is told at all."""
 
     def behaviour(self, mode: int) -> Behaviour | None:
         """What a custom_mode does; None if there is no such mode."""
@@ -70,14 +157,50 @@ class Personality(Protocol):
 
     def no_such_mode(self, mode: int) -> str: ...
 
-    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
-        """What SET_POSITION_TARGET_LOCAL_NED (84) asks for."""
+    def setpoint(
+        self,
+        message: Message,
+        yaw_rad: float,
+        position_ned_m: Vector3,
+        parameters: ParameterValues,
+    ) -> Target | Refusal:
+        """What SET_POSITION_TARGET_LOCAL_NED (84) asks for, at this pose."""
         ...
 
-    def setpoint_loss(self, parameters: dict[str, float]) -> tuple[float, int | None]:
+    def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         """After how long without setpoints, and into which mode; None: it only brakes."""
         ...
 
-    def take_off_height_m(self, asked_m: float, parameters: dict[str, float]) -> float: ...
+    def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float: ...
 
-    def estimator_status(self, boot_us: int, *, has_position: bool) -> Message: ...
+    def sources(self, parameters: ParameterValues) -> Sources: ...
+
+    def needs_origin(self, mode: int) -> bool:
+        """Arming in this mode is refused until SET_GPS_GLOBAL_ORIGIN (48) has come."""
+        ...
+
+    def needs_position(self, mode: int) -> bool: ...
+
+    def accepts_origin(self, place: Place) -> bool: ...
+
+    def peripheral_complaint(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> str:
+        """What keeps it from arming that the parameters have told it to expect; or nothing."""
+        ...
+
+    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
+        """The STATUSTEXTs of refused arming, or of a failed check."""
+        ...
+
+    def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message: ...
+
+    def distance_echoes(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> list[Message]:
+        """DISTANCE_SENSOR (132) as it is passed on to those who ask for it."""
+        ...
+
+    def true_state(self, truth: TrueState) -> Message:
+        """Where it really is, as a simulated autopilot tells it."""
+        ...

@@ -1,13 +1,28 @@
 """PX4 1.17: as read in its source."""
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import frd_to_ned
-from sitl.autopilot.personality import Behaviour, Refusal, VelocityTarget
+from companion.frames import Vector3, frd_to_ned
+from sitl.autopilot.ground_truth import Place, hil_state_quaternion
+from sitl.autopilot.outside import Outside
+from sitl.autopilot.personality import (
+    Behaviour,
+    Condition,
+    EstimatorHealth,
+    Failsafe,
+    ParameterValues,
+    PositionTarget,
+    Refusal,
+    Sources,
+    Target,
+    VelocityTarget,
+)
 from sitl.autopilot.streams import Message
+from sitl.truth import TrueState
 
 
 def custom_mode(main: int, sub: int = 0) -> int:
@@ -41,13 +56,68 @@ READY = (
 )
 WITHOUT_POSITION = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
 
-IGNORE_VELOCITY = 0x0038
-IGNORE_YAW_RATE = 0x0800
-IGNORE_ALL = 0x0DFF
-MOST_VELOCITY_M_S = 12.0
-"""MPC_XY_VEL_MAX; faster setpoints are cut."""
+IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
+IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
+INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
+ODOMETRY_FRAMES: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD)
+VISION_POSITION_BIT, VISION_VELOCITY_BIT, VISION_YAW_BIT = 1, 4, 8
+"""Of EKF2_EV_CTRL."""
+NO_AID_S = 5.0
+"""EKF2_NOAID_TOUT: without any aiding the position is given up."""
 
 _INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+
+
+def _battery_below(parameter: str) -> Callable[[Condition, ParameterValues], bool]:
+    return lambda condition, parameters: condition.battery < parameters[parameter]
+
+
+def _battery_mode(landing_actions: tuple[int, ...]) -> Callable[[ParameterValues], int | None]:
+    """COM_LOW_BAT_ACT: 0 warn, 2 land at critical, 3 return at critical and land at emergency."""
+    return lambda parameters: (
+        AUTO_LAND if parameters["COM_LOW_BAT_ACT"] in landing_actions else None
+    )
+
+
+def _lost(age_s: float, timeout_s: float) -> bool:
+    return math.isfinite(age_s) and age_s > timeout_s
+
+
+FAILSAFES = (
+    Failsafe(
+        lambda condition, _: condition.needs_outside and condition.outside_age_s > NO_AID_S,
+        ("Position estimate lost", "Failsafe activated: landing"),
+        "Position estimate regained",
+        lambda _: AUTO_LAND,
+    ),
+    Failsafe(_battery_below("BAT_LOW_THR"), ("Low battery level",)),
+    Failsafe(
+        _battery_below("BAT_CRIT_THR"),
+        ("Critical battery level",),
+        mode=_battery_mode((2, 3)),
+    ),
+    Failsafe(
+        _battery_below("BAT_EMERGEN_THR"),
+        ("Emergency battery level",),
+        mode=_battery_mode((2, 3)),
+    ),
+    Failsafe(
+        lambda condition, parameters: (
+            parameters["NAV_DLL_ACT"] > 0
+            and _lost(condition.ground_station_age_s, parameters["COM_DL_LOSS_T"])
+        ),
+        ("Connection to ground control lost",),
+        "Ground control regained",
+        lambda _: AUTO_LAND,
+    ),
+    Failsafe(
+        lambda condition, parameters: _lost(
+            condition.onboard_computer_age_s, parameters["COM_OBC_LOSS_T"]
+        ),
+        ("Connection to mission computer lost",),
+        "Mission computer regained",
+    ),
+)
 
 
 class Px4:
@@ -68,6 +138,14 @@ class Px4:
         | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     )
     flight_sw_version = 0x01_11_00_40
+    odometry_frames = ODOMETRY_FRAMES
+    position_needs_origin = False
+    outside_lost_s = NO_AID_S
+    force_skips_checks = False
+    origin_text = ""
+    timesync_period_s = 0.1
+    failsafes: tuple[Failsafe, ...] = FAILSAFES
+    ground_truth: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 
     def __init__(self) -> None:
         self.streams_hz: dict[int, float] = {
@@ -77,8 +155,14 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
+            mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 10.0,
         }
         self.parameters: dict[str, tuple[float, int]] = {
+            "BAT_CRIT_THR": (0.07, _REAL32),
+            "BAT_EMERGEN_THR": (0.05, _REAL32),
+            "BAT_LOW_THR": (0.15, _REAL32),
+            "COM_DL_LOSS_T": (10, _INT32),
+            "COM_LOW_BAT_ACT": (0, _INT32),
             "COM_OBC_LOSS_T": (5.0, _REAL32),
             "COM_OBL_RC_ACT": (0, _INT32),
             "COM_OF_LOSS_T": (1.0, _REAL32),
@@ -86,9 +170,11 @@ class Px4:
             "EKF2_EV_CTRL": (0, _INT32),
             "EKF2_GPS_CTRL": (0, _INT32),
             "EKF2_HGT_REF": (2, _INT32),
+            "EKF2_OF_CTRL": (1, _INT32),
             "MAV_SYS_ID": (1, _INT32),
             "MIS_TAKEOFF_ALT": (2.5, _REAL32),
             "MPC_XY_VEL_MAX": (12.0, _REAL32),
+            "NAV_DLL_ACT": (0, _INT32),
             "SYS_HAS_GPS": (0, _INT32),
         }
 
@@ -105,35 +191,84 @@ class Px4:
     def no_such_mode(self, mode: int) -> str:
         return ""
 
-    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
-        """Only frames 1 and 8; one ignored velocity axis ignores all."""
+    def setpoint(
+        self,
+        message: Message,
+        yaw_rad: float,
+        position_ned_m: Vector3,
+        parameters: ParameterValues,
+    ) -> Target | Refusal:
+        """Only frames 1 and 8; one ignored velocity axis ignores all; frame 8 has no position."""
         m: Any = message
         turned = m.coordinate_frame == mavlink.MAV_FRAME_BODY_NED
         if not turned and m.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
             frame = m.coordinate_frame
             return Refusal(f"coordinate frame {frame} unsupported")
-        if m.type_mask & IGNORE_ALL == IGNORE_ALL or m.type_mask & IGNORE_VELOCITY:
-            return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
-        yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
-        if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate))):
-            return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
-        vx, vy, vz = (
-            max(-MOST_VELOCITY_M_S, min(MOST_VELOCITY_M_S, v)) for v in (m.vx, m.vy, m.vz)
-        )
-        north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
-        return VelocityTarget((north, east, vz), yaw_rate)
+        if not m.type_mask & IGNORE_VELOCITY:
+            return _velocity(m, yaw_rad, turned=turned, most_m_s=parameters["MPC_XY_VEL_MAX"])
+        position = (m.x, m.y, m.z)
+        if turned or m.type_mask & IGNORE_POSITION or not all(map(math.isfinite, position)):
+            return INVALID
+        return PositionTarget(position)
 
-    def setpoint_loss(self, parameters: dict[str, float]) -> tuple[float, int | None]:
+    def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         action = int(parameters["COM_OBL_RC_ACT"])
         return parameters["COM_OF_LOSS_T"], OFFBOARD_LOSS_MODES.get(action, AUTO_LOITER)
 
-    def take_off_height_m(self, asked_m: float, parameters: dict[str, float]) -> float:
+    def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float:
         """The command's altitude is above the sea, which nobody knows indoors."""
         return parameters["MIS_TAKEOFF_ALT"]
 
-    def estimator_status(self, boot_us: int, *, has_position: bool) -> Message:
+    def sources(self, parameters: ParameterValues) -> Sources:
+        vision = int(parameters["EKF2_EV_CTRL"])
+        return Sources(
+            flow=parameters["EKF2_OF_CTRL"] > 0,
+            outside_position=bool(vision & VISION_POSITION_BIT),
+            outside_velocity=bool(vision & VISION_VELOCITY_BIT),
+            outside_yaw=bool(vision & VISION_YAW_BIT),
+        )
+
+    def needs_origin(self, mode: int) -> bool:
+        """Its automatic modes know only global positions; landing needs none."""
+        return mode in (AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL)
+
+    def needs_position(self, mode: int) -> bool:
+        return mode not in (MANUAL, ALTCTL)
+
+    def accepts_origin(self, place: Place) -> bool:
+        return True
+
+    def peripheral_complaint(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> str:
+        return ""
+
+    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
+        failed = f"Preflight Fail: {complaint}"
+        return ("Arming denied: Resolve system health failures first", failed)[not arming :]
+
+    def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
         """ESTIMATOR_STATUS (230)."""
-        flags = READY if has_position else WITHOUT_POSITION
+        flags = READY if health.has_position else WITHOUT_POSITION
         return mavlink.MAVLink_estimator_status_message(
             boot_us, flags, *(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05)
         )
+
+    def distance_echoes(
+        self, outside: Outside, now_s: float, parameters: ParameterValues
+    ) -> list[Message]:
+        return list(outside.fresh_ranges(now_s).values())
+
+    def true_state(self, truth: TrueState) -> Message:
+        return hil_state_quaternion(truth)
+
+
+def _velocity(m: Any, yaw_rad: float, *, turned: bool, most_m_s: float) -> VelocityTarget | Refusal:
+    """Velocity with a yaw rate, an absolute yaw, or the heading kept."""
+    yaw = None if m.type_mask & IGNORE_YAW else m.yaw
+    yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
+    if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate, yaw or 0.0))):
+        return INVALID
+    vx, vy, vz = (max(-most_m_s, min(most_m_s, v)) for v in (m.vx, m.vy, m.vz))
+    north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
+    return VelocityTarget((north, east, vz), yaw_rate, yaw)

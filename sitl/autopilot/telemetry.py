@@ -1,12 +1,13 @@
 """The messages that tell how the vehicle is, made from what it is at this moment."""
 
+import math
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.control import Manoeuvre
-from sitl.autopilot.estimator import FlowEstimator
-from sitl.autopilot.personality import Personality
+from sitl.autopilot.navigation import Navigation
+from sitl.autopilot.personality import ParameterValues, Personality
 from sitl.autopilot.streams import Maker, Message
 from sitl.truth import TrueState
 
@@ -17,8 +18,9 @@ SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
-    | mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 )
+FLOW: int = mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
+VISION: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
 LANDED_STATES = {
     Manoeuvre.GROUND: mavlink.MAV_LANDED_STATE_ON_GROUND,
     Manoeuvre.CLIMB: mavlink.MAV_LANDED_STATE_TAKEOFF,
@@ -33,8 +35,8 @@ class Status:
     mode: int
     armed: bool = False
     crashed: bool = False
+    in_failsafe: bool = False
     is_armable: bool = False
-    origin: tuple[int, int, int] | None = None
     manoeuvre: Manoeuvre = Manoeuvre.GROUND
     battery: float = 1.0
     step: int = 0
@@ -49,116 +51,171 @@ class Status:
 
 
 class Telemetry:
-    """Makes the messages; None stands for one that cannot be told yet."""
+    """Makes the messages; an empty list stands for one that cannot be told yet."""
 
-    def __init__(self, personality: Personality, status: Status, estimator: FlowEstimator) -> None:
-        self._personality = personality
+    def __init__(
+        self,
+        personality: Personality,
+        parameters: ParameterValues,
+        status: Status,
+        navigation: Navigation,
+        truth: TrueState,
+    ) -> None:
+        self._is = personality
+        self._parameters = parameters
         self._status = status
-        self._estimator = estimator
-        self.truth: TrueState
+        self._navigation = navigation
+        self.truth = truth
         """For roll and pitch, which even a cheap attitude estimate knows."""
 
-    @property
-    def has_position(self) -> bool:
-        return self._estimator.has_settled and self._status.origin is not None
-
-    def makers(self) -> dict[int, Maker]:
+    def makers(self, *, tells_truth: bool) -> dict[int, Maker]:
         """By message id."""
-        estimator_status = self._personality.estimator_status(0, has_position=False).id
-        return {
+        estimator_status = self._estimator_status()[0].id
+        makers = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,
+            mavlink.MAVLINK_MSG_ID_VFR_HUD: self._vfr_hud,
             mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: self._extended_state,
             estimator_status: self._estimator_status,
             mavlink.MAVLINK_MSG_ID_SYS_STATUS: self._sys_status,
+            mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: self._system_time,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: self._battery_status,
             mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: self._version,
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._home,
+            mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.origin,
+            mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distances,
         }
+        if tells_truth:
+            makers[self._is.ground_truth] = lambda: [self._is.true_state(self.truth)]
+        return makers
 
     def heartbeat(self) -> Message:
         status = self._status
-        flying = status.manoeuvre is not Manoeuvre.GROUND
-        state = mavlink.MAV_STATE_ACTIVE if flying else mavlink.MAV_STATE_STANDBY
         return mavlink.MAVLink_heartbeat_message(
             mavlink.MAV_TYPE_QUADROTOR,
-            self._personality.autopilot,
-            self._personality.base_mode(status.mode, armed=status.armed),
+            self._is.autopilot,
+            self._is.base_mode(status.mode, armed=status.armed),
             status.mode,
-            mavlink.MAV_STATE_CRITICAL if status.crashed else state,
+            self._system_status(),
             3,
         )
 
-    def _local_position(self) -> Message | None:
-        if not self.has_position:
-            return None
-        estimate = self._estimator
-        return mavlink.MAVLink_local_position_ned_message(
-            self._status.boot_ms, *estimate.position_ned_m, *estimate.velocity_ned_m_s
-        )
+    def _system_status(self) -> int:
+        """MAV_STATE."""
+        status = self._status
+        if status.crashed or status.in_failsafe:
+            return int(mavlink.MAV_STATE_CRITICAL)
+        if status.manoeuvre is not Manoeuvre.GROUND:
+            return int(mavlink.MAV_STATE_ACTIVE)
+        settled = self._navigation.estimator.has_settled
+        return int(mavlink.MAV_STATE_STANDBY if settled else mavlink.MAV_STATE_BOOT)
 
-    def _attitude(self) -> Message:
-        return mavlink.MAVLink_attitude_message(
-            self._status.boot_ms,
-            self.truth.roll_rad,
-            self.truth.pitch_rad,
-            self._estimator.yaw_rad,
-            *(0.0, 0.0, self._estimator.yaw_rate_rad_s),
-        )
+    def _local_position(self) -> list[Message]:
+        if not self._navigation.has_position:
+            return []
+        estimate = self._navigation.estimator
+        return [
+            mavlink.MAVLink_local_position_ned_message(
+                self._status.boot_ms, *estimate.position_ned_m, *estimate.velocity_ned_m_s
+            )
+        ]
 
-    def _extended_state(self) -> Message:
+    def _attitude(self) -> list[Message]:
+        estimate = self._navigation.estimator
+        return [
+            mavlink.MAVLink_attitude_message(
+                self._status.boot_ms,
+                self.truth.roll_rad,
+                self.truth.pitch_rad,
+                estimate.yaw_rad,
+                *(0.0, 0.0, estimate.yaw_rate_rad_s),
+            )
+        ]
+
+    def _vfr_hud(self) -> list[Message]:
+        estimate = self._navigation.estimator
+        speed = math.hypot(*estimate.velocity_ned_m_s[:2])
+        heading_deg = round(math.degrees(estimate.yaw_rad)) % 360
+        height_m, climb = -estimate.position_ned_m[2], -estimate.velocity_ned_m_s[2]
+        return [mavlink.MAVLink_vfr_hud_message(speed, speed, heading_deg, 0, height_m, climb)]
+
+    def _system_time(self) -> list[Message]:
+        return [mavlink.MAVLink_system_time_message(0, self._status.boot_ms)]
+
+    def _distances(self) -> list[Message]:
+        navigation = self._navigation
+        return self._is.distance_echoes(navigation.outside, navigation.time_s, self._parameters)
+
+    def _extended_state(self) -> list[Message]:
         landed = LANDED_STATES.get(self._status.manoeuvre, mavlink.MAV_LANDED_STATE_IN_AIR)
-        return mavlink.MAVLink_extended_sys_state_message(0, landed)
+        return [mavlink.MAVLink_extended_sys_state_message(0, landed)]
 
-    def _estimator_status(self) -> Message:
-        return self._personality.estimator_status(
-            self._status.boot_us, has_position=self.has_position
-        )
+    def _estimator_status(self) -> list[Message]:
+        return [self._is.estimator_status(self._status.boot_us, self._navigation.health)]
 
-    def _cell_mv(self) -> int:
+    @property
+    def battery_v(self) -> float:
         charge = self._status.battery * (CELL_FULL_V - CELL_EMPTY_V)
-        return round(1000 * (CELL_EMPTY_V + charge))
+        return BATTERY_CELLS * (CELL_EMPTY_V + charge)
 
     def _percent(self) -> int:
         return round(100 * self._status.battery)
 
-    def _sys_status(self) -> Message:
+    def _sys_status(self) -> list[Message]:
         armable = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self._status.is_armable else 0
-        millivolts = self._cell_mv() * BATTERY_CELLS
-        return mavlink.MAVLink_sys_status_message(
-            SENSORS,
-            SENSORS,
-            SENSORS | armable,
-            200,
-            millivolts,
-            1200,
-            self._percent(),
-            *(0, 0, 0, 0, 0, 0),
-        )
+        flow = FLOW if self._navigation.sources.flow else 0
+        vision = VISION if self._navigation.sees_outside else 0
+        sensors = SENSORS | flow | vision
+        return [
+            mavlink.MAVLink_sys_status_message(
+                sensors,
+                sensors,
+                sensors | armable,
+                200,
+                round(1000 * self.battery_v),
+                1200,
+                self._percent(),
+                *(0, 0, 0, 0, 0, 0),
+            )
+        ]
 
-    def _battery_status(self) -> Message:
-        cells = [self._cell_mv()] * BATTERY_CELLS + [ABSENT_CELL] * (10 - BATTERY_CELLS)
-        return mavlink.MAVLink_battery_status_message(
-            0, 0, 1, 2500, cells, 1200, -1, -1, self._percent()
-        )
+    def _battery_status(self) -> list[Message]:
+        cell_mv = round(1000 * self.battery_v / BATTERY_CELLS)
+        cells = [cell_mv] * BATTERY_CELLS + [ABSENT_CELL] * (10 - BATTERY_CELLS)
+        return [
+            mavlink.MAVLink_battery_status_message(
+                0, 0, 1, 2500, cells, 1200, -1, -1, self._percent()
+            )
+        ]
 
-    def _version(self) -> Message:
-        return mavlink.MAVLink_autopilot_version_message(
-            self._personality.capabilities,
-            self._personality.flight_sw_version,
-            *(0, 0, 0),
-            *(bytes(8), bytes(8), bytes(8)),
-            *(0, 0, 0),
-        )
+    def _version(self) -> list[Message]:
+        return [
+            mavlink.MAVLink_autopilot_version_message(
+                self._is.capabilities,
+                self._is.flight_sw_version,
+                *(0, 0, 0),
+                *(bytes(8), bytes(8), bytes(8)),
+                *(0, 0, 0),
+            )
+        ]
 
-    def _home(self) -> Message | None:
-        if self._status.origin is None:
-            return None
+    def _home(self) -> list[Message]:
+        if self._navigation.origin is None:
+            return []
         level = [1.0, 0.0, 0.0, 0.0]
-        return mavlink.MAVLink_home_position_message(
-            *self._status.origin,
-            *(0.0, 0.0, 0.0),
-            level,
-            *(0.0, 0.0, 0.0),
-            self._status.boot_us,
-        )
+        return [
+            mavlink.MAVLink_home_position_message(
+                *self._navigation.origin,
+                *(0.0, 0.0, 0.0),
+                level,
+                *(0.0, 0.0, 0.0),
+                self._status.boot_us,
+            )
+        ]
+
+    def origin(self) -> list[Message]:
+        """GPS_GLOBAL_ORIGIN (49), once there is one."""
+        origin = self._navigation.origin
+        if origin is None:
+            return []
+        return [mavlink.MAVLink_gps_global_origin_message(*origin, self._status.boot_us)]

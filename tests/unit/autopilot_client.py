@@ -10,6 +10,7 @@ from sitl.autopilot.core import Autopilot
 from sitl.truth import TrueState
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
+ORIGIN = mavlink.MAVLink_set_gps_global_origin_message(1, 473977000, 85456000, 488000)
 START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.3, 0.0)
 
 
@@ -49,7 +50,7 @@ class Client:
 
     def is_ready(self) -> "Client":
         self.waits(5)
-        self.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
+        self.sends(ORIGIN)
         assert self.result(176, 1, 4) == ACCEPTED
         return self
 

@@ -7,7 +7,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.px4 import AUTO_LAND, AUTO_LOITER, AUTO_TAKEOFF, OFFBOARD, POSCTL
-from tests.unit.autopilot_client import ACCEPTED, FAILED, UNSUPPORTED, Client, kinds
+from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, UNSUPPORTED, Client, kinds
 
 REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 VELOCITY = 0x05C7
@@ -20,7 +20,7 @@ def client() -> Client:
 
 def armed(client: Client) -> Client:
     client.waits(5)
-    client.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
+    client.sends(ORIGIN)
     assert client.result(400, 1) == ACCEPTED
     return client
 
@@ -42,7 +42,7 @@ def stream(client: Client, seconds: float, **velocity: float) -> None:
 
 def test_position_and_attitude_stream_unasked(client: Client) -> None:
     client.waits(5)
-    client.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
+    client.sends(ORIGIN)
     heard = kinds(client.waits(1))
     assert heard.count("ATTITUDE") == 100
     assert heard.count("LOCAL_POSITION_NED") == pytest.approx(30, abs=4)

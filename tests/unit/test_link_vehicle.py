@@ -46,7 +46,7 @@ def position(ms: int, north: float = 0.0) -> Message:
 
 
 def attitude(ms: int, yaw: float = 0.5) -> Message:
-    return mavlink.MAVLink_attitude_message(ms, 0, 0, yaw, 0, 0, 0)
+    return mavlink.MAVLink_attitude_message(ms, 0, 0, yaw, 0, 0, 0.2)
 
 
 @pytest.fixture
@@ -110,18 +110,27 @@ def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle)
     assert not vehicle.says(report(167)).vehicle.estimate_ready
 
 
-def test_odometry_pairs_messages_of_one_boot_time(vehicle: Vehicle) -> None:
-    assert vehicle.says(heartbeat(), position(100), attitude(150)).odometry is None
-    odometry = vehicle.says(position(200, 3.0), attitude(200, 0.7)).odometry
+def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
+    vehicle.now_s = 1.0
+    vehicle.says(heartbeat(), attitude(1000, 0.6))
+    vehicle.now_s = 1.05
+    odometry = vehicle.says(position(1020, 3.0), attitude(1040, 0.7)).odometry
     assert odometry is not None
-    assert odometry.position_ned_m == (3.0, 2.0, -1.0)
-    assert odometry.yaw_rad == pytest.approx(0.7)
+    assert odometry.position_ned_m == pytest.approx((3.003, 2.006, -0.991))
+    assert odometry.yaw_rad == pytest.approx(0.6 + 0.2 * 0.05)
+
+
+def test_a_position_without_a_fresh_attitude_is_no_odometry(vehicle: Vehicle) -> None:
+    assert vehicle.says(heartbeat(), position(100)).odometry is None
+    vehicle.says(attitude(100))
+    vehicle.now_s += 0.5
+    assert vehicle.says(position(600)).odometry is None
 
 
 def test_late_and_repeated_messages_never_step_back(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(), position(200), attitude(200))
-    assert vehicle.says(position(150), attitude(150)).odometry is None
-    assert vehicle.says(position(200), attitude(200)).odometry is None
+    vehicle.says(heartbeat(), attitude(200), position(200))
+    assert vehicle.says(attitude(150), position(150)).odometry is None
+    assert vehicle.says(attitude(200), position(200)).odometry is None
 
 
 def test_other_vehicles_do_not_count(vehicle: Vehicle) -> None:

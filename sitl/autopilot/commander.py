@@ -1,0 +1,194 @@
+"""What the vehicle does: modes, arming, take-off, setpoints, failsafes.
+
+How it is asked is the protocol's matter, how it answers the personality's.
+"""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.control import Control, Manoeuvre
+from sitl.autopilot.failsafes import FailsafeWatch
+from sitl.autopilot.parts import Parts
+from sitl.autopilot.personality import (
+    Behaviour,
+    Condition,
+    Refusal,
+    VelocityTarget,
+)
+from sitl.autopilot.streams import Message
+from sitl.vehicle import STEP_S, Vehicle
+
+STREAM_STEPS = 50
+"""Setpoints no farther apart than this are a stream."""
+LIFT_OFF_M_S = -0.1
+"""A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
+MOST_TAKE_OFF_M = 1000.0
+ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
+FAILED: int = mavlink.MAV_RESULT_FAILED
+
+
+class Commander:
+    """Decides; `control` flies what it has decided."""
+
+    def __init__(self, parts: Parts, vehicle: Vehicle) -> None:
+        self._is = parts.personality
+        self._parameters = parts.parameters.values
+        self._status = parts.status
+        self._navigation = parts.navigation
+        self._telemetry = parts.telemetry
+        self._broadcast = parts.broadcast
+        self._vehicle = vehicle
+        self._failsafes = FailsafeWatch(self._is.failsafes)
+        self._setpoint_step: int | None = None
+        self.control = Control(self._navigation.estimator)
+
+    # Modes
+
+    def ask_for(self, mode: int) -> int:
+        """Somebody wants a mode; the MAV_RESULT."""
+        if self._is.behaviour(mode) is Behaviour.OFFBOARD and not self._may_go_offboard():
+            return self._is.refused
+        return self.enter(mode)
+
+    def _may_go_offboard(self) -> bool:
+        if not self._is.setpoints_before_offboard:
+            return True
+        since = self._setpoint_step
+        streaming = since is not None and self._status.step - since <= STREAM_STEPS
+        return streaming and self._navigation.has_position
+
+    def enter(self, mode: int) -> int:
+        """Change the mode without asking whether it may be."""
+        behaviour = self._is.behaviour(mode)
+        if behaviour is None:
+            if text := self._is.no_such_mode(mode):
+                self._broadcast.text(mavlink.MAV_SEVERITY_WARNING, text)
+            return self._is.refused
+        if mode == self._status.mode:
+            return ACCEPTED
+        self._status.mode = mode
+        self._broadcast.add(self._telemetry.heartbeat())
+        if behaviour is Behaviour.LAND:
+            self.control.land()
+        elif behaviour is not Behaviour.TAKE_OFF:
+            self.control.hold()
+        return ACCEPTED
+
+    # Arming
+
+    def complaint(self) -> str:
+        """What stands against arming now; or nothing."""
+        status, navigation = self._status, self._navigation
+        if status.crashed:
+            return "Crashed: restart the simulator"
+        if not navigation.estimator.has_settled:
+            return "AHRS: not healthy"
+        if told := self._is.peripheral_complaint(
+            navigation.outside, navigation.time_s, self._parameters
+        ):
+            return told
+        if self._is.needs_origin(status.mode) and navigation.origin is None:
+            return "AHRS: waiting for home"
+        return self._position_complaint()
+
+    def _position_complaint(self) -> str:
+        needed = self._is.needs_position(self._status.mode)
+        return "Need Position Estimate" if needed and not self._navigation.has_position else ""
+
+    def check(self) -> int:
+        """MAV_CMD_RUN_PREARM_CHECKS (401)."""
+        self._deny(self.complaint(), arming=False)
+        return ACCEPTED
+
+    def _deny(self, complaint: str, *, arming: bool) -> None:
+        for text in self._is.denial(complaint, arming=arming) if complaint else ():
+            self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, text)
+
+    def arm(self, *, forced: bool) -> int:
+        """Forcing skips what the personality lets it skip, but never the position."""
+        if self._status.armed:
+            return ACCEPTED
+        skips = forced and self._is.force_skips_checks and not self._status.crashed
+        complaint = self._position_complaint() if skips else self.complaint()
+        self._deny(complaint, arming=True)
+        if complaint:
+            return self._is.refused
+        self._status.armed = True
+        return ACCEPTED
+
+    def disarm(self, *, forced: bool) -> int:
+        """In the air only by force; then it falls."""
+        if not self._vehicle.on_ground and not forced:
+            return self._is.refused
+        self.stop()
+        return ACCEPTED
+
+    def stop(self) -> None:
+        self._status.armed = False
+        self.control.stop()
+
+    # Flight
+
+    def take_off(self, asked_m: float) -> int:
+        height_m = self._is.take_off_height_m(asked_m, self._parameters)
+        offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
+        ready = self._status.armed and self._vehicle.on_ground
+        in_right_mode = self._is.take_off_mode is not None or offboard
+        if not ready or not in_right_mode or not 0 < height_m < MOST_TAKE_OFF_M:  # false for NaN
+            return FAILED if self._is.take_off_mode is None else self._is.refused
+        if self._is.take_off_mode is not None:
+            self.enter(self._is.take_off_mode)
+        self.control.take_off(self._status.step * STEP_S, height_m)
+        return ACCEPTED
+
+    def after_climb(self) -> None:
+        """A take-off mode goes on by itself."""
+        if self._status.mode == self._is.take_off_mode:
+            self.enter(self._is.hold_mode)
+
+    def setpoint(self, message: Message) -> None:
+        """SET_POSITION_TARGET_LOCAL_NED (84)."""
+        estimator = self._navigation.estimator
+        target = self._is.setpoint(
+            message, estimator.yaw_rad, estimator.position_ned_m, self._parameters
+        )
+        offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
+        if isinstance(target, Refusal):
+            if target.text:
+                self._broadcast.text(mavlink.MAV_SEVERITY_ERROR, target.text)
+            if target.stops and offboard:
+                self.control.hold()
+            return
+        self._setpoint_step = self._status.step
+        climbs = isinstance(target, VelocityTarget) and target.velocity_ned_m_s[2] < LIFT_OFF_M_S
+        lifts = self._is.lifts_off_by_setpoint and climbs
+        may_move = self.control.manoeuvre in (Manoeuvre.HOLD, Manoeuvre.FOLLOW) or lifts
+        if offboard and self._status.armed and may_move:
+            self.control.follow(target)
+
+    def expire_setpoint(self) -> None:
+        """The last setpoint is flown for a while; then the vehicle brakes, or changes its mode."""
+        if self._setpoint_step is None or self.control.manoeuvre is not Manoeuvre.FOLLOW:
+            return
+        timeout_s, mode = self._is.setpoint_loss(self._parameters)
+        if (self._status.step - self._setpoint_step) * STEP_S > timeout_s:
+            self.control.hold()
+            if mode is not None:
+                self.enter(mode)
+
+    def check_failsafes(self) -> None:
+        """Look whether anything has failed, and react as the parameters say."""
+        status, navigation = self._status, self._navigation
+        now_s, outside = navigation.time_s, navigation.outside
+        condition = Condition(
+            flying=status.manoeuvre is not Manoeuvre.GROUND,
+            outside_age_s=navigation.outside_age_s,
+            needs_outside=navigation.sources.needs_outside,
+            battery=status.battery,
+            battery_v=self._telemetry.battery_v,
+            ground_station_age_s=outside.ground_station_age_s(now_s),
+            onboard_computer_age_s=outside.onboard_computer_age_s(now_s),
+        )
+        mode = self._failsafes.check(condition, self._parameters, self._broadcast)
+        status.in_failsafe = self._failsafes.has_taken_over
+        if mode is not None and mode != status.mode:
+            self.enter(mode)

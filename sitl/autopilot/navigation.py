@@ -1,0 +1,64 @@
+"""Where the vehicle thinks it is, out of its own sensors and of what it is told."""
+
+import math
+
+from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.outside import Outside
+from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality
+from sitl.truth import TrueState
+
+SOURCES_STEPS = 10
+"""Parameters are looked up so often."""
+
+
+class Navigation:
+    """The estimator with its sources as the parameters choose them."""
+
+    def __init__(
+        self,
+        start: TrueState,
+        seed: int,
+        personality: Personality,
+        parameters: ParameterValues,
+        noise: OdometryNoise = REFERENCE_NOISE,
+    ) -> None:
+        self._is = personality
+        self._parameters = parameters
+        self._steps = 0
+        self.estimator = Estimator(start, seed, noise)
+        self.outside = Outside(personality.odometry_frames)
+        self.sources = personality.sources(parameters)
+        self.origin: tuple[int, int, int] | None = None
+        """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""
+        self.time_s = 0.0
+
+    def update(self, truth: TrueState) -> None:
+        """Take in one step of true motion."""
+        if self._steps % SOURCES_STEPS == 0:
+            self.sources = self._is.sources(self._parameters)
+        self._steps += 1
+        self.time_s = truth.time_s
+        self.estimator.update(truth, self.sources, self.outside.take_pose())
+
+    @property
+    def outside_age_s(self) -> float:
+        return self.outside.pose_age_s(self.time_s)
+
+    @property
+    def has_position(self) -> bool:
+        if not self.estimator.has_settled or (self._is.position_needs_origin and not self.origin):
+            return False
+        if self.sources.flow:
+            return True
+        return self.sources.needs_outside and self.outside_age_s <= self._is.outside_lost_s
+
+    @property
+    def health(self) -> EstimatorHealth:
+        age_s = self.outside_age_s
+        settled = self.estimator.has_settled
+        return EstimatorHealth(settled, self.has_position, self.sources, age_s)
+
+    @property
+    def sees_outside(self) -> bool:
+        """SYS_STATUS calls it vision."""
+        return math.isfinite(self.outside_age_s) and self.outside_age_s <= 1.0

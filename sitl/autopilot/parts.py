@@ -1,0 +1,21 @@
+"""What the commander and the protocol of one vehicle have in common."""
+
+from dataclasses import dataclass
+
+from sitl.autopilot.messages import Broadcast
+from sitl.autopilot.navigation import Navigation
+from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.personality import Personality
+from sitl.autopilot.telemetry import Status, Telemetry
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The parts of one flight controller."""
+
+    personality: Personality
+    parameters: Parameters
+    status: Status
+    navigation: Navigation
+    telemetry: Telemetry
+    broadcast: Broadcast
