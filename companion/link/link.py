@@ -72,7 +72,7 @@ class Link:
             else:
                 self._note(kind, message)
             for stream in self._streams:
-                if stream.message_id == message.id:
+                if stream.message_id == message.get_msgId():
                     stream.seen_s = now_s
         for text in texts:
             self._commands.explain(text)
@@ -89,7 +89,7 @@ class Link:
             self._commands.acknowledge(message)
         elif self._dialect is None:
             return
-        elif message.id == self._dialect.estimator_message:
+        elif message.get_msgId() == self._dialect.estimator_message:
             self._estimate_ready = self._dialect.is_estimate_ready(message)
         elif kind == "PARAM_VALUE":
             for parameter in self._dialect.safety_parameters:

@@ -38,7 +38,7 @@ class OdometryReader:
         self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
         self._offset_s = min(self._offset_s, now_s - boot_s)
         self._heard_s = now_s
-        if message.id == mavlink.MAVLINK_MSG_ID_ATTITUDE:
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
             if _is_newer(message, self._attitude):
                 self._attitude = message
             return None

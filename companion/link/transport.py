@@ -51,13 +51,16 @@ def make_codec(system_id: int, component_id: int) -> Any:
 def _decode(codec: Any, data: bytes) -> list[Message]:
     """Whole messages in a packet; what cannot be parsed or is not known is left out.
 
-    Half a message at the packet's end is forgotten, or it would swallow the next packet.
+    Half a message at the packet's end is forgotten, or it would swallow the next packet. A
+    message's number is asked for, not read from its `id`: some messages have a field of that name.
     """
     messages = codec.parse_buffer(data) or []
     if codec.buf_len():
         codec.buf, codec.buf_index = bytearray(), 0
         codec.expected_length = mavlink.HEADER_LEN_V1 + 2
-    return [m for m in messages if m.get_type() != "BAD_DATA" and m.id in mavlink.mavlink_map]
+    return [
+        m for m in messages if m.get_type() != "BAD_DATA" and m.get_msgId() in mavlink.mavlink_map
+    ]
 
 
 class UdpTransport:

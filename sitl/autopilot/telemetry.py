@@ -70,7 +70,7 @@ class Telemetry:
 
     def makers(self, *, tells_truth: bool) -> dict[int, Maker]:
         """By message id."""
-        estimator_status = self._estimator_status()[0].id
+        estimator_status = self._estimator_status()[0].get_msgId()
         makers = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: self._attitude,

@@ -5,7 +5,18 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.unit.autopilot_client import ACCEPTED, DENIED, FAILED, ORIGIN, UNSUPPORTED, Client, kinds
+from companion.frames import wrap_rad
+from sitl.autopilot.core import Autopilot
+from tests.unit.autopilot_client import (
+    ACCEPTED,
+    DENIED,
+    FAILED,
+    ORIGIN,
+    START,
+    UNSUPPORTED,
+    Client,
+    kinds,
+)
 
 
 @pytest.fixture
@@ -219,3 +230,135 @@ def test_a_crash_is_told_and_final(client: Client) -> None:
     assert "Crash: hit an obstacle" in [m.text for m in heard if m.get_type() == "STATUSTEXT"]
     assert client.autopilot.truth.position_ned_m[2] == 0
     assert client.result(400, 1) == FAILED
+
+
+def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: float) -> float:
+    """How far it turns while such setpoints stream at 20 Hz."""
+    began = client.autopilot.truth.yaw_rad
+    turned = 0.0
+    for _ in range(round(seconds * 20)):
+        client.sends(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, frame, mask, 0, 0, 0, 0, 0, 0, 0, 0, 0, yaw, 0
+            )
+        )
+        client.waits(0.05)
+        now = client.autopilot.truth.yaw_rad
+        turned += math.degrees(wrap_rad(now - began))
+        began = now
+    return turned
+
+
+def test_a_commanded_yaw_in_ned_is_absolute(client: Client) -> None:
+    client.flies()
+    to_go = math.degrees(wrap_rad(2.0 - client.autopilot.truth.yaw_rad))
+    turned = turned_deg(client, 4, frame=1, mask=0x09C7, yaw=2.0)
+    assert turned == pytest.approx(to_go, abs=8)
+
+
+def test_a_relative_yaw_is_applied_again_at_every_packet(client: Client) -> None:
+    client.flies()
+    assert turned_deg(client, 8, frame=9, mask=0x09C7, yaw=0.5) > 360
+
+
+def test_without_any_yaw_it_faces_its_course(client: Client) -> None:
+    client.flies()
+    for _ in range(80):
+        client.velocity(frame=1, mask=0x0DC7, vx=-1.0)
+        client.waits(0.05)
+    assert abs(client.autopilot.truth.yaw_rad) == pytest.approx(math.pi, abs=0.2)
+
+
+def test_a_position_setpoint_is_flown_to_nose_first(client: Client) -> None:
+    client.flies()
+    for _ in range(200):
+        client.sends(
+            mavlink.MAVLink_set_position_target_local_ned_message(
+                0, 1, 1, 1, 0x0DF8, 3, -2, -2, 0, 0, 0, 0, 0, 0, 0, 0
+            )
+        )
+        client.waits(0.05)
+    north, east, _ = client.autopilot.truth.position_ned_m
+    assert (north, east) == pytest.approx((3, -2), abs=0.8)
+
+
+def test_acceleration_beside_velocity_is_flown_as_velocity(client: Client) -> None:
+    client.flies()
+    for _ in range(40):
+        client.velocity(frame=1, mask=0x0C07)
+        client.waits(0.05)
+    assert client.speed() > 0.7
+
+
+def test_disarming_by_force_drops_it(client: Client) -> None:
+    client.flies()
+    assert client.result(400, 0, 21196) == ACCEPTED
+    client.waits(2)
+    assert client.autopilot.truth.position_ned_m[2] == 0
+
+
+def test_an_origin_of_zeros_is_not_one(client: Client) -> None:
+    client.waits(5)
+    client.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
+    assert client.result(512, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN) == FAILED
+
+
+def test_states_from_boot_to_flight(client: Client) -> None:
+    assert client.waits(1)[-1].system_status == mavlink.MAV_STATE_BOOT
+    client.flies()
+    beats = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"]
+    assert beats[-1].system_status == mavlink.MAV_STATE_ACTIVE
+    told = client.commands(512, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    assert [m.landed_state for m in told if m.get_type() == "EXTENDED_SYS_STATE"] == [2]
+
+
+def test_a_take_off_begins_after_a_second_and_settles_at_its_height(client: Client) -> None:
+    client.is_ready()
+    client.result(400, 1)
+    client.result(22, 0, 0, 0, 0, 0, 0, 2)
+    client.waits(0.9)
+    assert client.autopilot.truth.position_ned_m[2] == 0
+    fastest = 0.0
+    for _ in range(60):
+        client.waits(0.1)
+        fastest = max(fastest, -client.autopilot.truth.velocity_ned_m_s[2])
+    assert fastest == pytest.approx(1.2, abs=0.1)
+    assert -client.autopilot.truth.position_ned_m[2] == pytest.approx(2.0, abs=0.1)
+
+
+def test_commands_come_as_int_too(client: Client) -> None:
+    heard = client.sends(
+        mavlink.MAVLink_command_int_message(1, 1, 0, 176, 0, 0, 1, 4, 0, 0, 0, 0, 0)
+    )
+    assert [m.result for m in heard if m.get_type() == "COMMAND_ACK"] == [ACCEPTED]
+    assert client.autopilot.mode == 4
+
+
+def test_the_old_way_of_asking_for_streams(client: Client) -> None:
+    client.sends(mavlink.MAVLink_request_data_stream_message(1, 1, 10, 10, 1))
+    assert kinds(client.waits(1)).count("ATTITUDE") == 10
+
+
+def test_there_is_no_mission_and_there_are_no_files(client: Client) -> None:
+    heard = client.sends(mavlink.MAVLink_mission_request_list_message(1, 1))
+    assert [m.count for m in heard] == [0]
+    opened = bytes((5, 0, 0, 4)) + bytes(247)
+    (answer,) = client.sends(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, opened))
+    assert (answer.payload[0], answer.payload[3], answer.payload[5]) == (6, 129, 4)
+
+
+def test_every_link_has_streams_and_answers_of_its_own() -> None:
+    autopilot = Autopilot(1, START, links=2)
+    ask = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0)
+    autopilot.receive(ask, link=1)
+    for _ in range(100):
+        autopilot.step()
+    first, second = kinds(autopilot.take_outbox(0)), kinds(autopilot.take_outbox(1))
+    assert (first.count("ATTITUDE"), second.count("ATTITUDE")) == (0, 50)
+    assert ("COMMAND_ACK" in first, "COMMAND_ACK" in second) == (False, True)
+    assert "HEARTBEAT" in first
+    assert "HEARTBEAT" in second
+
+
+def test_the_truth_is_not_told(client: Client) -> None:
+    assert client.result(511, mavlink.MAVLINK_MSG_ID_SIM_STATE, 20_000) == DENIED

@@ -102,3 +102,9 @@ def test_float32_is_what_arrives() -> None:
     message = mavlink.MAVLink_local_position_ned_message(0, 0.1, 0, 0, 0, 0, 0)
     (rounded,) = struct.unpack("<f", struct.pack("<f", 0.1))
     assert carried(direct_pair, message).x == rounded
+
+
+def test_a_field_named_id_does_not_hide_which_message_it_is() -> None:
+    vehicle_end, end = pipe_pair()
+    vehicle_end.send(mavlink.MAVLink_distance_sensor_message(0, 2, 500, 150, 2, 10, 0, 0))
+    assert [m.get_type() for m in end.receive()] == ["DISTANCE_SENSOR"]
