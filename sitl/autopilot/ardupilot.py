@@ -6,6 +6,9 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import frd_to_ned
+from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.personality import Behaviour, Refusal, VelocityTarget
 from sitl.autopilot.streams import Message
 
@@ -33,8 +36,19 @@ TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
 NED_FRAMES = (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
 STOP = Refusal(stops=True)
 
-_INT8, _INT16 = mavlink.MAV_PARAM_TYPE_INT8, mavlink.MAV_PARAM_TYPE_INT16
-_INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+CONFIGURED: dict[str, float] = {
+    "BATT_MONITOR": 4,
+    "EK3_SRC1_POSXY": 6,
+    "EK3_SRC1_VELXY": 6,
+    "EK3_SRC1_VELZ": 6,
+    "FRAME_CLASS": 1,
+    "FS_THR_ENABLE": 0,
+    "GPS1_TYPE": 0,
+    "PRX1_TYPE": 2,
+    "RNGFND1_TYPE": 10,
+    "VISO_TYPE": 1,
+}
+"""Position from an external estimator, ranges over MAVLink, neither GPS nor a remote control."""
 
 
 class ArduPilot:
@@ -46,7 +60,9 @@ class ArduPilot:
     take_off_mode: int | None = None
     hold_mode = LOITER
     refused: int = mavlink.MAV_RESULT_FAILED
-    has_bytewise_parameters = False
+    configured = CONFIGURED
+    parameter_protocol: type[Parameters] = ArduPilotParameters
+    system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
     lifts_off_by_setpoint = False
     capabilities = 64495
@@ -54,24 +70,7 @@ class ArduPilot:
 
     def __init__(self) -> None:
         self.streams_hz: dict[int, float] = {}
-        self.parameters: dict[str, tuple[float, int]] = {
-            "ARMING_CHECK": (1, _INT32),
-            "AVOID_BEHAVE": (0, _INT8),
-            "AVOID_ENABLE": (3, _INT8),
-            "AVOID_MARGIN": (2.0, _REAL32),
-            "EK3_SRC1_POSXY": (6, _INT8),
-            "EK3_SRC1_VELXY": (6, _INT8),
-            "EK3_SRC1_YAW": (1, _INT8),
-            "FS_THR_ENABLE": (0, _INT8),
-            "GPS1_TYPE": (0, _INT8),
-            "GUID_TIMEOUT": (3.0, _REAL32),
-            "PRX1_TYPE": (2, _INT8),
-            "RNGFND1_ORIENT": (25, _INT8),
-            "RNGFND1_TYPE": (10, _INT8),
-            "SYSID_THISMAV": (1, _INT16),
-            "VISO_TYPE": (1, _INT8),
-            "WP_YAW_BEHAVIOR": (2, _INT8),
-        }
+        self.table = load_table("ardupilot")
 
     def behaviour(self, mode: int) -> Behaviour | None:
         return BEHAVIOUR.get(mode)
@@ -86,7 +85,9 @@ class ArduPilot:
     def no_such_mode(self, mode: int) -> str:
         return f"No such mode {mode}"
 
-    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
+    def setpoint(
+        self, message: Message, yaw_rad: float, parameters: dict[str, float]
+    ) -> VelocityTarget | Refusal:
         """Frames 1 and 7 are NED; 8 and 9 are turned by the heading.
 
         Any other frame, a forced or empty mask, one ignored velocity axis, NaN or absurd values

@@ -5,7 +5,8 @@ in raises.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -13,8 +14,14 @@ from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.control import Control, Manoeuvre
 from sitl.autopilot.estimator import REFERENCE_NOISE, FlowEstimator, OdometryNoise
 from sitl.autopilot.messages import Outgoing
-from sitl.autopilot.parameters import Parameters
-from sitl.autopilot.personality import Behaviour, Personality, Refusal
+from sitl.autopilot.parameters.protocol import ParameterWatch
+from sitl.autopilot.personality import (
+    Behaviour,
+    Personality,
+    Refusal,
+    boot_values,
+    system_id,
+)
 from sitl.autopilot.px4 import Px4
 from sitl.autopilot.streams import Message, Streams
 from sitl.autopilot.telemetry import Status, Telemetry
@@ -32,27 +39,43 @@ STREAM_STEPS = 50
 LIFT_OFF_M_S = -0.1
 """A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
 FORCE_ARM = 2989
+NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 DENIED: int = mavlink.MAV_RESULT_DENIED
 UNSUPPORTED: int = mavlink.MAV_RESULT_UNSUPPORTED
 
 
+def keep_nothing(name: str, value: float) -> None:
+    """For a vehicle that forgets what it was set to."""
+
+
 class Autopilot:
-    """One vehicle with its flight controller; time passes only by `step`."""
+    """One vehicle with its flight controller; time passes only by `step`.
+
+    `parameters` are set before it starts; `watch` is told those that a client sets.
+
+    Raises:
+        ParameterError: a parameter that it does not have.
+    """
 
     def __init__(
         self,
         seed: int,
         start: TrueState,
         noise: OdometryNoise = REFERENCE_NOISE,
+        *,
         personality: str = "ardupilot",
+        parameters: Mapping[str, float] = NO_PARAMETERS,
+        watch: ParameterWatch = keep_nothing,
     ) -> None:
         self._is: Personality = PERSONALITIES[personality]()
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
         self._estimator = FlowEstimator(start, stream(seed, "flow"), noise)
         self._control = Control(self._estimator)
-        self._parameters = Parameters(self._is)
+        values = boot_values(self._is, parameters)
+        self.system_id = system_id(self._is, values)
+        self._parameters = self._is.parameter_protocol(self._is.table, values, watch)
         self._outgoing = Outgoing()
         self._status = Status(self._is.boot_mode)
         self._telemetry = Telemetry(self._is, self._status, self._estimator)
@@ -91,6 +114,7 @@ class Autopilot:
             status.is_armable = not self._arming_complaint()
             self._outgoing.add(self._telemetry.heartbeat())
         self._outgoing.extend(self._streams.due(status.step))
+        self._outgoing.extend(self._parameters.due())
 
     def take_outbox(self) -> list[Message]:
         """What has been said since the last call."""
@@ -149,11 +173,11 @@ class Autopilot:
             "SET_GPS_GLOBAL_ORIGIN": self._set_origin,
             "PARAM_SET": lambda m: self._outgoing.extend(self._parameters.set(m)),
             "PARAM_REQUEST_READ": lambda m: self._outgoing.extend(self._parameters.read(m)),
-            "PARAM_REQUEST_LIST": lambda m: self._outgoing.extend(self._parameters.list()),
+            "PARAM_REQUEST_LIST": lambda m: self._parameters.begin_list(),
             "TIMESYNC": self._timesync,
         }
         handler = handlers.get(message.get_type())
-        if handler is not None and getattr(message, "target_system", 1) in (0, 1):
+        if handler is not None and getattr(message, "target_system", 0) in (0, self.system_id):
             handler(message)
 
     def _command_long(self, message: Message) -> None:
@@ -257,7 +281,7 @@ class Autopilot:
         return ACCEPTED
 
     def _setpoint(self, message: Message) -> None:
-        target = self._is.setpoint(message, self._estimator.yaw_rad)
+        target = self._is.setpoint(message, self._estimator.yaw_rad, self._parameters.values)
         if isinstance(target, Refusal) and target.text:
             self._outgoing.text(mavlink.MAV_SEVERITY_ERROR, target.text)
         offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD

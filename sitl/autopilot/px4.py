@@ -5,7 +5,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import frd_to_ned
+from companion.frames import Vector3, frd_to_ned
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.px4 import Px4Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.personality import Behaviour, Refusal, VelocityTarget
 from sitl.autopilot.streams import Message
 
@@ -44,10 +47,15 @@ WITHOUT_POSITION = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
 IGNORE_VELOCITY = 0x0038
 IGNORE_YAW_RATE = 0x0800
 IGNORE_ALL = 0x0DFF
-MOST_VELOCITY_M_S = 12.0
-"""MPC_XY_VEL_MAX; faster setpoints are cut."""
 
-_INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+CONFIGURED: dict[str, float] = {
+    "CA_ROTOR_COUNT": 4,
+    "EKF2_GPS_CTRL": 0,
+    "EKF2_HGT_REF": 2,
+    "SYS_AUTOSTART": 4001,
+    "SYS_HAS_GPS": 0,
+}
+"""A quadcopter without GPS, its height from a range sensor."""
 
 
 class Px4:
@@ -59,7 +67,9 @@ class Px4:
     take_off_mode: int | None = AUTO_TAKEOFF
     hold_mode = AUTO_LOITER
     refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    has_bytewise_parameters = True
+    configured = CONFIGURED
+    parameter_protocol: type[Parameters] = Px4Parameters
+    system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
     lifts_off_by_setpoint = True
     capabilities: int = (
@@ -78,19 +88,7 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
         }
-        self.parameters: dict[str, tuple[float, int]] = {
-            "COM_OBC_LOSS_T": (5.0, _REAL32),
-            "COM_OBL_RC_ACT": (0, _INT32),
-            "COM_OF_LOSS_T": (1.0, _REAL32),
-            "CP_DIST": (-1.0, _REAL32),
-            "EKF2_EV_CTRL": (0, _INT32),
-            "EKF2_GPS_CTRL": (0, _INT32),
-            "EKF2_HGT_REF": (2, _INT32),
-            "MAV_SYS_ID": (1, _INT32),
-            "MIS_TAKEOFF_ALT": (2.5, _REAL32),
-            "MPC_XY_VEL_MAX": (12.0, _REAL32),
-            "SYS_HAS_GPS": (0, _INT32),
-        }
+        self.table = load_table("px4")
 
     def behaviour(self, mode: int) -> Behaviour | None:
         return BEHAVIOUR.get(mode)
@@ -105,7 +103,9 @@ class Px4:
     def no_such_mode(self, mode: int) -> str:
         return ""
 
-    def setpoint(self, message: Message, yaw_rad: float) -> VelocityTarget | Refusal:
+    def setpoint(
+        self, message: Message, yaw_rad: float, parameters: dict[str, float]
+    ) -> VelocityTarget | Refusal:
         """Only frames 1 and 8; one ignored velocity axis ignores all."""
         m: Any = message
         turned = m.coordinate_frame == mavlink.MAV_FRAME_BODY_NED
@@ -117,9 +117,7 @@ class Px4:
         yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
         if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate))):
             return Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
-        vx, vy, vz = (
-            max(-MOST_VELOCITY_M_S, min(MOST_VELOCITY_M_S, v)) for v in (m.vx, m.vy, m.vz)
-        )
+        vx, vy, vz = _cut((m.vx, m.vy, m.vz), parameters)
         north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
         return VelocityTarget((north, east, vz), yaw_rate)
 
@@ -137,3 +135,13 @@ class Px4:
         return mavlink.MAVLink_estimator_status_message(
             boot_us, flags, *(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05)
         )
+
+
+def _cut(velocity: Vector3, parameters: dict[str, float]) -> Vector3:
+    """What is faster than MPC_XY_VEL_MAX and MPC_Z_VEL_MAX_UP and _DN allow is slowed down."""
+    vx, vy, vz = velocity
+    speed = math.hypot(vx, vy)
+    most = max(0.0, parameters["MPC_XY_VEL_MAX"])
+    share = most / speed if speed > most else 1.0
+    up, down = parameters["MPC_Z_VEL_MAX_UP"], parameters["MPC_Z_VEL_MAX_DN"]
+    return vx * share, vy * share, max(-up, min(down, vz))
