@@ -2,6 +2,7 @@
 
 import signal
 import time
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -15,8 +16,11 @@ from companion.console import ProgressLine
 from companion.errors import CompanionError
 from companion.link.transport import UdpTransport
 from companion.mapping.files import save
+from sitl.autopilot.core import PERSONALITIES, keep_nothing
+from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
+from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
 from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Server
@@ -27,7 +31,7 @@ from sitl.world.loading import load_world
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
-AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT = 1, 1
+AUTOPILOT_COMPONENT = 1
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -60,6 +64,13 @@ class Personality(StrEnum):
 
 
 Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
+Params = Annotated[
+    Path | None,
+    typer.Option(help="The autopilot's parameters: read at the start, kept up to date."),
+]
+Param = Annotated[
+    list[str] | None, typer.Option(help="NAME=VALUE: one parameter, for this run; repeatable.")
+]
 
 
 @commands.command()
@@ -68,6 +79,8 @@ def run(
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     autopilot: Personality = Personality.ARDUPILOT,
+    params: Params = None,
+    param: Param = None,
     mavlink: Annotated[
         str, typer.Option(help="udpout:HOST:PORT or udpin:HOST:PORT.")
     ] = "udpout:127.0.0.1:14550",
@@ -79,9 +92,10 @@ def run(
     truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
 ) -> None:
     """Serve a vehicle in a world: MAVLink on UDP, its sensors on TCP; Ctrl-C ends it."""
-    setup = _setup(world, seed, profile, autopilot)
-    transport = UdpTransport(mavlink, AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT)
-    simulation = Simulation(setup, transport)
+    parameters, watch = _parameters(autopilot, params, param or [])
+    setup = _setup(world, seed, profile, autopilot, parameters)
+    transport = UdpTransport(mavlink, setup.system_id, AUTOPILOT_COMPONENT)
+    simulation = Simulation(setup, transport, watch)
     server = Server(simulation, transport, bus_port=bus_port, speed=speed, lockstep=lockstep)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: server.stop())
@@ -101,6 +115,8 @@ def fly(
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     autopilot: Personality = Personality.ARDUPILOT,
+    params: Params = None,
+    param: Param = None,
     mission: Annotated[str, typer.Option(help="What to fly: room.")] = "room",
     config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
     transport: Annotated[
@@ -113,15 +129,17 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    setup = _setup(world, seed, profile, autopilot)
+    parameters, watch = _parameters(autopilot, params, param or [])
+    setup = _setup(world, seed, profile, autopilot, parameters)
     overrides = {"sensors.profile": profile, "mission.kind": mission}
     settings = configuration.load(config, overrides)
     console = Console(highlight=False)
     began_s = time.monotonic()
     if transport is Transport.UDP:
-        result = _fly_udp(setup, settings, config, speed, out or Path("out"), began_s)
+        shared = _parameter_arguments(params, param or [])
+        result = _fly_udp(setup, settings, config, speed, shared, out or Path("out"), began_s)
     else:
-        result = _fly_lockstep(setup, settings, transport, out, console, began_s)
+        result = _fly_lockstep(setup, settings, transport, watch, out, console, began_s)
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         save_report(result, path)
@@ -132,12 +150,15 @@ def _fly_lockstep(
     setup: Setup,
     settings: Config,
     transport: Transport,
+    watch: ParameterWatch,
     out: Path | None,
     console: Console,
     began_s: float,
 ) -> Report:
     with ProgressLine(console) as progress:
-        app, simulation = fly_in_lockstep(setup, settings, progress.show, transport.value)
+        app, simulation = fly_in_lockstep(
+            setup, settings, progress.show, transport.value, parameter_watch=watch
+        )
     waited_s = time.monotonic() - began_s
     plan = app.final_floor_plan()
     if out is not None:
@@ -158,6 +179,7 @@ def _fly_udp(
     settings: Config,
     config: Path | None,
     speed: float,
+    parameter_arguments: Sequence[str],
     out: Path,
     began_s: float,
 ) -> Report:
@@ -166,6 +188,7 @@ def _fly_udp(
         setup.world_name,
         *("--seed", str(setup.seed), "--speed", str(speed), "--autopilot", setup.autopilot),
         *shared,
+        *parameter_arguments,
     )
     companion_arguments = ("--config", str(config), *shared) if config else shared
     plan, truth, status = fly_in_two_processes(sitl_arguments, companion_arguments, out)
@@ -180,9 +203,31 @@ def _fly_udp(
     )
 
 
-def _setup(world: str, seed: int, profile: str, autopilot: Personality) -> Setup:
+def _setup(
+    world: str, seed: int, profile: str, autopilot: Personality, parameters: dict[str, float]
+) -> Setup:
     sensors = configuration.load(None, {"sensors.profile": profile}).sensors
-    return Setup(load_world(world), world, seed, sensors, autopilot.value)
+    return Setup(load_world(world), world, seed, sensors, autopilot.value, parameters)
+
+
+def _parameters(
+    autopilot: Personality, file: Path | None, assignments: list[str]
+) -> tuple[dict[str, float], ParameterWatch]:
+    """What the autopilot starts with, the assignments above the file, and who keeps changes."""
+    table = PERSONALITIES[autopilot.value]().table
+    given = parse_assignments(assignments, table)
+    for warning in beyond_range(given, table):
+        Console(stderr=True, highlight=False).print(f"sitl: --param {warning}", soft_wrap=True)
+    if file is None:
+        return given, keep_nothing
+    kept = ParameterFile(file, table)
+    return kept.values | given, kept.keep
+
+
+def _parameter_arguments(file: Path | None, assignments: list[str]) -> list[str]:
+    """The same parameters for `sitl run`."""
+    arguments = [f"--param={assignment}" for assignment in assignments]
+    return [f"--params={file}", *arguments] if file else arguments
 
 
 def main() -> None:

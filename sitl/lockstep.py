@@ -9,6 +9,8 @@ from companion.drivers.ranges import RangeSensors
 from companion.fly import Rig, fly
 from companion.link.link import Link
 from companion.link.transport import direct_pair, pipe_pair
+from sitl.autopilot.core import keep_nothing
+from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.simulation import Setup, Simulation
 
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
@@ -41,10 +43,12 @@ def fly_in_lockstep(
     watch: Callable[[Progress], None],
     transport: str = "direct",
     script: Script = no_script,
+    *,
+    parameter_watch: ParameterWatch = keep_nothing,
 ) -> tuple[App, Simulation]:
     """Fly one mission to its end."""
-    sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport]()
-    simulation = Simulation(setup, sitl_end)
+    sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
+    simulation = Simulation(setup, sitl_end, parameter_watch)
     app = App(config)
     bus = simulation.board.bus
     rig = Rig(

@@ -11,11 +11,14 @@ calls it.
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 from companion.config import SensorsConfig
 from companion.link.transport import Transport
-from sitl.autopilot.core import Autopilot
+from sitl.autopilot.core import PERSONALITIES, Autopilot, keep_nothing
+from sitl.autopilot.parameters.protocol import ParameterWatch
+from sitl.autopilot.personality import boot_values, system_id
 from sitl.noise import stream
 from sitl.record import TruthRecord
 from sitl.sensors.board import SensorBoard
@@ -38,18 +41,38 @@ class Setup:
     sensors: SensorsConfig
     autopilot: str = "ardupilot"
     """Or "px4"."""
+    parameters: Mapping[str, float] = field(default_factory=dict)
+    """Of the autopilot, set before it starts; the others have the values of its configuration."""
+
+    @property
+    def system_id(self) -> int:
+        """The MAVLink system that the vehicle will be.
+
+        Raises:
+            ParameterError: a parameter that the autopilot does not have.
+        """
+        personality = PERSONALITIES[self.autopilot]()
+        return system_id(personality, boot_values(personality, self.parameters))
 
 
 class Simulation:
-    """One vehicle in one world."""
+    """One vehicle in one world; `watch` is told the parameters that a client sets."""
 
-    def __init__(self, setup: Setup, transport: Transport) -> None:
+    def __init__(
+        self, setup: Setup, transport: Transport, watch: ParameterWatch = keep_nothing
+    ) -> None:
         self._transport = transport
         self.is_link_down = False
         """A fault for tests: MAVLink is lost in both directions."""
         self._model = WorldModel(setup.world)
         start = start_state(setup)
-        self.autopilot = Autopilot(setup.seed, start, personality=setup.autopilot)
+        self.autopilot = Autopilot(
+            setup.seed,
+            start,
+            personality=setup.autopilot,
+            parameters=setup.parameters,
+            watch=watch,
+        )
         self._history = deque([start], maxlen=HISTORY_STEPS)
         self.record = TruthRecord(start)
         self.board = SensorBoard(setup.seed, setup.sensors, self._model.range_m, self._truth_at)

@@ -22,9 +22,9 @@ Message = Any
 """A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
 
 
-AUTOPILOT_ID = (1, mavlink.MAV_COMP_ID_AUTOPILOT1)
-COMPANION_ID = (1, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
-"""(system, component) of the two ends of an in-process link."""
+AUTOPILOT_COMPONENT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+COMPANION_COMPONENT: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""The two ends of an in-process link; they share the vehicle's system."""
 
 
 class Transport(Protocol):
@@ -222,21 +222,21 @@ def _round_floats(message: Message) -> None:
         )
 
 
-def pipe_pair() -> tuple[Transport, Transport]:
-    """Two ends handing MAVLink bytes through memory: the autopilot's (1/1), the companion's."""
+def pipe_pair(system_id: int = 1) -> tuple[Transport, Transport]:
+    """Two ends handing MAVLink bytes through memory: the autopilot's, the companion's."""
     to_companion: deque[bytes] = deque()
     to_autopilot: deque[bytes] = deque()
     return (
-        _PipeEnd(to_autopilot, to_companion, *AUTOPILOT_ID),
-        _PipeEnd(to_companion, to_autopilot, *COMPANION_ID),
+        _PipeEnd(to_autopilot, to_companion, system_id, AUTOPILOT_COMPONENT),
+        _PipeEnd(to_companion, to_autopilot, system_id, COMPANION_COMPONENT),
     )
 
 
-def direct_pair() -> tuple[Transport, Transport]:
-    """Two ends handing message objects over: the autopilot's (1/1), the companion's."""
+def direct_pair(system_id: int = 1) -> tuple[Transport, Transport]:
+    """Two ends handing message objects over: the autopilot's, the companion's."""
     to_companion: deque[Message] = deque()
     to_autopilot: deque[Message] = deque()
     return (
-        _DirectEnd(to_autopilot, to_companion, *AUTOPILOT_ID),
-        _DirectEnd(to_companion, to_autopilot, *COMPANION_ID),
+        _DirectEnd(to_autopilot, to_companion, system_id, AUTOPILOT_COMPONENT),
+        _DirectEnd(to_companion, to_autopilot, system_id, COMPANION_COMPONENT),
     )

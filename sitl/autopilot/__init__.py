@@ -6,5 +6,5 @@
                    └─◄ estimator: drifting flow odometry ◄──┘
 
 `ardupilot` and `px4` hold what is particular to each, behind `personality`: mode numbers, answers,
-texts, setpoint frames, what happens when setpoints stop.
+texts, setpoint frames, what happens when setpoints stop. `parameters` holds theirs.
 """

@@ -9,6 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.frames import Vector3, frd_to_ned, wrap_rad
 from sitl.autopilot.ground_truth import Place, sim_state
 from sitl.autopilot.outside import AROUND, Outside
+from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.personality import (
     Behaviour,
     Condition,
@@ -60,8 +63,18 @@ OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
 FRAMES = (*OFFSET_FRAMES, mavlink.MAV_FRAME_LOCAL_NED)
 STOP = Refusal(stops=True)
 
-_INT8, _INT16 = mavlink.MAV_PARAM_TYPE_INT8, mavlink.MAV_PARAM_TYPE_INT16
-_INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+CONFIGURED: dict[str, float] = {
+    "BATT_MONITOR": 4,
+    "EK3_SRC1_POSXY": 0,
+    "EK3_SRC1_VELXY": FLOW,
+    "EK3_SRC1_VELZ": 0,
+    "FLOW_TYPE": 4,
+    "FRAME_CLASS": 1,
+    "FS_THR_ENABLE": 0,
+    "GPS1_TYPE": 0,
+    "RNGFND1_TYPE": 100,
+}
+"""Optical flow and a rangefinder of its own, neither GPS nor a remote control."""
 
 LAND_ACTIONS = (1, 3, 4, 5)
 """Of BATT_FS_LOW_ACT and its like, those that land where there is nowhere to return to."""
@@ -111,7 +124,9 @@ class ArduPilot:
     take_off_mode: int | None = None
     hold_mode = LOITER
     refused: int = mavlink.MAV_RESULT_FAILED
-    has_bytewise_parameters = False
+    configured = CONFIGURED
+    parameter_protocol: type[Parameters] = ArduPilotParameters
+    system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
     lifts_off_by_setpoint = False
     capabilities = 64495
@@ -127,33 +142,7 @@ class ArduPilot:
 
     def __init__(self) -> None:
         self.streams_hz: dict[int, float] = {}
-        self.parameters: dict[str, tuple[float, int]] = {
-            "ARMING_CHECK": (1, _INT32),
-            "AVOID_BEHAVE": (0, _INT8),
-            "AVOID_ENABLE": (3, _INT8),
-            "AVOID_MARGIN": (2.0, _REAL32),
-            "BATT_CRT_VOLT": (0.0, _REAL32),
-            "BATT_FS_CRT_ACT": (0, _INT8),
-            "BATT_FS_LOW_ACT": (0, _INT8),
-            "BATT_LOW_VOLT": (10.5, _REAL32),
-            "EK3_SRC1_POSXY": (0, _INT8),
-            "EK3_SRC1_POSZ": (1, _INT8),
-            "EK3_SRC1_VELXY": (5, _INT8),
-            "EK3_SRC1_VELZ": (0, _INT8),
-            "EK3_SRC1_YAW": (1, _INT8),
-            "FLOW_TYPE": (10, _INT8),
-            "FS_GCS_ENABLE": (0, _INT8),
-            "FS_GCS_TIMEOUT": (5.0, _REAL32),
-            "FS_THR_ENABLE": (0, _INT8),
-            "GPS1_TYPE": (0, _INT8),
-            "GUID_TIMEOUT": (3.0, _REAL32),
-            "PRX1_TYPE": (0, _INT8),
-            "RNGFND1_ORIENT": (25, _INT8),
-            "RNGFND1_TYPE": (100, _INT8),
-            "SYSID_THISMAV": (1, _INT16),
-            "VISO_TYPE": (0, _INT8),
-            "WP_YAW_BEHAVIOR": (2, _INT8),
-        }
+        self.table = load_table("ardupilot")
 
     def behaviour(self, mode: int) -> Behaviour | None:
         return BEHAVIOUR.get(mode)

@@ -3,7 +3,8 @@
 Here its parts are put together, and time passes.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -12,9 +13,9 @@ from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.messages import Broadcast, Outbox
 from sitl.autopilot.navigation import Navigation
-from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.parts import Parts
-from sitl.autopilot.personality import Personality
+from sitl.autopilot.personality import Personality, boot_values, system_id
 from sitl.autopilot.protocol import Channel, Protocol
 from sitl.autopilot.px4 import Px4
 from sitl.autopilot.streams import Message, Streams
@@ -29,10 +30,22 @@ HEARTBEAT_STEPS = 100
 FAILSAFE_STEPS = 10
 FLIGHT_BATTERY_S = 600.0
 """How long a full battery flies."""
+NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
+
+
+def keep_nothing(name: str, value: float) -> None:
+    """For a vehicle that forgets what it was set to."""
 
 
 class Autopilot:
-    """One vehicle with its flight controller; time passes only by `step`."""
+    """One vehicle with its flight controller; time passes only by `step`.
+
+    `parameters` are set before it starts; `watch` is told those that a client sets. With
+    `tells_truth` it sends its true state to whoever asks, as simulated autopilots do.
+
+    Raises:
+        ParameterError: a parameter that it does not have.
+    """
 
     def __init__(
         self,
@@ -40,28 +53,33 @@ class Autopilot:
         start: TrueState,
         *,
         personality: str = "ardupilot",
-        system_id: int = 1,
+        parameters: Mapping[str, float] = NO_PARAMETERS,
+        watch: ParameterWatch = keep_nothing,
         links: int = 1,
         tells_truth: bool = False,
     ) -> None:
         self._is = PERSONALITIES[personality]()
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
-        parameters = Parameters(self._is)
-        self._navigation = Navigation(start, seed, self._is, parameters.values)
+        values = boot_values(self._is, parameters)
+        self._navigation = Navigation(start, seed, self._is, values)
         self._status = Status(self._is.boot_mode)
-        self._telemetry = Telemetry(
-            self._is, parameters.values, self._status, self._navigation, start
-        )
+        self._telemetry = Telemetry(self._is, values, self._status, self._navigation, start)
         makers = self._telemetry.makers(tells_truth=tells_truth)
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
         ]
         self._broadcast = Broadcast([channel.outbox for channel in self._channels])
         parts = Parts(
-            self._is, parameters, self._status, self._navigation, self._telemetry, self._broadcast
+            self._is,
+            self._is.parameter_protocol(self._is.table, values, watch),
+            self._status,
+            self._navigation,
+            self._telemetry,
+            self._broadcast,
         )
         self._commander = Commander(parts, self._vehicle)
-        self._protocol = Protocol(system_id, parts, self._commander)
+        self.system_id = system_id(self._is, values)
+        self._protocol = Protocol(self.system_id, parts, self._commander)
 
     @property
     def time_s(self) -> float:
@@ -115,6 +133,7 @@ class Autopilot:
             self._broadcast.add(self._protocol.timesync())
         for channel in self._channels:
             channel.outbox.extend(channel.streams.due(step))
+        self._protocol.list_parameters()
 
     def receive(self, message: Message, link: int = 0) -> None:
         """Anything a client may send on one of the links."""

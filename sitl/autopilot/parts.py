@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from sitl.autopilot.messages import Broadcast
 from sitl.autopilot.navigation import Navigation
-from sitl.autopilot.parameters import Parameters
+from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.personality import Personality
 from sitl.autopilot.telemetry import Status, Telemetry
 

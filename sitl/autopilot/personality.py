@@ -8,6 +8,8 @@ from typing import Protocol
 from companion.frames import Vector3
 from sitl.autopilot.ground_truth import Place
 from sitl.autopilot.outside import Outside
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.table import Table, initial_values
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
 
@@ -122,10 +124,13 @@ class Personality(Protocol):
     """MAV_RESULT of refused arming, disarming and modes."""
     streams_hz: dict[int, float]
     """What is sent unasked."""
-    parameters: dict[str, tuple[float, int]]
-    """Default and MAV_PARAM_TYPE by name."""
-    has_bytewise_parameters: bool
-    """Integers travel as their bytes rather than as a number in a float."""
+    table: Table
+    """Its parameters, with the firmware's defaults."""
+    configured: dict[str, float]
+    """What this vehicle has been set up with, to fly without GPS."""
+    parameter_protocol: type[Parameters]
+    system_id_parameter: str
+    """Read at the start only."""
     setpoints_before_offboard: bool
     """The offboard mode is refused without a stream of setpoints."""
     lifts_off_by_setpoint: bool
@@ -204,3 +209,14 @@ class Personality(Protocol):
     def true_state(self, truth: TrueState) -> Message:
         """Where it really is, as a simulated autopilot tells it."""
         ...
+
+
+def boot_values(personality: Personality, parameters: Mapping[str, float]) -> dict[str, float]:
+    """What its parameters hold at the start."""
+    return initial_values(personality.table, {**personality.configured, **parameters})
+
+
+def system_id(personality: Personality, values: Mapping[str, float]) -> int:
+    """The MAVLink system that it is from its start on; 1 if the parameter holds none."""
+    asked = int(values[personality.system_id_parameter])
+    return asked if 1 <= asked <= 255 else 1

@@ -57,7 +57,9 @@ class Protocol:
         self._telemetry = parts.telemetry
         self._broadcast = parts.broadcast
         self._commander = commander
-        parameters = parts.parameters
+        self._parameters = parameters = parts.parameters
+        self._listening: list[Channel] = []
+        """Who hears the list of parameters."""
         self._handlers: dict[str, Callable[[Message, Channel], object]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -66,7 +68,7 @@ class Protocol:
             "SET_GPS_GLOBAL_ORIGIN": lambda m, _: self._set_origin(m),
             "PARAM_SET": lambda m, c: c.outbox.extend(parameters.set(m)),
             "PARAM_REQUEST_READ": lambda m, c: c.outbox.extend(parameters.read(m)),
-            "PARAM_REQUEST_LIST": lambda m, c: c.outbox.extend(parameters.list()),
+            "PARAM_REQUEST_LIST": lambda m, c: self._begin_list(c),
             "TIMESYNC": self._timesync,
             "REQUEST_DATA_STREAM": self._data_stream,
             "MISSION_REQUEST_LIST": self._no_mission,
@@ -98,6 +100,19 @@ class Protocol:
             handler(message, channel)
         else:
             self._navigation.outside.hear(message, self._navigation.time_s)
+
+    def _begin_list(self, channel: Channel) -> None:
+        if not self._parameters.is_listing:
+            self._listening = []
+        if channel not in self._listening:
+            self._listening.append(channel)
+        self._parameters.begin_list()
+
+    def list_parameters(self) -> None:
+        """Once a step: some more of a list that is under way."""
+        told = self._parameters.due()
+        for channel in self._listening if told else ():
+            channel.outbox.extend(told)
 
     # Commands
 

@@ -9,6 +9,9 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.frames import Vector3, frd_to_ned
 from sitl.autopilot.ground_truth import Place, hil_state_quaternion
 from sitl.autopilot.outside import Outside
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.px4 import Px4Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.personality import (
     Behaviour,
     Condition,
@@ -65,7 +68,14 @@ VISION_POSITION_BIT, VISION_VELOCITY_BIT, VISION_YAW_BIT = 1, 4, 8
 NO_AID_S = 5.0
 """EKF2_NOAID_TOUT: without any aiding the position is given up."""
 
-_INT32, _REAL32 = mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_REAL32
+CONFIGURED: dict[str, float] = {
+    "CA_ROTOR_COUNT": 4,
+    "EKF2_GPS_CTRL": 0,
+    "EKF2_HGT_REF": 2,
+    "SYS_AUTOSTART": 4001,
+    "SYS_HAS_GPS": 0,
+}
+"""A quadcopter without GPS, its height from a range sensor."""
 
 
 def _battery_below(parameter: str) -> Callable[[Condition, ParameterValues], bool]:
@@ -129,7 +139,9 @@ class Px4:
     take_off_mode: int | None = AUTO_TAKEOFF
     hold_mode = AUTO_LOITER
     refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
-    has_bytewise_parameters = True
+    configured = CONFIGURED
+    parameter_protocol: type[Parameters] = Px4Parameters
+    system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
     lifts_off_by_setpoint = True
     capabilities: int = (
@@ -157,26 +169,7 @@ class Px4:
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 10.0,
         }
-        self.parameters: dict[str, tuple[float, int]] = {
-            "BAT_CRIT_THR": (0.07, _REAL32),
-            "BAT_EMERGEN_THR": (0.05, _REAL32),
-            "BAT_LOW_THR": (0.15, _REAL32),
-            "COM_DL_LOSS_T": (10, _INT32),
-            "COM_LOW_BAT_ACT": (0, _INT32),
-            "COM_OBC_LOSS_T": (5.0, _REAL32),
-            "COM_OBL_RC_ACT": (0, _INT32),
-            "COM_OF_LOSS_T": (1.0, _REAL32),
-            "CP_DIST": (-1.0, _REAL32),
-            "EKF2_EV_CTRL": (0, _INT32),
-            "EKF2_GPS_CTRL": (0, _INT32),
-            "EKF2_HGT_REF": (2, _INT32),
-            "EKF2_OF_CTRL": (1, _INT32),
-            "MAV_SYS_ID": (1, _INT32),
-            "MIS_TAKEOFF_ALT": (2.5, _REAL32),
-            "MPC_XY_VEL_MAX": (12.0, _REAL32),
-            "NAV_DLL_ACT": (0, _INT32),
-            "SYS_HAS_GPS": (0, _INT32),
-        }
+        self.table = load_table("px4")
 
     def behaviour(self, mode: int) -> Behaviour | None:
         return BEHAVIOUR.get(mode)
@@ -205,7 +198,7 @@ class Px4:
             frame = m.coordinate_frame
             return Refusal(f"coordinate frame {frame} unsupported")
         if not m.type_mask & IGNORE_VELOCITY:
-            return _velocity(m, yaw_rad, turned=turned, most_m_s=parameters["MPC_XY_VEL_MAX"])
+            return _velocity(m, yaw_rad, turned=turned, parameters=parameters)
         position = (m.x, m.y, m.z)
         if turned or m.type_mask & IGNORE_POSITION or not all(map(math.isfinite, position)):
             return INVALID
@@ -263,12 +256,24 @@ class Px4:
         return hil_state_quaternion(truth)
 
 
-def _velocity(m: Any, yaw_rad: float, *, turned: bool, most_m_s: float) -> VelocityTarget | Refusal:
+def _velocity(
+    m: Any, yaw_rad: float, *, turned: bool, parameters: ParameterValues
+) -> VelocityTarget | Refusal:
     """Velocity with a yaw rate, an absolute yaw, or the heading kept."""
     yaw = None if m.type_mask & IGNORE_YAW else m.yaw
     yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
     if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate, yaw or 0.0))):
         return INVALID
-    vx, vy, vz = (max(-most_m_s, min(most_m_s, v)) for v in (m.vx, m.vy, m.vz))
+    vx, vy, vz = _cut((m.vx, m.vy, m.vz), parameters)
     north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
     return VelocityTarget((north, east, vz), yaw_rate, yaw)
+
+
+def _cut(velocity: Vector3, parameters: ParameterValues) -> Vector3:
+    """What is faster than MPC_XY_VEL_MAX and MPC_Z_VEL_MAX_UP and _DN allow is slowed down."""
+    vx, vy, vz = velocity
+    speed = math.hypot(vx, vy)
+    most = max(0.0, parameters["MPC_XY_VEL_MAX"])
+    share = most / speed if speed > most else 1.0
+    up, down = parameters["MPC_Z_VEL_MAX_UP"], parameters["MPC_Z_VEL_MAX_DN"]
+    return vx * share, vy * share, max(-up, min(down, vz))

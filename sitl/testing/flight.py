@@ -11,6 +11,7 @@ from companion import config as configuration
 from companion.app import App, Progress
 from companion.config import Config
 from companion.messages import FloorPlan
+from sitl.autopilot.core import NO_PARAMETERS
 from sitl.lockstep import fly_in_lockstep
 from sitl.record import TruthRecord
 from sitl.report import Report, make_report
@@ -95,20 +96,21 @@ class Sitl:
         transport: str = "direct",
         config: str | None = None,
         settings: Mapping[str, object] | None = None,
+        parameters: Mapping[str, float] = NO_PARAMETERS,
         script: Sequence[Event] = (),
     ) -> Flight:
         """Fly one mission to its end.
 
         `config` is the companion's TOML file, `settings` single values above it, such as
-        {"mission.speed_m_s": 0.5}.
+        {"mission.speed_m_s": 0.5}; `parameters` are the autopilot's, such as {"GUID_TIMEOUT": 1}.
 
         Raises:
-            WorldError, ConfigError: one line that says what to mend.
+            WorldError, ConfigError, ParameterError: one line that says what to mend.
         """
         overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
-        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot)
+        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot, parameters)
         began_s = time.monotonic()
 
         def watch(progress: Progress) -> None:

@@ -10,8 +10,12 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.link.transport import UdpTransport
 
 DEADLINE_S = 120
 
@@ -22,6 +26,22 @@ def sitl(*arguments: str) -> list[str]:
 
 def companion(*arguments: str) -> list[str]:
     return [sys.executable, "-m", "companion", *arguments]
+
+
+def ask(mavlink_port: str, message: Any, system_id: int) -> float:
+    """What PARAM_VALUE the vehicle of that system answers."""
+    station = UdpTransport(f"udpout:127.0.0.1:{mavlink_port}", 255, 190)
+    deadline_s = time.monotonic() + 10
+    try:
+        while time.monotonic() < deadline_s:
+            station.send(message)
+            station.await_datagrams(station.datagrams_received + 1, 0.5)
+            for told in station.receive():
+                if told.get_type() == "PARAM_VALUE" and told.get_srcSystem() == system_id:
+                    return float(told.param_value)
+    finally:
+        station.close()
+    raise AssertionError("no PARAM_VALUE")
 
 
 @contextmanager
@@ -97,6 +117,18 @@ def test_when_sitl_is_killed_the_companion_says_so_and_keeps_the_map(tmp_path: P
     assert (tmp_path / "map.png").exists()
 
 
+def test_a_killed_vehicle_remembers_what_it_was_set_to(tmp_path: Path) -> None:
+    kept = ("--params", str(tmp_path / "vehicle.parm"), "--param", "SYSID_THISMAV=3")
+    with running_sitl(*kept) as (process, mavlink_port, _):
+        message = mavlink.MAVLink_param_set_message(3, 1, b"GUID_TIMEOUT", 0.7, 9)
+        assert ask(mavlink_port, message, 3) == pytest.approx(0.7)
+        process.kill()
+    assert (tmp_path / "vehicle.parm").read_text() == "GUID_TIMEOUT 0.7\n"
+    with running_sitl(*kept) as (_, mavlink_port, _):
+        message = mavlink.MAVLink_param_request_read_message(3, 1, b"GUID_TIMEOUT", -1)
+        assert ask(mavlink_port, message, 3) == pytest.approx(0.7)
+
+
 def test_when_asked_to_stop_it_lands_first(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
@@ -141,6 +173,7 @@ def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
         (("fly", "room_100", "--profile", "lidar"), ("lidar", "gp2y0a710k0f")),
         (("fly", "room_100", "--mission", "dance"), ("dance", "room")),
         (("run", "room_100", "--mavlink", "serial"), ("serial",)),
+        (("run", "room_100", "--param", "GUID_TIMEOU=1"), ("GUID_TIMEOU", "GUID_TIMEOUT")),
     ],
 )
 def test_what_sitl_cannot_do_is_one_line(arguments: tuple[str, ...], words: list[str]) -> None:

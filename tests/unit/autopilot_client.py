@@ -1,6 +1,7 @@
 """A ground station for the conformance tests of the emulated autopilot."""
 
 import math
+import struct
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,8 +18,8 @@ START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.3, 0.0)
 class Client:
     """A ground station with the vehicle on the other end of a pipe of bytes."""
 
-    def __init__(self, personality: str = "ardupilot") -> None:
-        self.autopilot = Autopilot(1, START, personality=personality)
+    def __init__(self, personality: str = "ardupilot", **options: Any) -> None:
+        self.autopilot = Autopilot(1, START, personality=personality, **options)
         self._vehicle_end, self._end = pipe_pair()
 
     def sends(self, message: Message) -> list[Any]:
@@ -48,6 +49,16 @@ class Client:
         result: int = acks[0].result
         return result
 
+    def sets(self, name: str, value: float, kind: int = mavlink.MAV_PARAM_TYPE_REAL32) -> list[Any]:
+        message = mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind)
+        return [m for m in self.sends(message) if m.get_type() == "PARAM_VALUE"]
+
+    def reads(self, name: str = "", index: int = -1) -> list[Any]:
+        return self.sends(mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), index))
+
+    def lists(self) -> None:
+        assert self.sends(mavlink.MAVLink_param_request_list_message(1, 1)) == []
+
     def is_ready(self) -> "Client":
         self.waits(5)
         self.sends(ORIGIN)
@@ -76,3 +87,9 @@ class Client:
 
 def kinds(messages: list[Any]) -> list[str]:
     return [m.get_type() for m in messages]
+
+
+def as_float(code: str, value: int) -> float:
+    """A number's bytes, taken as a float: how PX4's integers travel."""
+    (number,) = struct.unpack("<f", struct.pack(code, value))
+    return float(number)

@@ -96,16 +96,6 @@ def test_unknown_commands_are_unsupported(client: Client) -> None:
     assert client.result(31999) == UNSUPPORTED
 
 
-def test_parameters_are_listed_read_and_set(client: Client) -> None:
-    listed = client.sends(mavlink.MAVLink_param_request_list_message(1, 1))
-    assert len(listed) == listed[0].param_count
-    wrong_type = mavlink.MAVLink_param_set_message(1, 1, b"GUID_TIMEOUT", 0.5, 1)
-    (value,) = client.sends(wrong_type)
-    assert (value.param_id, value.param_value) == ("GUID_TIMEOUT", 0.5)
-    assert (value.param_type, value.param_index) == (9, 65535)
-    assert client.sends(mavlink.MAVLink_param_set_message(1, 1, b"NO_SUCH", 1, 9)) == []
-
-
 def test_timesync_is_answered(client: Client) -> None:
     (answer,) = client.sends(mavlink.MAVLink_timesync_message(0, 1234))
     assert answer.ts1 == 1234
@@ -191,6 +181,16 @@ def test_a_lost_setpoint_is_flown_for_three_seconds_then_braked(client: Client) 
     client.waits(3)
     assert client.speed() < 0.2
     assert client.autopilot.mode == 4
+
+
+def test_the_setpoint_timeout_can_be_set(client: Client) -> None:
+    client.flies()
+    client.sets("GUID_TIMEOUT", 0.5)
+    for _ in range(60):
+        client.velocity(frame=8, mask=0x05C7)
+        client.waits(0.05)
+    client.waits(2)
+    assert client.speed() < 0.2
 
 
 def test_setpoints_on_the_ground_are_ignored(client: Client) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, Client, kinds
+from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, Client, as_float, kinds
 
 VISION_PARAMETERS = {
     "EK3_SRC1_POSXY": 6,
@@ -28,9 +28,9 @@ class VisionClient(Client):
         self.offset_m = 0.0
         self.resets = 0
 
-    def sets(self, **parameters: float) -> None:
+    def sets_all(self, **parameters: float) -> None:
         for name, value in parameters.items():
-            self.sends(mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, 9))
+            self.sets(name, value)
 
     def waits(self, seconds: float) -> list[Any]:
         heard: list[Any] = []
@@ -60,7 +60,7 @@ def distance(orientation: int, sensor_id: int = 7) -> Any:
 @pytest.fixture
 def client() -> VisionClient:
     client = VisionClient()
-    client.sets(**VISION_PARAMETERS)
+    client.sets_all(**VISION_PARAMETERS)
     client.waits(5)
     return client
 
@@ -206,7 +206,7 @@ def test_obstacle_distance_counts_as_proximity(client: VisionClient) -> None:
 
 def test_a_low_battery_lands_where_it_is_set_to(client: VisionClient) -> None:
     flying(client)
-    client.sets(BATT_LOW_VOLT=16.75, BATT_FS_LOW_ACT=1)
+    client.sets_all(BATT_LOW_VOLT=16.75, BATT_FS_LOW_ACT=1)
     heard = client.waits(8)
     assert "Battery 1 is low" in texts(heard)
     assert client.autopilot.mode == 9
@@ -214,7 +214,7 @@ def test_a_low_battery_lands_where_it_is_set_to(client: VisionClient) -> None:
 
 def test_a_silent_ground_station_lands_it_where_it_is_set_to(client: VisionClient) -> None:
     flying(client)
-    client.sets(FS_GCS_ENABLE=5)
+    client.sets_all(FS_GCS_ENABLE=5)
     client.sends(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     client.waits(4)
     assert client.autopilot.mode == 4
@@ -238,7 +238,7 @@ def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
     client = VisionClient("px4")
     client.feeds = {"vision"}
     for name, value in ((b"EKF2_OF_CTRL", 0), (b"EKF2_EV_CTRL", 5)):
-        client.sends(mavlink.MAVLink_param_set_message(1, 1, name, value * 1.401298464e-45, 6))
+        client.sends(mavlink.MAVLink_param_set_message(1, 1, name, as_float("<i", value), 6))
     client.waits(5)
     client.sends(ORIGIN)
     assert client.result(400, 1) == ACCEPTED

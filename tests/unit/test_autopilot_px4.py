@@ -1,13 +1,20 @@
 """The emulated autopilot answers as PX4's source says it does."""
 
 import math
-import struct
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.px4 import AUTO_LAND, AUTO_LOITER, AUTO_TAKEOFF, OFFBOARD, POSCTL
-from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, UNSUPPORTED, Client, kinds
+from tests.unit.autopilot_client import (
+    ACCEPTED,
+    FAILED,
+    ORIGIN,
+    UNSUPPORTED,
+    Client,
+    as_float,
+    kinds,
+)
 
 REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 VELOCITY = 0x05C7
@@ -110,16 +117,31 @@ def test_setpoint_loss_leaves_offboard_for_position_mode(client: Client) -> None
     assert client.autopilot.mode == POSCTL
 
 
-def test_setpoint_loss_can_be_set_to_land(client: Client) -> None:
+def test_setpoint_loss_can_be_set_to_land_and_to_come_later(client: Client) -> None:
     offboard(client)
-    (land,) = struct.unpack("<f", struct.pack("<i", 4))
-    set_action = mavlink.MAVLink_param_set_message(
-        1, 1, b"COM_OBL_RC_ACT", land, mavlink.MAV_PARAM_TYPE_INT32
-    )
-    (told,) = [m for m in client.sends(set_action) if m.get_type() == "PARAM_VALUE"]
-    assert struct.pack("<f", told.param_value) == struct.pack("<i", 4)
-    client.waits(1.2)
+    client.sets("COM_OBL_RC_ACT", as_float("<i", 4), mavlink.MAV_PARAM_TYPE_INT32)
+    client.sets("COM_OF_LOSS_T", 2.0)
+    client.waits(1.8)
+    assert client.autopilot.mode == OFFBOARD
+    client.waits(0.4)
     assert client.autopilot.mode == AUTO_LAND
+
+
+def test_velocities_are_cut_to_what_is_set(client: Client) -> None:
+    offboard(client)
+    client.sets("MPC_XY_VEL_MAX", 0.5)
+    client.sets("MPC_Z_VEL_MAX_UP", 0.25)
+    stream(client, 3.0, vx=3.0, vz=-3.0)
+    assert client.speed() == pytest.approx(0.5, abs=0.1)
+    assert client.autopilot.truth.velocity_ned_m_s[2] == pytest.approx(-0.25, abs=0.05)
+
+
+def test_the_take_off_height_can_be_set(client: Client) -> None:
+    client.sets("MIS_TAKEOFF_ALT", 1.5)
+    armed(client)
+    assert client.result(22, *[math.nan] * 7) == ACCEPTED
+    client.waits(10)
+    assert -client.autopilot.truth.position_ned_m[2] == pytest.approx(1.5, abs=0.2)
 
 
 def test_the_take_off_command_climbs_and_then_holds(client: Client) -> None:

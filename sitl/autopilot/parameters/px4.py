@@ -1,0 +1,86 @@
+"""PX4's parameter protocol: integers travel as their bytes, and only the true type is taken."""
+
+import math
+import struct
+import zlib
+from collections import deque
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.autopilot.parameters.protocol import NO_INDEX, Parameters
+from sitl.autopilot.parameters.table import Parameter
+from sitl.autopilot.streams import Message
+
+HASH = "_HASH_CHECK"
+"""Read like a parameter: tells a ground station whether the values that it has kept are good."""
+ALL_BITS = 0xFFFFFFFF
+
+
+class Px4Parameters(Parameters):
+    """As in mavlink_parameters.cpp of PX4 1.17."""
+
+    listed_per_step = 20
+    """So many at once over UDP, every 10 ms."""
+
+    def set(self, message: Message) -> list[Message]:
+        """PARAM_SET (23); of the hash: the ground station needs no list."""
+        if message.param_id == HASH:
+            if self.values["MAV_HASH_CHK_EN"]:
+                self._to_list.clear()
+            return []
+        return super().set(message)
+
+    def read(self, message: Message) -> list[Message]:
+        """PARAM_REQUEST_READ (20), of the hash too."""
+        if message.param_index == -1 and message.param_id == HASH:
+            return [self._told(HASH, NO_INDEX)]
+        return super().read(message)
+
+    def begin_list(self) -> None:
+        """PARAM_REQUEST_LIST (21): the hash goes first, unless a list is begun again."""
+        first = [] if self._to_list else [HASH]
+        self._to_list = deque([*first, *self._table])
+
+    def _told(self, name: str, index: int) -> Message:
+        if name != HASH:
+            return super()._told(name, index)
+        kind = mavlink.MAV_PARAM_TYPE_UINT32
+        return mavlink.MAVLink_param_value_message(
+            HASH.encode(), _as_float(struct.pack("<I", self._hash())), kind, len(self._table), index
+        )
+
+    def _taken(self, parameter: Parameter, message: Message) -> float | None:
+        """A wrong type is not answered."""
+        if message.param_type != parameter.kind:
+            return None
+        value: float = message.param_value
+        if parameter.kind == mavlink.MAV_PARAM_TYPE_INT32:
+            (value,) = struct.unpack("<i", struct.pack("<f", value))
+            return float(value)
+        # PX4 would store what is not a number too; nobody could fly that vehicle any more
+        return value if math.isfinite(value) else None
+
+    def _wire(self, value: float, kind: int) -> float:
+        return _as_float(_four_bytes(value, kind))
+
+    def _answer(self, name: str) -> Message:
+        return self._told(name, self._index[name])
+
+    def _hash(self) -> int:
+        """`param_hash_check`: a CRC-32, not inverted, over each name and its value's bytes."""
+        data = b"".join(
+            name.encode() + _four_bytes(self.values[name], parameter.kind)
+            for name, parameter in self._table.items()
+        )
+        return zlib.crc32(data, ALL_BITS) ^ ALL_BITS
+
+
+def _four_bytes(value: float, kind: int) -> bytes:
+    if kind == mavlink.MAV_PARAM_TYPE_INT32:
+        return struct.pack("<i", int(value))
+    return struct.pack("<f", value)
+
+
+def _as_float(data: bytes) -> float:
+    (value,) = struct.unpack("<f", data)
+    return float(value)

@@ -1,0 +1,93 @@
+"""Random and mutated input for the simulator's two doors: MAVLink frames and bus requests."""
+
+import struct
+from random import Random
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.drivers.served_bus import REQUEST, TRANSACTION
+from companion.link.transport import Message, make_codec
+
+HANDLED = (
+    mavlink.MAVLink_command_long_message,
+    mavlink.MAVLink_param_request_list_message,
+    mavlink.MAVLink_param_request_read_message,
+    mavlink.MAVLink_param_set_message,
+    mavlink.MAVLink_set_gps_global_origin_message,
+    mavlink.MAVLink_set_mode_message,
+    mavlink.MAVLink_set_position_target_local_ned_message,
+    mavlink.MAVLink_timesync_message,
+)
+COMMANDS = (22, 21, 176, 400, 401, 510, 511, 512, 31999)
+NAMES = (
+    b"GUID_TIMEOUT",
+    b"COM_OBL_RC_ACT",
+    b"COM_OF_LOSS_T",
+    b"MIS_TAKEOFF_ALT",
+    b"",
+    b"\xff" * 16,
+)
+ODD_FLOATS = (0.0, 1.0, -1.0, 1e-40, 1e30, -1e30, float("nan"), float("inf"), float("-inf"))
+BITS = {"uint8_t": 8, "int8_t": 8, "uint16_t": 16, "int16_t": 16, "uint32_t": 32, "int32_t": 32}
+
+
+def mavlink_frame(random: Random) -> bytes:
+    """A frame: well formed with odd values, mutated, or nothing but bytes."""
+    kind = random.random()
+    if kind < 0.1:
+        return random.randbytes(random.randrange(1, 60))
+    frame = _message(random).pack(
+        make_codec(random.choice((1, 1, 255)), random.choice((1, 190, 191)))
+    )
+    if kind < 0.3:
+        mutated = bytearray(frame)
+        for _ in range(random.randrange(1, 4)):
+            mutated[random.randrange(len(mutated))] = random.randrange(256)
+        return bytes(mutated)
+    return bytes(frame)
+
+
+def _message(random: Random) -> Message:
+    kind = random.choice(HANDLED)
+    values = [
+        _value(random, name, type_)
+        for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True)
+    ]
+    return kind(*values)
+
+
+def _value(random: Random, name: str, type_: str) -> object:
+    if name == "command":
+        return random.choice(COMMANDS)
+    if name in ("target_system", "target_component"):
+        return random.choice((0, 1, 1, 7))
+    if type_ == "char":
+        return random.choice(NAMES)
+    if type_ == "float":
+        return random.choice((*ODD_FLOATS, float(random.randrange(400)), random.gauss(0, 10)))
+    if type_ in ("int64_t", "uint64_t"):
+        return random.randrange(2**62)
+    bits = BITS[type_]
+    low = -(2 ** (bits - 1)) if type_.startswith("int") else 0
+    return random.choice((0, 1, 8, low, low + 2**bits - 1, random.randrange(low, low + 2**bits)))
+
+
+def bus_request(random: Random) -> bytes:
+    """A request: transactions to real and absent chips, odd waits and clocks, or only bytes."""
+    kind = random.random()
+    if kind < 0.1:
+        return random.randbytes(random.randrange(1, 40))
+    if kind < 0.8:
+        payload = b"".join(_transaction(random) for _ in range(random.randrange(4)))
+        return REQUEST.pack(1, len(payload)) + payload
+    op = random.choice((0, 2, 3, 4, 255))
+    payload = struct.pack("<d", random.choice(ODD_FLOATS)) + random.randbytes(
+        random.choice((0, 10))
+    )
+    return REQUEST.pack(op, len(payload)) + payload
+
+
+def _transaction(random: Random) -> bytes:
+    data = random.randbytes(random.randrange(5))
+    address = random.choice((0x48, 0x49, 0x6B, random.randrange(256)))
+    return TRANSACTION.pack(address, len(data), random.randrange(256)) + data
