@@ -8,19 +8,38 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.drivers.served_bus import REQUEST, TRANSACTION
 from companion.link.transport import Message, make_codec
 
-HANDLED = (
-    mavlink.MAVLink_command_long_message,
-    mavlink.MAVLink_param_request_list_message,
-    mavlink.MAVLink_param_request_read_message,
-    mavlink.MAVLink_param_set_message,
-    mavlink.MAVLink_set_gps_global_origin_message,
-    mavlink.MAVLink_set_mode_message,
-    mavlink.MAVLink_set_position_target_local_ned_message,
-    mavlink.MAVLink_timesync_message,
+HANDLED = tuple(
+    mavlink.mavlink_map[message_id]
+    for message_id in (
+        mavlink.MAVLINK_MSG_ID_COMMAND_INT,
+        mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
+        mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+        mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_OBSTACLE_DISTANCE,
+        mavlink.MAVLINK_MSG_ID_ODOMETRY,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_LIST,
+        mavlink.MAVLINK_MSG_ID_PARAM_REQUEST_READ,
+        mavlink.MAVLINK_MSG_ID_PARAM_SET,
+        mavlink.MAVLINK_MSG_ID_REQUEST_DATA_STREAM,
+        mavlink.MAVLINK_MSG_ID_SET_GPS_GLOBAL_ORIGIN,
+        mavlink.MAVLINK_MSG_ID_SET_MODE,
+        mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED,
+        mavlink.MAVLINK_MSG_ID_TIMESYNC,
+        mavlink.MAVLINK_MSG_ID_VISION_POSITION_ESTIMATE,
+        mavlink.MAVLINK_MSG_ID_VISION_SPEED_ESTIMATE,
+    )
 )
-COMMANDS = (22, 21, 176, 400, 401, 510, 511, 512, 31999)
+COMMANDS = (22, 21, 176, 400, 401, 410, 510, 511, 512, 520, 31999)
 NAMES = (
     b"GUID_TIMEOUT",
+    b"EK3_SRC1_VELXY",
+    b"EK3_SRC1_POSXY",
+    b"VISO_TYPE",
+    b"EKF2_EV_CTRL",
+    b"MPC_XY_VEL_MAX",
+    b"WPNAV_SPEED",
     b"COM_OBL_RC_ACT",
     b"COM_OF_LOSS_T",
     b"MIS_TAKEOFF_ALT",
@@ -49,10 +68,12 @@ def mavlink_frame(random: Random) -> bytes:
 
 def _message(random: Random) -> Message:
     kind = random.choice(HANDLED)
-    values = [
-        _value(random, name, type_)
-        for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True)
-    ]
+    values = []
+    lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
+    for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True):
+        count = lengths[name] if type_ != "char" else 0
+        some = [_value(random, name, type_) for _ in range(max(count, 1))]
+        values.append(some if count else some[0])
     return kind(*values)
 
 
