@@ -20,6 +20,7 @@ from sitl.lockstep import fly_in_lockstep
 from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Server
+from sitl.sensors.beam import RAY, load_beam_physics
 from sitl.simulation import Setup, Simulation
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
@@ -60,6 +61,9 @@ class Personality(StrEnum):
 
 
 Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
+BeamFile = Annotated[
+    Path | None, typer.Option(help="TOML file of beam physics; docs/sensors.md has its keys.")
+]
 
 
 @commands.command()
@@ -68,6 +72,7 @@ def run(
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     autopilot: Personality = Personality.ARDUPILOT,
+    beam: BeamFile = None,
     mavlink: Annotated[
         str, typer.Option(help="udpout:HOST:PORT or udpin:HOST:PORT.")
     ] = "udpout:127.0.0.1:14550",
@@ -79,7 +84,7 @@ def run(
     truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
 ) -> None:
     """Serve a vehicle in a world: MAVLink on UDP, its sensors on TCP; Ctrl-C ends it."""
-    setup = _setup(world, seed, profile, autopilot)
+    setup = _setup(world, seed, profile, autopilot, beam)
     transport = UdpTransport(mavlink, AUTOPILOT_SYSTEM, AUTOPILOT_COMPONENT)
     simulation = Simulation(setup, transport)
     server = Server(simulation, transport, bus_port=bus_port, speed=speed, lockstep=lockstep)
@@ -101,6 +106,7 @@ def fly(
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     autopilot: Personality = Personality.ARDUPILOT,
+    beam: BeamFile = None,
     mission: Annotated[str, typer.Option(help="What to fly: room.")] = "room",
     config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
     transport: Annotated[
@@ -113,13 +119,13 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    setup = _setup(world, seed, profile, autopilot)
+    setup = _setup(world, seed, profile, autopilot, beam)
     overrides = {"sensors.profile": profile, "mission.kind": mission}
     settings = configuration.load(config, overrides)
     console = Console(highlight=False)
     began_s = time.monotonic()
     if transport is Transport.UDP:
-        result = _fly_udp(setup, settings, config, speed, out or Path("out"), began_s)
+        result = _fly_udp(setup, settings, config, beam, speed, out or Path("out"), began_s)
     else:
         result = _fly_lockstep(setup, settings, transport, out, console, began_s)
     console.print(report_table(result))
@@ -157,6 +163,7 @@ def _fly_udp(
     setup: Setup,
     settings: Config,
     config: Path | None,
+    beam: Path | None,
     speed: float,
     out: Path,
     began_s: float,
@@ -165,6 +172,7 @@ def _fly_udp(
     sitl_arguments = (
         setup.world_name,
         *("--seed", str(setup.seed), "--speed", str(speed), "--autopilot", setup.autopilot),
+        *(("--beam", str(beam)) if beam else ()),
         *shared,
     )
     companion_arguments = ("--config", str(config), *shared) if config else shared
@@ -180,9 +188,10 @@ def _fly_udp(
     )
 
 
-def _setup(world: str, seed: int, profile: str, autopilot: Personality) -> Setup:
+def _setup(world: str, seed: int, profile: str, autopilot: Personality, beam: Path | None) -> Setup:
     sensors = configuration.load(None, {"sensors.profile": profile}).sensors
-    return Setup(load_world(world), world, seed, sensors, autopilot.value)
+    physics = load_beam_physics(beam) if beam else RAY
+    return Setup(load_world(world), world, seed, sensors, autopilot.value, physics)
 
 
 def main() -> None:

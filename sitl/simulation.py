@@ -15,9 +15,11 @@ from dataclasses import dataclass
 
 from companion.config import SensorsConfig
 from companion.link.transport import Transport
+from companion.messages import Beam
 from sitl.autopilot.core import Autopilot
 from sitl.noise import stream
 from sitl.record import TruthRecord
+from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
 from sitl.truth import TrueState
 from sitl.world.format import World
@@ -38,6 +40,8 @@ class Setup:
     sensors: SensorsConfig
     autopilot: str = "ardupilot"
     """Or "px4"."""
+    beam: BeamPhysics = RAY
+    """Of every range sensor."""
 
 
 class Simulation:
@@ -47,12 +51,13 @@ class Simulation:
         self._transport = transport
         self.is_link_down = False
         """A fault for tests: MAVLink is lost in both directions."""
+        self._setup = setup
         self._model = WorldModel(setup.world)
         start = start_state(setup)
         self.autopilot = Autopilot(setup.seed, start, personality=setup.autopilot)
         self._history = deque([start], maxlen=HISTORY_STEPS)
         self.record = TruthRecord(start)
-        self.board = SensorBoard(setup.seed, setup.sensors, self._model.range_m, self._truth_at)
+        self.board = SensorBoard(setup.seed, setup.sensors, self._range_query, self._truth_at)
 
     @property
     def time_s(self) -> float:
@@ -76,6 +81,12 @@ class Simulation:
         clearance_m = self._model.body_clearance_m(state.position_ned_m)
         if self.record.observe(state, clearance_m):
             self.autopilot.crash("hit an obstacle")
+
+    def _range_query(self, beam: Beam) -> RangeQuery:
+        """A plain ray, the quickest there is, unless more was asked for."""
+        if self._setup.beam == RAY:
+            return self._model.range_m
+        return LightBeam(self._setup.beam, self._model.hits, self._setup.seed, beam.value).range_m
 
     def _truth_at(self, time_s: float) -> TrueState:
         """The newest state not later than `time_s`; the oldest kept if all are."""

@@ -14,6 +14,7 @@ from companion.messages import FloorPlan
 from sitl.lockstep import fly_in_lockstep
 from sitl.record import TruthRecord
 from sitl.report import Report, make_report
+from sitl.sensors.beam import beam_physics
 from sitl.simulation import Setup, Simulation
 from sitl.testing.script import Event, play
 from sitl.world.loading import load_world, world_names
@@ -95,20 +96,23 @@ class Sitl:
         transport: str = "direct",
         config: str | None = None,
         settings: Mapping[str, object] | None = None,
+        beam: Mapping[str, object] | None = None,
         script: Sequence[Event] = (),
     ) -> Flight:
         """Fly one mission to its end.
 
         `config` is the companion's TOML file, `settings` single values above it, such as
-        {"mission.speed_m_s": 0.5}.
+        {"mission.speed_m_s": 0.5}; `beam` are the keys of docs/sensors.md, such as
+        {"width_deg": 2}.
 
         Raises:
-            WorldError, ConfigError: one line that says what to mend.
+            WorldError, ConfigError, BeamError: one line that says what to mend.
         """
         overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
-        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot)
+        physics = beam_physics(beam or {}, "beam")
+        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot, physics)
         began_s = time.monotonic()
 
         def watch(progress: Progress) -> None:

@@ -20,7 +20,6 @@ from sitl.world.rays import Triangle, cos_incidence, distance_m, triangles_of
 BODY_RADIUS_M = 0.2
 """The drone with its propellers is a sphere of this radius."""
 BEAM_WIDTH_M = 0.001
-MOST_CONTACTS = 1000
 FAR_M = 1.0
 
 
@@ -41,7 +40,7 @@ class WorldModel:
         self._obstacles = _collision_object(mesh)
         self._triangles = triangles_of(mesh)
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
-        self._request = fcl.CollisionRequest(num_max_contacts=MOST_CONTACTS, enable_contact=False)
+        self._request = fcl.CollisionRequest(num_max_contacts=len(self._triangles))
         self._probes: dict[tuple[float, float], fcl.CollisionObject] = {}
         self._checked_at: Vector3 | None = None
         self._clearance_m = 0.0
