@@ -10,7 +10,7 @@ from sitl.noise import stream
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus
-from sitl.sensors.lsm9ds1 import Lsm9ds1Device
+from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
 from sitl.truth import TrueState
 
@@ -52,7 +52,9 @@ class SensorBoard:
             for address in sorted({c.address for c in config.channels.values()})
         }
         devices[config.gyro_address] = Lsm9ds1Device(
-            lambda time_s: truth_at(time_s).yaw_rate_rad_s, stream(seed, "gyro")
+            lambda time_s: truth_at(time_s).yaw_rate_rad_s,
+            stream(seed, "gyro"),
+            draw_warming(stream(seed, "gyro temperature")),
         )
         self.bus = DeviceBus(devices)
 
