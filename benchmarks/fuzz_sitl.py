@@ -40,13 +40,15 @@ def fuzz_bus(count: int, seed: int) -> None:
     """Requests into the served bus; nonsense is hung up on, the next client is served."""
     random = Random(seed)
     board = SensorBoard(
-        seed, SensorsConfig(), lambda origin, direction, most_m: 2.0, lambda t: START
+        seed, SensorsConfig(), lambda beam: lambda origin, direction, most_m: 2.0, lambda t: START
     )
     for _ in range(count):
-        connection = BusConnection(board.bus, lambda t, port, sent: (t, sent), lambda: 0.0)
+        connection = BusConnection(board.bus, lambda: 0.0)
         for _ in range(random.randrange(1, 4)):
             if not connection.closing:
                 connection.feed(bus_request(random))
+            if connection.waits_for:
+                connection.reach(connection.waits_for.target_s, 0)
 
 
 def memory_mb() -> float:

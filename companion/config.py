@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
 
+import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from companion.errors import ConfigError
@@ -96,6 +97,11 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
         return Config.model_validate(values)
     except ValidationError as error:
         raise ConfigError(f"{source}: {_first_complaint(error)}") from error
+
+
+def to_toml(config: Config) -> str:
+    """The text of a file that `load` makes the same configuration of."""
+    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def _read(path: Path) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import signal
 import time
-from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -14,24 +13,35 @@ from companion import config as configuration
 from companion.config import Config
 from companion.console import ProgressLine
 from companion.errors import CompanionError
-from companion.link.transport import UdpTransport
 from companion.mapping.files import save
-from sitl.autopilot.core import PERSONALITIES, keep_nothing
-from sitl.autopilot.parameters.protocol import ParameterWatch
+from sitl.bare import fly_bare
+from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
-from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
+from sitl.options import (
+    Autopilot,
+    BeamFile,
+    FlightOptions,
+    Param,
+    Params,
+    Profile,
+    Seed,
+    Start,
+    WorldName,
+)
 from sitl.processes import fly_in_two_processes
+from sitl.record import TruthRecord
 from sitl.report import Report, make_report, report_table, save_report
-from sitl.run import Server
-from sitl.simulation import Setup, Simulation
+from sitl.run import Door, Server
+from sitl.serving import external_door, fleet_doors
+from sitl.testing.mission_file import MissionFile, load_mission
+from sitl.testing.script import play
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
-from sitl.world.loading import load_world
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
-AUTOPILOT_COMPONENT = 1
+DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -39,9 +49,16 @@ commands = typer.Typer(
     pretty_exceptions_enable=False,
     help="Simulated rooms, autopilot and sensors for the companion.",
 )
-
-
 commands.add_typer(world_commands, name="world")
+commands.add_typer(bench_commands, name="bench")
+
+
+class RunAutopilot(StrEnum):
+    """Emulated here, or elsewhere."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+    EXTERNAL = "external"
 
 
 class Transport(StrEnum):
@@ -52,72 +69,122 @@ class Transport(StrEnum):
     UDP = "udp"
 
 
-World = Annotated[str, typer.Argument(help="A built-in world, or a world file.")]
-Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
-
-
-class Personality(StrEnum):
-    """Which autopilot the vehicle answers as."""
-
-    ARDUPILOT = "ardupilot"
-    PX4 = "px4"
-
-
-Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
-Params = Annotated[
-    Path | None,
-    typer.Option(help="The autopilot's parameters: read at the start, kept up to date."),
+BusPort = Annotated[int, typer.Option(help="TCP port of the sensor bus; 0: any.")]
+Mavlink = Annotated[
+    list[str] | None,
+    typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT; repeatable, the companion's first."),
 ]
-Param = Annotated[
-    list[str] | None, typer.Option(help="NAME=VALUE: one parameter, for this run; repeatable.")
-]
+"""14550 if left out."""
 
 
 @commands.command()
 def run(
-    world: World,
+    world: WorldName,
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
-    autopilot: Personality = Personality.ARDUPILOT,
+    autopilot: Annotated[
+        RunAutopilot, typer.Option(help="Emulated here, or external: one that flies by itself.")
+    ] = RunAutopilot.ARDUPILOT,
+    start: Start = None,
     params: Params = None,
     param: Param = None,
-    mavlink: Annotated[
-        str, typer.Option(help="udpout:HOST:PORT or udpin:HOST:PORT.")
-    ] = "udpout:127.0.0.1:14550",
-    bus_port: Annotated[int, typer.Option(help="TCP port of the sensor bus; 0: any.")] = 5790,
+    beam: BeamFile = None,
+    vehicles: Annotated[
+        int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
+    ] = 1,
+    mavlink: Mavlink = None,
+    connect: Annotated[
+        str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
+    ] = "udpin:127.0.0.1:14551",
+    bus_port: BusPort = 5790,
     speed: Annotated[float, typer.Option(help="Most times real time.", min=0.1, max=1000)] = 1.0,
     lockstep: Annotated[
-        bool, typer.Option(help="Time stands still until a companion asks for it.")
+        bool, typer.Option(help="Time stands still until every companion asks for it.")
     ] = False,
     truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
 ) -> None:
-    """Serve a vehicle in a world: MAVLink on UDP, its sensors on TCP; Ctrl-C ends it."""
-    parameters, watch = _parameters(autopilot, params, param or [])
-    setup = _setup(world, seed, profile, autopilot, parameters)
-    transport = UdpTransport(mavlink, setup.system_id, AUTOPILOT_COMPONENT)
-    simulation = Simulation(setup, transport, watch)
-    server = Server(simulation, transport, bus_port=bus_port, speed=speed, lockstep=lockstep)
+    """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
+    print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
+    if autopilot is RunAutopilot.EXTERNAL:
+        options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
+        _run_external(options, connect, bus_port, truth)
+        return
+    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    setup, watch = options.setup()
+    fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
+    for number, door in enumerate(doors):
+        _tell_door(door, f"system {setup.system_id + number}" if vehicles > 1 else "")
+    _serve(Server(fleet, doors, speed=speed, lockstep=lockstep))
+    _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
+
+
+def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
+    vehicle, door = external_door(options.setup()[0], connect, bus_port, _say)
+    print(f"MAVLink  {connect}, for the simulator; give the companion a link of its own")
+    print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
+    _serve(Server(vehicle, [door], speed=1.0))
+    _save_truth([vehicle.record], truth)
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _tell_door(door: Door, whose: str) -> None:
+    for transport in door.transports:
+        print(f"MAVLink  {transport.address}  {whose}".rstrip())
+    print(f"sensors  sitl://127.0.0.1:{door.bus_port}  {whose}".rstrip(), flush=True)
+
+
+def _serve(server: Server) -> None:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: server.stop())
-    kind, host, port = mavlink.split(":")
-    shown_port = transport.local_port if kind == "udpin" else port
-    print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
-    print(f"MAVLink  {kind}:{host}:{shown_port}")
-    print(f"sensors  sitl://127.0.0.1:{server.bus_port}", flush=True)
     server.serve()
-    if truth is not None:
-        simulation.record.save(truth)
+    print(f"attended {server.attended_for_s:.3f} s", flush=True)
+
+
+def _save_truth(records: list[TruthRecord], path: Path | None) -> None:
+    """One file for each vehicle; those after the first are numbered."""
+    if path is None:
+        return
+    for number, record in enumerate(records):
+        record.save(path if number == 0 else path.with_stem(f"{path.stem}_{number + 1}"))
+
+
+@commands.command()
+def autopilot(
+    autopilot: Autopilot = Autopilot.ARDUPILOT,
+    seed: Seed = 1,
+    params: Params = None,
+    param: Param = None,
+    mavlink: Mavlink = None,
+    speed: Annotated[float, typer.Option(help="Times real time.", min=0.1, max=100)] = 1.0,
+) -> None:
+    """An emulated autopilot alone on an endless field, telling its true state; Ctrl-C ends it."""
+    fly_bare(
+        autopilot.value,
+        seed,
+        mavlink or [DEFAULT_MAVLINK],
+        parameter_file=params,
+        assignments=param or (),
+        speed=speed,
+        tell=_say,
+    )
 
 
 @commands.command()
 def fly(
-    world: World,
+    world: WorldName,
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
-    autopilot: Personality = Personality.ARDUPILOT,
+    autopilot: Autopilot = Autopilot.ARDUPILOT,
+    start: Start = None,
     params: Params = None,
     param: Param = None,
-    mission: Annotated[str, typer.Option(help="What to fly: room.")] = "room",
+    beam: BeamFile = None,
+    mission: Annotated[
+        str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
+    ] = "room",
     config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
     transport: Annotated[
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
@@ -129,17 +196,14 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    parameters, watch = _parameters(autopilot, params, param or [])
-    setup = _setup(world, seed, profile, autopilot, parameters)
-    overrides = {"sensors.profile": profile, "mission.kind": mission}
-    settings = configuration.load(config, overrides)
+    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    flown = load_mission(mission)
+    settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
     console = Console(highlight=False)
-    began_s = time.monotonic()
     if transport is Transport.UDP:
-        shared = _parameter_arguments(params, param or [])
-        result = _fly_udp(setup, settings, config, speed, shared, out or Path("out"), began_s)
+        result = _fly_udp(options, flown, settings, speed, out or Path("out"))
     else:
-        result = _fly_lockstep(setup, settings, transport, watch, out, console, began_s)
+        result = _fly_lockstep(options, flown, settings, transport, out, console)
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         save_report(result, path)
@@ -147,17 +211,23 @@ def fly(
 
 
 def _fly_lockstep(
-    setup: Setup,
+    options: FlightOptions,
+    mission: MissionFile,
     settings: Config,
     transport: Transport,
-    watch: ParameterWatch,
     out: Path | None,
     console: Console,
-    began_s: float,
 ) -> Report:
+    began_s = time.monotonic()
+    setup, watch = options.setup()
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(
-            setup, settings, progress.show, transport.value, parameter_watch=watch
+            setup,
+            settings,
+            progress.show,
+            transport.value,
+            play(mission.events),
+            parameter_watch=watch,
         )
     waited_s = time.monotonic() - began_s
     plan = app.final_floor_plan()
@@ -175,59 +245,26 @@ def _fly_lockstep(
 
 
 def _fly_udp(
-    setup: Setup,
+    options: FlightOptions,
+    mission: MissionFile,
     settings: Config,
-    config: Path | None,
     speed: float,
-    parameter_arguments: Sequence[str],
     out: Path,
-    began_s: float,
 ) -> Report:
-    shared = ("--profile", setup.sensors.profile)
-    sitl_arguments = (
-        setup.world_name,
-        *("--seed", str(setup.seed), "--speed", str(speed), "--autopilot", setup.autopilot),
-        *shared,
-        *parameter_arguments,
-    )
-    companion_arguments = ("--config", str(config), *shared) if config else shared
-    plan, truth, status = fly_in_two_processes(sitl_arguments, companion_arguments, out)
+    if mission.events:
+        raise SitlError("a mission with events needs --transport direct or bytes")
+    began_s = time.monotonic()
+    setup, _ = options.setup()
+    flight = fly_in_two_processes([*options.arguments(), f"--speed={speed}"], settings, out)
     return make_report(
         setup,
         settings,
-        plan,
-        truth,
-        completed=status == 0,
-        ending="mission complete" if status == 0 else "mission not completed",
+        flight.plan,
+        flight.truth,
+        completed=flight.completed,
+        ending="mission complete" if flight.completed else "mission not completed",
         waited_s=time.monotonic() - began_s,
     )
-
-
-def _setup(
-    world: str, seed: int, profile: str, autopilot: Personality, parameters: dict[str, float]
-) -> Setup:
-    sensors = configuration.load(None, {"sensors.profile": profile}).sensors
-    return Setup(load_world(world), world, seed, sensors, autopilot.value, parameters)
-
-
-def _parameters(
-    autopilot: Personality, file: Path | None, assignments: list[str]
-) -> tuple[dict[str, float], ParameterWatch]:
-    """What the autopilot starts with, the assignments above the file, and who keeps changes."""
-    table = PERSONALITIES[autopilot.value]().table
-    given = parse_assignments(assignments, table)
-    for warning in beyond_range(given, table):
-        Console(stderr=True, highlight=False).print(f"sitl: --param {warning}", soft_wrap=True)
-    if file is None:
-        return given, keep_nothing
-    kept = ParameterFile(file, table)
-    return kept.values | given, kept.keep
-
-
-def _parameter_arguments(file: Path | None, assignments: list[str]) -> list[str]:
-    """The same parameters for `sitl run`."""
-    arguments = [f"--param={assignment}" for assignment in assignments]
-    return [f"--params={file}", *arguments] if file else arguments
 
 
 def main() -> None:

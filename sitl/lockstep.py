@@ -48,7 +48,7 @@ def fly_in_lockstep(
 ) -> tuple[App, Simulation]:
     """Fly one mission to its end."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
-    simulation = Simulation(setup, sitl_end, parameter_watch)
+    simulation = Simulation(setup, [sitl_end], parameter_watch)
     app = App(config)
     bus = simulation.board.bus
     rig = Rig(

@@ -4,14 +4,18 @@ They meet only over MAVLink on UDP and the served bus on TCP; the truth stays wi
 writes it for the scorer when it ends.
 """
 
+import math
 import re
 import signal
 import subprocess
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from companion import config as configuration
+from companion.config import Config
 from companion.mapping.files import load_json
 from companion.messages import FloorPlan
 from sitl.errors import SitlError
@@ -19,45 +23,52 @@ from sitl.record import TruthRecord
 
 END_TIMEOUT_S = 20.0
 TRUTH_FILE = "truth.json"
+CONFIG_FILE = "config.toml"
+SERVE_LOCKSTEP = ("--mavlink=udpin:127.0.0.1:0", "--bus-port=0", "--lockstep")
+
+
+@dataclass(frozen=True, slots=True)
+class TwoProcessFlight:
+    """What a flight in two processes left."""
+
+    plan: FloorPlan
+    truth: TruthRecord
+    completed: bool
+    flying_s: float
+    """On the wall clock, from the companion's first request for time to its last."""
 
 
 def fly_in_two_processes(
-    sitl_arguments: Sequence[str], companion_arguments: Sequence[str], out: Path
-) -> tuple[FloorPlan, TruthRecord, int]:
-    """Fly; the map, the truth, and the companion's exit status."""
+    sitl_arguments: Sequence[str], settings: Config, out: Path, *, quiet: bool = False
+) -> TwoProcessFlight:
+    """Fly; the companion's effective configuration is left in `out`, too."""
     out.mkdir(parents=True, exist_ok=True)
-    truth_path = out / TRUTH_FILE
-    sitl = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "sitl", "run", *sitl_arguments),
-            *(
-                "--mavlink",
-                "udpin:127.0.0.1:0",
-                "--bus-port",
-                "0",
-                "--lockstep",
-                "--truth",
-                str(truth_path),
-            ),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
+    truth_path, config_path = out / TRUTH_FILE, out / CONFIG_FILE
+    config_path.write_text(configuration.to_toml(settings))
+    command = [sys.executable, "-m", "sitl", "run", *sitl_arguments, *SERVE_LOCKSTEP]
+    sitl = subprocess.Popen([*command, f"--truth={truth_path}"], stdout=subprocess.PIPE, text=True)
     try:
         assert sitl.stdout is not None
         mavlink_port, bus_port = _ports(sitl.stdout)
         companion = subprocess.run(
             [
-                *(sys.executable, "-m", "companion", "fly", *companion_arguments),
+                *(sys.executable, "-m", "companion", "fly", f"--config={config_path}"),
                 *("--link", f"udpout:127.0.0.1:{mavlink_port}"),
                 *("--bus", f"sitl://127.0.0.1:{bus_port}", "--out", str(out)),
             ],
+            stdout=subprocess.DEVNULL if quiet else None,
             check=False,
         )
     finally:
         sitl.send_signal(signal.SIGINT)
-        sitl.wait(END_TIMEOUT_S)
-    return load_json(out / "map.json"), TruthRecord.load(truth_path), companion.returncode
+        rest, _ = sitl.communicate(timeout=END_TIMEOUT_S)
+    attended = re.search(r"attended ([\d.]+) s", rest)
+    return TwoProcessFlight(
+        load_json(out / "map.json"),
+        TruthRecord.load(truth_path),
+        companion.returncode == 0,
+        float(attended[1]) if attended else math.nan,
+    )
 
 
 def _ports(output: IO[str]) -> tuple[str, str]:

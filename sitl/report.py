@@ -37,6 +37,7 @@ def make_report(
     report: Report = {
         "world": setup.world.name,
         "profile": setup.sensors.profile,
+        "beam": str(setup.beam),
         "seed": setup.seed,
         "completed": completed and truth.collisions == 0,
         "ending": ending,

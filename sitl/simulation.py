@@ -10,24 +10,23 @@ calls it.
 """
 
 import math
-from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from companion.config import SensorsConfig
 from companion.link.transport import Transport
+from companion.messages import Beam
 from sitl.autopilot.core import PERSONALITIES, Autopilot, keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.personality import boot_values, system_id
 from sitl.noise import stream
 from sitl.record import TruthRecord
+from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
-from sitl.truth import TrueState
+from sitl.traffic import Others, clearance_to_others_m, nobody, with_others
+from sitl.truth import History, TrueState
 from sitl.world.format import World
 from sitl.world.model import WorldModel
-
-HISTORY_STEPS = 8
-"""Enough for the slowest sensor, whose value may be 50 ms old."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,6 +42,10 @@ class Setup:
     """Or "px4"."""
     parameters: Mapping[str, float] = field(default_factory=dict)
     """Of the autopilot, set before it starts; the others have the values of its configuration."""
+    beam: BeamPhysics = RAY
+    """Of every range sensor."""
+    start: int = 0
+    """Which of the world's start poses."""
 
     @property
     def system_id(self) -> int:
@@ -56,14 +59,24 @@ class Setup:
 
 
 class Simulation:
-    """One vehicle in one world; `watch` is told the parameters that a client sets."""
+    """One vehicle in one world.
+
+    `transports` are its links, the companion's first; `watch` is told the parameters that a client
+    sets; `others` tells where other vehicles are.
+    """
 
     def __init__(
-        self, setup: Setup, transport: Transport, watch: ParameterWatch = keep_nothing
+        self,
+        setup: Setup,
+        transports: Sequence[Transport],
+        watch: ParameterWatch = keep_nothing,
+        others: Others = nobody,
     ) -> None:
-        self._transport = transport
+        self._transports = transports
         self.is_link_down = False
         """A fault for tests: MAVLink is lost in both directions."""
+        self._setup = setup
+        self._others = others
         self._model = WorldModel(setup.world)
         start = start_state(setup)
         self.autopilot = Autopilot(
@@ -72,45 +85,51 @@ class Simulation:
             personality=setup.autopilot,
             parameters=setup.parameters,
             watch=watch,
+            links=len(transports),
         )
-        self._history = deque([start], maxlen=HISTORY_STEPS)
+        self._history = History(start)
         self.record = TruthRecord(start)
-        self.board = SensorBoard(setup.seed, setup.sensors, self._model.range_m, self._truth_at)
+        self.board = SensorBoard(setup.seed, setup.sensors, self._range_query, self._history.at)
 
     @property
     def time_s(self) -> float:
         return self.autopilot.time_s
 
     def advance(self, time_s: float) -> None:
-        """Take in what the companion has sent, and let time pass until `time_s`."""
-        for message in self._transport.receive():
-            if not self.is_link_down:
-                self.autopilot.receive(message)
+        """Take in what has been sent to it, and let time pass until `time_s`."""
+        for link, transport in enumerate(self._transports):
+            for message in transport.receive():
+                if not self.is_link_down:
+                    self.autopilot.receive(message, link)
         while self.autopilot.time_s < time_s - 1e-9:
             self.autopilot.step()
             self._observe(self.autopilot.truth)
-            for message in self.autopilot.take_outbox():
-                if not self.is_link_down:
-                    self._transport.send(message)
+            for link, transport in enumerate(self._transports):
+                for message in self.autopilot.take_outbox(link):
+                    if not self.is_link_down:
+                        transport.send(message)
         self.board.bus.set_time(self.autopilot.time_s)
 
     def _observe(self, state: TrueState) -> None:
-        self._history.append(state)
+        self._history.add(state)
         clearance_m = self._model.body_clearance_m(state.position_ned_m)
+        clearance_m = min(clearance_m, clearance_to_others_m(state.position_ned_m, self._others()))
         if self.record.observe(state, clearance_m):
             self.autopilot.crash("hit an obstacle")
 
-    def _truth_at(self, time_s: float) -> TrueState:
-        """The newest state not later than `time_s`; the oldest kept if all are."""
-        for state in reversed(self._history):
-            if state.time_s <= time_s + 1e-9:
-                return state
-        return self._history[0]
+    def _range_query(self, beam: Beam) -> RangeQuery:
+        """A plain ray, the quickest there is, unless more was asked for."""
+        if self._setup.beam == RAY:
+            walls: RangeQuery = self._model.range_m
+        else:
+            hits, seed = self._model.hits, self._setup.seed
+            walls = LightBeam(self._setup.beam, hits, seed, beam.value).range_m
+        return walls if self._others is nobody else with_others(walls, self._others)
 
 
 def start_state(setup: Setup) -> TrueState:
-    """On the floor at the world's first start pose; an open heading is drawn from the seed."""
-    start = setup.world.starts[0]
+    """On the floor at one of the world's start poses; an open heading is drawn from the seed."""
+    start = setup.world.starts[setup.start]
     heading_rad = (
         stream(setup.seed, "start heading").uniform(-math.pi, math.pi)
         if start.heading_deg is None

@@ -1,5 +1,6 @@
 """What really happens. Only the simulation's own parts, the scorer and the viewer may read it."""
 
+from collections import deque
 from dataclasses import dataclass
 
 from companion.frames import Vector3
@@ -19,3 +20,24 @@ class TrueState:
     pitch_rad: float
     yaw_rad: float
     yaw_rate_rad_s: float
+
+
+HISTORY_STEPS = 8
+"""Enough for the slowest sensor, whose value may be 50 ms old."""
+
+
+class History:
+    """The latest states, 10 ms apart: sensors hold values of moments that have passed."""
+
+    def __init__(self, start: TrueState) -> None:
+        self._states = deque([start], maxlen=HISTORY_STEPS)
+
+    def add(self, state: TrueState) -> None:
+        self._states.append(state)
+
+    def at(self, time_s: float) -> TrueState:
+        """The newest state not later than `time_s`; the oldest kept if all are."""
+        for state in reversed(self._states):
+            if state.time_s <= time_s + 1e-9:
+                return state
+        return self._states[0]

@@ -77,11 +77,12 @@ class UdpTransport:
         if not re.fullmatch(URL_PATTERN, url):
             raise LinkError(f"{url}: not a link; write udpin:HOST:PORT or udpout:HOST:PORT")
         kind, host, port = url.split(":")
+        self._url = url
         self._codec = make_codec(system_id, component_id)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
-        self._waiting: list[bytes] = []
+        self._waiting: list[Message] = []
         self.datagrams_sent = 0
         self.datagrams_received = 0
         try:
@@ -100,10 +101,20 @@ class UdpTransport:
         port: int = self._socket.getsockname()[1]
         return port
 
+    @property
+    def address(self) -> str:
+        """As a URL, with the port that was taken where any would do."""
+        start, _, port = self._url.rpartition(":")
+        return f"{start}:{self.local_port if port == '0' else port}"
+
+    @property
+    def peer_port(self) -> int | None:
+        return self._peer[1] if self._peer else None
+
     def receive(self) -> list[Message]:
         self._drain()
         waiting, self._waiting = self._waiting, []
-        return [message for data in waiting for message in _decode(self._codec, data)]
+        return waiting
 
     def _drain(self) -> None:
         while True:
@@ -115,11 +126,12 @@ class UdpTransport:
                 if error.errno == errno.ECONNREFUSED:  # nobody there yet: ICMP of an earlier send
                     continue
                 return
-            if data[:1] not in (b"\xfd", b"\xfe"):  # not MAVLink: neither a message nor a peer
+            messages = _decode(self._codec, data)
+            if not messages:  # not MAVLink: whoever sent it is no peer
                 continue
             self.datagrams_received += 1
             self._peer = sender
-            self._waiting.append(data)
+            self._waiting += messages
 
     def await_datagrams(self, total: int, timeout_s: float) -> None:
         """Wait until `total` datagrams have come in, in all; lost ones are given up in time."""

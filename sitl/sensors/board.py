@@ -8,13 +8,12 @@ from companion.frames import Vector3
 from companion.messages import Beam
 from sitl.noise import stream
 from sitl.sensors.ads1115 import Ads1115Device
+from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus
-from sitl.sensors.lsm9ds1 import Lsm9ds1Device
+from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
 from sitl.truth import TrueState
 
-RangeQuery = Callable[[Vector3, Vector3, float], float | None]
-"""(origin_ned_m, direction_ned, most_m) -> distance to the first surface, or None."""
 TruthAt = Callable[[float], TrueState]
 
 BEAM_FRD: dict[Beam, Vector3] = {
@@ -31,13 +30,19 @@ class SensorBoard:
     """Two ADS1115 with the range sensors on them, and the gyro."""
 
     def __init__(
-        self, seed: int, config: SensorsConfig, range_m: RangeQuery, truth_at: TruthAt
+        self,
+        seed: int,
+        config: SensorsConfig,
+        range_query: Callable[[Beam], RangeQuery],
+        truth_at: TruthAt,
     ) -> None:
         physics = PHYSICS[config.profile]
         self._sensors: dict[Beam, SharpUnit] = {
             beam: SharpUnit(
                 physics,
-                _beam_query(beam, config.mount_offset_m, physics.sees_to_m, range_m, truth_at),
+                _beam_query(
+                    beam, config.mount_offset_m, physics.sees_to_m, range_query(beam), truth_at
+                ),
                 stream(seed, f"range sensor {beam.value}"),
             )
             for beam in config.channels
@@ -47,7 +52,9 @@ class SensorBoard:
             for address in sorted({c.address for c in config.channels.values()})
         }
         devices[config.gyro_address] = Lsm9ds1Device(
-            lambda time_s: truth_at(time_s).yaw_rate_rad_s, stream(seed, "gyro")
+            lambda time_s: truth_at(time_s).yaw_rate_rad_s,
+            stream(seed, "gyro"),
+            draw_warming(stream(seed, "gyro temperature")),
         )
         self.bus = DeviceBus(devices)
 

@@ -1,4 +1,8 @@
-"""The LSM9DS1's gyro as its bus sees it, and why it cannot be trusted."""
+"""The LSM9DS1's gyro as its bus sees it, and why it cannot be trusted.
+
+The datasheet (DocID025715) has no figures for drift: those of `GyroNoise` are the reference noise,
+`Warming` adds a little to it.
+"""
 
 import math
 from collections import deque
@@ -17,6 +21,11 @@ from companion.drivers.lsm9ds1 import (
     WHO_AM_I,
 )
 
+REG_OUT_TEMP = 0x15
+"""Two bytes, little-endian; 16 counts per °C by the datasheet (some drivers take 8), 0 at 25 °C."""
+TEMP_BYTES = 2
+COUNTS_PER_DEG_C = 16
+ZERO_COUNT_DEG_C = 25.0
 FIFO_DEPTH = 32
 OVERRUN = 0x40
 WALK_SAMPLES = 10
@@ -31,7 +40,8 @@ class GyroNoise:
 
     turn_on_bias_rad_s: float = math.radians(1.0)
     flight_bias_rad_s: float = math.radians(0.1)
-    """Comes on by warming up and vibration, with the time constant below."""
+    """Comes on by warming up and vibration, with the time constant below; what the chip gains by
+    minutes of warming is added to it."""
     flight_bias_after_s: float = 5.0
     flight_bias_time_constant_s: float = 8.0
     bias_walk_rad_s_sqrt_s: float = math.radians(20 / 3600)
@@ -41,12 +51,47 @@ class GyroNoise:
     """Of the chip's own sample clock."""
 
 
+@dataclass(frozen=True, slots=True)
+class Warming:
+    """The chip warms up from power-on, at time 0, and its bias goes along.
+
+    A prior from memory of such chips: neither slope nor rise has been measured.
+    """
+
+    bias_rad_s_deg_c: float
+    room_deg_c: float = 22.0
+    rise_deg_c: float = 4.0
+    time_constant_s: float = 240.0
+
+    def temperature_deg_c(self, time_s: float) -> float:
+        return self.room_deg_c + self._risen_deg_c(time_s)
+
+    def bias_rad_s(self, time_s: float) -> float:
+        """Gained since power-on; what the bias was then is the turn-on bias."""
+        return self.bias_rad_s_deg_c * self._risen_deg_c(time_s)
+
+    def _risen_deg_c(self, time_s: float) -> float:
+        return self.rise_deg_c * (1 - math.exp(-time_s / self.time_constant_s))
+
+
+def draw_warming(random: Random) -> Warming:
+    """Of one chip: its bias moves by 0.03 to 0.05 deg/s per °C, up or down."""
+    return Warming(random.choice((-1, 1)) * math.radians(random.uniform(0.03, 0.05)))
+
+
 class Lsm9ds1Device:
     """FIFO in continuous mode, gyro only; x and y axes read zero."""
 
-    def __init__(self, yaw_rate: YawRate, random: Random, noise: GyroNoise = GyroNoise()) -> None:
+    def __init__(
+        self,
+        yaw_rate: YawRate,
+        random: Random,
+        warming: Warming,
+        noise: GyroNoise = GyroNoise(),
+    ) -> None:
         self._yaw_rate = yaw_rate
         self._random = random
+        self._warming = warming
         self._noise = noise
         self._turn_on_bias = random.gauss(0, noise.turn_on_bias_rad_s)
         self._flight_bias = random.gauss(0, noise.flight_bias_rad_s)
@@ -78,8 +123,17 @@ class Lsm9ds1Device:
             self._registers[REG_OUT_X_G : REG_OUT_X_G + 6] = bytes(4) + sample.to_bytes(
                 2, "little", signed=True
             )
+        elif register <= REG_OUT_TEMP + 1:
+            self._measure_temperature(time_s)
         end = register + count
         return bytes(self._registers[register:end]).ljust(count, b"\x00")
+
+    def _measure_temperature(self, time_s: float) -> None:
+        above_deg_c = self._warming.temperature_deg_c(time_s) - ZERO_COUNT_DEG_C
+        counts = round(above_deg_c * COUNTS_PER_DEG_C)
+        self._registers[REG_OUT_TEMP : REG_OUT_TEMP + TEMP_BYTES] = counts.to_bytes(
+            TEMP_BYTES, "little", signed=True
+        )
 
     def _fill(self, time_s: float) -> None:
         """Sample by the chip's clock up to now; samples older than the FIFO's depth are lost."""
@@ -105,6 +159,7 @@ class Lsm9ds1Device:
         warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
         white = self._random.gauss(0, self._white)
         rate = self._yaw_rate(time_s) * self._scale
-        rate += self._turn_on_bias + self._flight_bias * warm + self._walk + white
+        rate += self._turn_on_bias + self._flight_bias * warm + self._warming.bias_rad_s(time_s)
+        rate += self._walk + white
         # The chip's z axis points up: its positive rate is counter-clockwise.
         return max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT)))

@@ -1,6 +1,7 @@
 """The served bus: bytes of one client's connection in, replies out. Sockets are elsewhere."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 from companion.drivers.bus import Transaction
 from companion.drivers.served_bus import (
@@ -19,8 +20,16 @@ from companion.drivers.served_bus import (
 )
 from sitl.sensors.i2c import DeviceBus
 
-Clock = Callable[[float, int, int], tuple[float, int]]
-"""(target_s, client's UDP port, datagrams it sent) -> (time reached, datagrams sent to it)."""
+
+class ClockRequest(NamedTuple):
+    """A client waits for a time."""
+
+    target_s: float
+    udp_port: int
+    """Where the client speaks MAVLink from."""
+    datagrams: int
+    """How many it has sent there."""
+
 
 LONGEST_REQUEST = 4096
 LONGEST_WAIT_S = 1.0
@@ -30,18 +39,28 @@ LONGEST_CLOCK_STEP_S = 60.0
 class BusConnection:
     """One client; `closing` says that it has sent nonsense and is to be hung up on."""
 
-    def __init__(self, bus: DeviceBus, clock: Clock, now_s: Callable[[], float]) -> None:
+    def __init__(self, bus: DeviceBus, now_s: Callable[[], float]) -> None:
         self._bus = bus
-        self._clock = clock
         self._now_s = now_s
         self._buffer = b""
+        self.waits_for: ClockRequest | None = None
+        """Until `reach` answers it, nothing else is."""
         self.closing = False
 
     def feed(self, data: bytes) -> bytes:
         """Decode what has come so far; the replies to all whole requests in it."""
         self._buffer += data
+        return self._serve_buffered()
+
+    def reach(self, time_s: float, datagrams: int) -> bytes:
+        """The time has come: the reply, and those to what was asked for after it."""
+        self.waits_for = None
+        answer = CLOCK_REPLY.pack(time_s, datagrams)
+        return REPLY.pack(STATUS_OK, len(answer)) + answer + self._serve_buffered()
+
+    def _serve_buffered(self) -> bytes:
         replies = b""
-        while not self.closing and len(self._buffer) >= REQUEST.size:
+        while not self.closing and not self.waits_for and len(self._buffer) >= REQUEST.size:
             op, length = REQUEST.unpack_from(self._buffer)
             if length > LONGEST_REQUEST:
                 replies += self._refuse()
@@ -62,10 +81,10 @@ class BusConnection:
                 self._bus.wait(duration_s)
                 return b""
         if op == OP_CLOCK and len(payload) == CLOCK_REQUEST.size:
-            target_s, port, sent = CLOCK_REQUEST.unpack(payload)
-            if target_s - self._now_s() <= LONGEST_CLOCK_STEP_S:  # false for NaN too
-                answer = CLOCK_REPLY.pack(*self._clock(target_s, port, sent))
-                return REPLY.pack(STATUS_OK, len(answer)) + answer
+            request = ClockRequest(*CLOCK_REQUEST.unpack(payload))
+            if request.target_s - self._now_s() <= LONGEST_CLOCK_STEP_S:  # false for NaN too
+                self.waits_for = request
+                return b""
         return self._refuse()
 
     def _transfer(self, payload: bytes) -> bytes:

@@ -15,6 +15,7 @@ from sitl.autopilot.core import NO_PARAMETERS
 from sitl.lockstep import fly_in_lockstep
 from sitl.record import TruthRecord
 from sitl.report import Report, make_report
+from sitl.sensors.beam import beam_physics
 from sitl.simulation import Setup, Simulation
 from sitl.testing.script import Event, play
 from sitl.world.loading import load_world, world_names
@@ -97,20 +98,23 @@ class Sitl:
         config: str | None = None,
         settings: Mapping[str, object] | None = None,
         parameters: Mapping[str, float] = NO_PARAMETERS,
+        beam: Mapping[str, object] | None = None,
         script: Sequence[Event] = (),
     ) -> Flight:
         """Fly one mission to its end.
 
         `config` is the companion's TOML file, `settings` single values above it, such as
-        {"mission.speed_m_s": 0.5}; `parameters` are the autopilot's, such as {"GUID_TIMEOUT": 1}.
+        {"mission.speed_m_s": 0.5}; `parameters` are the autopilot's, such as {"GUID_TIMEOUT": 1};
+        `beam` are the keys of docs/sensors.md, such as {"width_deg": 2}.
 
         Raises:
-            WorldError, ConfigError, ParameterError: one line that says what to mend.
+            WorldError, ConfigError, ParameterError, BeamError: one line that says what to mend.
         """
         overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
-        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot, parameters)
+        physics = beam_physics(beam or {}, "beam")
+        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot, parameters, physics)
         began_s = time.monotonic()
 
         def watch(progress: Progress) -> None:

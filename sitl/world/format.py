@@ -26,12 +26,12 @@ import tomllib
 from dataclasses import dataclass
 from importlib import resources
 from itertools import pairwise
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.frames import Vector2
-from sitl.errors import SitlError
+from sitl.errors import SitlError, complaint
 
 LEAST_LENGTH_M = 0.01
 ON_WALL_M = 0.05
@@ -223,12 +223,4 @@ def parse_world(text: str, source: str) -> World:
     except tomllib.TOMLDecodeError as error:
         raise WorldError(f"{source}: not TOML: {error}") from error
     except ValidationError as error:
-        raise WorldError(f"{source}: {_complaint(error)}") from error
-
-
-def _complaint(error: ValidationError) -> str:
-    first: Any = error.errors()[0]
-    key = ".".join(str(part) for part in first["loc"])
-    value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
-    message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-    return f"{key}{value}: {message}" if key else message
+        raise WorldError(f"{source}: {complaint(error)}") from error

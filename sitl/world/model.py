@@ -2,58 +2,87 @@
 
 FCL casts no rays. A range is found by colliding a box as thin as 1 mm, laid along the beam, with
 the world's triangles, and intersecting the few triangles that it touches exactly; contact
-positions of FCL are not used, they can be metres off.
+positions of FCL are not used, they can be metres off. The floor is no obstacle, and a plane.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import fcl
 import numpy as np
 
 from companion.frames import Vector3
 from sitl.world.format import Box, World
-from sitl.world.mesh import Mesh, full_mesh, obstacle_mesh
+from sitl.world.mesh import Mesh, obstacle_mesh
+from sitl.world.rays import Triangle, cos_incidence, distance_m, triangles_of
 
 BODY_RADIUS_M = 0.2
 """The drone with its propellers is a sphere of this radius."""
 BEAM_WIDTH_M = 0.001
-MOST_CONTACTS = 1000
 FAR_M = 1.0
-EDGE_TOLERANCE = 1e-9
-"""A ray this near a triangle's edge, in barycentric terms, meets it: no ray slips between two."""
 
-Triangle = tuple[Vector3, Vector3, Vector3]
+
+class Hit(NamedTuple):
+    """Where a ray ends."""
+
+    distance_m: float
+    cos_incidence: float
+    """Of the angle between the ray and the surface's normal: 1 head-on, 0 grazing."""
 
 
 class WorldModel:
     """A world to range in and to bump into. All positions are world NED, metres."""
 
     def __init__(self, world: World) -> None:
+        mesh = obstacle_mesh(world)
         self._boxes = world.boxes
-        self._everything, self._triangles = _collision_object(full_mesh(world))
-        self._obstacles, _ = _collision_object(obstacle_mesh(world))
+        self._obstacles = _collision_object(mesh)
+        self._triangles = triangles_of(mesh)
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
-        self._request = fcl.CollisionRequest(num_max_contacts=MOST_CONTACTS, enable_contact=False)
-        self._beams: dict[float, fcl.CollisionObject] = {}
+        self._request = fcl.CollisionRequest(num_max_contacts=len(self._triangles))
+        self._probes: dict[tuple[float, float], fcl.CollisionObject] = {}
         self._checked_at: Vector3 | None = None
         self._clearance_m = 0.0
 
     def range_m(self, origin: Vector3, direction: Vector3, most_m: float) -> float | None:
         """Distance along a unit direction to the first surface within `most_m`, or None."""
+        nearest_m = _to_floor_m(origin, direction)
+        for triangle in self._touched(origin, direction, most_m, BEAM_WIDTH_M):
+            nearest_m = min(nearest_m, distance_m(origin, direction, triangle))
+        return nearest_m if nearest_m <= most_m else None
+
+    def hits(
+        self, origin: Vector3, rays: Sequence[Vector3], most_m: float, half_angle_rad: float
+    ) -> list[Hit | None]:
+        """Where each of a bundle of rays ends; the first is the axis, no other is farther off."""
+        width_m = BEAM_WIDTH_M + 2 * most_m * math.sin(half_angle_rad)
+        touched = self._touched(origin, rays[0], most_m, width_m)
+        return [self._hit(origin, ray, touched, most_m) for ray in rays]
+
+    def _hit(
+        self, origin: Vector3, ray: Vector3, touched: list[Triangle], most_m: float
+    ) -> Hit | None:
+        found = [Hit(distance_m(origin, ray, t), cos_incidence(ray, t)) for t in touched]
+        nearest = min([Hit(_to_floor_m(origin, ray), abs(ray[2])), *found])
+        return nearest if nearest.distance_m <= most_m else None
+
+    def _touched(
+        self, origin: Vector3, direction: Vector3, most_m: float, width_m: float
+    ) -> list[Triangle]:
+        """The triangles that a box about the ray touches."""
         _check_finite((*origin, *direction))
-        beam = self._beams.get(most_m)
-        if beam is None:
-            beam = fcl.CollisionObject(fcl.Box(BEAM_WIDTH_M, BEAM_WIDTH_M, most_m))
-            self._beams[most_m] = beam
+        probe = self._probes.get((most_m, width_m))
+        if probe is None:
+            probe = fcl.CollisionObject(fcl.Box(width_m, width_m, most_m))
+            self._probes[most_m, width_m] = probe
         half_m = 0.5 * most_m
         (x, y, z), (dx, dy, dz) = origin, direction
-        middle = np.array((x + half_m * dx, y + half_m * dy, z + half_m * dz))
-        beam.setTransform(fcl.Transform(_rotation_to(direction), middle))
+        probe.setQuatRotation(_rotation_to(direction))
+        probe.setTranslation(np.array((x + half_m * dx, y + half_m * dy, z + half_m * dz)))
         result = fcl.CollisionResult()
-        fcl.collide(self._everything, beam, self._request, result)
-        touched = {contact.b1 for contact in result.contacts}
-        return _nearest(origin, direction, (self._triangles[i] for i in touched), most_m)
+        fcl.collide(self._obstacles, probe, self._request, result)
+        return [self._triangles[contact.b1] for contact in result.contacts]
 
     def clearance_m(self, position: Vector3) -> float:
         """Distance of a point to anything but the floor; 0 inside a solid."""
@@ -82,59 +111,35 @@ class WorldModel:
         return float(fcl.distance(self._obstacles, self._body, fcl.DistanceRequest(), result))
 
 
-def _collision_object(mesh: Mesh) -> tuple[fcl.CollisionObject, list[Triangle]]:
+def _to_floor_m(origin: Vector3, direction: Vector3) -> float:
+    """Distance along a ray to the floor, down = 0 everywhere; infinite if it does not meet it."""
+    down, slope = origin[2], direction[2]
+    reach_m = -down / slope if slope else math.inf
+    return reach_m if reach_m >= 0 else math.inf
+
+
+def _collision_object(mesh: Mesh) -> fcl.CollisionObject:
     bvh = fcl.BVHModel()
     bvh.beginModel(len(mesh.faces), len(mesh.vertices))
-    bvh.addSubModel(mesh.vertices, mesh.faces)
+    bvh.addSubModel(mesh.vertices, mesh.faces.tolist())
     bvh.endModel()
-    corners: list[Vector3] = [(float(x), float(y), float(z)) for x, y, z in mesh.vertices]
-    triangles = [(corners[a], corners[b], corners[c]) for a, b, c in mesh.faces]
-    return fcl.CollisionObject(bvh), triangles
+    return fcl.CollisionObject(bvh)
 
 
 def _check_finite(values: tuple[float, ...]) -> None:
     """FCL answers nonsense to NaN without a word."""
-    if not all(map(math.isfinite, values)):
+    if not math.isfinite(sum(values)):
         raise ValueError(f"not a finite pose: {values}")
 
 
-def _rotation_to(direction: Vector3) -> np.ndarray:
-    """The quaternion (w, x, y, z) that turns the z axis to the direction, half-way round."""
+def _rotation_to(direction: Vector3) -> tuple[float, float, float, float]:
+    """The quaternion (w, x, y, z) that lays the z axis, either way round, along the direction."""
     x, y, z = direction
-    if z < -1 + 1e-9:
-        return np.array((0.0, 1.0, 0.0, 0.0))
+    if z < 0:  # the box is its own mirror image, and half a turn has no one axis
+        x, y, z = -x, -y, -z
     # (1 + z0·d, z0 × d), normalised
     scale = 1 / math.sqrt(2 * (1 + z))
-    return np.array(((1 + z) * scale, -y * scale, x * scale, 0.0))
-
-
-def _nearest(
-    origin: Vector3, direction: Vector3, triangles: Iterable[Triangle], most_m: float
-) -> float | None:
-    hits = (_intersect(origin, direction, triangle) for triangle in triangles)
-    ahead = [hit for hit in hits if hit is not None and 0 <= hit <= most_m]
-    return min(ahead, default=None)
-
-
-def _intersect(origin: Vector3, direction: Vector3, triangle: Triangle) -> float | None:
-    """Möller and Trumbore 1997: distance along the ray to the triangle's plane, if inside it."""
-    (ax, ay, az), (bx, by, bz), (cx, cy, cz) = triangle
-    dx, dy, dz = direction
-    e1x, e1y, e1z = bx - ax, by - ay, bz - az
-    e2x, e2y, e2z = cx - ax, cy - ay, cz - az
-    px, py, pz = dy * e2z - dz * e2y, dz * e2x - dx * e2z, dx * e2y - dy * e2x
-    det = e1x * px + e1y * py + e1z * pz
-    if abs(det) < 1e-14:
-        return None
-    tx, ty, tz = origin[0] - ax, origin[1] - ay, origin[2] - az
-    u = (tx * px + ty * py + tz * pz) / det
-    if not -EDGE_TOLERANCE <= u <= 1 + EDGE_TOLERANCE:
-        return None
-    qx, qy, qz = ty * e1z - tz * e1y, tz * e1x - tx * e1z, tx * e1y - ty * e1x
-    v = (dx * qx + dy * qy + dz * qz) / det
-    if v < -EDGE_TOLERANCE or u + v > 1 + EDGE_TOLERANCE:
-        return None
-    return (e2x * qx + e2y * qy + e2z * qz) / det
+    return (1 + z) * scale, -y * scale, x * scale, 0.0
 
 
 def _is_inside(box: Box, position: Vector3) -> bool:

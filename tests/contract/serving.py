@@ -50,7 +50,7 @@ class Served:
             thread.join(5)
 
     def _serve(self, client: socket.socket) -> None:
-        connection = BusConnection(self._bus, lambda t, port, sent: (t, 0), lambda: 0.0)
+        connection = BusConnection(self._bus, lambda: 0.0)
         with client:
             while data := client.recv(4096):
                 client.sendall(connection.feed(data))

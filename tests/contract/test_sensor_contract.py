@@ -52,7 +52,9 @@ def make_bench(profile: str) -> Bench:
         distance = bench.distances_m[beam]
         return distance if distance is not None and distance <= most_m else None
 
-    board = SensorBoard(1, config, range_m, lambda time_s: replace(bench.truth, time_s=time_s))
+    board = SensorBoard(
+        1, config, lambda beam: range_m, lambda time_s: replace(bench.truth, time_s=time_s)
+    )
     bench = Bench(board.bus, board, config, dict.fromkeys(BEAM_DIRECTIONS, 2.0), STILL)
     board.bus.set_time(bench.time_s)
     return bench

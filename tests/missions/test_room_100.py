@@ -37,6 +37,16 @@ def test_the_same_seed_is_the_same_flight_whatever_carries_the_messages(sitl: Si
     assert first.plan == again.plan == as_bytes.plan
 
 
+def test_with_beam_physics_too_the_same_seed_is_the_same_flight(sitl: Sitl) -> None:
+    beam = {"width_deg": 2, "steep_deg": 75, "dropout": 0.02, "shift_m": 0.02}
+    first = sitl.fly("room_100", seed=5, beam=beam)
+    as_bytes = sitl.fly("room_100", seed=5, beam=beam, transport="bytes")
+    assert first.completed, first.ending
+    assert first.truth.path == as_bytes.truth.path
+    assert first.plan == as_bytes.plan
+    assert first.truth.path != sitl.fly("room_100", seed=5).truth.path
+
+
 def test_another_seed_is_another_flight(sitl: Sitl) -> None:
     first, other = (sitl.fly("room_100", seed=seed) for seed in (5, 6))
     assert first.truth.path != other.truth.path

@@ -1,13 +1,21 @@
 """The Sharp sensor: its curve, its noise, and what it cannot see."""
 
 import math
+import statistics
+from dataclasses import replace
+from itertools import pairwise
+from random import Random
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.drivers import ads1115
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER, PROFILES
 from companion.messages import RangeState
+from sitl.sensors.ads1115 import Ads1115Device
+from sitl.sensors.i2c import DeviceBus
+from sitl.sensors.sharp import PHYSICS, SharpPhysics, SharpUnit
 
 
 @given(st.floats(1.0, 5.5))
@@ -59,3 +67,78 @@ def test_very_near_things_read_as_metres() -> None:
     folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.3))
     assert folded.is_distance
     assert folded.distance_m > 1.5
+
+
+@pytest.mark.parametrize(
+    ("distance_m", "volts"),
+    [(1.0, 2.50), (1.4, 2.10), (2.0, 1.80), (3.2, 1.52), (4.4, 1.42), (5.5, 1.37)],
+)
+def test_the_curve_goes_through_the_datasheets_points(distance_m: float, volts: float) -> None:
+    assert GP2Y0A710K0F.volts(distance_m) == pytest.approx(volts)
+
+
+@given(st.floats(1.0, 5.5), st.floats(1.0, 5.5))
+def test_in_range_the_nearer_the_higher(a_m: float, b_m: float) -> None:
+    near_m, far_m = sorted((a_m, b_m))
+    assert GP2Y0A710K0F.volts(near_m) >= GP2Y0A710K0F.volts(far_m)
+
+
+@given(st.floats(0.0, 0.5), st.floats(0.0, 0.5))
+def test_below_half_a_metre_the_curve_folds_back(a_m: float, b_m: float) -> None:
+    near_m, far_m = sorted((a_m, b_m))
+    assert GP2Y0A710K0F.volts(near_m) <= GP2Y0A710K0F.volts(far_m)
+
+
+GP2Y = PHYSICS["gp2y0a710k0f"]
+QUIET = replace(GP2Y, output_noise_v=0.0)
+
+
+def units(physics: SharpPhysics, count: int, distance_m: float = 2.0) -> list[SharpUnit]:
+    return [SharpUnit(physics, lambda time_s: distance_m, Random(seed)) for seed in range(count)]
+
+
+def refreshes_s(unit: SharpUnit, until_s: float) -> list[float]:
+    """When the output changes, to 0.1 ms; its noise is different after every refresh."""
+    times_s = [step * 1e-4 for step in range(round(until_s / 1e-4))]
+    volts = [unit.volts(time_s) for time_s in times_s]
+    changes = zip(times_s[1:], pairwise(volts), strict=True)
+    return [time_s for time_s, (before, after) in changes if before != after]
+
+
+def test_a_unit_holds_its_output_for_its_own_period() -> None:
+    periods_s = []
+    for unit in units(GP2Y, 30):
+        times_s = refreshes_s(unit, 0.3)
+        gaps_s = [b - a for a, b in pairwise(times_s)]
+        periods_s.append(statistics.mean(gaps_s))
+        assert max(gaps_s) - min(gaps_s) < 2.5e-4
+    assert statistics.mean(periods_s) == pytest.approx(0.0165, rel=0.03)
+    assert statistics.stdev(periods_s) == pytest.approx(0.05 * 0.0165, rel=0.4)
+
+
+def test_units_do_not_refresh_together() -> None:
+    first_s = sorted(refreshes_s(unit, 0.03)[0] for unit in units(GP2Y, 100))
+    quarters = [sum(low <= t < low + 0.004 for t in first_s) for low in (0, 0.004, 0.008, 0.012)]
+    assert min(quarters) > 10
+
+
+def test_the_output_has_ten_millivolts_of_noise() -> None:
+    (unit,) = units(GP2Y, 1)
+    volts = [unit.volts(0.05 * i) for i in range(4000)]
+    assert statistics.stdev(volts) == pytest.approx(0.010, rel=0.05)
+
+
+def test_units_differ_in_gain() -> None:
+    seen_m = [GP2Y.profile.reading(unit.volts(1.0)).distance_m for unit in units(QUIET, 1000)]
+    assert statistics.mean(seen_m) == pytest.approx(2.0, rel=0.001)
+    assert statistics.stdev(seen_m) / 2.0 == pytest.approx(0.003, rel=0.1)
+
+
+@given(st.floats(0, 4.095))
+def test_the_adc_rounds_to_its_counts(volts: float) -> None:
+    bus = DeviceBus({0x48: Ads1115Device(lambda channel, time_s: volts)})
+    bus.transfer([ads1115.start(0x48, 0)])
+    bus.wait(ads1115.CONVERSION_S)
+    read_v = ads1115.volts(bus.transfer([ads1115.read(0x48)])[0])
+    assert abs(read_v - volts) <= 125e-6 / 2 + 1e-12
+    assert read_v / 125e-6 == pytest.approx(round(read_v / 125e-6), abs=1e-6)

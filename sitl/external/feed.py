@@ -1,0 +1,73 @@
+"""What an autopilot without eyes is given: drifting odometry, and its range sensors.
+
+The odometry is what an optical flow sensor would make of it: velocity in the body's frame, with
+scale and noise, turned by the autopilot's own heading and summed up.
+"""
+
+import math
+from random import Random
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.frames import Vector3
+from companion.messages import Beam
+from sitl.autopilot.estimator import Estimator
+from sitl.autopilot.streams import Message
+from sitl.sensors.beam import RangeQuery
+from sitl.sensors.board import BEAM_FRD, to_ned
+from sitl.truth import TrueState
+
+INFRARED = mavlink.MAV_DISTANCE_SENSOR_INFRARED
+LEAST_CM, MOST_CM = 2, 550
+RANGE_SIGMA_M = 0.02
+GEAR_M = 0.1
+"""How high the down sensor looks from when the vehicle stands."""
+UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
+ORIENTATION = {
+    Beam.FRONT: mavlink.MAV_SENSOR_ROTATION_NONE,
+    Beam.RIGHT: mavlink.MAV_SENSOR_ROTATION_YAW_90,
+    Beam.LEFT: mavlink.MAV_SENSOR_ROTATION_YAW_270,
+    Beam.UP: mavlink.MAV_SENSOR_ROTATION_PITCH_90,
+    Beam.DOWN: mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+}
+
+
+def vision(estimator: Estimator, truth: TrueState) -> list[Message]:
+    """VISION_POSITION_ESTIMATE (102) and VISION_SPEED_ESTIMATE (103)."""
+    now_us = round(truth.time_s * 1e6)
+    attitude = truth.roll_rad, truth.pitch_rad, estimator.yaw_rad
+    return [
+        mavlink.MAVLink_vision_position_estimate_message(
+            now_us, *estimator.position_ned_m, *attitude, UNKNOWN_COVARIANCE
+        ),
+        mavlink.MAVLink_vision_speed_estimate_message(now_us, *estimator.velocity_ned_m_s),
+    ]
+
+
+def distances(truth: TrueState, range_m: RangeQuery, random: Random) -> list[Message]:
+    """DISTANCE_SENSOR (132) for each beam; nothing in range reads as one more than the most."""
+    return [
+        _distance(truth, ORIENTATION[beam], number, _measured(truth, beam, range_m, random))
+        for number, beam in enumerate(ORIENTATION)
+    ]
+
+
+def _measured(truth: TrueState, beam: Beam, range_m: RangeQuery, random: Random) -> float | None:
+    north, east, down = truth.position_ned_m
+    eye: Vector3 = (north, east, down - GEAR_M)
+    distance_m = range_m(eye, to_ned(BEAM_FRD[beam], truth), MOST_CM / 100)
+    return None if distance_m is None else distance_m + random.gauss(0, RANGE_SIGMA_M)
+
+
+def _distance(truth: TrueState, orientation: int, number: int, distance_m: float | None) -> Message:
+    current_cm = MOST_CM + 1 if distance_m is None else round(100 * distance_m)
+    return mavlink.MAVLink_distance_sensor_message(
+        round(truth.time_s * 1e3) % 2**32,
+        LEAST_CM,
+        MOST_CM,
+        max(LEAST_CM, min(MOST_CM + 1, current_cm)),
+        INFRARED,
+        number,
+        orientation,
+        round((100 * RANGE_SIGMA_M) ** 2),
+    )

@@ -1,0 +1,100 @@
+"""The true state of somebody else's simulation, out of its ground truth messages.
+
+They tell latitude and longitude to 1e-7 degrees, 11 mm: too coarse for ranges to a few millimetres.
+Between and across messages the position is carried on by the velocity and pulled towards what is
+told.
+"""
+
+import math
+from dataclasses import replace
+
+from companion.frames import Vector3, wrap_rad
+from sitl.autopilot.ground_truth import Place, offset_ned_m
+from sitl.autopilot.streams import Message
+from sitl.truth import TrueState
+
+PULL = 0.2
+"""Share of the difference that one message corrects."""
+JUMP_M = 0.5
+"""Farther off than this the simulation has been moved, not flown."""
+
+
+class TruthTracker:
+    """Time is ours, the motion theirs; the world's frame is moved to where they began."""
+
+    def __init__(self, start: TrueState) -> None:
+        self._start = start
+        self._home: Place | None = None
+        self.state = start
+
+    @property
+    def home(self) -> Place | None:
+        """Where on Earth their simulation began; None before anything was heard."""
+        return self._home
+
+    def hear(self, message: Message, now_s: float) -> bool:
+        """Take in a message; True if it told the true state."""
+        told = _told(message)
+        if told is None:
+            return False
+        place, state = told
+        if self._home is None:
+            self._home = place
+        there = offset_ned_m(self._home, place)
+        began = self._start.position_ned_m
+        told_at = (there[0] + began[0], there[1] + began[1], min(there[2], 0.0) + began[2])
+        self.state = replace(
+            state, time_s=now_s, position_ned_m=self._pulled(self.at(now_s), told_at)
+        )
+        return True
+
+    def _pulled(self, predicted: TrueState, told_at: Vector3) -> Vector3:
+        here = predicted.position_ned_m
+        if math.dist(here, told_at) > JUMP_M:
+            return told_at
+        north, east, down = (h + PULL * (t - h) for h, t in zip(here, told_at, strict=True))
+        return north, east, down
+
+    def at(self, time_s: float) -> TrueState:
+        """Carried on from the last message."""
+        state = self.state
+        dt_s = time_s - state.time_s
+        north, east, down = (
+            p + v * dt_s for p, v in zip(state.position_ned_m, state.velocity_ned_m_s, strict=True)
+        )
+        return replace(
+            state,
+            time_s=time_s,
+            position_ned_m=(north, east, min(down, self._start.position_ned_m[2])),
+            yaw_rad=wrap_rad(state.yaw_rad + state.yaw_rate_rad_s * dt_s),
+        )
+
+
+def _told(message: Message) -> tuple[Place, TrueState] | None:
+    m = message
+    match m.get_type():
+        case "SIM_STATE":
+            place = m.lat_int, m.lon_int, round(1000 * m.alt)
+            attitude = m.roll, m.pitch, m.yaw
+            return place, _state((m.vn, m.ve, m.vd), attitude, m.zgyro)
+        case "HIL_STATE_QUATERNION":
+            velocity = 0.01 * m.vx, 0.01 * m.vy, 0.01 * m.vz
+            attitude = _roll_pitch_yaw(m.attitude_quaternion)
+            return (m.lat, m.lon, m.alt), _state(velocity, attitude, m.yawspeed)
+    return None
+
+
+def _state(velocity_ned_m_s: Vector3, attitude: Vector3, yaw_rate_rad_s: float) -> TrueState:
+    roll, pitch, yaw = attitude
+    return TrueState(
+        0.0, (0.0, 0.0, 0.0), velocity_ned_m_s, roll, pitch, wrap_rad(yaw), yaw_rate_rad_s
+    )
+
+
+def _roll_pitch_yaw(quaternion_wxyz: tuple[float, float, float, float]) -> Vector3:
+    w, x, y, z = quaternion_wxyz
+    return (
+        math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y)),
+        math.asin(max(-1.0, min(1.0, 2 * (w * y - z * x)))),
+        math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)),
+    )

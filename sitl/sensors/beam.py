@@ -1,0 +1,151 @@
+"""What a beam of light has and a ray has not: width, losses, and the paper's shaking sensor.
+
+Everything is off unless asked for, by a file such as
+
+width_deg = 2.0    # the spot reads between, where it is split over an edge
+steep_deg = 60.0   # steeper incidence loses returns
+dropout = 0.01     # share of measurements that read as nothing in range
+shift_m = 0.02     # the paper's noise: the sensor moves at random in x, y and z
+"""
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from companion.frames import Vector3
+from sitl.errors import SitlError, complaint
+from sitl.noise import stream
+from sitl.world.model import Hit
+
+RangeQuery = Callable[[Vector3, Vector3, float], float | None]
+"""(origin_ned_m, direction_ned, most_m) -> distance to the first surface, or None."""
+HitsQuery = Callable[[Vector3, Sequence[Vector3], float, float], list[Hit | None]]
+"""(origin_ned_m, rays_ned with their axis first, most_m, half_angle_rad) -> where each ends."""
+
+RING_RAYS = 6
+RING_SHARE = math.sqrt(7 / 12)
+"""Of the cone's half angle: so the axis and six rays have the spread of an evenly lit spot, whose
+mean square radius is half the square of its rim's."""
+LEAST_M = 1e-6
+"""A sensor that touches what it looks at does not divide by zero."""
+
+
+class BeamError(SitlError, ValueError):
+    """A file of beam physics that cannot be used; says which key, value and bound."""
+
+
+class BeamPhysics(BaseModel):
+    """How a range sensor's light differs from a ray; the default is a ray."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    width_deg: float = Field(0.0, ge=0, le=30)
+    """Full angle of the cone of light, degrees."""
+    steep_deg: float = Field(90.0, ge=0, le=90)
+    """Incidence, from the surface's normal, up to which light returns; beyond it the chance grows
+    evenly that it does not, to certainty at 90 degrees."""
+    dropout: float = Field(0.0, ge=0, le=1)
+    """Chance that a measurement reads as nothing in range."""
+    shift_m: float = Field(0.0, ge=0, le=1)
+    """Sigma of the sensor's random displacement in each of x, y and z, drawn anew for every
+    measurement, metres; the noise of the paper's own simulator."""
+
+
+RAY = BeamPhysics()
+
+
+def beam_physics(values: Mapping[str, object], source: str) -> BeamPhysics:
+    """Checked.
+
+    Raises:
+        BeamError: one line that says what to mend.
+    """
+    try:
+        return BeamPhysics.model_validate(values)
+    except ValidationError as error:
+        raise BeamError(f"{source}: {complaint(error)}") from error
+
+
+def load_beam_physics(path: Path) -> BeamPhysics:
+    """From a TOML file.
+
+    Raises:
+        BeamError: one line that says what to mend.
+    """
+    try:
+        return beam_physics(tomllib.loads(path.read_text()), str(path))
+    except OSError as error:
+        raise BeamError(f"{path}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise BeamError(f"{path}: not TOML: {error}") from error
+
+
+class LightBeam:
+    """The beam of one sensor, called `name`; every cause draws from its own stream."""
+
+    def __init__(self, physics: BeamPhysics, hits: HitsQuery, seed: int, name: str) -> None:
+        self._physics = physics
+        self._hits = hits
+        self._half_angle_rad = RING_SHARE * math.radians(physics.width_deg / 2)
+        self._dropout = stream(seed, f"dropout {name}")
+        self._steepness = stream(seed, f"incidence {name}")
+        self._shift = stream(seed, f"shift {name}")
+
+    def range_m(self, origin: Vector3, direction: Vector3, most_m: float) -> float | None:
+        """One measurement: what the sensor takes for the distance, or None."""
+        fate = self._steepness.random()
+        is_lost = self._dropout.random() < self._physics.dropout
+        north, east, down = (x + self._shift.gauss(0, self._physics.shift_m) for x in origin)
+        if is_lost:
+            return None
+        rays = self._rays(direction)
+        hits = self._hits((north, east, down), rays, most_m, self._half_angle_rad)
+        return _triangulated([hit for hit in hits if hit and fate >= self._loss(hit)])
+
+    def _rays(self, direction: Vector3) -> list[Vector3]:
+        if not self._half_angle_rad:
+            return [direction]
+        return [direction, *_ring(direction, self._half_angle_rad)]
+
+    def _loss(self, hit: Hit) -> float:
+        """The chance that light of this incidence does not return."""
+        steep_deg = self._physics.steep_deg
+        beyond_deg = math.degrees(math.acos(min(hit.cos_incidence, 1.0))) - steep_deg
+        return beyond_deg / (90 - steep_deg) if beyond_deg > 0 else 0.0
+
+
+def _triangulated(hits: Sequence[Hit]) -> float | None:
+    """Where the returned light's centre of gravity lies on the detector, as a distance.
+
+    The spot's place on it goes by 1/distance, its brightness by Lambert's cosine over distance².
+    """
+    lit = [(hit.cos_incidence, max(hit.distance_m, LEAST_M)) for hit in hits]
+    light = sum(cos / distance_m**2 for cos, distance_m in lit)
+    moment = sum(cos / distance_m**3 for cos, distance_m in lit)
+    return light / moment if moment else None
+
+
+def _ring(axis: Vector3, half_angle_rad: float) -> list[Vector3]:
+    """Unit vectors evenly round the axis, all at that angle from it."""
+    x, y, z = axis
+    # At right angles to the axis: x̂ × axis, or ŷ × axis where x̂ is too near it.
+    across = (0.0, -z, y) if abs(x) < 0.6 else (z, 0.0, -x)
+    length = math.hypot(*across)
+    ux, uy, uz = across[0] / length, across[1] / length, across[2] / length
+    vx, vy, vz = y * uz - z * uy, z * ux - x * uz, x * uy - y * ux
+    along, aside = math.cos(half_angle_rad), math.sin(half_angle_rad)
+    ring = []
+    for i in range(RING_RAYS):
+        turn_rad = 2 * math.pi * i / RING_RAYS
+        u, v = aside * math.cos(turn_rad), aside * math.sin(turn_rad)
+        ring.append(
+            (
+                along * x + u * ux + v * vx,
+                along * y + u * uy + v * vy,
+                along * z + u * uz + v * vz,
+            )
+        )
+    return ring

@@ -1,0 +1,136 @@
+"""A mission in a file: what is flown, and what happens meanwhile.
+
+    [mission]            # settings as in docs/config.md
+    kind = "room"
+    speed_m_s = 0.7
+
+    [[events]]           # faults and the pilot, as in docs/testing.md
+    when = "scanning"    # or at_s = 20
+    do = "link_down"     # break_bus, crash, link_down, pilot_mode, unplug
+    for_s = 5            # link_down and break_bus: for good if left out
+    # with = "LOITER"    # pilot_mode: the mode; unplug: the beam
+
+A Python file defines the same as `mission`, a dict, and `events`, a list of `sitl.testing` events.
+"""
+
+import runpy
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sitl.errors import SitlError, complaint
+from sitl.testing.script import (
+    Action,
+    Event,
+    at,
+    break_bus,
+    crash,
+    link_down,
+    pilot_mode,
+    unplug,
+    when,
+)
+
+SUFFIXES = (".toml", ".py")
+
+
+class MissionError(SitlError, ValueError):
+    """A mission file that cannot be used; says which key and value."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionFile:
+    """What to fly, as overrides of the companion's configuration, and what happens."""
+
+    settings: Mapping[str, object]
+    events: tuple[Event, ...] = ()
+
+
+class _Event(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", populate_by_name=True)
+
+    at_s: float | None = Field(None, ge=0)
+    when: str | None = None
+    do: Literal["break_bus", "crash", "link_down", "pilot_mode", "unplug"]
+    for_s: float | None = Field(None, gt=0)
+    detail: str | None = Field(None, alias="with")
+
+    @model_validator(mode="after")
+    def _begins_once(self) -> "_Event":
+        if (self.at_s is None) == (self.when is None):
+            raise ValueError("either at_s or when is needed, not both")
+        if (self.do in ("pilot_mode", "unplug")) != (self.detail is not None):
+            raise ValueError("with is needed by pilot_mode and unplug, and by nothing else")
+        return self
+
+    def event(self) -> Event:
+        action = self._action()
+        return at(self.at_s, action) if self.at_s is not None else when(self.when or "", action)
+
+    def _action(self) -> Action:
+        match self.do:
+            case "break_bus":
+                return break_bus(self.for_s)
+            case "link_down":
+                return link_down(self.for_s)
+            case "crash":
+                return crash()
+            case "pilot_mode":
+                return pilot_mode(self.detail or "")
+            case "unplug":
+                return unplug(self.detail or "")
+
+
+class _File(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    mission: dict[str, object] = {}
+    events: tuple[_Event, ...] = ()
+
+
+def load_mission(mission: str) -> MissionFile:
+    """A mission by its kind, such as "room", or from a file.
+
+    Raises:
+        MissionError: one line that says what to mend.
+    """
+    path = Path(mission)
+    if path.suffix not in SUFFIXES:
+        return MissionFile({"mission.kind": mission})
+    try:
+        return _python(path) if path.suffix == ".py" else _toml(path)
+    except OSError as error:
+        raise MissionError(f"{mission}: {error.strerror}") from error
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise MissionError(f"{mission}: not TOML: {error}") from error
+    except ValidationError as error:
+        raise MissionError(f"{mission}: {complaint(error)}") from error
+
+
+def _toml(path: Path) -> MissionFile:
+    file = _File.model_validate(tomllib.loads(path.read_text()))
+    try:
+        events = tuple(event.event() for event in file.events)
+    except ValueError as error:
+        raise MissionError(f"{path}: {error}") from error
+    return MissionFile(_overrides(file.mission), events)
+
+
+def _python(path: Path) -> MissionFile:
+    names: dict[str, Any] = runpy.run_path(str(path))
+    mission, events = names.get("mission"), names.get("events", ())
+    if not isinstance(mission, Mapping):
+        raise MissionError(f"{path}: mission: a dict of settings is needed")
+    if not all(isinstance(event, Event) for event in events):
+        raise MissionError(
+            f"{path}: events: only at(...) and when(...) of sitl.testing belong there"
+        )
+    return MissionFile(_overrides(mission), tuple(events))
+
+
+def _overrides(mission: Mapping[str, object]) -> dict[str, object]:
+    return {f"mission.{key}": value for key, value in mission.items()}
