@@ -107,7 +107,7 @@ def run(
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     if autopilot is RunAutopilot.EXTERNAL:
         options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
-        _run_external(options, connect, bus_port, truth)
+        _run_external(options, connect, bus_port, speed, truth)
         return
     options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
     setup, watch = options.setup()
@@ -118,11 +118,13 @@ def run(
     _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
 
 
-def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
-    vehicle, door = external_door(options.setup()[0], connect, bus_port, _say)
-    print(f"MAVLink  {connect}, for the simulator; give the companion a link of its own")
+def _run_external(
+    options: FlightOptions, connect: str, bus_port: int, speed: float, truth: Path | None
+) -> None:
+    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, speed, _say)
+    print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=1.0))
+    _serve(Server(vehicle, [door], speed=speed))
     _save_truth([vehicle.record], truth)
 
 

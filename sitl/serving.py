@@ -37,16 +37,18 @@ def fleet_doors(
 
 
 def external_door(
-    setup: Setup, connect: str, bus_port: int, tell: Callable[[str], None]
-) -> tuple[ExternalVehicle, Door]:
-    """Somebody else's autopilot in our world; its companion has a link of its own.
+    setup: Setup, connect: str, bus_port: int, speed: float, tell: Callable[[str], None]
+) -> tuple[ExternalVehicle, Door, str]:
+    """Somebody else's autopilot in our world, and where its MAVLink is awaited.
+
+    Its companion has a link of its own.
 
     Raises:
         SitlError, LinkError: one line that says what to mend.
     """
     transport = UdpTransport(connect, setup.system_id, COMPONENT)
-    vehicle = ExternalVehicle(setup, transport, tell)
-    return vehicle, Door(vehicle.board.bus, listen(bus_port), ())
+    vehicle = ExternalVehicle(setup, transport, speed, tell)
+    return vehicle, Door(vehicle.board.bus, listen(bus_port), ()), transport.address
 
 
 def port_after(url: str, number: int) -> str:

@@ -1,4 +1,4 @@
-"""A vehicle whose flight is simulated elsewhere, in our world and in real time."""
+"""A vehicle whose flight is simulated elsewhere, in our world, by the wall clock."""
 
 import time
 from collections.abc import Callable
@@ -27,9 +27,14 @@ VISION_STEPS, DISTANCE_STEPS, HEARTBEAT_STEPS = 2, 10, 100
 
 
 class ExternalVehicle:
-    """Served like a `Simulation`; `advance` waits for the wall clock, as nobody else's can be."""
+    """Served like a `Simulation`, but `advance` waits: an autopilot elsewhere has its own time.
 
-    def __init__(self, setup: Setup, transport: UdpTransport, tell: Callable[[str], None]) -> None:
+    `speed` is how many times faster than real time it simulates.
+    """
+
+    def __init__(
+        self, setup: Setup, transport: UdpTransport, speed: float, tell: Callable[[str], None]
+    ) -> None:
         start = start_state(setup)
         self._transport = transport
         self._model = WorldModel(setup.world)
@@ -40,6 +45,7 @@ class ExternalVehicle:
         self._noise = stream(setup.seed, "range sensors of the autopilot")
         self._history = History(start)
         self._steps = 0
+        self._speed = speed
         self._began_s = time.monotonic()
         self.record = TruthRecord(start)
         self.board = SensorBoard(
@@ -53,7 +59,7 @@ class ExternalVehicle:
     def advance(self, time_s: float) -> None:
         """Let the wall clock come to `time_s`, step by step."""
         while self.time_s < time_s - 1e-9:
-            due_s = self._began_s + self.time_s + STEP_S
+            due_s = self._began_s + (self.time_s + STEP_S) / self._speed
             time.sleep(max(0.0, due_s - time.monotonic()))
             self._steps += 1
             self._step()
