@@ -62,10 +62,12 @@ def check(
                 f"{world}: start {start.name!r} has {clearance_m:.2f} m around it; "
                 f"{LEAST_START_CLEARANCE_M} m are needed, move it"
             )
-    typer.echo(f"{loaded.name}: {len(loaded.panels)} walls, {len(loaded.boxes)} boxes, good")
+    parts = f"{len(loaded.panels)} walls, {len(loaded.boxes)} boxes"
+    if loaded.mesh is not None:
+        parts = f"{len(loaded.mesh.faces)} triangles"
+    typer.echo(f"{loaded.name}: {parts}, {len(loaded.starts)} starts, good")
 
 
 def _extent(world: World) -> tuple[float, float]:
-    points = [point for panel in world.panels for point in (panel.start, panel.end)]
-    norths, easts = zip(*points, strict=True)
-    return max(norths) - min(norths), max(easts) - min(easts)
+    (south, west), (north, east) = world.bounds
+    return north - south, east - west

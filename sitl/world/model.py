@@ -13,7 +13,8 @@ import numpy as np
 
 from companion.frames import Vector3
 from sitl.world.format import Box, World
-from sitl.world.mesh import Mesh, full_mesh, obstacle_mesh
+from sitl.world.mesh import full_mesh, obstacle_mesh
+from sitl.world.triangles import Mesh
 
 BODY_RADIUS_M = 0.2
 """The drone with its propellers is a sphere of this radius."""
@@ -31,8 +32,10 @@ class WorldModel:
 
     def __init__(self, world: World) -> None:
         self._boxes = world.boxes
-        self._everything, self._triangles = _collision_object(full_mesh(world))
-        self._obstacles, _ = _collision_object(obstacle_mesh(world))
+        everything = full_mesh(world)
+        self._everything = _collision_object(everything)
+        self._triangles = _triangles(everything)
+        self._obstacles = _collision_object(obstacle_mesh(world))
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
         self._request = fcl.CollisionRequest(num_max_contacts=MOST_CONTACTS, enable_contact=False)
         self._beams: dict[float, fcl.CollisionObject] = {}
@@ -82,14 +85,18 @@ class WorldModel:
         return float(fcl.distance(self._obstacles, self._body, fcl.DistanceRequest(), result))
 
 
-def _collision_object(mesh: Mesh) -> tuple[fcl.CollisionObject, list[Triangle]]:
+def _collision_object(mesh: Mesh) -> fcl.CollisionObject:
     bvh = fcl.BVHModel()
     bvh.beginModel(len(mesh.faces), len(mesh.vertices))
     bvh.addSubModel(mesh.vertices, mesh.faces)
     bvh.endModel()
-    corners: list[Vector3] = [(float(x), float(y), float(z)) for x, y, z in mesh.vertices]
-    triangles = [(corners[a], corners[b], corners[c]) for a, b, c in mesh.faces]
-    return fcl.CollisionObject(bvh), triangles
+    return fcl.CollisionObject(bvh)
+
+
+def _triangles(mesh: Mesh) -> list[Triangle]:
+    """Python floats, with which one ray is intersected faster than with arrays."""
+    corners: list[Vector3] = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
+    return [(corners[a], corners[b], corners[c]) for a, b, c in mesh.faces.tolist()]
 
 
 def _check_finite(values: tuple[float, ...]) -> None:
