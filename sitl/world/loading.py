@@ -5,12 +5,14 @@ from importlib import resources
 from pathlib import Path
 
 from sitl.world.format import World, WorldError, parse_world
+from sitl.world.importers.meshes import load_mesh
 from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
 
 IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
     ".json": load_segments,
     **dict.fromkeys((".yaml", ".yml"), load_ros_map),
+    **dict.fromkeys((".stl", ".obj", ".ply", ".glb", ".gltf"), load_mesh),
 }
 """By the file's suffix, in small letters."""
 
