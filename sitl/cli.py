@@ -274,5 +274,7 @@ def main() -> None:
     try:
         commands()
     except (SitlError, WorldError, CompanionError) as error:
-        Console(stderr=True, highlight=False).print(f"sitl: {error}", soft_wrap=True)
+        # what stands in a file may look like the console's markup
+        console = Console(stderr=True, highlight=False, markup=False)
+        console.print(f"sitl: {error}", soft_wrap=True)
         raise SystemExit(EXIT_REFUSED) from None

@@ -1,5 +1,6 @@
 """What SITL can refuse, in one line for the person reading it."""
 
+import reprlib
 from typing import Any
 
 from pydantic import ValidationError
@@ -10,10 +11,18 @@ class SitlError(Exception):
 
 
 def complaint(error: ValidationError) -> str:
-    """The first thing wrong, with key, value and bound."""
+    """The first thing that is wrong in a file: key = value: what it should be."""
     first: Any = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
-    value = "" if isinstance(first["input"], dict) else f" = {first['input']!r}"
+    value = "" if isinstance(first["input"], dict) else f" = {_shown(first['input'])}"
     message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
     message = "no such key" if first["type"] == "extra_forbidden" else message
     return f"{key}{value}: {message}" if key else message
+
+
+def _shown(value: object) -> str:
+    """Short, however long or deep the value is."""
+    try:
+        return reprlib.repr(value)
+    except ValueError:  # Python refuses to print integers of thousands of digits
+        return "a huge number"

@@ -10,7 +10,7 @@ from rich.table import Table
 from sitl.world.drawing import draw_plan
 from sitl.world.format import World, WorldError
 from sitl.world.loading import load_world, world_names
-from sitl.world.mesh import full_mesh
+from sitl.world.mesh import visible_mesh
 from sitl.world.model import WorldModel
 
 LEAST_START_CLEARANCE_M = 0.6
@@ -31,7 +31,7 @@ def list_worlds() -> None:
             f"{north_m:g} × {east_m:g} m",
             f"{world.height_m:g} m",
             ", ".join(start.name for start in world.starts),
-            str(len(full_mesh(world).faces)),
+            str(len(visible_mesh(world).faces)),
         )
     Console().print(table)
 
@@ -62,10 +62,12 @@ def check(
                 f"{world}: start {start.name!r} has {clearance_m:.2f} m around it; "
                 f"{LEAST_START_CLEARANCE_M} m are needed, move it"
             )
-    typer.echo(f"{loaded.name}: {len(loaded.panels)} walls, {len(loaded.boxes)} boxes, good")
+    parts = f"{len(loaded.panels)} walls, {len(loaded.boxes)} boxes"
+    if loaded.mesh is not None:
+        parts = f"{len(loaded.mesh.faces)} triangles"
+    typer.echo(f"{loaded.name}: {parts}, {len(loaded.starts)} starts, good")
 
 
 def _extent(world: World) -> tuple[float, float]:
-    points = [point for panel in world.panels for point in (panel.start, panel.end)]
-    norths, easts = zip(*points, strict=True)
-    return max(norths) - min(norths), max(easts) - min(easts)
+    (south, west), (north, east) = world.bounds
+    return north - south, east - west

@@ -24,18 +24,20 @@ heading_deg = 90
 import math
 import tomllib
 from dataclasses import dataclass
-from importlib import resources
 from itertools import pairwise
 from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, InstanceOf, ValidationError, model_validator
 
 from companion.frames import Vector2
 from sitl.errors import SitlError, complaint
+from sitl.world.triangles import Mesh
 
 LEAST_LENGTH_M = 0.01
 ON_WALL_M = 0.05
 """How far off its wall a door's centre may be written."""
+MOST_LETTERS = 500
+"""Of an error's line."""
 
 Segment = tuple[Vector2, Vector2]
 
@@ -45,6 +47,11 @@ Height = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 
 class WorldError(SitlError, ValueError):
     """A world that does not exist or cannot be used; says which file, key and value."""
+
+    def __init__(self, message: str) -> None:
+        """One line, also where it passes on the many of another library."""
+        line = " ".join(message.splitlines())
+        super().__init__(line if len(line) <= MOST_LETTERS else f"{line[:MOST_LETTERS]} ...")
 
 
 class _Part(BaseModel):
@@ -193,23 +200,29 @@ class World(_Part):
     walls: tuple[Walls, ...] = ()
     boxes: tuple[Box, ...] = ()
     starts: tuple[Start, ...] = Field(min_length=1)
+    mesh: InstanceOf[Mesh] | None = Field(None, repr=False)
+    """Whatever else stands there, from an importer; not part of the text format."""
 
     @property
     def panels(self) -> list[Panel]:
         """All walls, doors cut out."""
         return [panel for walls in self.walls for panel in walls.panels(self.height_m)]
 
+    @property
+    def bounds(self) -> tuple[Vector2, Vector2]:
+        """Least and greatest north and east of all that stands here."""
+        points = [point for panel in self.panels for point in (panel.start, panel.end)]
+        points += [point for box in self.boxes for segment in box.segments for point in segment]
+        if self.mesh is not None:
+            points += [(float(north), float(east)) for north, east, _ in self.mesh.extremes]
+        norths, easts = zip(*points, strict=True)
+        return (min(norths), min(easts)), (max(norths), max(easts))
+
     @model_validator(mode="after")
     def _has_something_to_map(self) -> "World":
-        if not self.walls and not self.boxes:
+        if not self.walls and not self.boxes and self.mesh is None:
             raise ValueError("no walls and no boxes; add [[walls]]")
         return self
-
-
-def world_names() -> list[str]:
-    """The built-in worlds."""
-    rooms = resources.files("sitl.world") / "rooms"
-    return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
 
 
 def parse_world(text: str, source: str) -> World:

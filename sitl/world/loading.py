@@ -5,10 +5,16 @@ from importlib import resources
 from pathlib import Path
 
 from sitl.world.format import World, WorldError, parse_world
+from sitl.world.importers.meshes import load_mesh
+from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
 
-IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {".json": load_segments}
-"""By the file's suffix."""
+IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
+    ".json": load_segments,
+    **dict.fromkeys((".yaml", ".yml"), load_ros_map),
+    **dict.fromkeys((".stl", ".obj", ".ply", ".glb", ".gltf"), load_mesh),
+}
+"""By the file's suffix, in small letters."""
 
 
 def world_names() -> list[str]:
@@ -31,12 +37,13 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
         room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
         return parse_world(room.read_text(), name_or_path)
     path = Path(name_or_path)
-    if path.suffix == ".toml":
+    suffix = path.suffix.lower()
+    if suffix == ".toml":
         try:
             return parse_world(path.read_text(), name_or_path)
         except (OSError, UnicodeDecodeError) as error:
             raise WorldError(f"{name_or_path}: {error}") from error
-    if path.suffix in IMPORTERS:
-        return IMPORTERS[path.suffix](path, tell)
+    if suffix in IMPORTERS:
+        return IMPORTERS[suffix](path, tell)
     known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])
     raise WorldError(f"no world {name_or_path!r}; known: {known}, or a file ending in {suffixes}")

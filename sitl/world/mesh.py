@@ -1,31 +1,15 @@
-"""A world as triangles: vertices (n, 3) in NED metres, faces (m, 3) of vertex numbers."""
-
-from dataclasses import dataclass
+"""A world as triangles."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.frames import Vector2, Vector3
 from sitl.world.format import World
+from sitl.world.triangles import Mesh
 
 MARGIN_M = 2.0
 """Floor and ceiling reach this far beyond the outermost wall."""
-
-
-@dataclass(frozen=True, slots=True)
-class Mesh:
-    """Triangles that have been checked: finite, with faces that name existing vertices."""
-
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
-
-    def __post_init__(self) -> None:
-        if not len(self.faces):
-            raise ValueError("a mesh needs at least one triangle")
-        if not np.isfinite(self.vertices).all():
-            raise ValueError("a mesh has vertices that are not finite")
-        if self.faces.min() < 0 or self.faces.max() >= len(self.vertices):
-            raise ValueError("a mesh has faces that name no vertex")
+FLOOR_M = 0.05
+"""What of an imported mesh is nowhere higher than this is floor, carpet or doorstep."""
 
 
 def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
@@ -35,7 +19,18 @@ def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
 
 
 def obstacle_mesh(world: World) -> Mesh:
-    """Walls, boxes and ceiling: all that the drone must not touch."""
+    """Walls, boxes, ceiling and what an imported mesh has above its floor: not to be touched."""
+    imported = world.mesh.above(FLOOR_M) if world.mesh is not None else None
+    return _built(world) if imported is None else _built(world) + imported
+
+
+def visible_mesh(world: World) -> Mesh:
+    """All that a beam can meet but the floor, which is a plane: also carpets and doorsteps."""
+    return _built(world) if world.mesh is None else _built(world) + world.mesh
+
+
+def _built(world: World) -> Mesh:
+    """Walls, boxes and ceiling."""
     quads = []
     for panel in world.panels:
         sides = panel.outline
@@ -49,16 +44,6 @@ def obstacle_mesh(world: World) -> Mesh:
         quads += [_level(corners, box.top_m), _level(corners, box.bottom_m)]
     quads.append(_level(_bounds(world), world.height_m))
     return _from_quads(quads)
-
-
-def full_mesh(world: World) -> Mesh:
-    """The obstacles and the floor: all that a beam can meet."""
-    obstacles = obstacle_mesh(world)
-    floor = _from_quads([_level(_bounds(world), 0.0)])
-    return Mesh(
-        np.concatenate([obstacles.vertices, floor.vertices]),
-        np.concatenate([obstacles.faces, floor.faces + len(obstacles.vertices)]),
-    )
 
 
 def _upright(
@@ -78,10 +63,7 @@ def _level(corners: list[Vector2], height_m: float) -> tuple[Vector3, Vector3, V
 
 
 def _bounds(world: World) -> list[Vector2]:
-    sides = [side for panel in world.panels for side in panel.outline]
-    sides += [side for box in world.boxes for side in box.segments]
-    points = [point for side in sides for point in side]
-    norths, easts = [p[0] for p in points], [p[1] for p in points]
-    south, north = min(norths) - MARGIN_M, max(norths) + MARGIN_M
-    west, east = min(easts) - MARGIN_M, max(easts) + MARGIN_M
+    (south, west), (north, east) = world.bounds
+    south, west = south - MARGIN_M, west - MARGIN_M
+    north, east = north + MARGIN_M, east + MARGIN_M
     return [(south, west), (north, west), (north, east), (south, east)]

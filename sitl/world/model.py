@@ -14,8 +14,9 @@ import numpy as np
 
 from companion.frames import Vector3
 from sitl.world.format import Box, World
-from sitl.world.mesh import Mesh, obstacle_mesh
+from sitl.world.mesh import obstacle_mesh, visible_mesh
 from sitl.world.rays import Triangle, cos_incidence, distance_m, triangles_of
+from sitl.world.triangles import Mesh
 
 BODY_RADIUS_M = 0.2
 """The drone with its propellers is a sphere of this radius."""
@@ -35,10 +36,12 @@ class WorldModel:
     """A world to range in and to bump into. All positions are world NED, metres."""
 
     def __init__(self, world: World) -> None:
-        mesh = obstacle_mesh(world)
+        visible = visible_mesh(world)
         self._boxes = world.boxes
-        self._obstacles = _collision_object(mesh)
-        self._triangles = triangles_of(mesh)
+        self._visible = _collision_object(visible)
+        self._triangles = triangles_of(visible)
+        same = world.mesh is None
+        self._obstacles = self._visible if same else _collision_object(obstacle_mesh(world))
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
         self._request = fcl.CollisionRequest(num_max_contacts=len(self._triangles))
         self._probes: dict[tuple[float, float], fcl.CollisionObject] = {}
@@ -81,7 +84,7 @@ class WorldModel:
         probe.setQuatRotation(_rotation_to(direction))
         probe.setTranslation(np.array((x + half_m * dx, y + half_m * dy, z + half_m * dz)))
         result = fcl.CollisionResult()
-        fcl.collide(self._obstacles, probe, self._request, result)
+        fcl.collide(self._visible, probe, self._request, result)
         return [self._triangles[contact.b1] for contact in result.contacts]
 
     def clearance_m(self, position: Vector3) -> float:

@@ -18,6 +18,7 @@ SAMPLE_M = 0.05
 CELL_M = 0.15
 """Of the grid over which the drone is moved about."""
 OUTSIDE_M = 1.0
+"""The drone need go no farther out than this: outside, once round."""
 SEEN_FROM_M = 1.5
 """A wall counts as one that could be seen if the drone can hover this near, facing it."""
 CLEAR_OF_SAMPLE_M = 0.03
@@ -25,7 +26,7 @@ MOST_VIEWPOINTS = 60
 
 
 def wall_surfaces(world: World, height_m: float) -> list[Segment]:
-    """Segments, (north, east) in metres, of every wall and box that stands at this height."""
+    """Segments, (north, east) in metres, of all that stands at this height."""
     surfaces: list[Segment] = []
     for panel in world.panels:
         if panel.bottom_m <= height_m <= panel.top_m:
@@ -33,6 +34,8 @@ def wall_surfaces(world: World, height_m: float) -> list[Segment]:
     for box in world.boxes:
         if box.bottom_m <= height_m <= box.top_m:
             surfaces += box.segments
+    if world.mesh is not None:
+        surfaces += world.mesh.section(height_m)
     return surfaces
 
 
@@ -61,29 +64,21 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
 def _reachable(world: World, height_m: float, start: Vector2) -> Points:
     """Cell centres that the drone's body can be brought to at this height, (n, 2)."""
     model = WorldModel(world)
-    low, high = _bounds(world)
+    (south, west), (north, east) = world.bounds
     waiting = deque([(0, 0)])
     free = {(0, 0)}
     while waiting:
         row, column = waiting.popleft()
         for cell in ((row + 1, column), (row - 1, column), (row, column + 1), (row, column - 1)):
             place = (start[0] + cell[0] * CELL_M, start[1] + cell[1] * CELL_M, -height_m)
-            inside = low[0] < place[0] < high[0] and low[1] < place[1] < high[1]
+            inside = (
+                south - OUTSIDE_M < place[0] < north + OUTSIDE_M
+                and west - OUTSIDE_M < place[1] < east + OUTSIDE_M
+            )
             if inside and cell not in free and model.clearance_m(place) > BODY_RADIUS_M:
                 free.add(cell)
                 waiting.append(cell)
     return np.array(start) + CELL_M * np.array(sorted(free), dtype=float)
-
-
-def _bounds(world: World) -> tuple[Vector2, Vector2]:
-    """Least and greatest north and east that the drone need go to: outside, once round."""
-    points = [point for panel in world.panels for point in (panel.start, panel.end)]
-    points += [point for box in world.boxes for segment in box.segments for point in segment]
-    norths, easts = zip(*points, strict=True)
-    return (
-        (min(norths) - OUTSIDE_M, min(easts) - OUTSIDE_M),
-        (max(norths) + OUTSIDE_M, max(easts) + OUTSIDE_M),
-    )
 
 
 def _near(tree: cKDTree, point: Points) -> NDArray[np.int64]:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from companion.frames import Vector3
-from sitl.world.mesh import Mesh
+from sitl.world.triangles import Mesh
 
 EDGE_TOLERANCE = 1e-9
 """A ray this near a triangle's edge, in barycentric terms, meets it: no ray slips between two."""

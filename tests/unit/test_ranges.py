@@ -11,8 +11,9 @@ from benchmarks.ranges import hall
 from companion.frames import Vector3
 from sitl.world.format import World
 from sitl.world.loading import load_world
-from sitl.world.mesh import Mesh, obstacle_mesh
+from sitl.world.mesh import obstacle_mesh
 from sitl.world.model import WorldModel
+from sitl.world.triangles import Mesh
 
 Points = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from companion.frames import Vector3
 from sitl.world.format import World, WorldError
 from sitl.world.loading import load_world, world_names
-from sitl.world.mesh import full_mesh, obstacle_mesh
+from sitl.world.mesh import obstacle_mesh, visible_mesh
 from sitl.world.model import BODY_RADIUS_M, WorldModel
 from sitl.world.plan import seeable_points, wall_surfaces
 
@@ -36,8 +36,9 @@ REACH_M = 12.0
 
 def true_range(origin: Vector3, direction: Vector3) -> float | None:
     """The same by brute force: plane of every triangle, and areas to see whether it is inside."""
-    mesh = full_mesh(FURNISHED)
-    best = None
+    mesh = visible_mesh(FURNISHED)
+    to_floor = -origin[2] / direction[2] if direction[2] > 0 else None
+    best = to_floor if to_floor is not None and to_floor <= REACH_M else None
     start, along = np.array(origin), np.array(direction)
     for a, b, c in mesh.vertices[mesh.faces]:
         normal = np.cross(b - a, c - a)

@@ -8,17 +8,16 @@ plans repeat segments, cross them and leave gaps; what cannot be a wall is left 
 
 import json
 import math
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from sitl.world.format import World, WorldError
+from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
 from sitl.world.importers.starts import free_starts
 
-CEILING_M = 2.6
 LEAST_WALL_M = 0.01
-FARTHEST_M = 1000.0
-MOST_WALLS = 50_000
 SAME_TO_M = 0.001
 """Segments equal to the millimetre are one."""
 
@@ -83,7 +82,7 @@ def _is_four_numbers(wall: object) -> bool:
     return (
         isinstance(wall, list)
         and len(wall) == 4
-        and all(isinstance(x, int | float) and math.isfinite(x) for x in wall)
+        and all(isinstance(x, int | float) and abs(x) <= sys.float_info.max for x in wall)
     )
 
 

@@ -1,12 +1,15 @@
 """Where a drone may start in a plan that does not say."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
 from sitl.world.format import Segment, WorldError
+from sitl.world.plan import samples
 
 LEAST_CLEARANCE_M = 0.6
 MOST_CLEARANCE_M = 3.0
@@ -21,23 +24,36 @@ LEAST_ENCLOSED = 12
 Points = NDArray[np.float64]
 
 
-def free_starts(segments: list[Segment], source: str) -> list[dict[str, object]]:
+def anywhere(place: Vector2) -> bool:
+    """For plans that know of nothing but walls."""
+    return True
+
+
+def free_starts(
+    segments: list[Segment], source: str, is_free: Callable[[Vector2], bool] = anywhere
+) -> list[dict[str, object]]:
     """Up to three enclosed places with room around them, apart from each other, best first.
+
+    `is_free` may refuse a place for what the plan's walls do not show.
 
     Raises:
         WorldError: there is none.
     """
     walls = np.array(segments, dtype=float)
     places = _grid(walls)
-    clearance = np.concatenate([_clearance(part, walls) for part in np.array_split(places, 64)])
-    order = np.argsort(-np.minimum(clearance, MOST_CLEARANCE_M), kind="stable")
+    roughly, _ = cKDTree(samples(segments)).query(places, distance_upper_bound=MOST_CLEARANCE_M)
+    order = np.argsort(-np.minimum(roughly, MOST_CLEARANCE_M), kind="stable")
     chosen: list[Vector2] = []
     for index in order:
-        if clearance[index] < LEAST_CLEARANCE_M or len(chosen) == STARTS:
+        if roughly[index] < LEAST_CLEARANCE_M or len(chosen) == STARTS:
             break
         place = float(places[index, 0]), float(places[index, 1])
-        apart = all(math.dist(place, other) >= APART_M for other in chosen)
-        if apart and _is_enclosed(places[index], walls):
+        if (
+            all(math.dist(place, other) >= APART_M for other in chosen)
+            and is_free(place)
+            and _clearance(places[index], walls) >= LEAST_CLEARANCE_M
+            and _is_enclosed(places[index], walls)
+        ):
             chosen.append(place)
     if not chosen:
         raise WorldError(f"{source}: no enclosed place with {LEAST_CLEARANCE_M} m around it")
@@ -52,16 +68,12 @@ def _grid(walls: Points) -> Points:
     return np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _clearance(places: Points, walls: Points) -> Points:
-    """Distance of each place to the nearest wall."""
-    if not len(places):
-        return np.empty(0)
+def _clearance(place: Points, walls: Points) -> float:
+    """Distance of a place to the nearest wall."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
-    length2 = (along**2).sum(axis=1)
-    share = ((places[:, None] - start) * along).sum(axis=2) / length2
-    foot = start + np.clip(share, 0, 1)[..., None] * along
-    nearest: Points = np.linalg.norm(places[:, None] - foot, axis=2).min(axis=1)
-    return nearest
+    share = ((place - start) * along).sum(axis=1) / (along**2).sum(axis=1)
+    foot = start + np.clip(share, 0, 1)[:, None] * along
+    return float(np.linalg.norm(place - foot, axis=1).min())
 
 
 def _is_enclosed(place: Points, walls: Points) -> bool:

@@ -1,0 +1,115 @@
+"""Buildings as triangles: STL, OBJ, PLY, GLB and glTF, in metres.
+
+STL, OBJ and PLY say nothing of directions: x is east, y is north, z is up. In GLB and glTF y is up
+by definition; x is east there and z is south. Transforms of nodes are applied, materials are not
+looked at. Starts are places with room around them at 1.2 m and nothing in the way up.
+"""
+
+import io
+import logging
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from trimesh.resolvers import FilePathResolver
+
+from companion.frames import Vector2
+from sitl.world.format import World, WorldError
+from sitl.world.importers.mending import Triangles, mended, numbered
+from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
+from sitl.world.model import WorldModel
+from sitl.world.triangles import Mesh
+
+MOST_BYTES = 200_000_000
+MOST_TRIANGLES = 500_000
+PLAN_HEIGHT_M = 1.2
+WAY_UP_M = (0.3, 0.5, 0.7, 0.9, 1.1)
+WAY_UP_CLEARANCE_M = 0.3
+
+Y_UP_SUFFIXES = (".glb", ".gltf")
+ENU_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+NOBODY = logging.NullHandler()
+
+
+def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
+    """Read a mesh.
+
+    Raises:
+        WorldError: nothing can be made of it; one line that says why.
+    """
+    triangles = mended(_read(path, tell), str(path), tell)
+    vertices, faces = numbered(triangles @ NED_FROM_ENU.T)
+    mesh = Mesh(vertices, faces)
+    parts = {"name": path.stem, "height_m": -float(vertices[:, 2].min()), "mesh": mesh}
+    return World.model_validate({**parts, "starts": _starts(parts, mesh, str(path))})
+
+
+def _read(path: Path, tell: Callable[[str], None]) -> Triangles:
+    """The triangles of all nodes, east, north and up, with all that is wrong about them."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise WorldError(f"{path}: larger than {MOST_BYTES // 10**6} MB; decimate the mesh")
+        with np.errstate(all="ignore"):  # what is not finite is left out later, and told
+            scene = _load(path)
+            nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
+            placed = [(scene.geometry[name], transform) for transform, name in nodes]
+            meshes = [(mesh, t) for mesh, t in placed if isinstance(mesh, trimesh.Trimesh)]
+            count = sum(len(mesh.faces) for mesh, _ in meshes)
+            if not 0 < count <= MOST_TRIANGLES:
+                raise WorldError(f"{path}: {count} triangles; there must be 1 to {MOST_TRIANGLES}")
+            triangles = np.concatenate([_corners(mesh, t) for mesh, t in meshes])
+            if path.suffix.lower() in Y_UP_SUFFIXES:
+                triangles = triangles @ ENU_FROM_Y_UP.T
+    except WorldError:
+        raise
+    except ImportError as error:
+        raise WorldError(
+            f"{path}: cannot be read without {error.name}; is it damaged, or of another format "
+            "than its name tells?"
+        ) from error
+    except Exception as error:  # on a damaged file the readers raise whatever comes to hand
+        raise WorldError(f"{path}: cannot be read: {error or type(error).__name__}") from error
+    if len(triangles) < count:
+        tell(f"left out {count - len(triangles)} of {count} triangles: corners that do not exist")
+    return triangles
+
+
+def _load(path: Path) -> trimesh.Scene:
+    logging.getLogger("trimesh").addHandler(NOBODY)  # its warnings say nothing to a user
+    kind = path.suffix.lower().removeprefix(".")
+    data = path.read_bytes()
+    if kind == "obj":  # its names and comments may be in any encoding, and do not matter
+        data = data.decode(errors="replace").encode()
+    return trimesh.load_scene(
+        io.BytesIO(data),
+        file_type=kind,
+        resolver=FilePathResolver(str(path)),
+        process=False,
+        skip_materials=True,
+    )
+
+
+def _corners(mesh: trimesh.Trimesh, transform: Triangles) -> Triangles:
+    """The triangles of one node, without those that name vertices which it has not."""
+    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=float)
+    exists = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
+    moved = vertices @ transform[:3, :3].T + transform[:3, 3]
+    corners: Triangles = moved[faces[exists]]
+    return corners
+
+
+def _starts(parts: dict[str, object], mesh: Mesh, source: str) -> list[dict[str, object]]:
+    plan = mesh.section(PLAN_HEIGHT_M)
+    if not plan:
+        raise WorldError(f"{source}: nothing stands at {PLAN_HEIGHT_M} m above its floor")
+    somewhere = {"name": "not known yet", "position": (0, 0)}
+    model = WorldModel(World.model_validate({**parts, "starts": [somewhere]}))
+
+    def is_free(place: Vector2) -> bool:
+        return model.clearance_m((*place, -PLAN_HEIGHT_M)) >= LEAST_CLEARANCE_M and all(
+            model.clearance_m((*place, -height_m)) >= WAY_UP_CLEARANCE_M for height_m in WAY_UP_M
+        )
+
+    return free_starts(plan, source, is_free)
