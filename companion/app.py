@@ -29,13 +29,14 @@ from companion.messages import (
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
+from companion.values import value
 
 MAPPING_PHASES = frozenset({Phase.ROOM, Phase.HOME, Phase.HOLD})
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Inputs:
     """Everything that has arrived since the last tick."""
 
@@ -69,7 +70,7 @@ class Progress:
         return sum(wall.length_m for wall in self._walls)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Outputs:
     """What this tick asks for."""
 

@@ -6,13 +6,13 @@ serves; nothing above this file can tell them apart.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion.errors import SensorError
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Transaction:
     """Write `data` to the device at `address`, then read `count` bytes (repeated start)."""
 

@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from companion.frames import wrap_rad
 from companion.messages import GyroSample
+from companion.values import value
 
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
 _UNKNOWN_SIGMA_RAD = 10.0
@@ -42,7 +43,7 @@ class GyroModel:
     scale_sigma: float = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WallBearing:
     """A wall's normal, seen `bearing_frd_rad` off the nose some time ago.
 

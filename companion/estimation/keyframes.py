@@ -8,11 +8,12 @@ from dataclasses import dataclass, field
 
 from companion.frames import Vector2, ned_to_frd
 from companion.messages import Beam, Pose
+from companion.values import value
 
 PERIOD_S = 0.2
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Keyframe:
     """A moment of the flight. Motion is from the keyframe before, in that one's body frame."""
 
@@ -25,7 +26,7 @@ class Keyframe:
     """By the gyro, neither bias nor scale corrected."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class KeyframeHit:
     """One return of a beam, relative to its keyframe's position and heading."""
 

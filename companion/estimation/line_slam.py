@@ -22,6 +22,7 @@ from companion.estimation.heading import HeadingFilter
 from companion.estimation.wall_runs import Line
 from companion.frames import Vector2, wrap_rad
 from companion.messages import RangeModel
+from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
 Row = NDArray[np.float64]
@@ -56,7 +57,7 @@ class OdometryModel:
     """Random walk on each axis: 5 mm a step at 10 Hz."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class _Match:
     wall: Wall
     along_m: float

@@ -7,12 +7,12 @@ but never jumps, so that a correction of the pose cannot bend a run.
 """
 
 import math
-from dataclasses import dataclass
 
 from companion.frames import Vector2, wrap_rad
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Line:
     """A straight piece of wall: {p : p·n = offset}, n = (cos, sin) of `normal_rad`.
 
@@ -33,7 +33,7 @@ class Line:
     """Heading of the drone, in the frame of the hits, when it saw the middle of the run."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RunHit:
     """One hit of a beam, and from where and with which heading it was seen; one frame for all."""
 
@@ -44,7 +44,7 @@ class RunHit:
     yaw_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class _Moments:
     """Weighted sums over hits; adding one hit costs the same however long the run."""
 

@@ -7,7 +7,6 @@ Heartbeats go out from `send`, that is from the control loop: a companion that h
 """
 
 import math
-from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -17,6 +16,7 @@ from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.requests import CommandSender, Stream
 from companion.link.transport import Message, Transport
 from companion.messages import Command, LandedState, Odometry, Setpoint, VehicleState
+from companion.values import value
 
 CONNECTED_S = 3.0
 """A vehicle is gone after this long without any message."""
@@ -27,7 +27,7 @@ VELOCITY_AND_YAW_RATE = 0x05C7
 """SET_POSITION_TARGET_LOCAL_NED type_mask: only velocity and yaw rate count."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Telemetry:
     """What the autopilot has told since the last poll."""
 

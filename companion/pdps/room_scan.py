@@ -21,13 +21,14 @@ than the first turn has shown free; a beam that fails stops the movement along i
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, frd_to_ned, wrap_rad
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps.control import approach_speed, climb_to, keep_distance, turn_towards
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+from companion.values import value
 
 QUARTER_TURN_RAD = math.pi / 2
 ON_HEADING_RAD = math.radians(2.5)
@@ -58,7 +59,7 @@ class ScanPhase(enum.Enum):
     CLOSED = "all walls traced"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Sight:
     """What the room scan knows at one tick."""
 
@@ -79,7 +80,7 @@ class Sight:
         return math.inf if reading.state is RangeState.NOTHING else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RoomScan:
     """The scan's whole memory."""
 
