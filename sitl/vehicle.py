@@ -6,7 +6,7 @@ slow tail. At rest on the ground the body's centre is at down = 0.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from random import Random
 
 from companion.frames import Vector2, Vector3, ned_to_frd, wrap_rad
@@ -62,14 +62,15 @@ class Vehicle:
         slow_e += (east - slow_e) * STEP_S / SLOW_S
         self._quick_ne, self._slow_ne = (quick_n, quick_e), (slow_n, slow_e)
         gust_n, gust_e = self._gust_ne
-        sinking, turning = self.state.velocity_ned_m_s[2], self.state.yaw_rate_rad_s
+        north = QUICK_SHARE * quick_n + SLOW_SHARE * slow_n + gust_n
+        east = QUICK_SHARE * quick_e + SLOW_SHARE * slow_e + gust_e
+        was_north, was_east, sinking = self.state.velocity_ned_m_s
+        sinking += (down - sinking) * STEP_S / CLIMB_S
+        turning = self.state.yaw_rate_rad_s
         wanted_rate = max(-MOST_YAW_RATE_RAD_S, min(MOST_YAW_RATE_RAD_S, yaw_rate_rad_s))
-        velocity = (
-            QUICK_SHARE * quick_n + SLOW_SHARE * slow_n + gust_n,
-            QUICK_SHARE * quick_e + SLOW_SHARE * slow_e + gust_e,
-            sinking + (down - sinking) * STEP_S / CLIMB_S,
-        )
-        return self._move(velocity, turning + (wanted_rate - turning) * STEP_S / YAW_S)
+        turning += (wanted_rate - turning) * STEP_S / YAW_S
+        acceleration_ne = (north - was_north) / STEP_S, (east - was_east) / STEP_S
+        return self._move((north, east, sinking), acceleration_ne, turning)
 
     def _blow(self) -> None:
         """Ornstein-Uhlenbeck process."""
@@ -83,13 +84,15 @@ class Vehicle:
     def rest(self) -> TrueState:
         """One step with the motors off: on the ground it stays; in the air it falls."""
         self._quick_ne = self._slow_ne = STILL
-        falling = 0.0 if self.on_ground else GRAVITY_M_S2 * STEP_S
-        state = self._move((0.0, 0.0, self.state.velocity_ned_m_s[2] + falling), 0.0)
-        self.state = replace(state, roll_rad=0.0, pitch_rad=0.0)
-        return self.state
+        falling = self.state.velocity_ned_m_s[2]
+        if not self.on_ground:
+            falling += GRAVITY_M_S2 * STEP_S
+        return self._move((0.0, 0.0, falling), STILL, 0.0)
 
-    def _move(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> TrueState:
-        """On for one step at this velocity, tilted into the acceleration towards it."""
+    def _move(
+        self, velocity_ned_m_s: Vector3, acceleration_ne_m_s2: Vector2, yaw_rate_rad_s: float
+    ) -> TrueState:
+        """On for one step, tilted into the acceleration."""
         was = self.state
         north, east, down = velocity_ned_m_s
         x, y, z = was.position_ned_m
@@ -97,10 +100,7 @@ class Vehicle:
         if z >= self._floor:
             z, down = self._floor, min(down, 0.0)
         yaw_rad = wrap_rad(was.yaw_rad + yaw_rate_rad_s * STEP_S)
-        was_north, was_east, _ = was.velocity_ned_m_s
-        forward, right = ned_to_frd(
-            (north - was_north) / STEP_S, (east - was_east) / STEP_S, yaw_rad
-        )
+        forward, right = ned_to_frd(*acceleration_ne_m_s2, yaw_rad)
         self._steps += 1
         self.state = TrueState(
             time_s=self._steps * STEP_S,
