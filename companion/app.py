@@ -131,7 +131,7 @@ class App:
             self._estimator.move(inputs.telemetry.odometry)
         if self.flight.phase in MAPPING_PHASES:
             self._estimator.see(inputs.scan)
-            self._ceiling.see(inputs.scan, self._estimator.pose(now_s).height_m)
+            self._ceiling.see(inputs.scan, self._estimator.height_m)
         pose = self._estimator.pose(now_s)
         if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
             self._path.append(pose)

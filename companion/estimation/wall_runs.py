@@ -73,6 +73,9 @@ class _Moments:
         )
 
 
+NO_HITS = _Moments()
+
+
 def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
     """Total least squares; None while the hits are a blob rather than a line."""
     weight = moments.weight
@@ -117,7 +120,7 @@ class WallRun:
     MISFITS_TO_END = 2
 
     def __init__(self) -> None:
-        self._moments = _Moments()
+        self._moments = NO_HITS
         self._line: Line | None = None
         self._viewpoint: Vector2 = (0.0, 0.0)
         self._misfits: list[RunHit] = []
@@ -135,7 +138,7 @@ class WallRun:
 
     def end(self) -> Line | None:
         """Give up the run, as when the beam returns nothing: its line, if it is worth one."""
-        line, self._line, self._moments = self._line, None, _Moments()
+        line, self._line, self._moments = self._line, None, NO_HITS
         self._misfits.clear()
         if line is None or line.length_m < self.LEAST_LENGTH_M:
             return None
