@@ -23,6 +23,9 @@ class Beam(enum.StrEnum):
     UP = "up"
     DOWN = "down"
 
+    __hash__ = str.__hash__
+    """Readings are looked up by beam all the time, and an enum's own hash is slow."""
+
 
 class RangeState(enum.Enum):
     """What a range sensor has to say; the five never look alike."""

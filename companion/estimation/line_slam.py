@@ -64,7 +64,8 @@ class _Match:
     innovation_m: float
     gradient: Vector3
     """Of the range, by north, east and the wall's offset."""
-    variance_m2: float
+    spread_m2: float
+    """Variance of the innovation, gᵀ P g + r."""
 
 
 class LineSlam:
@@ -136,8 +137,7 @@ class LineSlam:
             match = self._match(wall, bearing_rad, range_m, mount_offset_m)
             if match is None:
                 continue
-            spread = self._variance(_WALLS + wall.index, match.gradient) + match.variance_m2
-            misfit = abs(match.innovation_m) / math.sqrt(spread)
+            misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
         if best is not None:
@@ -173,8 +173,9 @@ class LineSlam:
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
         gradient = -cos_n / cos_incidence, -sin_n / cos_incidence, 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
-        variance_m2 = sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
-        return _Match(wall, along_m, range_m - predicted_m, gradient, variance_m2)
+        spread_m2 = self._variance(_WALLS + wall.index, gradient)
+        spread_m2 += sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
+        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2)
 
     def _variance(self, at: int, gradient: Vector3) -> float:
         """gᵀ P g of a gradient that is zero but for north, east and the offset at `at`."""
@@ -186,15 +187,14 @@ class LineSlam:
         return squares + 2 * mixed
 
     def _correct(self, match: _Match) -> None:
-        """Scalar Kalman update in Joseph form."""
-        gradient = np.zeros(len(self._x))
-        gradient[[_NORTH, _EAST, _WALLS + match.wall.index]] = match.gradient
-        ph = self._p @ gradient
-        gain = ph / (float(gradient @ ph) + match.variance_m2)
+        """Scalar Kalman update in Joseph form, multiplied out: P - k·(Ph)ᵀ - Ph·kᵀ + s·k·kᵀ."""
+        north, east, offset = match.gradient
+        p = self._p
+        ph = north * p[_NORTH] + east * p[_EAST] + offset * p[_WALLS + match.wall.index]
+        gain = ph / match.spread_m2
         self._x = [x + k * match.innovation_m for x, k in zip(self._x, gain.tolist(), strict=True)]
-        keep = -np.multiply.outer(gain, gradient)
-        keep.flat[:: len(keep) + 1] += 1
-        self._p = keep @ self._p @ keep.T + np.multiply.outer(match.variance_m2 * gain, gain)
+        told = gain[:, None] * ph
+        p += match.spread_m2 * gain[:, None] * gain - told - told.T
 
     def find(self, line: Line) -> Wall | None:
         """The known wall of the same direction whose line passes through a run's centre."""

@@ -52,7 +52,8 @@ class Link:
         self._odometry = OdometryReader()
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
-        self._streams: tuple[Stream, ...] = ()
+        self._streams: dict[int, Stream] = {}
+        """By message id."""
         self._parameters_set: dict[str, bool] = {}
         self._asked_s = self._heartbeat_s = float("-inf")
 
@@ -71,9 +72,8 @@ class Link:
                 odometry = self._odometry.read(message, now_s) or odometry
             else:
                 self._note(kind, message)
-            for stream in self._streams:
-                if stream.message_id == message.get_msgId():
-                    stream.seen_s = now_s
+            if stream := self._streams.get(message.get_msgId()):
+                stream.seen_s = now_s
         for text in texts:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
@@ -100,12 +100,13 @@ class Link:
     def _meet(self, autopilot: int) -> Dialect | None:
         dialect = dialect_of(autopilot)
         if dialect is not None:
-            self._streams = (
-                Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, POSITION_HZ),
-                Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_HZ),
-                Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, SLOW_HZ),
-                Stream(dialect.estimator_message, SLOW_HZ),
-            )
+            rates_hz = {
+                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
+                mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
+                dialect.estimator_message: SLOW_HZ,
+            }
+            self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 
     def _text(self, message: Message) -> list[str]:
@@ -159,7 +160,7 @@ class Link:
         return messages
 
     def _requests(self, now_s: float, dialect: Dialect) -> list[Message]:
-        messages = [m for s in self._streams for m in s.requests(now_s, self._target)]
+        messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
         if not self._odometry.has_position:
             messages.append(self._origin)
         messages += [

@@ -226,7 +226,8 @@ def _insist(
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     room, setpoint = room_scan.step(flight.room, view.sight, plan)
-    flight = replace(flight, room=room)
+    if room is not flight.room:
+        flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)
