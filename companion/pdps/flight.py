@@ -22,7 +22,7 @@ FAILED are final.
 """
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -38,6 +38,7 @@ from companion.messages import (
 )
 from companion.pdps import homing, room_scan
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.values import value
 
 LINK_SILENT_S = 1.0
 SENSOR_SILENT_S = 0.5
@@ -76,7 +77,7 @@ FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD})
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class View:
     """What the flight knows at one tick."""
 
@@ -91,7 +92,7 @@ class View:
     """The user or the operating system asks the program to end."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Flight:
     """The flight's whole memory."""
 
@@ -125,7 +126,7 @@ class Flight:
         return self.room.phase.value if self.phase is Phase.ROOM else self.phase.value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Action:
     """What to ask of the autopilot at this tick."""
 
@@ -225,7 +226,8 @@ def _insist(
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     room, setpoint = room_scan.step(flight.room, view.sight, plan)
-    flight = replace(flight, room=room)
+    if room is not flight.room:
+        flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)
