@@ -1,7 +1,6 @@
 """The simulator's commands."""
 
 import signal
-import time
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,14 +9,10 @@ import typer
 from rich.console import Console
 
 from companion import config as configuration
-from companion.config import Config
-from companion.console import ProgressLine
 from companion.errors import CompanionError
-from companion.mapping.files import save
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
-from sitl.lockstep import fly_in_lockstep
 from sitl.options import (
     Autopilot,
     BeamFile,
@@ -29,13 +24,9 @@ from sitl.options import (
     Start,
     WorldName,
 )
-from sitl.processes import fly_in_two_processes
 from sitl.record import TruthRecord
-from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Door, Server
 from sitl.serving import external_door, fleet_doors
-from sitl.testing.mission_file import MissionFile, load_mission
-from sitl.testing.script import play
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
 
@@ -198,75 +189,25 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
+    # They load the companion, its filters and the scorer, which a mere server does without.
+    from sitl.flying import fly_in_one_process, fly_in_two  # noqa: PLC0415
+    from sitl.report import report_table, save_report  # noqa: PLC0415
+    from sitl.testing.mission_file import load_mission  # noqa: PLC0415
+
     options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
     flown = load_mission(mission)
     settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
     console = Console(highlight=False)
     if transport is Transport.UDP:
-        result = _fly_udp(options, flown, settings, speed, out or Path("out"))
+        result = fly_in_two(options, flown, settings, speed, out or Path("out"))
     else:
-        result = _fly_lockstep(options, flown, settings, transport, out, console)
+        result = fly_in_one_process(
+            options, flown, settings, transport.value, out=out, console=console
+        )
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         save_report(result, path)
     raise typer.Exit(0 if result["completed"] else EXIT_NOT_COMPLETED)
-
-
-def _fly_lockstep(
-    options: FlightOptions,
-    mission: MissionFile,
-    settings: Config,
-    transport: Transport,
-    out: Path | None,
-    console: Console,
-) -> Report:
-    began_s = time.monotonic()
-    setup, watch = options.setup()
-    with ProgressLine(console) as progress:
-        app, simulation = fly_in_lockstep(
-            setup,
-            settings,
-            progress.show,
-            transport.value,
-            play(mission.events),
-            parameter_watch=watch,
-        )
-    waited_s = time.monotonic() - began_s
-    plan = app.final_floor_plan()
-    if out is not None:
-        save(plan, out)
-    return make_report(
-        setup,
-        settings,
-        plan,
-        simulation.record,
-        completed=app.flight.completed,
-        ending=app.flight.ending,
-        waited_s=waited_s,
-    )
-
-
-def _fly_udp(
-    options: FlightOptions,
-    mission: MissionFile,
-    settings: Config,
-    speed: float,
-    out: Path,
-) -> Report:
-    if mission.events:
-        raise SitlError("a mission with events needs --transport direct or bytes")
-    began_s = time.monotonic()
-    setup, _ = options.setup()
-    flight = fly_in_two_processes([*options.arguments(), f"--speed={speed}"], settings, out)
-    return make_report(
-        setup,
-        settings,
-        flight.plan,
-        flight.truth,
-        completed=flight.completed,
-        ending="mission complete" if flight.completed else "mission not completed",
-        waited_s=time.monotonic() - began_s,
-    )
 
 
 def main() -> None:

@@ -8,7 +8,6 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from sitl.bench.speed import TRANSPORTS, measure, on_one_core
 from sitl.options import Autopilot, FlightOptions, Profile, Seed
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
@@ -28,6 +27,8 @@ def speed(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """A whole mission on every transport: how many times faster than real time, on one core."""
+    from sitl.bench.speed import TRANSPORTS, measure, on_one_core  # noqa: PLC0415 - slow to load
+
     on_one_core()
     options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT)
     results = [measure(options, transport, runs) for transport in TRANSPORTS]
