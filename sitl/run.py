@@ -203,7 +203,9 @@ class Server:
             self._pace.resume(self._served.time_s)
             return
         behind_s = self._pace.due_s(speed=1.0) - self._served.time_s
-        if behind_s >= FREE_RUN_STEP_S:
+        if behind_s <= -FREE_RUN_STEP_S:  # what is served has a time of its own
+            self._pace.resume(self._served.time_s)
+        elif behind_s >= FREE_RUN_STEP_S:
             self._served.advance(self._served.time_s + behind_s)
 
 

@@ -1,0 +1,62 @@
+"""An autopilot that simulates its own flight, in our world: processes that only speak MAVLink."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from companion.mapping.files import load_json
+from sitl.record import TruthRecord
+from sitl.score import score_map
+from sitl.world.loading import load_world
+from sitl.world.plan import seeable_points, wall_surfaces
+from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
+
+SPEED = "4"
+"""A small machine that does other things too still keeps up."""
+DEADLINE_S = 120
+HEIGHT_M = 1.2
+ROOM = """
+name = "small"
+height_m = 2.6
+[[walls]]
+points = [[0, 0], [6, 0], [6, 5], [0, 5]]
+closed = true
+[[starts]]
+name = "middle"
+position = [3.2, 2.2]
+"""
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_mission_with_an_autopilot_elsewhere(autopilot: str, tmp_path: Path) -> None:
+    world, truth = tmp_path / "small.toml", tmp_path / "truth.json"
+    world.write_text(ROOM)
+    for_world, for_companion = (f"127.0.0.1:{free_udp_port()}" for _ in range(2))
+    bare = sitl("autopilot", "--autopilot", autopilot, "--speed", SPEED)
+    links = ("--mavlink", f"udpout:{for_world}", "--mavlink", f"udpout:{for_companion}")
+    served = sitl("run", str(world), "--autopilot", "external", "--connect", f"udpin:{for_world}")
+    with (
+        started([*bare, *links]),
+        started([*served, "--bus-port", "0", "--truth", str(truth)]) as ours,
+    ):
+        bus = re.findall(r"sitl://\S+", read_until(ours, "sitl://"))[0]
+        read_until(ours, "parameters set")
+        fly = companion("fly", "--link", f"udpin:{for_companion}", "--bus", bus)
+        with started([*fly, "--out", str(tmp_path)]) as pilot:
+            output, _ = pilot.communicate(timeout=DEADLINE_S)
+        assert pilot.returncode == 0, output
+        stop(ours)
+    record = TruthRecord.load(truth)
+    assert record.collisions == 0
+    room = load_world(str(world))
+    north, east, _ = record.take_off.position_ned_m
+    score = score_map(
+        load_json(tmp_path / "map.json"),
+        wall_surfaces(room, HEIGHT_M),
+        seeable_points(room, HEIGHT_M, (north, east)),
+        record.take_off,
+    )
+    assert score.wall_error_aligned_cm < 8
+    assert score.coverage > 0.9
+    assert score.false_walls < 0.05
