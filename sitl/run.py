@@ -124,7 +124,10 @@ class Server:
             self._selector.close()
 
     def _accept(self, door: Door) -> None:
-        client_socket, _ = door.listener.accept()
+        try:
+            client_socket, _ = door.listener.accept()
+        except OSError:  # it has hung up already
+            return
         client_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection = BusConnection(door.bus, lambda: self._served.time_s)
         client = _Client(client_socket, connection, door)

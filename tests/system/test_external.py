@@ -5,17 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from companion.mapping.files import load_json
-from sitl.record import TruthRecord
-from sitl.score import score_map
-from sitl.world.loading import load_world
-from sitl.world.plan import seeable_points, wall_surfaces
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
+from tests.system.scoring import assert_good
 
 SPEED = "4"
 """A small machine that does other things too still keeps up."""
 DEADLINE_S = 120
-HEIGHT_M = 1.2
 ROOM = """
 name = "small"
 height_m = 2.6
@@ -47,16 +42,4 @@ def test_a_mission_with_an_autopilot_elsewhere(autopilot: str, tmp_path: Path) -
             output, _ = pilot.communicate(timeout=DEADLINE_S)
         assert pilot.returncode == 0, output
         stop(ours)
-    record = TruthRecord.load(truth)
-    assert record.collisions == 0
-    room = load_world(str(world))
-    north, east, _ = record.take_off.position_ned_m
-    score = score_map(
-        load_json(tmp_path / "map.json"),
-        wall_surfaces(room, HEIGHT_M),
-        seeable_points(room, HEIGHT_M, (north, east)),
-        record.take_off,
-    )
-    assert score.wall_error_aligned_cm < 8
-    assert score.coverage > 0.9
-    assert score.false_walls < 0.05
+    assert_good(tmp_path / "map.json", truth, str(world))
