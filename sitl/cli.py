@@ -33,6 +33,8 @@ from sitl.world.format import WorldError
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
+MOST_SPEED = 1000.0
+EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--lockstep")
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -88,7 +90,10 @@ def run(
         str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
     ] = "udpin:127.0.0.1:14551",
     bus_port: BusPort = 5790,
-    speed: Annotated[float, typer.Option(help="Most times real time.", min=0.1, max=1000)] = 1.0,
+    speed: Annotated[
+        float,
+        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MOST_SPEED),
+    ] = 1.0,
     lockstep: Annotated[
         bool, typer.Option(help="Time stands still until every companion asks for it.")
     ] = False,
@@ -97,8 +102,9 @@ def run(
     """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     if autopilot is RunAutopilot.EXTERNAL:
+        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, lockstep)
         options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
-        _run_external(options, connect, bus_port, speed, truth)
+        _run_external(options, connect, bus_port, truth)
         return
     options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
     setup, watch = options.setup()
@@ -109,13 +115,18 @@ def run(
     _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
 
 
-def _run_external(
-    options: FlightOptions, connect: str, bus_port: int, speed: float, truth: Path | None
-) -> None:
-    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, speed, _say)
+def _refuse_what_is_set_there(*given: object) -> None:
+    """An external autopilot has its own links and parameters, and flies alone in its own time."""
+    for name, value in zip(EMULATED_ONLY, given, strict=True):
+        if value:
+            raise SitlError(f"{name} is for emulated autopilots, not for an external one")
+
+
+def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
+    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
     print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=speed))
+    _serve(Server(vehicle, [door], speed=MOST_SPEED))
     _save_truth([vehicle.record], truth)
 
 
@@ -183,8 +194,8 @@ def fly(
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
     ] = Transport.DIRECT,
     speed: Annotated[
-        float, typer.Option(help="With udp: most times real time.", min=0.1, max=1000)
-    ] = 1000.0,
+        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MOST_SPEED)
+    ] = MOST_SPEED,
     report: Annotated[Path | None, typer.Option(help="Write the report here as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:

@@ -29,8 +29,8 @@ HISTORY_STEPS = 8
 class History:
     """The latest states, 10 ms apart: sensors hold values of moments that have passed."""
 
-    def __init__(self, start: TrueState) -> None:
-        self._states = deque([start], maxlen=HISTORY_STEPS)
+    def __init__(self, start: TrueState, steps: int = HISTORY_STEPS) -> None:
+        self._states = deque([start], maxlen=steps)
 
     def add(self, state: TrueState) -> None:
         self._states.append(state)
