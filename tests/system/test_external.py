@@ -8,7 +8,7 @@ import pytest
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
 from tests.system.scoring import assert_good
 
-SPEED = "4"
+SPEED = "2"
 """A small machine that does other things too still keeps up."""
 DEADLINE_S = 120
 ROOM = """
