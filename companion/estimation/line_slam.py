@@ -25,7 +25,7 @@ from companion.messages import RangeModel
 from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
-Row = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -88,7 +88,8 @@ class LineSlam:
         self._sensor = sensor
         self._odometry = odometry
         self._x = [0.0] * _WALLS
-        self._p: Row = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self._f: Matrix = np.eye(_WALLS)
         self.walls: list[Wall] = []
 
     @property
@@ -121,14 +122,12 @@ class LineSlam:
         self._x[_NORTH] += scale * north
         self._x[_EAST] += scale * east
         # F = I except for the scale's column; P' = F P F' + Q
-        for row, by in ((_NORTH, north), (_EAST, east)):
-            self._p[row, :] += by * self._p[_SCALE, :]
-        for column, by in ((_NORTH, north), (_EAST, east)):
-            self._p[:, column] += by * self._p[:, _SCALE]
+        self._f[_NORTH, _SCALE], self._f[_EAST, _SCALE] = north, east
+        self._p = p = self._f.dot(self._p).dot(self._f.T)
         walk = self._odometry.step_variance_m2_per_s * dt_s
         yaw_sigma_rad = self._heading.yaw_sigma_rad
-        self._p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
-        self._p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
+        p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
+        p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
 
     def see_range(self, bearing_rad: float, range_m: float, mount_offset_m: float) -> None:
         """Correct by one range from the drone's centre, if it fits a known wall."""
@@ -229,5 +228,6 @@ class LineSlam:
         self._p = grown @ self._p @ grown.T
         self._p[size, size] += line.offset_sigma_m**2
         self._x.append(0.0)
+        self._f = np.eye(size + 1)
         self.walls.append(wall)
         return wall
