@@ -138,6 +138,7 @@ class ArduPilot:
     origin_text = "EKF3 IMU0 origin set"
     timesync_period_s = 10.0
     failsafes: tuple[Failsafe, ...] = FAILSAFES
+    healthy_unless_failed: int = mavlink.MAV_SYS_STATUS_GEOFENCE
     ground_truth: int = mavlink.MAVLINK_MSG_ID_SIM_STATE
 
     def __init__(self) -> None:

@@ -147,6 +147,8 @@ class Personality(Protocol):
     """What is said when the origin comes; or nothing."""
     timesync_period_s: float
     failsafes: tuple[Failsafe, ...]
+    healthy_unless_failed: int
+    """Bits of SYS_STATUS that are healthy although nothing of the kind is there."""
     ground_truth: int
     """Id of the message that tells the true state, where it is told at all."""
 

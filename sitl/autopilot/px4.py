@@ -157,6 +157,7 @@ class Px4:
     origin_text = ""
     timesync_period_s = 0.1
     failsafes: tuple[Failsafe, ...] = FAILSAFES
+    healthy_unless_failed = 0
     ground_truth: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 
     def __init__(self) -> None:
