@@ -134,6 +134,10 @@ class Personality(Protocol):
     setpoints_before_offboard: bool
     """The offboard mode is refused without a stream of setpoints."""
     lifts_off_by_setpoint: bool
+    least_interval_us: int
+    """What is asked for more often than this is refused."""
+    interval_refused: int
+    """MAV_RESULT of a refused SET_MESSAGE_INTERVAL (511)."""
     capabilities: int
     flight_sw_version: int
     odometry_frames: tuple[int, ...]
@@ -163,6 +167,10 @@ class Personality(Protocol):
     def base_mode(self, mode: int, *, armed: bool) -> int: ...
 
     def no_such_mode(self, mode: int) -> str: ...
+
+    def no_such_message(self, message_id: int) -> str:
+        """What is said when an unknown message is asked for at an interval; or nothing."""
+        ...
 
     def setpoint(
         self,
