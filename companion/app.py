@@ -29,7 +29,10 @@ from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
 
-MAPPING_PHASES = frozenset({Phase.ROOM, Phase.HOME, Phase.HOLD})
+SEEING_PHASES = frozenset(
+    {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD}
+)
+"""What the beams meet on the ground already ties the walls to the origin."""
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
@@ -116,7 +119,7 @@ class App:
         self._estimator.turn(inputs.gyro)
         if inputs.telemetry.odometry is not None:
             self._estimator.move(inputs.telemetry.odometry)
-        if self.flight.phase in MAPPING_PHASES:
+        if self.flight.phase in SEEING_PHASES:
             self._estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self._estimator.pose(now_s).height_m)
         pose = self._estimator.pose(now_s)

@@ -64,6 +64,16 @@ class RangeModel(Protocol):
     @property
     def max_m(self) -> float: ...
 
+    @property
+    def gain_sigma(self) -> float:
+        """What calibration leaves of the unit's gain error, relative; part of `sigma_m`."""
+        ...
+
+    @property
+    def mean_age_s(self) -> float:
+        """How old a reading is on average: half the time between two fresh ones."""
+        ...
+
     def sigma_m(self, distance_m: float) -> float:
         """Standard deviation of a reading at a true distance."""
         ...

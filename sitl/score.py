@@ -7,7 +7,7 @@ best, which takes out the error of that first pose and leaves the error of the m
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from evo.core import metrics, sync
@@ -78,7 +78,8 @@ def score_map(
 def score_trajectory(
     path: Sequence[Pose], truth: Sequence[TrueState], take_off: TrueState
 ) -> TrajectoryScore:
-    """ATE by evo; poses are matched to the truth by time."""
+    """ATE by evo, against the truth interpolated to the times of the poses."""
+    truth = _at_times(truth, [pose.time_s for pose in path])
     estimated = _trajectory(
         [pose.time_s for pose in path],
         _to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
@@ -89,7 +90,7 @@ def score_trajectory(
         np.array([state.position_ned_m[:2] for state in truth]),
         [state.yaw_rad for state in truth],
     )
-    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.06)
+    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.001)
     as_is_cm = _rmse_cm(true, estimated)
     estimated.align(true)
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
@@ -148,6 +149,29 @@ def _distance_to_points(points: Points, others: Points) -> Points:
     squared = ((points[:, None] - others) ** 2).sum(axis=2)
     nearest: Points = np.sqrt(squared.min(axis=1))
     return nearest
+
+
+def _at_times(truth: Sequence[TrueState], times_s: Sequence[float]) -> list[TrueState]:
+    """The true states at these times, linearly between those recorded; none outside them.
+
+    Taking the nearest instead would add what the vehicle flies in half a record's period.
+    """
+    known_s = [state.time_s for state in truth]
+    within = [time_s for time_s in times_s if known_s[0] <= time_s <= known_s[-1]]
+    north, east, down = (
+        np.interp(within, known_s, [state.position_ned_m[axis] for state in truth])
+        for axis in range(3)
+    )
+    yaw = np.interp(within, known_s, np.unwrap([state.yaw_rad for state in truth]))
+    return [
+        replace(
+            truth[0],
+            time_s=time_s,
+            position_ned_m=(float(north[i]), float(east[i]), float(down[i])),
+            yaw_rad=float(yaw[i]),
+        )
+        for i, time_s in enumerate(within)
+    ]
 
 
 def _trajectory(time_s: Sequence[float], xy: Points, yaw_rad: Sequence[float]) -> PoseTrajectory3D:

@@ -49,6 +49,10 @@ class Estimator:
         self.heading = HeadingFilter(rest_bias_rad_s)
         self.slam = LineSlam(self.heading, sensor)
         self._trusted_m = _trusted_m(sensor)
+        self._range_age_s = sensor.mean_age_s
+        self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
+        self._yaw_rate_rad_s = 0.0
+        self._turned_until_s = 0.0
         self.hits: list[Hit] = []
         self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
         self._keyframes = Keyframes()
@@ -74,6 +78,9 @@ class Estimator:
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
         corrected_rad, raw_rad = self.heading.predict(samples)
+        if samples:
+            self._yaw_rate_rad_s = samples[-1].yaw_rate_rad_s - self.heading.bias_rad_s
+            self._turned_until_s = samples[-1].time_s
         self._drifting_yaw_rad += corrected_rad
         self._raw_yaw_rad += raw_rad
 
@@ -90,6 +97,7 @@ class Estimator:
         self._height_m -= down_m
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
+        self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
@@ -113,23 +121,39 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
-            raw = self._raw_ne_m, self._raw_yaw_rad
+            raw = self._when_measured(scan.time_s, self._raw_ne_m, self._raw_yaw_rad)
             self._keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
-            bearing_rad = self.heading.yaw_rad + bearing_frd_rad
-            self.slam.see_range(bearing_rad, range_m, self._mount_offset_m)
-            north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
+            eye_ne_m, yaw_rad = self._when_measured(
+                scan.time_s, self.slam.position_ne_m, self.heading.yaw_rad
+            )
+            bearing_rad = yaw_rad + bearing_frd_rad
+            self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
+            north_m, east_m = _along(eye_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
             self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2))
             if reading.distance_m > self._trusted_m:
                 continue
+            eye, yaw_rad = self._when_measured(
+                scan.time_s, self._drifting_ne_m, self._drifting_yaw_rad
+            )
             drifting_hit = RunHit(
                 scan.time_s,
-                _along(self._drifting_ne_m, self._drifting_yaw_rad + bearing_frd_rad, range_m),
+                _along(eye, yaw_rad + bearing_frd_rad, range_m),
                 reading.variance_m2,
-                self._drifting_ne_m,
-                self._drifting_yaw_rad,
+                eye,
+                yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+
+    def _when_measured(self, now_s: float, place: Vector2, yaw_rad: float) -> tuple[Vector2, float]:
+        """Place and heading as they were when the ranges that are read now were measured.
+
+        The place is known until now, the heading until the gyro's latest sample.
+        """
+        forward_m_s, right_m_s = self._velocity_frd_m_s
+        back_m = -self._range_age_s * forward_m_s, -self._range_age_s * right_m_s
+        ahead_s = now_s - self._range_age_s - self._turned_until_s
+        return _moved(place, back_m, yaw_rad), yaw_rad + ahead_s * self._yaw_rate_rad_s
 
     def smoothed(self) -> Smoothed | None:
         """The whole flight set right by all that was seen; None before anything was."""

@@ -127,11 +127,13 @@ class LineSlam:
         self._p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
         self._p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
 
-    def see_range(self, bearing_rad: float, range_m: float, mount_offset_m: float) -> None:
-        """Correct by one range from the drone's centre, if it fits a known wall."""
+    def see_range(
+        self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, mount_offset_m: float
+    ) -> None:
+        """Correct by one range from the drone's centre, which was at `eye_ne_m`."""
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
-            match = self._match(wall, bearing_rad, range_m, mount_offset_m)
+            match = self._match(wall, eye_ne_m, bearing_rad, range_m, mount_offset_m)
             if match is None:
                 continue
             spread = float(match.gradient @ self._p @ match.gradient) + match.variance_m2
@@ -143,7 +145,12 @@ class LineSlam:
             best[1].wall.extend(best[1].along_m)
 
     def _match(
-        self, wall: Wall, bearing_rad: float, range_m: float, mount_offset_m: float
+        self,
+        wall: Wall,
+        eye_ne_m: Vector2,
+        bearing_rad: float,
+        range_m: float,
+        mount_offset_m: float,
     ) -> _Match | None:
         """What the range says if it met this wall; None if it cannot have.
 
@@ -157,8 +164,7 @@ class LineSlam:
         if cos_incidence < self.LEAST_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
-        north = float(self._x[_NORTH]) - wall.anchor_ne_m[0]
-        east = float(self._x[_EAST]) - wall.anchor_ne_m[1]
+        north, east = eye_ne_m[0] - wall.anchor_ne_m[0], eye_ne_m[1] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
         at = _WALLS + wall.index
         distance_m = float(self._x[at]) - north * cos_n - east * sin_n
