@@ -194,6 +194,8 @@ class Hit:
     beam: Beam
     position_ned_m: Vector3
     variance_m2: float
+    wall: int | None = None
+    """Which of the map's wall lines it is on, if any."""
 
 
 @dataclass(frozen=True, slots=True)

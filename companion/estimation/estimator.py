@@ -127,10 +127,10 @@ class Estimator:
                 scan.time_s, self.slam.position_ne_m, self.heading.yaw_rad
             )
             bearing_rad = yaw_rad + bearing_frd_rad
-            self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
+            wall = self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
             north_m, east_m = _along(eye_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
-            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2))
+            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2, wall))
             if reading.distance_m > self._trusted_m:
                 continue
             eye, yaw_rad = self._when_measured(

@@ -36,8 +36,8 @@ class GyroModel:
     """How far the gyro may be trusted (LSM9DS1; priors until an Allan analysis replaces them)."""
 
     rate_noise_rad_s_sqrt_hz: float = math.radians(0.02)
-    bias_sigma_rad_s: float = math.radians(0.15)
-    """What calibration at rest leaves, and what take-off adds."""
+    bias_sigma_rad_s: float = math.radians(0.03)
+    """What calibration at rest leaves."""
     bias_walk_rad_s_sqrt_s: float = math.radians(0.01)
     scale_sigma: float = 0.02
 

@@ -129,8 +129,8 @@ class LineSlam:
 
     def see_range(
         self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, mount_offset_m: float
-    ) -> None:
-        """Correct by one range from the drone's centre, which was at `eye_ne_m`."""
+    ) -> int | None:
+        """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall."""
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
             match = self._match(wall, eye_ne_m, bearing_rad, range_m, mount_offset_m)
@@ -140,9 +140,11 @@ class LineSlam:
             misfit = abs(match.innovation_m) / math.sqrt(spread)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
-        if best is not None:
-            self._correct(best[1])
-            best[1].wall.extend(best[1].along_m)
+        if best is None:
+            return None
+        self._correct(best[1])
+        best[1].wall.extend(best[1].along_m)
+        return best[1].wall.index
 
     def _match(
         self,

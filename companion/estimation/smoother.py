@@ -14,8 +14,10 @@ Which hit belongs to which wall is decided anew in every round, with an ever nar
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from companion.estimation import factors
-from companion.estimation.association import match, merge_and_drop
+from companion.estimation.association import LEAST_EXTENT_M, LEAST_HITS, associate
 from companion.estimation.bordered import Solution
 from companion.estimation.heading import GyroModel
 from companion.estimation.keyframes import Keyframe, KeyframeHit
@@ -30,12 +32,15 @@ from companion.estimation.unknowns import (
     Unknowns,
     project,
 )
+from companion.estimation.wall_detection import Cloud, Look, detect_walls
 from companion.frames import wrap_rad
 from companion.messages import Hit, Pose, RangeModel, WallLine
 
 GATES_M = (0.6, 0.4, 0.3, 0.2, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05)
 """How far off its wall a hit may be in each round, besides three sigmas."""
 STEPS_A_ROUND = 2
+DISCOVERY_GATE_M = 0.2
+"""From this round on the poses are good enough to look for walls that the filters missed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +79,33 @@ class Smoother:
         measured = Measured.of(frames, hits, self._mount_offset_m)
         x = Unknowns.guessed(frames, walls, self._models.rest_bias_rad_s)
         for gate_m in GATES_M:
-            seen = project(x, measured)
-            wall_of = match(x, measured, seen, self._models.ranges, gate_m)
-            wall_of = merge_and_drop(x, seen, wall_of)
+            wall_of = associate(x, measured, self._models.ranges, gate_m)
+            if gate_m <= DISCOVERY_GATE_M:
+                self._look_for_walls(x, measured, wall_of)
+                wall_of = associate(x, measured, self._models.ranges, gate_m)
             for _ in range(STEPS_A_ROUND):
                 solution = self.step(x, measured, wall_of)
         points = project(x, measured).points
         return Smoothed(
             _wall_lines(x, solution),
-            tuple(map(self._hit, hits, points)),
+            tuple(map(self._hit, hits, points, wall_of)),
             tuple(map(_pose, frames, x.poses)),
             x.odometry_scale,
             x.gyro_scale,
         )
+
+    def _look_for_walls(self, x: Unknowns, measured: Measured, wall_of: Indices) -> None:
+        """Walls that the filters missed, in the hits that belong to none."""
+        loose = wall_of < 0
+        seen = project(x, measured)
+        beams = seen.beams[loose]
+        cloud = Cloud(
+            seen.points[loose],
+            self._models.ranges.sigma_m(measured.distance_m[loose]),
+            np.arctan2(beams[:, 1], beams[:, 0]),
+        )
+        found, _ = detect_walls(cloud, Look(LEAST_HITS, LEAST_EXTENT_M))
+        x.walls = np.vstack([x.walls, found])
 
     def step(self, x: Unknowns, measured: Measured, wall_of: Indices) -> Solution:
         """One Gauss-Newton step of `x`, with the hits' walls as they are."""
@@ -104,10 +123,11 @@ class Smoother:
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
 
-    def _hit(self, hit: KeyframeHit, point: Array) -> Hit:
+    def _hit(self, hit: KeyframeHit, point: Array, wall: int) -> Hit:
         sigma_m = self._sensor.sigma_m(max(hit.range_m - self._mount_offset_m, self._sensor.min_m))
         position_ned_m = (float(point[0]), float(point[1]), hit.down_m)
-        return Hit(hit.time_s, hit.beam, position_ned_m, sigma_m**2)
+        on_wall = int(wall) if wall >= 0 else None
+        return Hit(hit.time_s, hit.beam, position_ned_m, sigma_m**2, on_wall)
 
 
 def _pose(frame: Keyframe, pose: Array) -> Pose:

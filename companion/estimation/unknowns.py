@@ -130,19 +130,27 @@ class RangeNoise:
     def __init__(self, sensor: RangeModel) -> None:
         self.min_m, self.max_m, self.gain_sigma = sensor.min_m, sensor.max_m, sensor.gain_sigma
         steps = round((sensor.max_m - sensor.min_m) / self.STEP_M)
-        self._distance_m = np.linspace(sensor.min_m, sensor.max_m, steps + 1)
-        total = np.array([sensor.sigma_m(float(d)) for d in self._distance_m])
-        self._sigma_m = np.sqrt(total**2 - (sensor.gain_sigma * self._distance_m) ** 2)
-        per_step = (
-            np.diff(self._distance_m) * 0.5 * (1 / self._sigma_m[1:] + 1 / self._sigma_m[:-1])
-        )
+        distance_m = np.linspace(sensor.min_m, sensor.max_m, steps + 1)
+        self._step_m = (sensor.max_m - sensor.min_m) / steps
+        total_m = np.array([sensor.sigma_m(float(d)) for d in distance_m])
+        self._sigma_m = np.sqrt(total_m**2 - (sensor.gain_sigma * distance_m) ** 2)
+        per_step = 0.5 * self._step_m * (1 / self._sigma_m[1:] + 1 / self._sigma_m[:-1])
         self._signal = np.concatenate([[0.0], np.cumsum(per_step)])
 
     def sigma_m(self, distance_m: Array) -> Array:
-        sigma: Array = np.interp(distance_m, self._distance_m, self._sigma_m)
+        """Beyond the range, that at its end."""
+        sigma: Array = self._sigma_m[np.rint(self._place(distance_m)).astype(np.int64)]
         return sigma
 
     def signal(self, distance_m: Array) -> Array:
         """ς above."""
-        signal: Array = np.interp(distance_m, self._distance_m, self._signal)
+        place = self._place(distance_m)
+        low = np.minimum(place.astype(np.int64), len(self._signal) - 2)
+        before, after = self._signal[low], self._signal[low + 1]
+        signal: Array = before + (place - low) * (after - before)
         return signal
+
+    def _place(self, distance_m: Array) -> Array:
+        """In the tables; np.interp would search for it."""
+        place: Array = (np.clip(distance_m, self.min_m, self.max_m) - self.min_m) / self._step_m
+        return place
