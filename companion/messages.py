@@ -149,6 +149,8 @@ class Pose:
     yaw_rad: float
     position_sigma_m: float = 0.0
     yaw_sigma_rad: float = 0.0
+    reset_counter: int = 0
+    """One more each time that the pose has been set right by a step."""
 
     @property
     def height_m(self) -> float:
@@ -205,7 +207,14 @@ class WallLine:
     normal_rad: float
     offset_m: float
     sigma_m: float
-    """Of the offset."""
+    """Of the offset, `anchor_m` along the wall, that is at p·t = anchor_m, t = (-sin, cos)(normal).
+    There it does not depend on the error of the direction."""
+    normal_sigma_rad: float = 0.0
+    anchor_m: float = 0.0
+
+    def sigma_at_m(self, along_m: float) -> float:
+        """Across the wall, at a place along it."""
+        return math.hypot(self.sigma_m, (along_m - self.anchor_m) * self.normal_sigma_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,8 +224,10 @@ class WallSegment:
     start_ne_m: Vector2
     end_ne_m: Vector2
     sigma_m: float
-    """Standard deviation of the wall's offset along its normal."""
+    """Standard deviation across the wall, at its middle."""
     hits: int
+    normal_sigma_rad: float = 0.0
+    """Of its direction."""
 
     @property
     def length_m(self) -> float:

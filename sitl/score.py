@@ -40,6 +40,11 @@ class MapScore:
     """Share of the true wall that could be seen with a mapped one within 10 cm, aligned."""
     false_walls: float
     """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
+    wall_sigma_cm: float
+    """What the map claims: its walls' standard deviation at their middles, mean by length."""
+    wall_error_sigmas: float
+    """RMS of how far the middles are from the nearest true wall, take-off frame, in their sigmas;
+    about 1 if the map knows how exact it is. False walls do not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +65,7 @@ def score_map(
     true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
     mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
     if not len(mapped):
-        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0)
+        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
     error_m, _ = _nearest(mapped, true_walls)
     aligned = align(mapped, true_walls)
     aligned_error_m, _ = _nearest(aligned, true_walls)
@@ -72,6 +77,26 @@ def score_map(
         wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
         coverage=float((to_mapped_m <= COVERED_WITHIN_M).mean()),
         false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
+        wall_sigma_cm=100
+        * float(
+            np.average([w.sigma_m for w in plan.walls], weights=[w.length_m for w in plan.walls])
+        ),
+        wall_error_sigmas=_error_in_sigmas(plan, true_walls, take_off),
+    )
+
+
+def _mean_sigma_m(plan: FloorPlan) -> float:
+    lengths_m = [wall.length_m for wall in plan.walls]
+    return float(np.average([wall.sigma_m for wall in plan.walls], weights=lengths_m))
+
+
+def _error_in_sigmas(plan: FloorPlan, true_walls: Points, take_off: TrueState) -> float:
+    middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
+    error_m, _ = _nearest(_to_world(middles, take_off), true_walls)
+    sigma_m = np.array([wall.sigma_m for wall in plan.walls])
+    counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
+    return (
+        float(np.sqrt(np.mean((error_m[counts] / sigma_m[counts]) ** 2))) if counts.any() else 0.0
     )
 
 

@@ -145,8 +145,8 @@ def _worths(cost: Array) -> Array:
         return np.array([np.sum(UNEXPLAINED - cost)])
     two = np.partition(cost, 1, axis=1)[:, :2]
     mine = cost.argmin(axis=1)
-    worth: Array = np.bincount(mine, two[:, 1] - two[:, 0], cost.shape[1])
-    return worth
+    worth = np.bincount(mine, two[:, 1] - two[:, 0], cost.shape[1])
+    return worth.astype(np.float64)
 
 
 def _supports(along_m: Array) -> bool:

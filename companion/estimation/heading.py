@@ -75,6 +75,10 @@ class HeadingFilter:
         kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
         return kalman
 
+    def restart(self, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Go on from heading, bias, scale and all walls' directions (n,) as told, (n, n)."""
+        self._filter = self._grown(state, covariance)
+
     def _value(self, index: int) -> float:
         return float(self._filter.x[index, 0])
 
@@ -114,7 +118,10 @@ class HeadingFilter:
 
         Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
         """
-        turned_rad, duration_s = self._integrate(samples)
+        return self.turn(*self._integrate(samples))
+
+    def turn(self, turned_rad: float, duration_s: float) -> tuple[float, float]:
+        """The same, for what the gyro has turned by, uncorrected."""
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model

@@ -4,7 +4,8 @@ All in frames that nothing estimated has touched: displacements and hits are rel
 keyframe before them, by raw odometry and gyro.
 """
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 
 from companion.frames import Vector2, ned_to_frd
 from companion.messages import Beam, Pose
@@ -49,6 +50,16 @@ class Keyframes:
     hits: list[KeyframeHit] = field(default_factory=list)
     _raw_ne_m: Vector2 = (0.0, 0.0)
     _raw_yaw_rad: float = 0.0
+
+    @property
+    def raw(self) -> tuple[Vector2, float]:
+        """Raw dead-reckoned place and yaw of the last keyframe."""
+        return self._raw_ne_m, self._raw_yaw_rad
+
+    def correct(self, path: Sequence[Pose]) -> None:
+        """Better guesses for the keyframes from the first on."""
+        for i, pose in enumerate(path):
+            self.frames[i] = replace(self.frames[i], guess=pose)
 
     def advance(self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float) -> None:
         """Make a keyframe if it is time for one."""

@@ -100,6 +100,10 @@ class LineSlam:
     def scale_error(self) -> float:
         return float(self._x[_SCALE])
 
+    def restart(self, state: Row, covariance: Row, walls: list[Wall]) -> None:
+        """Go on from position, scale and the walls' offsets from their anchors (n,), (n, n)."""
+        self._x, self._p, self.walls = state, covariance, walls
+
     def line(self, wall: Wall) -> tuple[float, float]:
         """(normal_rad, offset_m) of a wall as {p : p·n = offset}."""
         normal_rad = self._heading.normal_rad(wall.index)

@@ -11,7 +11,8 @@ Which hit belongs to which wall is decided anew in every round, with an ever nar
 (`association.py`). A Cauchy weight keeps what still does not fit from pulling.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,14 +34,33 @@ from companion.estimation.unknowns import (
     project,
 )
 from companion.estimation.wall_detection import Cloud, Look, detect_walls
-from companion.frames import wrap_rad
+from companion.frames import Vector2, wrap_rad
 from companion.messages import Hit, Pose, RangeModel, WallLine
 
 GATES_M = (0.6, 0.4, 0.3, 0.2, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05)
 """How far off its wall a hit may be in each round, besides three sigmas."""
-STEPS_A_ROUND = 2
+FLYING_GATES_M = (0.2, 0.1)
+"""While it flies the filters start from the last smoothing and are not far off."""
 DISCOVERY_GATE_M = 0.2
 """From this round on the poses are good enough to look for walls that the filters missed."""
+STEPS_A_ROUND = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Knowledge:
+    """What is known at the last keyframe: all that the filters need to go on from there."""
+
+    position_ne_m: Vector2
+    yaw_rad: float
+    bias_rad_s: float
+    gyro_scale: float
+    odometry_scale: float
+    walls: Array
+    """(w, 2): direction of the normal, offset."""
+    reaches_m: Array
+    """(w, 2): from where to where along (-sin, cos)(normal) each wall has been seen."""
+    covariance: Array
+    """Of north, east, yaw, bias, both scales, then of the walls, row by row."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +70,7 @@ class Smoothed:
     walls: tuple[WallLine, ...]
     hits: tuple[Hit, ...]
     path: tuple[Pose, ...]
-    odometry_scale_error: float
-    gyro_scale_error: float
+    end: Knowledge
 
 
 class Smoother:
@@ -76,26 +95,44 @@ class Smoother:
         walls: Sequence[WallLine],
     ) -> Smoothed:
         """The likeliest flight, beginning from the filters' poses and walls."""
-        measured = Measured.of(frames, hits, self._mount_offset_m)
+        work = self.smoothing(frames, hits, walls, GATES_M)
+        while True:
+            try:
+                next(work)
+            except StopIteration as end:
+                smoothed: Smoothed = end.value
+                return smoothed
+
+    def smoothing(
+        self,
+        frames: Sequence[Keyframe],
+        hits: Sequence[KeyframeHit],
+        walls: Sequence[WallLine],
+        gates_m: Sequence[float],
+    ) -> Generator[None, None, Smoothed]:
+        """The same in pieces of some milliseconds: it yields after each."""
+        m = Measured.of(frames, hits, self._mount_offset_m)
         x = Unknowns.guessed(frames, walls, self._models.rest_bias_rad_s)
-        for gate_m in GATES_M:
-            wall_of = associate(x, measured, self._models.ranges, gate_m)
-            if gate_m <= DISCOVERY_GATE_M:
-                self._look_for_walls(x, measured, wall_of)
-                wall_of = associate(x, measured, self._models.ranges, gate_m)
+        for gate_m in gates_m:
+            wall_of = associate(x, m, self._models.ranges, gate_m)
+            yield
+            if gate_m <= DISCOVERY_GATE_M and self._look_for_walls(x, m, wall_of):
+                yield
+                wall_of = associate(x, m, self._models.ranges, gate_m)
+                yield
             for _ in range(STEPS_A_ROUND):
-                solution = self.step(x, measured, wall_of)
-        points = project(x, measured).points
+                solution = self.step(x, m, wall_of)
+                yield
+        points = project(x, m).points
         return Smoothed(
             _wall_lines(x, solution),
             tuple(map(self._hit, hits, points, wall_of)),
             tuple(map(_pose, frames, x.poses)),
-            x.odometry_scale,
-            x.gyro_scale,
+            _knowledge(x, solution, points, wall_of),
         )
 
-    def _look_for_walls(self, x: Unknowns, measured: Measured, wall_of: Indices) -> None:
-        """Walls that the filters missed, in the hits that belong to none."""
+    def _look_for_walls(self, x: Unknowns, measured: Measured, wall_of: Indices) -> bool:
+        """Walls that the filters missed, in the hits that belong to none; whether there are any."""
         loose = wall_of < 0
         seen = project(x, measured)
         beams = seen.beams[loose]
@@ -106,6 +143,7 @@ class Smoother:
         )
         found, _ = detect_walls(cloud, Look(LEAST_HITS, LEAST_EXTENT_M))
         x.walls = np.vstack([x.walls, found])
+        return bool(len(found))
 
     def step(self, x: Unknowns, measured: Measured, wall_of: Indices) -> Solution:
         """One Gauss-Newton step of `x`, with the hits' walls as they are."""
@@ -136,8 +174,42 @@ def _pose(frame: Keyframe, pose: Array) -> Pose:
 
 
 def _wall_lines(x: Unknowns, solution: Solution) -> tuple[WallLine, ...]:
-    sigma = solution.shared_covariance.diagonal() ** 0.5
-    return tuple(
-        WallLine(float(normal), float(offset), float(sigma[factors.WALLS + WALL_SIZE * i + 1]))
-        for i, (normal, offset) in enumerate(x.walls)
+    """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
+    lines = []
+    for i, (normal_rad, offset_m) in enumerate(x.walls):
+        at = factors.WALLS + WALL_SIZE * i
+        (direction, both), (_, offset) = solution.shared_covariance[at : at + 2, at : at + 2]
+        variance_m2 = max(offset - both**2 / direction, 0.0)
+        lines.append(
+            WallLine(
+                float(normal_rad),
+                float(offset_m),
+                math.sqrt(variance_m2),
+                math.sqrt(direction),
+                float(both / direction),
+            )
+        )
+    return tuple(lines)
+
+
+def _knowledge(x: Unknowns, solution: Solution, points: Array, wall_of: Indices) -> Knowledge:
+    north_m, east_m, yaw_rad, bias_rad_s = map(float, x.poses[-1])
+    covariance = solution.covariance_of_last(POSE_SIZE)
+    gains = POSE_SIZE + np.arange(factors.GAINS, factors.WALLS)
+    kept = np.delete(np.arange(len(covariance)), gains)
+    along = points @ np.array([-np.sin(x.walls[:, 0]), np.cos(x.walls[:, 0])])
+    reaches = [
+        (mine.min(), mine.max())
+        for wall in range(len(x.walls))
+        if len(mine := along[wall_of == wall, wall])
+    ]
+    return Knowledge(
+        (north_m, east_m),
+        yaw_rad,
+        bias_rad_s,
+        x.gyro_scale,
+        x.odometry_scale,
+        x.walls,
+        np.array(reaches).reshape(-1, 2),
+        covariance[np.ix_(kept, kept)],
     )

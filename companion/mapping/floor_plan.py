@@ -47,7 +47,11 @@ def _pieces(line: WallLine, along_m: NDArray[np.float64]) -> list[WallSegment]:
     gaps = np.flatnonzero(np.diff(along_m) > LARGEST_GAP_M) + 1
     return [
         WallSegment(
-            _point(line, float(row[0])), _point(line, float(row[-1])), line.sigma_m, len(row)
+            _point(line, float(row[0])),
+            _point(line, float(row[-1])),
+            line.sigma_at_m(0.5 * float(row[0] + row[-1])),
+            len(row),
+            line.normal_sigma_rad,
         )
         for row in np.split(along_m, gaps)
         if len(row) >= LEAST_HITS
