@@ -70,6 +70,7 @@ def save_report(report: Report, path: Path) -> None:
 _ROWS = (
     ("walls, in the take-off frame", "wall_error_cm", "{:.1f} cm"),
     ("walls, aligned", "wall_error_aligned_cm", "{:.1f} cm"),
+    ("walls, sigma that the map claims", "wall_sigma_cm", "{:.1f} cm"),
     ("coverage", "coverage", "{:.1%}"),
     ("false walls", "false_walls", "{:.1%}"),
     ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),

@@ -37,8 +37,8 @@ class GyroModel:
     """How far the gyro may be trusted (LSM9DS1; priors until an Allan analysis replaces them)."""
 
     rate_noise_rad_s_sqrt_hz: float = math.radians(0.02)
-    bias_sigma_rad_s: float = math.radians(0.15)
-    """What calibration at rest leaves, and what take-off adds."""
+    bias_sigma_rad_s: float = math.radians(0.03)
+    """What calibration at rest leaves."""
     bias_walk_rad_s_sqrt_s: float = math.radians(0.01)
     scale_sigma: float = 0.02
 
@@ -81,6 +81,11 @@ class HeadingFilter:
         """The state as plain floats, which are asked for many times a tick."""
         self._values: list[float] = self._filter.x[:, 0].tolist()
 
+    def restart(self, state: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Go on from heading, bias, scale and all walls' directions (n,) as told, (n, n)."""
+        self._filter = self._grown(state, covariance)
+        self._note()
+
     def _sigma(self, index: int) -> float:
         return math.sqrt(self._filter.P.item(index, index))
 
@@ -118,7 +123,10 @@ class HeadingFilter:
 
         Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
         """
-        turned_rad, duration_s = self._integrate(samples)
+        return self.turn(*self._integrate(samples))
+
+    def turn(self, turned_rad: float, duration_s: float) -> tuple[float, float]:
+        """The same, for what the gyro has turned by, uncorrected."""
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model

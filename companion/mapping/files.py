@@ -59,6 +59,7 @@ def _wall_record(wall: WallSegment) -> dict[str, object]:
         "start_ne_m": wall.start_ne_m,
         "end_ne_m": wall.end_ne_m,
         "sigma_m": wall.sigma_m,
+        "normal_sigma_rad": wall.normal_sigma_rad,
         "hits": wall.hits,
     }
 
@@ -78,7 +79,13 @@ def load_json(path: Path) -> FloorPlan:
     record = json.loads(path.read_text())
     return FloorPlan(
         walls=tuple(
-            WallSegment(tuple(w["start_ne_m"]), tuple(w["end_ne_m"]), w["sigma_m"], w["hits"])
+            WallSegment(
+                tuple(w["start_ne_m"]),
+                tuple(w["end_ne_m"]),
+                w["sigma_m"],
+                w["hits"],
+                w["normal_sigma_rad"],
+            )
             for w in record["walls"]
         ),
         path=tuple(Pose(**pose) for pose in record["path"]),

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
 from sitl.options import Autopilot, FlightOptions, Profile, Seed
@@ -48,3 +49,22 @@ def speed(
     console = Console(highlight=False)
     console.print(table)
     console.print("poses identical to the bit" if identical else "POSES DIFFER")
+
+
+@commands.command()
+def accuracy(
+    seeds: Annotated[int, typer.Option(help="Flights of each world, seeds 1 to N.", min=1)] = 30,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+) -> None:
+    """Maps and trajectories against the truth, dead reckoning and an ideal solver beside them."""
+    from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
+    from sitl.bench.accuracy_table import accuracy_tables  # noqa: PLC0415
+
+    flights = setups(seeds)
+    progress = Console(stderr=True)
+    results = list(track(fly_all(flights), "flying", len(flights), console=progress))
+    rows = summary(results)
+    if as_json:
+        print(json.dumps({"seeds": seeds, "rows": rows}, indent=1))
+        return
+    Console(highlight=False).print(*accuracy_tables(rows), sep="\n")

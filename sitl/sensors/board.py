@@ -12,7 +12,7 @@ from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
-from sitl.truth import TrueState
+from sitl.truth import STEP_S, TrueState
 
 TruthAt = Callable[[float], TrueState]
 
@@ -52,7 +52,8 @@ class SensorBoard:
             for address in sorted({c.address for c in config.channels.values()})
         }
         devices[config.gyro_address] = Lsm9ds1Device(
-            lambda time_s: truth_at(time_s).yaw_rate_rad_s,
+            # A state's rate is that of the step which led to it.
+            lambda time_s: truth_at(time_s + 0.5 * STEP_S).yaw_rate_rad_s,
             stream(seed, "gyro"),
             draw_warming(stream(seed, "gyro temperature")),
         )
