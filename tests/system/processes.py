@@ -60,6 +60,15 @@ def running_sitl(
         yield process, mavlink_port, bus_port
 
 
+@contextmanager
+def vehicle_at(port: int, firmware: str) -> Iterator[None]:
+    """`sitl run` that speaks to a client's port, once it serves."""
+    options = ("--autopilot", firmware, "--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
+    with started(sitl("run", "room_100", *options)) as process:
+        read_until(process, "sitl://")
+        yield
+
+
 def stop(process: subprocess.Popen[str]) -> str:
     """As Ctrl-C does; what it still had to say."""
     process.send_signal(signal.SIGINT)

@@ -9,7 +9,7 @@ from tests.system.processes import companion, free_udp_port, read_until, sitl, s
 from tests.system.scoring import assert_good
 
 SPEED = "2"
-"""A small machine that does other things too still keeps up."""
+"""An autopilot that heard nothing for 0.5 s of its time lands; a busy machine may pause as long."""
 DEADLINE_S = 120
 ROOM = """
 name = "small"

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from sitl.autopilot.parameters.table import load_table
-from tests.system.processes import PAUSE, free_udp_port, sitl, started, until
+from tests.system.processes import PAUSE, free_udp_port, until, vehicle_at
 
 DEADLINE_S = 20
 SCRIPT = Path(sysconfig.get_path("scripts")) / "mavproxy.py"
@@ -78,8 +78,7 @@ def firmware(request: pytest.FixtureRequest) -> str:
 @pytest.fixture
 def mavproxy(firmware: str, tmp_path: Path) -> Iterator[MavProxy]:
     port = free_udp_port()
-    options = ("--autopilot", firmware, "--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
-    with started(sitl("run", "room_100", *options)):
+    with vehicle_at(port, firmware):
         session = MavProxy(port, tmp_path)
         try:
             yield session

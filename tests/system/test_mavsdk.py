@@ -8,17 +8,16 @@ from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.offboard import Offboard, VelocityBodyYawspeed
 from mavsdk.plugins.telemetry import Telemetry
 
-from tests.system.processes import PAUSE, free_udp_port, sitl, started, until
+from tests.system.processes import PAUSE, free_udp_port, until, vehicle_at
 
 
 @pytest.fixture(params=["ardupilot", "px4"])
 def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[Action, Offboard, Telemetry]]:
     """The plugins of a ground station that has found the vehicle."""
     port = free_udp_port()
-    options = ("--autopilot", request.param, "--mavlink", f"udpout:127.0.0.1:{port}")
     station = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     try:
-        with started(sitl("run", "room_100", *options, "--bus-port", "0")):
+        with vehicle_at(port, request.param):
             station.add_any_connection(f"udpin://127.0.0.1:{port}")
             system = station.first_autopilot(15.0)
             assert system is not None

@@ -8,7 +8,7 @@ from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.parameters.table import load_table
-from tests.system.processes import free_udp_port, sitl, started, until
+from tests.system.processes import free_udp_port, until, vehicle_at
 
 DEADLINE_S = 15
 
@@ -17,8 +17,7 @@ DEADLINE_S = 15
 def connected(firmware: str) -> Iterator[Any]:
     """A connection that has heard the vehicle's heartbeat."""
     port = free_udp_port()
-    options = ("--autopilot", firmware, "--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
-    with started(sitl("run", "room_100", *options)):
+    with vehicle_at(port, firmware):
         vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", dialect="ardupilotmega")
         try:
             assert vehicle.wait_heartbeat(timeout=DEADLINE_S)
