@@ -85,7 +85,7 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, model: GyroModel)
     )
     system.add(
         p[1:, 3] - p[:-1, 3],
-        model.bias_walk_rad_s_sqrt_s * np.sqrt(m.dt_s),
+        np.sqrt(model.bias_variance_per_s(np.cumsum(m.dt_s)) * m.dt_s),
         [(at + 3, -one), (after + 3, one)],
     )
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.config import SensorsConfig
 from companion.frames import Vector3
@@ -35,8 +36,12 @@ class SensorBoard:
         config: SensorsConfig,
         range_query: Callable[[Beam], RangeQuery],
         truth_at: TruthAt,
+        *,
+        gain_sigma: float | None = None,
     ) -> None:
         physics = PHYSICS[config.profile]
+        if gain_sigma is not None:
+            physics = replace(physics, gain_sigma=gain_sigma)
         self._sensors: dict[Beam, SharpUnit] = {
             beam: SharpUnit(
                 physics,
