@@ -27,7 +27,7 @@ class Autopilot(StrEnum):
     PX4 = "px4"
 
 
-WorldName = Annotated[str, typer.Argument(help="A built-in world, or a world file.")]
+WorldName = Annotated[str, typer.Argument(help="A built-in world, random_SEED, or a world file.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
 Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
 Start = Annotated[

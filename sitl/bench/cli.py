@@ -21,7 +21,9 @@ def _several_commands() -> None:
 
 @commands.command()
 def speed(
-    world: Annotated[str, typer.Option(help="A built-in world, or a world file.")] = "room_200",
+    world: Annotated[
+        str, typer.Option(help="A built-in world, random_SEED, or a world file.")
+    ] = "room_200",
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     runs: Annotated[int, typer.Option(help="Flights on each transport; medians count.")] = 3,
