@@ -21,6 +21,7 @@ from sitl.lockstep import fly_in_lockstep
 from sitl.options import (
     Autopilot,
     BeamFile,
+    Crop,
     FlightOptions,
     Param,
     Params,
@@ -89,6 +90,7 @@ def run(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
     ] = 1,
@@ -106,10 +108,14 @@ def run(
     """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     if autopilot is RunAutopilot.EXTERNAL:
-        options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
+        options = FlightOptions(
+            world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam, crop_m=crop
+        )
         _run_external(options, connect, bus_port, speed, truth)
         return
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     setup, watch = options.setup()
     fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
     for number, door in enumerate(doors):
@@ -184,6 +190,7 @@ def fly(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     mission: Annotated[
         str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
     ] = "room",
@@ -198,7 +205,9 @@ def fly(
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     flown = load_mission(mission)
     settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
     console = Console(highlight=False)
