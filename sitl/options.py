@@ -46,9 +46,7 @@ BeamFile = Annotated[
 ]
 Crop = Annotated[
     float | None,
-    typer.Option(
-        help="Of a larger world only the square of so many metres about the start.", min=4
-    ),
+    typer.Option(help="Only the square of so many metres about the start, walled in.", min=4),
 ]
 
 

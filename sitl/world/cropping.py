@@ -10,16 +10,13 @@ LEAST_TO_BORDER_M = 0.6
 def cropped(world: World, side_m: float, start: int) -> World:
     """The square of this side about a start pose, which becomes the first one.
 
-    Walls and boxes end at the square's border, which is a wall itself, so that nobody can leave. A
-    world no larger than the square is left as it is, only with this start first.
+    Walls and boxes end at the square's border, which is a wall itself, so that nobody can leave,
+    neither by what was cut nor by a front that the plan leaves open.
 
     Raises:
         WorldError: it is a mesh.
     """
     centre = world.starts[start]
-    if not _is_larger(world, side_m):
-        others = [other for other in world.starts if other is not centre]
-        return world.model_copy(update={"starts": (centre, *others)})
     if world.mesh is not None:
         raise WorldError(f"{world.name}: a mesh cannot be cropped")
     north, east = centre.position
@@ -33,11 +30,6 @@ def cropped(world: World, side_m: float, start: int) -> World:
         boxes=tuple(box for whole in world.boxes if (box := _box_within(whole, low, high))),
         starts=(centre, *(s for s in world.starts if s is not centre and _is_in(s, low, high))),
     )
-
-
-def _is_larger(world: World, side_m: float) -> bool:
-    (south, west), (north, east) = world.bounds
-    return max(north - south, east - west) > side_m
 
 
 def _is_in(start: Start, low: Vector2, high: Vector2) -> bool:

@@ -86,11 +86,12 @@ def test_inside_everything_is_where_it_was_and_nothing_can_leave(
 BEFORE, AFTER = WorldModel(building()), WorldModel(cropped(building(), SIDE_M, 1))
 
 
-def test_what_is_small_enough_stays_whole() -> None:
+def test_what_is_small_enough_stays_whole_in_a_yard() -> None:
     whole = building()
-    same = cropped(whole, 60.0, 1)
-    assert same.walls == whole.walls
-    assert [start.name for start in same.starts][:2] == ["middle", "west"]
+    piece = cropped(whole, 200.0, 1)
+    assert len(piece.walls) == 1 + len(whole.panels)
+    assert [box.corner for box in piece.boxes] == [box.corner for box in whole.boxes]
+    assert [start.name for start in piece.starts][:2] == ["middle", "west"]
 
 
 def test_a_mesh_is_refused() -> None:
