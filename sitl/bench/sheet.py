@@ -48,7 +48,7 @@ def _draw(flown: Flown, axes: Axes) -> None:
     axes.autoscale_view()
     verdict = "completed" if row["completed"] else str(row["ending"])
     if row.get("collisions"):
-        verdict = f"{row['collisions']} collisions"
+        verdict = f"collisions: {row['collisions']}"
     flight = f"{row['world']}, start {row['start']}, seed {row['seed']}"
     title = f"{flight}\n{row['profile']}: {verdict}"
     axes.set_title(

@@ -71,7 +71,7 @@ def _group(row: Report) -> tuple[str, str]:
 def _ending(row: Report) -> str:
     """Of a flight that was not completed; a mission may end well after a collision."""
     if row.get("collisions"):
-        return f"{row['ending']}, after {row['collisions']} collisions"
+        return f"{row['ending']}; collisions: {row['collisions']}"
     return str(row["ending"])
 
 

@@ -126,7 +126,7 @@ def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
     assert (summary["coverage_mean"], summary["coverage_min"]) == (0.75, 0.5)
     assert (summary["clearance_min_m"], summary["return_max_m"]) == (0.3, 0.6)
     assert summary["trace_over_least_mean"] == 1.2
-    assert summary["endings"] == {"landed: time limit, after 2 collisions": 1, "lost: a reason": 1}
+    assert summary["endings"] == {"landed: time limit; collisions: 2": 1, "lost: a reason": 1}
     assert len(complaints(rows)) == 2
     assert complaints(rows)[0].startswith("room, paper, start 1, seed 1: landed")
 
