@@ -16,6 +16,7 @@ from sitl.errors import SitlError
 from sitl.options import (
     Autopilot,
     BeamFile,
+    Crop,
     FlightOptions,
     Param,
     Params,
@@ -82,6 +83,7 @@ def run(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
     ] = 1,
@@ -103,10 +105,14 @@ def run(
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     if autopilot is RunAutopilot.EXTERNAL:
         _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, lockstep)
-        options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
+        options = FlightOptions(
+            world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam, crop_m=crop
+        )
         _run_external(options, connect, bus_port, truth)
         return
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     setup, watch = options.setup()
     fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
     for number, door in enumerate(doors):
@@ -186,6 +192,7 @@ def fly(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     mission: Annotated[
         str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
     ] = "room",
@@ -205,7 +212,9 @@ def fly(
     from sitl.report import report_table, save_report  # noqa: PLC0415
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
 
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     flown = load_mission(mission)
     settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
     console = Console(highlight=False)

@@ -47,6 +47,7 @@ def make_report(
     report |= {
         "collisions": truth.collisions,
         "clearance_m": truth.clearance_m,
+        "return_m": math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2]),
         "flight_time_s": truth.air_time_s,
         "least_time_s": least_time_s(surfaces, config.mission.standoff_m, config.mission.speed_m_s),
         "waited_s": waited_s,
@@ -76,6 +77,7 @@ _ROWS = (
     ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),
     ("least clearance", "clearance_m", "{:.2f} m"),
     ("collisions", "collisions", "{}"),
+    ("landed off its start", "return_m", "{:.2f} m"),
     ("time in the air", "flight_time_s", "{:.0f} s"),
     ("least time to trace", "least_time_s", "{:.0f} s"),
     ("speed", "speed_factor", "{:.0f} × real time"),

@@ -13,6 +13,7 @@ import numpy as np
 from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from companion.messages import FloorPlan, Pose
 from sitl.truth import TrueState
@@ -171,8 +172,7 @@ def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
 
 
 def _distance_to_points(points: Points, others: Points) -> Points:
-    squared = ((points[:, None] - others) ** 2).sum(axis=2)
-    nearest: Points = np.sqrt(squared.min(axis=1))
+    nearest: Points = cKDTree(others).query(points)[0]
     return nearest
 
 
