@@ -15,11 +15,12 @@ def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int)
     assert flight.report.collisions == 0
     assert flight.report.clearance_m > 0.3
     assert flight.report.coverage >= 0.95
-    assert flight.report.wall_error_aligned_cm <= 15
-    assert flight.report.ate_cm <= 15
+    assert flight.report.wall_error_aligned_cm <= 6
+    assert flight.report.wall_error_cm <= 12
+    assert flight.report.ate_cm <= 8
     assert flight.plan.ceiling_m == pytest.approx(2.6, abs=0.1)
     landed = flight.simulation.autopilot.truth
-    assert math.dist(landed.position_ned_m, flight.truth.take_off.position_ned_m) < 0.6
+    assert math.dist(landed.position_ned_m, flight.truth.take_off.position_ned_m) < 0.3
 
 
 @pytest.mark.parametrize("world", ["room_200", "room_300"])
