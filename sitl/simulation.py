@@ -124,18 +124,23 @@ class Simulation:
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)
         clearance_m = self._model.body_clearance_m(state.position_ned_m)
-        clearance_m = min(clearance_m, clearance_to_others_m(state.position_ned_m, self._others()))
+        if others := self._others():
+            to_others_m = clearance_to_others_m(state.position_ned_m, others)
+            clearance_m = min(clearance_m, to_others_m)
         if self.record.observe(state, clearance_m):
             self.autopilot.crash("hit an obstacle")
 
     def _range_query(self, beam: Beam) -> RangeQuery:
-        """A plain ray, the quickest there is, unless more was asked for."""
-        if self._setup.beam == RAY:
-            walls: RangeQuery = self._model.range_m
-        else:
-            hits, seed = self._model.hits, self._setup.seed
-            walls = LightBeam(self._setup.beam, hits, seed, beam.value).range_m
+        """Walls, and whoever else flies there."""
+        walls = beam_query(self._setup, self._model, beam)
         return walls if self._others is nobody else with_others(walls, self._others)
+
+
+def beam_query(setup: Setup, model: WorldModel, beam: Beam) -> RangeQuery:
+    """How far a beam reaches: a plain ray, the quickest there is, unless more was asked for."""
+    if setup.beam == RAY:
+        return model.range_m
+    return LightBeam(setup.beam, model.hits, setup.seed, beam.value).range_m
 
 
 def start_state(setup: Setup) -> TrueState:

@@ -1,12 +1,12 @@
 """What really happens. Only the simulation's own parts, the scorer and the viewer may read it."""
 
 from collections import deque
-from dataclasses import dataclass
 
 from companion.frames import Vector3
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class TrueState:
     """The vehicle in the world's frame: NED, origin and axes of the world file, floor at down = 0.
 
@@ -31,8 +31,8 @@ HISTORY_STEPS = 8
 class History:
     """The latest states: sensors hold values of moments that have passed."""
 
-    def __init__(self, start: TrueState) -> None:
-        self._states = deque([start], maxlen=HISTORY_STEPS)
+    def __init__(self, start: TrueState, steps: int = HISTORY_STEPS) -> None:
+        self._states = deque([start], maxlen=steps)
 
     def add(self, state: TrueState) -> None:
         self._states.append(state)

@@ -12,10 +12,6 @@ class DeadReckoning:
         self.ne_m: Vector2 = (0.0, 0.0)
         self.yaw_rad = 0.0
 
-    @property
-    def place(self) -> tuple[Vector2, float]:
-        return self.ne_m, self.yaw_rad
-
     def turn(self, turned_rad: float) -> None:
         self.yaw_rad += turned_rad
 

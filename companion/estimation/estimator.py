@@ -82,6 +82,11 @@ class Estimator:
             reset_counter=self._resets,
         )
 
+    @property
+    def height_m(self) -> float:
+        """Above the take-off point."""
+        return self._height_m
+
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
         corrected_rad, raw_rad = self.heading.predict(samples)
@@ -97,11 +102,9 @@ class Estimator:
         if last is None or odometry.time_s <= last.time_s:
             return
         dt_s = odometry.time_s - last.time_s
-        north_m, east_m, down_m = (
-            now - then
-            for now, then in zip(odometry.position_ned_m, last.position_ned_m, strict=True)
-        )
-        self._height_m -= down_m
+        (x, y, z), (last_x, last_y, last_z) = odometry.position_ned_m, last.position_ned_m
+        north_m, east_m = x - last_x, y - last_y
+        self._height_m -= z - last_z
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
@@ -115,7 +118,8 @@ class Estimator:
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self.keyframes.advance(pose, *self._raw.place)
+        self.keyframes.advance(pose, self._raw.ne_m, self._raw.yaw_rad)
+        back_m, ahead_rad = self._since_measured(scan.time_s)
         for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
             reading = scan.readings.get(beam)
             if reading is None:
@@ -124,19 +128,18 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
-            raw = self._when_measured(scan.time_s, *self._raw.place)
-            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
-            eye_ne_m, yaw_rad = self._when_measured(
-                scan.time_s, self.slam.position_ne_m, self.heading.yaw_rad
-            )
-            bearing_rad = yaw_rad + bearing_frd_rad
+            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, (back_m, ahead_rad))
+            yaw_rad = self.heading.yaw_rad
+            eye_ne_m = moved(self.slam.position_ne_m, back_m, yaw_rad)
+            bearing_rad = yaw_rad + ahead_rad + bearing_frd_rad
             wall = self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
             north_m, east_m = along(eye_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
             self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2, wall))
             if reading.distance_m > self._trusted_m:
                 continue
-            eye, yaw_rad = self._when_measured(scan.time_s, *self._drifting.place)
+            yaw_rad = self._drifting.yaw_rad + ahead_rad
+            eye = moved(self._drifting.ne_m, back_m, self._drifting.yaw_rad)
             drifting_hit = RunHit(
                 scan.time_s,
                 along(eye, yaw_rad + bearing_frd_rad, range_m),
@@ -146,15 +149,15 @@ class Estimator:
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
 
-    def _when_measured(self, now_s: float, place: Vector2, yaw_rad: float) -> tuple[Vector2, float]:
-        """Place and heading as they were when the ranges that are read now were measured.
+    def _since_measured(self, now_s: float) -> tuple[Vector2, float]:
+        """From now (forward, right) back to where the ranges that are read now were measured.
 
-        The place is known until now, the heading until the gyro's latest sample.
+        And the turn, from the gyro's latest sample to the heading at that moment.
         """
         forward_m_s, right_m_s = self._velocity_frd_m_s
         back_m = -self._range_age_s * forward_m_s, -self._range_age_s * right_m_s
         ahead_s = now_s - self._range_age_s - self._turned_until_s
-        return moved(place, back_m, yaw_rad), yaw_rad + ahead_s * self._yaw_rate_rad_s
+        return back_m, ahead_s * self._yaw_rate_rad_s
 
     def smoothed(self) -> Smoothed | None:
         """The whole flight set right by all that was seen; None before anything was."""
@@ -235,10 +238,10 @@ class Estimator:
         north_m, east_m = self.slam.position_ne_m
         nearest: tuple[float, float] | None = None
         for wall in self.slam.walls:
-            normal_rad, offset_m = self.slam.line(wall)
-            incidence_rad = wrap_rad(bearing_rad - normal_rad)
+            incidence_rad = wrap_rad(bearing_rad - self.heading.normal_rad(wall.index))
             if abs(incidence_rad) > MOST_OBLIQUE_RAD:
                 continue
+            normal_rad, offset_m = self.slam.line(wall)
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             distance_m = offset_m - north_m * cos_n - east_m * sin_n
             north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]

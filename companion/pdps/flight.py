@@ -22,7 +22,8 @@ FAILED are final.
 """
 
 import enum
-from dataclasses import dataclass, field, replace
+import math
+from dataclasses import field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -38,6 +39,7 @@ from companion.messages import (
 )
 from companion.pdps import homing, room_scan
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.values import value
 
 LINK_SILENT_S = 1.0
 SENSOR_SILENT_S = 0.5
@@ -76,7 +78,7 @@ FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD})
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class View:
     """What the flight knows at one tick."""
 
@@ -91,12 +93,13 @@ class View:
     """The user or the operating system asks the program to end."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Flight:
     """The flight's whole memory."""
 
     phase: Phase = Phase.CONNECT
-    since_s: float = 0.0
+    since_s: float = math.inf
+    """Start of the phase; the first starts with the first tick, whatever the clock says then."""
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
     held_from: Phase = Phase.CONNECT
@@ -125,7 +128,7 @@ class Flight:
         return self.room.phase.value if self.phase is Phase.ROOM else self.phase.value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Action:
     """What to ask of the autopilot at this tick."""
 
@@ -141,6 +144,8 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
     """One tick: the next state and what to ask of the autopilot."""
     if flight.phase in FINAL_PHASES:
         return flight, NOTHING
+    if math.isinf(flight.since_s):
+        flight = replace(flight, since_s=view.time_s)
     if flight.phase in FLYING_PHASES and (ended := _taken_away(flight, view)):
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
@@ -225,7 +230,8 @@ def _insist(
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     room, setpoint = room_scan.step(flight.room, view.sight, plan)
-    flight = replace(flight, room=room)
+    if room is not flight.room:
+        flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)

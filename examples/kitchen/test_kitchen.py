@@ -19,3 +19,9 @@ def test_a_lost_link_lands_the_drone(sitl: Sitl) -> None:
     flight = sitl.fly("kitchen.toml", script=[at(20, link_down(for_s=5))])
     assert "silent" in flight.ending
     assert flight.truth.collisions == 0
+
+
+def test_a_careful_flight_survives_a_short_gap_in_the_link(sitl: Sitl) -> None:
+    flight = sitl.fly("kitchen.toml", mission="careful.toml")
+    assert flight.completed, flight.ending
+    assert flight.report.clearance_m > 0.3

@@ -2,10 +2,10 @@
 
 import enum
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion.frames import Vector3
+from companion.values import value
 from sitl.autopilot.ground_truth import Place
 from sitl.autopilot.outside import Outside
 from sitl.autopilot.parameters.protocol import Parameters
@@ -23,7 +23,7 @@ class Behaviour(enum.Enum):
     LAND = "descends and disarms"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class VelocityTarget:
     """An accepted velocity setpoint, in the autopilot's estimated NED.
 
@@ -35,7 +35,7 @@ class VelocityTarget:
     yaw_rad: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class PositionTarget:
     """An accepted position setpoint, in the autopilot's estimated NED; it turns towards it."""
 
@@ -45,7 +45,7 @@ class PositionTarget:
 Target = VelocityTarget | PositionTarget
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Refusal:
     """A setpoint that is not flown; ArduPilot stops without a word, PX4 goes on and complains."""
 
@@ -53,7 +53,7 @@ class Refusal:
     stops: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Sources:
     """What the estimator is built on, as the parameters choose."""
 
@@ -70,7 +70,7 @@ class Sources:
         return not self.flow and (self.outside_position or self.outside_velocity)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Condition:
     """What failsafes look at; ages in seconds, infinite for what was never heard."""
 
@@ -84,7 +84,7 @@ class Condition:
     onboard_computer_age_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class EstimatorHealth:
     """What the estimator's status messages tell."""
 
@@ -98,7 +98,7 @@ class EstimatorHealth:
 ParameterValues = Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Failsafe:
     """Something that may go wrong in flight, and what the autopilot then says and does."""
 
@@ -134,6 +134,10 @@ class Personality(Protocol):
     setpoints_before_offboard: bool
     """The offboard mode is refused without a stream of setpoints."""
     lifts_off_by_setpoint: bool
+    least_interval_us: int
+    """What is asked for more often than this is refused."""
+    interval_refused: int
+    """MAV_RESULT of a refused SET_MESSAGE_INTERVAL (511)."""
     capabilities: int
     flight_sw_version: int
     odometry_frames: tuple[int, ...]
@@ -147,6 +151,8 @@ class Personality(Protocol):
     """What is said when the origin comes; or nothing."""
     timesync_period_s: float
     failsafes: tuple[Failsafe, ...]
+    healthy_unless_failed: int
+    """Bits of SYS_STATUS that are healthy although nothing of the kind is there."""
     ground_truth: int
     """Id of the message that tells the true state, where it is told at all."""
 
@@ -161,6 +167,10 @@ class Personality(Protocol):
     def base_mode(self, mode: int, *, armed: bool) -> int: ...
 
     def no_such_mode(self, mode: int) -> str: ...
+
+    def no_such_message(self, message_id: int) -> str:
+        """What is said when an unknown message is asked for at an interval; or nothing."""
+        ...
 
     def setpoint(
         self,

@@ -3,15 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 Message = Any
 Maker = Callable[[], list[Message]]
 """Makes the messages of this moment; none while there is nothing to say."""
 
-ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
-DENIED: int = mavlink.MAV_RESULT_DENIED
-LEAST_INTERVAL_US = 2000
 MOST_INTERVAL_US = 2**31 - 1
 STEPS_PER_S = 100
 PHASE_STEPS = 7
@@ -24,23 +19,27 @@ class Streams:
     def __init__(self, makers: dict[int, Maker], unasked_hz: dict[int, float]) -> None:
         self._makers = makers
         self._every: dict[int, int] = {}
+        self._timetable: list[tuple[int, int, Maker]] = []
+        """Of what is asked for: every how many steps, at which of them, and how it is made."""
         for message_id, rate_hz in unasked_hz.items():
             self.set_interval(message_id, 1e6 / rate_hz)
 
     def knows(self, message_id: int) -> bool:
         return message_id in self._makers
 
-    def set_interval(self, message_id: int, interval_us: float) -> int:
-        """MAV_CMD_SET_MESSAGE_INTERVAL (511); its MAV_RESULT."""
+    def set_interval(self, message_id: int, interval_us: float) -> bool:
+        """Whether there is such a message, and it can be sent so."""
         if not self.knows(message_id) or not interval_us <= MOST_INTERVAL_US:  # false for NaN too
-            return DENIED
-        if 0 < interval_us < LEAST_INTERVAL_US:
-            return DENIED
+            return False
         if interval_us <= 0:
             self._every.pop(message_id, None)
         else:
             self._every[message_id] = max(1, round(interval_us * STEPS_PER_S / 1e6))
-        return ACCEPTED
+        self._timetable = [
+            (every, -PHASE_STEPS * message_id % every, self._makers[message_id])
+            for message_id, every in self._every.items()
+        ]
+        return True
 
     def interval_us(self, message_id: int) -> int:
         """What MAV_CMD_GET_MESSAGE_INTERVAL (510) answers; 0: not available, -1: off."""
@@ -56,9 +55,8 @@ class Streams:
 
     def due(self, step: int) -> list[Message]:
         """What this step sends."""
-        return [
-            message
-            for message_id, every in self._every.items()
-            if (step + PHASE_STEPS * message_id) % every == 0
-            for message in self._makers[message_id]()
-        ]
+        messages: list[Message] = []
+        for every, phase, make in self._timetable:
+            if step % every == phase:
+                messages += make()
+        return messages

@@ -9,9 +9,6 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from sitl.bench.accuracy import fly_all, setups, summary
-from sitl.bench.accuracy_table import accuracy_tables
-from sitl.bench.speed import TRANSPORTS, measure, on_one_core
 from sitl.options import Autopilot, FlightOptions, Profile, Seed
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
@@ -31,6 +28,8 @@ def speed(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """A whole mission on every transport: how many times faster than real time, on one core."""
+    from sitl.bench.speed import TRANSPORTS, measure, on_one_core  # noqa: PLC0415 - slow to load
+
     on_one_core()
     options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT)
     results = [measure(options, transport, runs) for transport in TRANSPORTS]
@@ -58,6 +57,9 @@ def accuracy(
     as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
 ) -> None:
     """Maps and trajectories against the truth, dead reckoning and an ideal solver beside them."""
+    from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
+    from sitl.bench.accuracy_table import accuracy_tables  # noqa: PLC0415
+
     flights = setups(seeds)
     progress = Console(stderr=True)
     results = list(track(fly_all(flights), "flying", len(flights), console=progress))

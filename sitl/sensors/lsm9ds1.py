@@ -18,6 +18,7 @@ from companion.drivers.lsm9ds1 import (
     REG_FIFO_SRC,
     REG_OUT_X_G,
     REG_WHO_AM_I,
+    SAMPLE,
     WHO_AM_I,
 )
 
@@ -98,10 +99,12 @@ class Lsm9ds1Device:
         self._scale = 1 + random.gauss(0, noise.scale)
         self._period_s = 1 / (NOMINAL_ODR_HZ * (1 + random.gauss(0, noise.clock)))
         self._walk = 0.0
+        self._bias = self._turn_on_bias
         self._walk_kick = noise.bias_walk_rad_s_sqrt_s * math.sqrt(WALK_SAMPLES * self._period_s)
         self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
         self._sampled = 0
-        self._fifo: deque[int] = deque(maxlen=FIFO_DEPTH)
+        self._fifo: deque[bytes] = deque(maxlen=FIFO_DEPTH)
+        """As it is read: x, y and z of each sample."""
         self._overrun = False
         self._registers = bytearray(128)
         self._registers[REG_WHO_AM_I] = WHO_AM_I
@@ -119,14 +122,17 @@ class Lsm9ds1Device:
             self._registers[REG_FIFO_SRC] = len(self._fifo) | (OVERRUN if self._overrun else 0)
             self._overrun = False
         elif register == REG_OUT_X_G:
-            sample = self._fifo.popleft() if self._fifo else 0
-            self._registers[REG_OUT_X_G : REG_OUT_X_G + 6] = bytes(4) + sample.to_bytes(
-                2, "little", signed=True
-            )
+            return self._samples(count)
         elif register <= REG_OUT_TEMP + 1:
             self._measure_temperature(time_s)
         end = register + count
         return bytes(self._registers[register:end]).ljust(count, b"\x00")
+
+    def _samples(self, count: int) -> bytes:
+        """The oldest first: after OUT_Z_H_G the address goes back to OUT_X_L_G, the next sample."""
+        samples = min(-(-count // SAMPLE.size), len(self._fifo))
+        read = b"".join([self._fifo.popleft() for _ in range(samples)])
+        return read[:count].ljust(count, b"\x00")
 
     def _measure_temperature(self, time_s: float) -> None:
         above_deg_c = self._warming.temperature_deg_c(time_s) - ZERO_COUNT_DEG_C
@@ -151,15 +157,19 @@ class Lsm9ds1Device:
             self._sampled += 1
             self._fifo.append(self._sample(self._sampled * self._period_s))
 
-    def _sample(self, time_s: float) -> int:
-        noise = self._noise
+    def _sample(self, time_s: float) -> bytes:
         if self._sampled % WALK_SAMPLES == 0:
-            self._walk += self._random.gauss(0, self._walk_kick)
+            self._drift(time_s)
+        rate = self._yaw_rate(time_s) * self._scale + self._bias
+        rate += self._random.gauss(0, self._white)
+        # The chip's z axis points up: its positive rate is counter-clockwise.
+        return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
+
+    def _drift(self, time_s: float) -> None:
+        """The bias, which moves too slowly to be worked out for every sample."""
+        noise = self._noise
+        self._walk += self._random.gauss(0, self._walk_kick)
         warm_s = max(time_s - noise.flight_bias_after_s, 0.0)
         warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
-        white = self._random.gauss(0, self._white)
-        rate = self._yaw_rate(time_s) * self._scale
-        rate += self._turn_on_bias + self._flight_bias * warm + self._warming.bias_rad_s(time_s)
-        rate += self._walk + white
-        # The chip's z axis points up: its positive rate is counter-clockwise.
-        return max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT)))
+        gained = self._flight_bias * warm + self._warming.bias_rad_s(time_s)
+        self._bias = self._turn_on_bias + gained + self._walk

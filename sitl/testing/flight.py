@@ -17,6 +17,7 @@ from sitl.record import TruthRecord
 from sitl.report import Report, make_report
 from sitl.sensors.beam import beam_physics
 from sitl.simulation import Setup, Simulation
+from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, play
 from sitl.world.loading import load_world, world_names
 
@@ -103,14 +104,17 @@ class Sitl:
     ) -> Flight:
         """Fly one mission to its end.
 
-        `config` is the companion's TOML file, `settings` single values above it, such as
-        {"mission.speed_m_s": 0.5}; `parameters` are the autopilot's, such as {"GUID_TIMEOUT": 1};
-        `beam` are the keys of docs/sensors.md, such as {"width_deg": 2}.
+        `mission` is its kind or a mission file; `config` is the companion's TOML file, `settings`
+        single values above it, such as {"mission.speed_m_s": 0.5}; `parameters` are the
+        autopilot's, such as {"GUID_TIMEOUT": 1}; `beam` are the keys of docs/sensors.md, such as
+        {"width_deg": 2}.
 
         Raises:
-            WorldError, ConfigError, ParameterError, BeamError: one line that says what to mend.
+            WorldError, ConfigError, MissionError, ParameterError, BeamError: one line that says
+                what to mend.
         """
-        overrides = {"sensors.profile": profile, "mission.kind": mission, **(settings or {})}
+        flown = load_mission(str(self._path(mission)))
+        overrides = {"sensors.profile": profile, **flown.settings, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
         physics = beam_physics(beam or {}, "beam")
@@ -120,7 +124,9 @@ class Sitl:
         def watch(progress: Progress) -> None:
             """Nobody looks."""
 
-        app, simulation = fly_in_lockstep(setup, loaded, watch, transport, play(script))
+        app, simulation = fly_in_lockstep(
+            setup, loaded, watch, transport, play([*flown.events, *script])
+        )
         return Flight(app, simulation, setup, loaded, time.monotonic() - began_s)
 
     def _path(self, name: str) -> Path:

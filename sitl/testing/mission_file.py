@@ -121,14 +121,17 @@ def _toml(path: Path) -> MissionFile:
 
 
 def _python(path: Path) -> MissionFile:
-    names: dict[str, Any] = runpy.run_path(str(path))
+    try:
+        names: dict[str, Any] = runpy.run_path(str(path))
+    except OSError:
+        raise
+    except Exception as error:  # whatever the user's own code raises
+        raise MissionError(f"{path}: {type(error).__name__}: {error}") from error
     mission, events = names.get("mission"), names.get("events", ())
     if not isinstance(mission, Mapping):
         raise MissionError(f"{path}: mission: a dict of settings is needed")
     if not all(isinstance(event, Event) for event in events):
-        raise MissionError(
-            f"{path}: events: only at(...) and when(...) of sitl.testing belong there"
-        )
+        raise MissionError(f"{path}: events: only at(...) and when(...) of sitl.testing")
     return MissionFile(_overrides(mission), tuple(events))
 
 

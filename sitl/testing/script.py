@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from companion.app import App
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
+from companion.messages import Beam
 from sitl.lockstep import Script
 from sitl.simulation import Simulation
 
@@ -71,6 +72,8 @@ def break_bus(for_s: float | None = None) -> Action:
 
 def unplug(beam: str) -> Action:
     """A range sensor loses its plug: "front", "left", "right", "up" or "down"."""
+    if beam not in list(Beam):
+        raise ValueError(f"no beam {beam!r}; known: {', '.join(Beam)}")
     return Action(lambda simulation: simulation.board.unplug(beam))
 
 

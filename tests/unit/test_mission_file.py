@@ -1,0 +1,75 @@
+"""Missions in files: what is flown and what happens, or one line that says what to mend."""
+
+from pathlib import Path
+
+import pytest
+
+from sitl.testing import Sitl
+from sitl.testing.mission_file import MissionError, load_mission
+
+GOOD = """
+[mission]
+speed_m_s = 0.7
+
+[[events]]
+when = "scanning"
+do = "pilot_mode"
+with = "LOITER"
+"""
+
+
+def written(folder: Path, name: str, text: str) -> str:
+    path = folder / name
+    path.write_text(text)
+    return str(path)
+
+
+def test_a_kind_is_a_mission() -> None:
+    assert load_mission("room").settings == {"mission.kind": "room"}
+
+
+def test_a_file_sets_the_mission_and_scripts_it(tmp_path: Path, sitl: Sitl) -> None:
+    flight = sitl.fly("room_100", mission=written(tmp_path, "careful.toml", GOOD))
+    assert flight.config.mission.speed_m_s == 0.7
+    assert flight.ending == "handed over: mode changed to LOITER"
+
+
+def test_a_python_file_does_the_same(tmp_path: Path) -> None:
+    text = (
+        "from sitl.testing import at, crash\nmission = {'height_m': 1}\nevents = [at(9, crash())]"
+    )
+    mission = load_mission(written(tmp_path, "mission.py", text))
+    assert mission.settings == {"mission.height_m": 1}
+    assert len(mission.events) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("[mission", "not TOML"),
+        ("[[events]]\ndo = 'crash'", "either at_s or when"),
+        ("[[events]]\nat_s = -1\ndo = 'crash'", "at_s = -1"),
+        ("[[events]]\nat_s = 1\ndo = 'explode'", "do = 'explode'"),
+        ("[[events]]\nat_s = 1\ndo = 'unplug'", "with is needed"),
+        ("[[events]]\nat_s = 1\ndo = 'unplug'\nwith = 'rear'", "'rear'"),
+        ("[[events]]\nat_s = 1\ndo = 'pilot_mode'\nwith = 'SLEEP'", "'SLEEP'"),
+        ("[colour]\nred = 1", "no such key"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(tmp_path: Path, text: str, complaint: str) -> None:
+    with pytest.raises(MissionError, match=complaint) as refused:
+        load_mission(written(tmp_path, "bad.toml", text))
+    assert "\n" not in str(refused.value)
+
+
+def test_a_file_that_is_not_there_is_one_line() -> None:
+    with pytest.raises(MissionError, match="No such file"):
+        load_mission("nowhere.toml")
+
+
+@pytest.mark.parametrize(
+    "text", ["mission = 1", "mission = {}\nevents = ['crash']", "raise ValueError('x')", "("]
+)
+def test_a_python_file_without_a_mission_is_refused(tmp_path: Path, text: str) -> None:
+    with pytest.raises(MissionError):
+        load_mission(written(tmp_path, "bad.py", text))
