@@ -10,14 +10,18 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from companion.config import Config
+from companion.config import Config, SensorsConfig
 from companion.drivers.sharp import PROFILES
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
+from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
+from companion.estimation.traced import Traced
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
     Command,
     FloorPlan,
     GyroSample,
@@ -36,7 +40,6 @@ SEEING_PHASES = frozenset(
 )
 """What the beams meet on the ground already ties the walls to the origin."""
 PROGRESS_PERIOD_S = 1.0
-PATH_PERIOD_S = 0.1
 
 
 @value
@@ -91,7 +94,6 @@ class App:
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
-        self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = Flight()
@@ -121,10 +123,7 @@ class App:
             return
         self._rest.add(inputs.gyro)
         if self._rest.bias_rad_s is not None:
-            sensors = self._config.sensors
-            self.estimator = Estimator(
-                self._rest.bias_rad_s, PROFILES[sensors.profile], sensors.mount_offset_m
-            )
+            self.estimator = Estimator(self._rest.bias_rad_s, level_units(self._config.sensors))
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
@@ -136,10 +135,7 @@ class App:
             self.estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self.estimator.height_m)
             self.estimator.improve(now_s)
-        pose = self.estimator.pose(now_s)
-        if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
-            self._path.append(pose)
-        return pose
+        return self.estimator.pose(now_s)
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
@@ -164,23 +160,27 @@ class App:
     def final_floor_plan(self) -> FloorPlan:
         """The map with the whole flight smoothed; takes a second or so."""
         smoothed = self.estimator.smoothed() if self.estimator else None
-        if smoothed is None:
-            return self.floor_plan()
-        walls = wall_segments(smoothed.walls, smoothed.hits)
-        return FloorPlan(walls, smoothed.hits, smoothed.path, self._ceiling.height_m)
+        return self._drawn_up(smoothed) if smoothed else FloorPlan()
 
     def floor_plan(self) -> FloorPlan:
         """The map so far, as the flight uses it."""
-        if self.estimator is None:
-            return FloorPlan()
-        return FloorPlan(
-            self._walls(),
-            tuple(self.estimator.hits),
-            tuple(self._path),
-            self._ceiling.height_m,
-        )
+        return self._drawn_up(self.estimator.so_far()) if self.estimator else FloorPlan()
+
+    def _drawn_up(self, traced: Traced) -> FloorPlan:
+        walls = wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
+        return FloorPlan(walls, traced.hits(), traced.path(), self._ceiling.height_m)
 
     def _walls(self) -> tuple[WallSegment, ...]:
         if self.estimator is None:
             return ()
-        return wall_segments(self.estimator.wall_lines(), self.estimator.hits)
+        traced = self.estimator.so_far()
+        return wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
+
+
+def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:
+    """The sensors that look level, as configured."""
+    model = PROFILES[sensors.profile]
+    return {
+        beam: RangeUnit(model, bearing_rad, sensors.mount_offset_m)
+        for beam, bearing_rad in BEARING_FRD_RAD.items()
+    }

@@ -17,11 +17,16 @@ from companion.drivers.bus import open_bus
 from companion.drivers.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.served_bus import VirtualClock
-from companion.errors import CompanionError
+from companion.errors import CompanionError, OutputError
 from companion.fly import Clock, Rig, fly
 from companion.link.link import Link
 from companion.link.transport import UdpTransport
 from companion.mapping.files import AutoSave, save
+from companion.offline import sensors as log_sensors
+from companion.offline.console import LogProgress, log_summary
+from companion.offline.files import save_results
+from companion.offline.mapper import map_log
+from companion.offline.readers import read_log
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -30,13 +35,8 @@ commands = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Fly a drone through a room it has never seen and bring back the map.",
+    help="Fly a drone through a room it has never seen and bring back the map; or map a log.",
 )
-
-
-@commands.callback()
-def _several_commands() -> None:
-    """Keep `fly` a command of its own."""
 
 
 @commands.command("fly")
@@ -51,6 +51,26 @@ def fly_command(
     overrides = {"link.url": link, "sensors.bus": bus, "sensors.profile": profile}
     settings = configuration.load(config, {k: v for k, v in overrides.items() if v is not None})
     raise typer.Exit(_fly(settings, out))
+
+
+@commands.command("map")
+def map_command(
+    log: Annotated[Path, typer.Argument(help="CSV file; see docs/offline.md.")],
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file of the sensors; else LOG's name with .toml.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
+) -> None:
+    """Make the map of a recorded log: map.png, map.ply, map.json, trajectory.tum, report.json."""
+    console = Console(highlight=False)
+    sensors = log_sensors.load(config, log)
+    with LogProgress(console) as progress:
+        result = map_log(read_log(log, progress.show), sensors, progress.show)
+    try:
+        files = save_results(result, out)
+    except OSError as error:
+        raise OutputError(f"{error.filename or out}: {error.strerror}") from error
+    console.print(log_summary(result, files))
 
 
 def _fly(settings: Config, out: Path) -> int:
@@ -123,5 +143,7 @@ def main() -> None:
     try:
         commands()
     except CompanionError as error:
-        Console(stderr=True, highlight=False).print(f"companion: {error}", soft_wrap=True)
+        Console(stderr=True, highlight=False).print(
+            f"companion: {error}", soft_wrap=True, markup=False
+        )
         raise SystemExit(EXIT_REFUSED) from None

@@ -7,7 +7,7 @@ is allowed; an unknown key is refused, never ignored.
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
@@ -16,11 +16,16 @@ from companion.errors import ConfigError
 from companion.messages import Beam
 
 
-class _Group(BaseModel):
+class Group(BaseModel):
+    """A table of settings: fixed once read, without keys that nobody knows."""
+
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
-class LinkConfig(_Group):
+_G = TypeVar("_G", bound=Group)
+
+
+class LinkConfig(Group):
     """MAVLink to the autopilot."""
 
     url: str = Field("udpin:127.0.0.1:14550", pattern=r"^(udpin|udpout):[^:]+:\d{1,5}$")
@@ -36,7 +41,7 @@ class LinkConfig(_Group):
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
 
 
-class AdcChannel(_Group):
+class AdcChannel(Group):
     """Where a Sharp sensor is wired."""
 
     address: int = Field(ge=0x48, le=0x4B)
@@ -44,7 +49,7 @@ class AdcChannel(_Group):
     channel: int = Field(ge=0, le=3)
 
 
-class SensorsConfig(_Group):
+class SensorsConfig(Group):
     """Range sensors and gyro."""
 
     bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
@@ -63,7 +68,7 @@ class SensorsConfig(_Group):
     """How long the gyro's bias is averaged before arming."""
 
 
-class MissionConfig(_Group):
+class MissionConfig(Group):
     """How the room is flown."""
 
     kind: Literal["room"] = "room"
@@ -74,7 +79,7 @@ class MissionConfig(_Group):
     time_limit_s: float = Field(600.0, gt=0, le=3600)
 
 
-class Config(_Group):
+class Config(Group):
     """Everything that can be set."""
 
     link: LinkConfig = LinkConfig()
@@ -89,14 +94,11 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
         ConfigError: one line that says what to mend.
     """
     source = str(path) if path else "command line"
-    values: dict[str, Any] = _read(path) if path else {}
+    values: dict[str, Any] = read_toml(path) if path else {}
     for key, value in (overrides or {}).items():
         group, name = key.split(".")
         values[group] = {**values.get(group, {}), name: value}
-    try:
-        return Config.model_validate(values)
-    except ValidationError as error:
-        raise ConfigError(f"{source}: {_first_complaint(error)}") from error
+    return validated(Config, values, source)
 
 
 def to_toml(config: Config) -> str:
@@ -104,7 +106,8 @@ def to_toml(config: Config) -> str:
     return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_toml(path: Path) -> dict[str, Any]:
+    """What a file says, not yet checked."""
     try:
         return tomllib.loads(path.read_text())
     except OSError as error:
@@ -113,17 +116,26 @@ def _read(path: Path) -> dict[str, Any]:
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 
-def _first_complaint(error: ValidationError) -> str:
+def validated(model: type[_G], values: dict[str, Any], source: str) -> _G:
+    """The settings, or a `ConfigError` of one line about the first that cannot be used."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError(f"{source}: {_first_complaint(model, error)}") from error
+
+
+def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
     if first["type"] == "extra_forbidden":
-        known = ", ".join(sorted(_keys_at(first["loc"][:-1])))
+        known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
+    if first["type"] == "value_error":
+        return f"{key}: {first['ctx']['error']}"
     return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
 
 
-def _keys_at(path: tuple[int | str, ...]) -> list[str]:
-    group: type[BaseModel] = Config
+def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
     for part in path:
         annotation = group.model_fields[str(part)].annotation if group else None
         if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):

@@ -15,3 +15,11 @@ class SensorError(CompanionError, OSError):
 
 class LinkError(CompanionError, OSError):
     """The autopilot cannot be reached or does not answer."""
+
+
+class LogError(CompanionError, ValueError):
+    """A recorded log that holds nothing to make a map of."""
+
+
+class OutputError(CompanionError, OSError):
+    """A result that cannot be written."""

@@ -27,6 +27,15 @@ class Beam(enum.StrEnum):
     """Readings are looked up by beam all the time, and an enum's own hash is slow."""
 
 
+BEARING_FRD_RAD: Mapping[Beam, float] = {
+    Beam.FRONT: 0.0,
+    Beam.RIGHT: math.pi / 2,
+    Beam.BACK: math.pi,
+    Beam.LEFT: -math.pi / 2,
+}
+"""Where the level beams look, clockwise from the nose."""
+
+
 class RangeState(enum.Enum):
     """What a range sensor has to say; the five never look alike."""
 

@@ -2,107 +2,241 @@
 
 Decided anew in every round of the smoother, with an ever narrower gate. A wall stays if it is
 worth its two unknowns: if the hits would fit clearly worse without it. Walls that are one, and
-rows of noise beside a real wall, are not.
+rows of noise beside a real wall, are not; nor are pieces of wall through which beams went.
 """
 
 import math
+from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from companion.estimation.evidence import refuted
+from companion.estimation.flight_record import NO_WALL
+from companion.estimation.range_units import RangeUnits
 from companion.estimation.unknowns import (
     WALL_SIZE,
     Array,
     Indices,
     Measured,
-    RangeNoise,
     Sightings,
     Unknowns,
     project,
+    reach_m,
 )
 from companion.frames import wrap_rad
+
+Mask = NDArray[np.bool_]
 
 GATE_SIGMAS = 3.0
 LEAST_COS_INCIDENCE = math.cos(math.radians(70))
 NEAR_END_SIGMAS = 2.0
 SAME_DIRECTION_RAD = math.radians(15)
-LEAST_HITS = 12
-LEAST_EXTENT_M = 0.6
 LARGEST_GAP_M = 1.5
 """A piece of a wall farther than this from the rest of it must have support of its own."""
 UNEXPLAINED = GATE_SIGMAS**2
 """χ² of a hit that fits no wall."""
-LEAST_WORTH, LEAST_WORTH_A_HIT = 60.0, 2.0
-"""By how much a wall must lower the χ² of all hits. Two lines through the noise of one wall lower
-it by about 1 for each hit."""
 MOST_MEAN_COST = 1.8
+MOST_WALLS = 400
+"""Those worth most; more come only of odometry that drifts without end."""
+CELLS_AT_ONCE = 1_000_000
+"""Hits times walls looked at together, which bounds the memory."""
 
 
-def associate(x: Unknowns, m: Measured, noise: RangeNoise, gate_m: float) -> Indices:
-    """(n,): each hit's wall or -1, after walls without worth have been taken out of `x`."""
-    seen = project(x, m)
-    misfit = misfits(x, m, seen, noise, gate_m)
-    sigma_m = noise.sigma_m(m.distance_m) + gate_m / GATE_SIGMAS
-    if _merge(x, seen, sigma_m, best(misfit)):
-        misfit = misfits(x, m, seen, noise, gate_m)
-    _cut_off_strays(x, seen, misfit)
-    kept = _worthy(x, seen, misfit)
-    x.walls = x.walls[kept]
-    return best(misfit[:, kept])
+@dataclass(frozen=True, slots=True)
+class Gate:
+    """How far from a wall a hit may be to be one of its hits."""
+
+    across_m: float
+    """Off its line, besides three sigmas of the range: what the poses may be off."""
+    along_m: float = math.inf
+    """Beyond its ends."""
+    looks: int = 0
+    """New walls are looked for among the hits of so many keyframes at a time; not at all if 0."""
+    refutes: bool = False
+    """The poses are exact enough to tell that beams went through a wall."""
 
 
-def misfits(x: Unknowns, m: Measured, seen: Sightings, noise: RangeNoise, gate_m: float) -> Array:
-    """(n, w): how far off each wall each hit is, in widened sigmas; inf if it cannot be on it.
+@dataclass(frozen=True, slots=True)
+class Support:
+    """The least that speaks for a wall."""
 
-    Three of them are three sigmas of the range and `gate_m`, which is what the poses may be off.
+    hits: int = 12
+    extent_m: float = 0.6
+    """From the first to the last of them along the wall."""
+    worth: float = 60.0
+    worth_a_hit: float = 2.0
+    """By how much it lowers the χ² of all hits. Two lines through the noise of one wall lower it
+    by about 1 for each hit."""
+    gap_m: float = 1.2
+    """Hits farther apart along a line than this do not show a new wall together."""
+    opening_m: float = 0.4
+    """There may be an opening where hits along a wall are farther apart than this."""
+
+    def needed(self, hits: Array | Indices) -> Array:
+        """The least worth of walls or pieces with so many hits each."""
+        needed: Array = np.maximum(self.worth, self.worth_a_hit * hits)
+        return needed
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Pairs of a hit and a wall that it may be on, by hits, the best wall first."""
+
+    hits: int
+    """How many there are, those without any wall included."""
+    hit: Indices
+    wall: Indices
+    misfit: Array
+    """In widened sigmas, below `GATE_SIGMAS`."""
+
+    def only(self, kept: Mask) -> "Candidates":
+        """Those of the pairs for which the mask (pairs,) holds."""
+        return replace(self, hit=self.hit[kept], wall=self.wall[kept], misfit=self.misfit[kept])
+
+    @property
+    def is_best(self) -> Mask:
+        """(pairs,): the first of each hit."""
+        first: Mask = np.diff(self.hit, prepend=-1) > 0
+        return first
+
+    def best(self) -> Indices:
+        """(n,): the wall that each hit fits best, or NO_WALL."""
+        first = self.is_best
+        wall_of = np.full(self.hits, NO_WALL)
+        wall_of[self.hit[first]] = self.wall[first]
+        return wall_of
+
+    def worths(self) -> tuple[Indices, Indices, Array]:
+        """Of hits that have a wall: the hit, its wall, and how much more it would cost without."""
+        first = np.flatnonzero(self.is_best)
+        second = np.append(self.misfit[1:], 0.0)[first] ** 2
+        has_second = np.append(self.hit[1:], -1)[first] == self.hit[first]
+        without = np.where(has_second, second, UNEXPLAINED)
+        return self.hit[first], self.wall[first], without - self.misfit[first] ** 2
+
+
+@dataclass(frozen=True, slots=True)
+class Association:
+    """Gives hits to walls, by what is known of the range units and what speaks for a wall."""
+
+    units: RangeUnits
+    support: Support
+
+    def associate(self, x: Unknowns, m: Measured, gate: Gate, known: int = 0) -> Indices:
+        """(n,): each hit's wall or NO_WALL, after walls without worth were taken out of `x`.
+
+        The first `known` walls are there whatever these hits say. The reach of all is told anew.
+        """
+        seen = project(x, m)
+        pairs = self.candidates(x, m, seen, gate)
+        sigma_m = self.units.sigma_m(m.beam, m.distance_m)
+        if _merge(x, seen, sigma_m + gate.across_m / GATE_SIGMAS, pairs.best(), known):
+            pairs = self.candidates(x, m, seen, gate)
+        pairs = _without_strays(x, seen, pairs, self.support)
+        if gate.refutes:
+            wall_of = pairs.best()
+            wrong = refuted(x, seen, sigma_m, wall_of, self.support.opening_m)
+            pairs = pairs.only(~(wrong[pairs.hit] & (wall_of[pairs.hit] == pairs.wall)))
+        pairs, kept = _worthy(x, seen, pairs, self.support, known)
+        number = np.full(len(x.walls) + 1, NO_WALL)
+        number[kept] = np.arange(len(kept))
+        wall_of = number[pairs.best()]
+        past = x.reach_m[:known]
+        x.keep_walls(kept)
+        x.reach_m = reach_m(x, seen.points, wall_of)
+        x.reach_m[:known, 0] = np.minimum(x.reach_m[:known, 0], past[:, 0])
+        x.reach_m[:known, 1] = np.maximum(x.reach_m[:known, 1], past[:, 1])
+        return wall_of
+
+    def candidates(self, x: Unknowns, m: Measured, seen: Sightings, gate: Gate) -> Candidates:
+        """All pairs within the gate.
+
+        First by geometry alone, for all hits and walls; then by the noise, for the few left.
+        """
+        hit, wall, cos_incidence = _facing(x, seen, gate.along_m)
+        beam, units = m.beam[hit], self.units
+        distance_m = x.walls[wall, 1] - (seen.eyes[hit] * x.normals[wall]).sum(axis=1)
+        expected_m = distance_m / cos_incidence - m.mount_m[hit]
+        sigma_m = units.sigma_m(beam, expected_m)
+        # Near the end of the range long readings are missing, which would pull walls closer.
+        inside = expected_m > units.min_m[beam]
+        inside &= expected_m < units.max_m[beam] - NEAR_END_SIGMAS * sigma_m
+        unbiased_m = (1 - x.range_gain[beam]) * m.distance_m[hit]
+        misfit = np.abs(units.signal(beam, unbiased_m) - units.signal(beam, expected_m))
+        misfit /= 1 + gate.across_m / (GATE_SIGMAS * sigma_m * cos_incidence)
+        inside &= misfit < GATE_SIGMAS
+        hit, wall, misfit = hit[inside], wall[inside], misfit[inside]
+        order = np.lexsort((misfit, hit))
+        return Candidates(len(m.frame), hit[order], wall[order], misfit[order])
+
+
+def _facing(x: Unknowns, seen: Sightings, along_m: float) -> tuple[Indices, Indices, Array]:
+    """Pairs of a hit and a wall whose front the beam met, so far beyond its ends: (p,), (p,).
+
+    And the cosines of the beams' incidence, (p,).
     """
-    cos_incidence = seen.beams @ x.normals.T
-    usable = cos_incidence > LEAST_COS_INCIDENCE
-    distance_m = x.walls[:, 1] - seen.eyes @ x.normals.T
-    expected_m = distance_m / np.where(usable, cos_incidence, 1.0) - m.mount_offset_m
-    usable &= expected_m > noise.min_m
-    sigma_m = noise.sigma_m(expected_m)
-    # Near the end of the range long readings are missing, which would pull walls closer.
-    usable &= expected_m < noise.max_m - NEAR_END_SIGMAS * sigma_m
-    unbiased_m = (1 - x.range_gain[m.beam]) * m.distance_m
-    misfit = np.abs(noise.signal(unbiased_m)[:, None] - noise.signal(expected_m))
-    widened = 1 + gate_m / (GATE_SIGMAS * sigma_m * np.maximum(cos_incidence, LEAST_COS_INCIDENCE))
-    misfit /= widened
-    return np.where(usable & (misfit < GATE_SIGMAS), misfit, np.inf)
+    step = max(1, CELLS_AT_ONCE // max(len(x.walls), 1))
+    hits, walls, cosines = [], [], []
+    for low in range(0, len(seen.beams), step):
+        cos_incidence = seen.beams[low : low + step] @ x.normals.T
+        usable = cos_incidence > LEAST_COS_INCIDENCE
+        if math.isfinite(along_m):
+            along = seen.points[low : low + step] @ x.tangents.T
+            usable &= along > x.reach_m[:, 0] - along_m
+            usable &= along < x.reach_m[:, 1] + along_m
+        hit, wall = np.nonzero(usable)
+        hits.append(hit + low)
+        walls.append(wall)
+        cosines.append(cos_incidence[hit, wall])
+    if not hits:
+        return np.empty(0, np.int64), np.empty(0, np.int64), np.empty(0)
+    return np.concatenate(hits), np.concatenate(walls), np.concatenate(cosines)
 
 
-def best(misfit: Array) -> Indices:
-    """(n,): the wall that each hit fits best, -1 if none."""
-    if not misfit.shape[1]:
-        return np.full(len(misfit), -1)
-    wall = misfit.argmin(axis=1)
-    return np.where(np.isfinite(misfit[np.arange(len(wall)), wall]), wall, -1)
-
-
-def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices) -> bool:
+def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known: int) -> bool:
     """Make one of walls that are one; keep none without hits. Whether that changed any.
 
-    Two are one if a common line fits the hits of both as well as their noise allows.
+    Two are one if a common line fits the hits of both as well as their noise allows. A known wall
+    stays where it is; a new one that is the same goes.
     """
     support = np.bincount(wall_of[wall_of >= 0], minlength=len(x.walls))
-    kept: list[tuple[Array, Indices]] = []
-    for wall in np.argsort(-support, kind="stable"):
+    order = [*range(known), *(known + np.argsort(-support[known:], kind="stable"))]
+    lines: list[Array] = []
+    members: list[Indices] = []
+    reaches: list[Array] = []
+    for wall in order:
         mine = np.flatnonzero(wall_of == wall)
+        own, own_reach = x.walls[wall], x.reach_m[wall]
+        if wall < known:
+            lines.append(own)
+            members.append(mine)
+            reaches.append(own_reach)
+            continue
         if not len(mine):
             continue
-        own = x.walls[wall]
-        for i, (line, hits) in enumerate(kept):
+        for i, line in enumerate(lines):
             if abs(wrap_rad(float(line[0] - own[0]))) > SAME_DIRECTION_RAD:
                 continue
-            both = np.concatenate([hits, mine])
-            common = _fitted(line, seen.points[both], sigma_m[both])
-            if _mean_cost(common, seen.points[both], sigma_m[both]) < MOST_MEAN_COST:
-                kept[i] = common, both
+            both = np.concatenate([members[i], mine])
+            common = line if i < known else _fitted(line, seen.points[both], sigma_m[both])
+            tried = mine if i < known else both
+            if _mean_cost(common, seen.points[tried], sigma_m[tried]) < MOST_MEAN_COST:
+                lines[i], members[i] = common, both
+                wider = (
+                    min(reaches[i][0], own_reach[0]),
+                    max(reaches[i][1], own_reach[1]),
+                )
+                reaches[i] = np.array(wider)
                 break
         else:
-            kept.append((own, mine))
-    if len(kept) == len(x.walls):
+            lines.append(own)
+            members.append(mine)
+            reaches.append(own_reach)
+    if len(lines) == len(x.walls):
         return False
-    x.walls = np.array([line for line, _ in kept]).reshape(-1, WALL_SIZE)
+    x.walls = np.array(lines).reshape(-1, WALL_SIZE)
+    x.reach_m = np.array(reaches).reshape(-1, 2)
     return True
 
 
@@ -121,62 +255,50 @@ def _mean_cost(line: Array, points: Array, sigma_m: Array) -> float:
     return float(np.minimum((across_m / sigma_m) ** 2, UNEXPLAINED).mean())
 
 
-def _worthy(x: Unknowns, seen: Sightings, misfit: Array) -> Indices:
-    """The walls that are worth having; the least worthy is taken out first, then all is redone."""
-    cost = np.minimum(misfit**2, UNEXPLAINED)
-    along = _along_m(x.walls, seen)
-    kept = np.arange(misfit.shape[1])
-    while len(kept):
-        wall_of = best(misfit[:, kept])
-        supported = [_supports(along[wall_of == i, wall]) for i, wall in enumerate(kept)]
-        hits = np.bincount(wall_of[wall_of >= 0], minlength=len(kept))
-        needed = np.maximum(LEAST_WORTH, LEAST_WORTH_A_HIT * hits)
-        worth = np.where(supported, _worths(cost[:, kept]) / needed, 0.0)
-        least = int(worth.argmin())
-        if worth[least] >= 1:
-            break
-        kept = np.delete(kept, least)
-    return kept
-
-
-def _worths(cost: Array) -> Array:
-    """(w,): how much more the hits would cost without each wall."""
-    if cost.shape[1] == 1:
-        return np.array([np.sum(UNEXPLAINED - cost)])
-    two = np.partition(cost, 1, axis=1)[:, :2]
-    mine = cost.argmin(axis=1)
-    worth = np.bincount(mine, two[:, 1] - two[:, 0], cost.shape[1])
-    return worth.astype(np.float64)
-
-
-def _supports(along_m: Array) -> bool:
-    """Enough hits to make a piece of wall, and not all in one spot."""
-    return len(along_m) >= LEAST_HITS and float(np.ptp(along_m)) >= LEAST_EXTENT_M
-
-
-def _along_m(walls: Array, seen: Sightings) -> Array:
-    """(n, w): coordinates of the hits along t = (-sin, cos)(normal)."""
-    along: Array = seen.points @ np.array([-np.sin(walls[:, 0]), np.cos(walls[:, 0])])
-    return along
-
-
-def _cut_off_strays(x: Unknowns, seen: Sightings, misfit: Array) -> None:
-    """Keep hits from a wall that goes by there only as a line, by `misfit` = inf.
+def _without_strays(
+    x: Unknowns, seen: Sightings, pairs: Candidates, support: Support
+) -> Candidates:
+    """Without hits on a wall that goes by there only as a line.
 
     A piece far from the main one must be worth it by itself; where the line crosses another
     wall, it is not.
     """
-    wall_of = best(misfit)
-    cost = np.minimum(misfit**2, UNEXPLAINED)
-    along = _along_m(x.walls, seen)
-    for wall in range(len(x.walls)):
-        mine: Indices = np.flatnonzero(wall_of == wall)
-        mine = mine[np.argsort(along[mine, wall], kind="stable")]
-        gaps = np.flatnonzero(np.diff(along[mine, wall]) > LARGEST_GAP_M) + 1
-        without = np.delete(cost, wall, axis=1).min(axis=1, initial=UNEXPLAINED)
-        pieces = np.split(mine, gaps)
-        worth = [float(np.sum(without[piece] - cost[piece, wall])) for piece in pieces]
-        main = int(np.argmax(worth))
-        for i, piece in enumerate(pieces):
-            if i != main and worth[i] < max(LEAST_WORTH, LEAST_WORTH_A_HIT * len(piece)):
-                misfit[piece, wall] = np.inf
+    hit, wall, worth = pairs.worths()
+    along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+    order = np.lexsort((along, wall))
+    hit, wall, worth, along = hit[order], wall[order], worth[order], along[order]
+    is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > LARGEST_GAP_M)
+    piece = np.cumsum(is_first) - 1
+    of_piece = wall[is_first]
+    worths = np.bincount(piece, worth, len(of_piece))
+    hits = np.bincount(piece, minlength=len(of_piece))
+    main = np.zeros(len(x.walls))
+    np.maximum.at(main, of_piece, worths)
+    stray = (worths < main[of_piece]) & (worths < support.needed(hits))
+    strayed = np.full(len(seen.points), NO_WALL)
+    strayed[hit[stray[piece]]] = wall[stray[piece]]
+    return pairs.only(strayed[pairs.hit] != pairs.wall)
+
+
+def _worthy(
+    x: Unknowns, seen: Sightings, pairs: Candidates, support: Support, known: int
+) -> tuple[Candidates, Indices]:
+    """The walls that are worth having; the least worthy is taken out first, then all is redone."""
+    kept = np.arange(len(x.walls))
+    while len(kept) > known:
+        hit, wall, worth = pairs.worths()
+        hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
+        worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
+        along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+        low, high = np.full(len(x.walls), np.inf), np.full(len(x.walls), -np.inf)
+        np.minimum.at(low, wall, along)
+        np.maximum.at(high, wall, along)
+        worths[(hits < support.hits) | (high - low < support.extent_m)] = 0.0
+        judged = kept[kept >= known]
+        least = judged[int(worths[judged].argmin())]
+        if worths[least] >= 1 and len(kept) <= MOST_WALLS:
+            break
+        gone = judged[worths[judged] <= 0] if worths[least] <= 0 else np.array([least])
+        kept = np.setdiff1d(kept, gone)
+        pairs = pairs.only(~np.isin(pairs.wall, gone))
+    return pairs, kept

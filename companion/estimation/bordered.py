@@ -11,6 +11,7 @@ the covariance of the shared unknowns with the poses integrated out. Time and me
 length of the chain, not with its square.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -44,6 +45,27 @@ class Sums:
         return np.bincount(places, values, self._size).astype(np.float64)
 
 
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """What is known of one pose and the shared unknowns: ½ δᵀ·information·δ + gradientᵀ·δ."""
+
+    information: Array
+    """(pose + shared, pose + shared)."""
+    gradient: Array
+    """(pose + shared,)."""
+
+    def moved(self, delta: Array) -> "Belief":
+        """The same about a point that lies `delta` further."""
+        return Belief(self.information, self.gradient + self.information @ delta)
+
+    def grown(self, size: int) -> "Belief":
+        """With unknowns appended, of which nothing is known, to be `size` in all."""
+        more = size - len(self.gradient)
+        return Belief(
+            np.pad(self.information, ((0, more), (0, more))), np.pad(self.gradient, (0, more))
+        )
+
+
 class BorderedSystem:
     """Normal equations being collected, row by row of the Jacobian."""
 
@@ -55,12 +77,20 @@ class BorderedSystem:
         self._c = Sums(shared * shared)
         self._chain_gradient = Sums(chained)
         self._shared_gradient = Sums(shared)
+        self._squares, self._rows = 0.0, 0
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the residuals added so far, in their sigmas."""
+        return math.sqrt(self._squares / max(self._rows, 1))
 
     def add(
         self, residual: Array, sigma: Array | float, chained: Gradient, shared: Gradient = ()
     ) -> None:
         """Residuals (n,), their sigmas, and their gradients."""
         weight = np.broadcast_to(1 / np.square(sigma), residual.shape)
+        self._squares += float((weight * residual**2).sum())
+        self._rows += len(residual)
         for i, (row, by_row) in enumerate(chained):
             weighted = weight * by_row
             self._chain_gradient.add(row, weighted * residual)
@@ -75,18 +105,62 @@ class BorderedSystem:
             for column, by_column in shared:
                 self._c.add(row * self._shared + column, weighted * by_column)
 
+    def believe(self, belief: Belief) -> None:
+        """Of the chain's first unknowns and all shared ones."""
+        count = len(belief.gradient) - self._shared
+        first, shared = np.arange(count), np.arange(self._shared)
+        row, column = np.tril_indices(count)
+        self._a.add((row - column) * self._chained + column, belief.information[row, column])
+        self._b.add(
+            (first[:, None] * self._shared + shared).ravel(),
+            belief.information[:count, count:].ravel(),
+        )
+        self._c.add(np.arange(self._shared**2), belief.information[count:, count:].ravel())
+        self._chain_gradient.add(first, belief.gradient[:count])
+        self._shared_gradient.add(shared, belief.gradient[count:])
+
     def solve(self) -> "Solution":
         """The Gauss-Newton step, and what is known of its exactness."""
-        a = cholesky_banded(self._a.total().reshape(self._band, self._chained), lower=True)
-        b = self._b.total().reshape(self._chained, self._shared)
-        right = np.column_stack([b, self._chain_gradient.total()])
-        solved = cho_solve_banded((a, True), right)
+        a, b, c, a_gradient, b_gradient = self._totals()
+        factor = cholesky_banded(a, lower=True)
+        solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
         a_inverse_b, a_inverse_gradient = solved[:, :-1], solved[:, -1]
-        schur = self._c.total().reshape(self._shared, self._shared) - b.T @ a_inverse_b
-        covariance = np.linalg.inv(schur)
-        shared = -covariance @ (self._shared_gradient.total() - b.T @ a_inverse_gradient)
+        covariance = np.linalg.inv(c - b.T @ a_inverse_b)
+        shared = -covariance @ (b_gradient - b.T @ a_inverse_gradient)
         chained = -a_inverse_gradient - a_inverse_b @ shared
-        return Solution(chained, shared, covariance, a, a_inverse_b)
+        return Solution(chained, shared, covariance, factor, a_inverse_b)
+
+    def belief_of_last(self, count: int) -> Belief:
+        """Of the chain's last unknowns and the shared ones, with all before integrated out."""
+        a, b, c, a_gradient, b_gradient = self._totals()
+        before = self._chained - count
+        factor = cholesky_banded(a[:, :before], lower=True)
+        coupling = np.zeros((before, count + self._shared))
+        corner = np.zeros((count + self._shared,) * 2)
+        for column in range(before - min(self._band, before), before):
+            for row in range(before, min(column + self._band, self._chained)):
+                coupling[column, row - before] = a[row - column, column]
+        for column in range(before, self._chained):
+            for row in range(column, min(column + self._band, self._chained)):
+                i, j = row - before, column - before
+                corner[i, j] = corner[j, i] = a[row - column, column]
+        coupling[:, count:] = b[:before]
+        corner[:count, count:], corner[count:, :count] = b[before:], b[before:].T
+        corner[count:, count:] = c
+        gradient = np.concatenate([a_gradient[before:], b_gradient])
+        right = np.column_stack([coupling, a_gradient[:before]])
+        solved = cho_solve_banded((factor, True), right)
+        return Belief(corner - coupling.T @ solved[:, :-1], gradient - coupling.T @ solved[:, -1])
+
+    def _totals(self) -> tuple[Array, Array, Array, Array, Array]:
+        """A (band, chained), B (chained, shared), C (shared, shared), a and b."""
+        return (
+            self._a.total().reshape(self._band, self._chained),
+            self._b.total().reshape(self._chained, self._shared),
+            self._c.total().reshape(self._shared, self._shared),
+            self._chain_gradient.total(),
+            self._shared_gradient.total(),
+        )
 
 
 @dataclass(frozen=True, slots=True)

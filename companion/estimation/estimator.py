@@ -4,33 +4,31 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
+from companion.estimation.association import Support
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
+from companion.estimation.factors import Models
+from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.in_flight import InFlightSmoothing
-from companion.estimation.keyframes import Keyframes
+from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
+from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
 from companion.estimation.restart import restart
-from companion.estimation.smoother import Smoothed, Smoother
+from companion.estimation.smoother import FINAL_GATES, Smoother
+from companion.estimation.traced import Traced
+from companion.estimation.unknowns import Measured, Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.messages import (
     Beam,
     GyroSample,
-    Hit,
     Odometry,
     Pose,
     RangeModel,
     RangeScan,
     WallLine,
 )
-
-BEAM_BEARING_FRD_RAD: Mapping[Beam, float] = {
-    Beam.FRONT: 0.0,
-    Beam.RIGHT: math.pi / 2,
-    Beam.BACK: math.pi,
-    Beam.LEFT: -math.pi / 2,
-}
-"""Horizontal beams, clockwise from the nose."""
 
 MOST_PLAUSIBLE_SPEED_M_S = 5.0
 """An odometry step faster than this is a jump of the autopilot's estimate, not motion."""
@@ -48,22 +46,21 @@ SQUARE_SIGMA_RAD = math.radians(0.5)
 class Estimator:
     """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
 
-    def __init__(self, rest_bias_rad_s: float, sensor: RangeModel, mount_offset_m: float) -> None:
-        self.rest_bias_rad_s = rest_bias_rad_s
+    def __init__(self, rest_bias_rad_s: float, units: Mapping[Beam, RangeUnit]) -> None:
+        """`units` are the sensors that look level."""
+        self._units = units
+        self.models = Models(RangeUnits(units), rest_bias_rad_s)
         self.heading = HeadingFilter(rest_bias_rad_s)
-        self.slam = LineSlam(self.heading, sensor)
-        self._trusted_m = _trusted_m(sensor)
-        self._range_age_s = sensor.mean_age_s
+        self.slam = LineSlam(self.heading)
+        self._trusted_m = {beam: _trusted_m(unit.model) for beam, unit in units.items()}
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._yaw_rate_rad_s = 0.0
         self._turned_until_s = 0.0
-        self.hits: list[Hit] = []
-        self.keyframes = Keyframes()
-        self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
+        self.record = FlightRecord()
+        self._smoother = Smoother(self.models, Support())
         self._in_flight = InFlightSmoothing(self._smoother)
         self._resets = 0
-        self._mount_offset_m = mount_offset_m
-        self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
+        self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
         self._height_m = 0.0
         self._raw = DeadReckoning()
@@ -118,74 +115,88 @@ class Estimator:
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self.keyframes.advance(pose, self._raw.ne_m, self._raw.yaw_rad)
-        back_m, ahead_rad = self._since_measured(scan.time_s)
-        for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
+        self.record.advance(pose, self._raw.ne_m, self._raw.yaw_rad)
+        for beam, unit in self._units.items():
             reading = scan.readings.get(beam)
             if reading is None:
                 continue
             if not reading.is_distance:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
-            range_m = reading.distance_m + self._mount_offset_m
-            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, (back_m, ahead_rad))
+            back_m, ahead_rad = self._since_measured(scan.time_s, unit.model.mean_age_s)
+            range_m = reading.distance_m + unit.offset_m
             yaw_rad = self.heading.yaw_rad
             eye_ne_m = moved(self.slam.position_ne_m, back_m, yaw_rad)
-            bearing_rad = yaw_rad + ahead_rad + bearing_frd_rad
-            wall = self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
-            north_m, east_m = along(eye_ne_m, bearing_rad, range_m)
-            position_ned_m = (north_m, east_m, -self._height_m)
-            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2, wall))
-            if reading.distance_m > self._trusted_m:
+            bearing_frd_rad = ahead_rad + unit.bearing_frd_rad
+            wall = self.slam.see_range(eye_ne_m, yaw_rad + bearing_frd_rad, range_m, unit)
+            measured_at = back_m, bearing_frd_rad
+            self.record.add_hit(pose, BEAMS.index(beam), reading.distance_m, measured_at, wall)
+            if reading.distance_m > self._trusted_m[beam]:
                 continue
             yaw_rad = self._drifting.yaw_rad + ahead_rad
             eye = moved(self._drifting.ne_m, back_m, self._drifting.yaw_rad)
             drifting_hit = RunHit(
                 scan.time_s,
-                along(eye, yaw_rad + bearing_frd_rad, range_m),
+                along(eye, yaw_rad + unit.bearing_frd_rad, range_m),
                 reading.variance_m2,
                 eye,
                 yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
 
-    def _since_measured(self, now_s: float) -> tuple[Vector2, float]:
-        """From now (forward, right) back to where the ranges that are read now were measured.
+    def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
+        """From now (forward, right) back to where the range that is read now was measured.
 
         And the turn, from the gyro's latest sample to the heading at that moment.
         """
         forward_m_s, right_m_s = self._velocity_frd_m_s
-        back_m = -self._range_age_s * forward_m_s, -self._range_age_s * right_m_s
-        ahead_s = now_s - self._range_age_s - self._turned_until_s
-        return back_m, ahead_s * self._yaw_rate_rad_s
+        ahead_s = now_s - age_s - self._turned_until_s
+        return (-age_s * forward_m_s, -age_s * right_m_s), ahead_s * self._yaw_rate_rad_s
 
-    def smoothed(self) -> Smoothed | None:
+    def smoothed(self) -> Traced | None:
         """The whole flight set right by all that was seen; None before anything was."""
-        if len(self.keyframes.frames) < 2:
+        if len(self.record.frames) < 2:
             return None
-        keyframes = self.keyframes
-        return self._smoother.smooth(keyframes.frames, keyframes.hits, self.wall_lines())
+        smoother = self._smoother
+        m = Measured.of(self.record, self.models.ranges)
+        x = self._as_flown()
+        walls = self._walls()
+        x.add_walls(walls.lines, walls.reach_m)
+        x.odometry_scale = 0.0
+        done = smoother.smooth(x, m, smoother.from_start(np.zeros(3)), FINAL_GATES)
+        return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)
+
+    def so_far(self) -> Traced:
+        """The flight as it is known by now."""
+        wall_of = self.record.hits[:, HitColumn.WALL].astype(np.int64)
+        return Traced.of(
+            self.record, self._as_flown(), self.wall_lines(), wall_of, self.models.ranges
+        )
+
+    def _as_flown(self) -> Unknowns:
+        place = slice(FrameColumn.NORTH_M, FrameColumn.YAW_RAD + 1)
+        x = Unknowns.at(self.record.frames[:, place], self.models.rest_bias_rad_s)
+        x.odometry_scale = self.slam.scale_error
+        return x
 
     def improve(self, now_s: float) -> None:
         """Smooth the flight so far, a piece at each call; then go on from what came out.
 
         The pose and the walls make a step at the end.
         """
-        done = self._in_flight.step(now_s, self.keyframes, self.wall_lines)
+        done = self._in_flight.step(now_s, self.record, self._walls)
         if done is None:
             return
-        smoothed, begun = done
-        restart(self.heading, self.slam, smoothed.end)
-        self.keyframes.correct(smoothed.path)
-        later = [replace(hit, wall=None) for hit in self.hits[begun.hits :]]
-        self.hits = [*smoothed.hits, *later]
+        restart(self.heading, self.slam, done.estimate)
+        x, wall_of = done.estimate.x, done.estimate.wall_of
+        self.record.correct(done.first, x.poses[:, :3], done.first_hit, wall_of)
         north_m, east_m = (
-            now - then for now, then in zip(self._raw.ne_m, begun.raw_ne_m, strict=True)
+            now - then for now, then in zip(self._raw.ne_m, done.raw_ne_m, strict=True)
         )
-        body_m = ned_to_frd(north_m, east_m, begun.raw_yaw_rad)
-        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - begun.time_s)
-        turned_rad = self._raw.yaw_rad - begun.raw_yaw_rad
-        self.heading.turn(turned_rad, self._turned_until_s - begun.time_s)
+        body_m = ned_to_frd(north_m, east_m, done.raw_yaw_rad)
+        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - done.time_s)
+        turned_rad = self._raw.yaw_rad - done.raw_yaw_rad
+        self.heading.turn(turned_rad, self._turned_until_s - done.time_s)
         self._resets += 1
 
     def _learn(self, run: Line | None, now_s: float) -> None:
@@ -251,12 +262,20 @@ class Estimator:
                 nearest = normal_rad, distance_m
         return nearest
 
-    def wall_lines(self) -> list[WallLine]:
+    def wall_lines(self) -> tuple[WallLine, ...]:
         """All walls, for the map."""
-        return [
+        return tuple(
             WallLine(*self.slam.line(wall), self.slam.offset_sigma_m(wall))
             for wall in self.slam.walls
-        ]
+        )
+
+    def _walls(self) -> Walls:
+        """All walls, for the smoother."""
+        lines = np.array([self.slam.line(wall) for wall in self.slam.walls]).reshape(-1, 2)
+        anchors = np.array([wall.anchor_ne_m for wall in self.slam.walls]).reshape(-1, 2)
+        reach_m = np.array([(wall.low_m, wall.high_m) for wall in self.slam.walls]).reshape(-1, 2)
+        tangents = np.column_stack([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
+        return Walls(lines, reach_m + (anchors * tangents).sum(axis=1)[:, None])
 
 
 def _trusted_m(sensor: RangeModel) -> float:

@@ -1,26 +1,30 @@
 """The smoother's residuals, each divided by its sigma, with their gradients.
 
-odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) - (1 + s)·d_k
+odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) / (1 + s) - d_k
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
-priors     p_0 = 0, ψ_0 = 0 (the frame's own definition), b_0, g, s, γ
+square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+
+The scale stands beside the true motion, not beside the noisy one that was measured: noise times
+scale would be least, and the scale too small, where walls only tell of motion across the path.
 """
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from companion.estimation.bordered import BorderedSystem
 from companion.estimation.heading import GyroModel
 from companion.estimation.line_slam import OdometryModel
+from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.unknowns import (
-    BEAMS,
     POSE_SIZE,
     WALL_SIZE,
+    Array,
     Indices,
     Measured,
-    RangeNoise,
     Unknowns,
     project,
 )
@@ -29,20 +33,20 @@ GYRO_SCALE, ODOMETRY_SCALE, GAINS = 0, 1, 2
 WALLS = GAINS + len(BEAMS)
 """Places of the shared unknowns."""
 CAUCHY_SIGMAS = 2.0
-ODOMETRY_FLOOR_M = 0.002
-"""What rounding and the messages' timing add to a step."""
 LEAST_SIGMA = 1e-4
+SQUARE_SIGMA_RAD = math.radians(0.5)
+"""How exactly rooms are built."""
 
 
 @dataclass(frozen=True, slots=True)
 class Models:
     """How far the sensors may be trusted."""
 
-    ranges: RangeNoise
-    rest_bias_rad_s: float
+    ranges: RangeUnits
+    rest_bias_rad_s: float = 0.0
     """The gyro's, as averaged before take-off."""
-    gyro: GyroModel
-    odometry: OdometryModel
+    gyro: GyroModel = field(default_factory=GyroModel)
+    odometry: OdometryModel = field(default_factory=OdometryModel)
 
 
 def new_system(x: Unknowns) -> BorderedSystem:
@@ -53,22 +57,23 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     p = x.poses
     at = POSE_SIZE * np.arange(len(p) - 1)
     after = at + POSE_SIZE
-    cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
+    scale = 1 + x.odometry_scale
+    cos_yaw, sin_yaw = np.cos(p[:-1, 2]) / scale, np.sin(p[:-1, 2]) / scale
     north, east = (p[1:, :2] - p[:-1, :2]).T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    walk_m = np.sqrt(model.step_variance_m2_per_s * m.dt_s) + ODOMETRY_FLOOR_M
+    walk_m = np.sqrt(model.step_variance_m2_per_s * m.dt_s) + model.floor_m
     for by_pose, moved, to_north, to_east, by_yaw in (
         (forward, m.moved_frd_m[:, 0], cos_yaw, sin_yaw, right),
         (right, m.moved_frd_m[:, 1], -sin_yaw, cos_yaw, -forward),
     ):
         system.add(
-            by_pose - (1 + x.odometry_scale) * moved,
+            by_pose - moved,
             walk_m,
             [
                 *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
                 *((after, to_north), (after + 1, to_east)),
             ],
-            [(ODOMETRY_SCALE, -moved)],
+            [(ODOMETRY_SCALE, -by_pose / scale)],
         )
 
 
@@ -85,53 +90,42 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, model: GyroModel)
     )
     system.add(
         p[1:, 3] - p[:-1, 3],
-        np.sqrt(model.bias_variance_per_s(np.cumsum(m.dt_s)) * m.dt_s),
+        np.sqrt(model.bias_variance_per_s(m.age_s) * m.dt_s),
         [(at + 3, -one), (after + 3, one)],
     )
 
 
-def add_priors(
-    system: BorderedSystem,
-    x: Unknowns,
-    models: Models,
-) -> None:
-    gyro, odometry, gain_sigma = models.gyro, models.odometry, models.ranges.gain_sigma
-    one = np.ones(1)
-    first = x.poses[0] - (0.0, 0.0, 0.0, models.rest_bias_rad_s)
-    sigmas = LEAST_SIGMA, LEAST_SIGMA, LEAST_SIGMA, gyro.bias_sigma_rad_s
-    for column, sigma in enumerate(sigmas):
-        system.add(first[column : column + 1], sigma, [(np.array([column]), one)])
-    shared = [
-        (GYRO_SCALE, x.gyro_scale, gyro.scale_sigma),
-        (ODOMETRY_SCALE, x.odometry_scale, odometry.scale_sigma),
-        *((GAINS + i, gain, gain_sigma + LEAST_SIGMA) for i, gain in enumerate(x.range_gain)),
-    ]
-    for column, value, sigma in shared:
-        system.add(np.array([value]), sigma, [], [(np.array([column]), one)])
+def hit_residuals(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Array:
+    """(hits on walls,): how far off their walls they are, in sigmas of their ranges."""
+    return _hits_on_walls(x, m, wall_of, units)[1]
 
 
-def add_hits(
-    system: BorderedSystem,
-    x: Unknowns,
-    m: Measured,
-    wall_of: Indices,
-    noise: RangeNoise,
-) -> None:
-    """Where the wall's line moves, the expected range moves by 1 / cos(incidence) of it."""
-    used = np.flatnonzero(wall_of >= 0)
+def _hits_on_walls(
+    x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
+) -> tuple[Indices, Array, Array, Array, Array]:
+    """Which hits are on walls, their residuals, expected distances, cos(incidence), and points."""
+    used: Indices = np.flatnonzero(wall_of >= 0)
     seen = project(x, m)
     eyes, beams = seen.eyes[used], seen.beams[used]
-    wall, frame, beam = wall_of[used], m.frame[used], m.beam[used]
+    wall, beam = wall_of[used], m.beam[used]
     normals = x.normals[wall]
     cos_incidence = (beams * normals).sum(axis=1)
     expected_m = (x.walls[wall, 1] - (eyes * normals).sum(axis=1)) / cos_incidence
     met = eyes + expected_m[:, None] * beams
-    distance_m = np.clip(expected_m - m.mount_offset_m, noise.min_m, noise.max_m)
-    residual = noise.signal((1 - x.range_gain[beam]) * m.distance_m[used]) - noise.signal(
-        distance_m
-    )
-    per_sigma = 1 / (noise.sigma_m(distance_m) * cos_incidence)
-    cos_a, sin_a = normals.T
+    distance_m = np.clip(expected_m - m.mount_m[used], units.min_m[beam], units.max_m[beam])
+    measured_m = (1 - x.range_gain[beam]) * m.distance_m[used]
+    residual = units.signal(beam, measured_m) - units.signal(beam, distance_m)
+    return used, residual, distance_m, cos_incidence, met
+
+
+def add_hits(
+    system: BorderedSystem, x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
+) -> None:
+    """Where the wall's line moves, the expected range moves by 1 / cos(incidence) of it."""
+    used, residual, distance_m, cos_incidence, met = _hits_on_walls(x, m, wall_of, units)
+    wall, frame, beam = wall_of[used], m.frame[used], m.beam[used]
+    per_sigma = 1 / (units.sigma_m(beam, distance_m) * cos_incidence)
+    cos_a, sin_a = x.normals[wall].T
     arm = met - x.poses[frame, :2]
     pose_column, wall_column = POSE_SIZE * frame, WALLS + WALL_SIZE * wall
     system.add(
@@ -147,4 +141,22 @@ def add_hits(
             (wall_column + 1, -per_sigma),
             (GAINS + beam, -per_sigma * cos_incidence * distance_m),
         ],
+    )
+
+
+def off_square_rad(x: Unknowns, wall: int, other: int) -> float:
+    """How far two walls are from the nearest multiple of 90°."""
+    angle_rad = float(x.walls[wall, 0] - x.walls[other, 0])
+    return (angle_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4
+
+
+def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> None:
+    """Softly, and softer the farther off it is: not every room is built so."""
+    residual = np.array([off_square_rad(x, wall, other) / SQUARE_SIGMA_RAD])
+    per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
+    system.add(
+        residual,
+        np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2),
+        [],
+        [(WALLS + WALL_SIZE * wall, per_sigma), (WALLS + WALL_SIZE * other, -per_sigma)],
     )

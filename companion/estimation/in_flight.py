@@ -1,26 +1,56 @@
-"""Smoothing while it flies: a piece of some milliseconds a tick, again every few seconds."""
+"""Smoothing while it flies: a piece of some milliseconds a tick, again every few seconds.
 
-from collections.abc import Callable, Generator, Sequence
+The whole flight is solved each time it has become a quarter longer, its last part alone in
+between, with the rest as a belief:
+
+    |---------------- whole -----------------|
+                                    |past ends here
+                                    |-- part --|
+                                    |----- part -----|
+    |------------------------- whole ------------------------|
+
+So what a second of flight costs does not grow with the flight.
+"""
+
+from collections.abc import Callable, Generator
 from dataclasses import dataclass
 
-from companion.estimation.keyframes import Keyframes
-from companion.estimation.smoother import FLYING_GATES_M, Smoothed, Smoother
+import numpy as np
+
+from companion.estimation.flight_record import FlightRecord, FrameColumn
+from companion.estimation.smoother import FLYING_GATES, Estimate, Past, Smoother
+from companion.estimation.unknowns import Array, Measured, Unknowns
 from companion.frames import Vector2
-from companion.messages import WallLine
 
 PERIOD_S = 4.0
-MOST_KEYFRAMES = 1000
-"""Later, a piece of smoothing would take longer than a tick may."""
+GROWN_BY = 1.25
+SHORT_KEYFRAMES = 150
+"""A flight this short is solved as a whole every time."""
+OVERLAP_KEYFRAMES = 100
+"""The last part reaches so far back into what was solved as a whole."""
+MOST_WHOLE_KEYFRAMES = 3000
+"""Ten minutes. Later the whole would take too long for one tick, and only parts are solved."""
 
 
 @dataclass(frozen=True, slots=True)
-class Begun:
-    """Of a smoothing its last keyframe, and how many hits it was given."""
+class Walls:
+    """Where the filters believe walls to be: lines and reaches (w, 2), as in `Unknowns`."""
 
+    lines: Array
+    reach_m: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Improved:
+    """What came out, and the moment of which it tells: that of its last keyframe."""
+
+    estimate: Estimate
+    first: int
+    """Its first keyframe,"""
+    first_hit: int
     time_s: float
     raw_ne_m: Vector2
     raw_yaw_rad: float
-    hits: int
 
 
 class InFlightSmoothing:
@@ -28,29 +58,65 @@ class InFlightSmoothing:
 
     def __init__(self, smoother: Smoother) -> None:
         self._smoother = smoother
-        self._work: Generator[None, None, Smoothed] | None = None
-        self._begun = Begun(0.0, (0.0, 0.0), 0.0, 0)
+        self._work: Generator[None, None, Improved] | None = None
         self._due_s = PERIOD_S
+        self._past: Past | None = None
+        self._whole_keyframes = 0
 
     def step(
-        self, now_s: float, keyframes: Keyframes, walls: Callable[[], Sequence[WallLine]]
-    ) -> tuple[Smoothed, Begun] | None:
+        self, now_s: float, record: FlightRecord, walls: Callable[[], Walls]
+    ) -> Improved | None:
         """Do one piece; what came out, when it was the last one."""
         if self._work is None:
-            if now_s >= self._due_s and 1 < len(keyframes.frames) <= MOST_KEYFRAMES:
-                self._begin(keyframes, walls())
+            if now_s >= self._due_s and len(record.frames) > 1:
+                self._begin(record, walls())
                 self._due_s = now_s + PERIOD_S
             return None
         try:
             next(self._work)
         except StopIteration as end:
             self._work = None
-            return end.value, self._begun
+            improved: Improved = end.value
+            return improved
         return None
 
-    def _begin(self, keyframes: Keyframes, walls: Sequence[WallLine]) -> None:
-        if not walls:
+    def _begin(self, record: FlightRecord, walls: Walls) -> None:
+        if not len(walls.lines):
             return
-        frames, hits = keyframes.frames.copy(), keyframes.hits.copy()
-        self._begun = Begun(frames[-1].time_s, *keyframes.raw, len(hits))
-        self._work = self._smoother.smoothing(frames, hits, walls, FLYING_GATES_M)
+        count = len(record.frames)
+        is_whole = self._past is None or count < SHORT_KEYFRAMES
+        is_whole |= GROWN_BY * self._whole_keyframes < count < MOST_WHOLE_KEYFRAMES
+        self._work = self._smoothing(record, walls, is_whole)
+
+    def _smoothing(
+        self, record: FlightRecord, walls: Walls, is_whole: bool
+    ) -> Generator[None, None, Improved]:
+        smoother = self._smoother
+        m = Measured.of(record, smoother.models.ranges)
+        poses = record.frames[:, FrameColumn.NORTH_M : FrameColumn.YAW_RAD + 1].copy()
+        time_s = float(record.frames[-1, FrameColumn.TIME_S])
+        raw_ne_m, raw_yaw_rad = record.raw
+        past = smoother.from_start(np.zeros(3)) if is_whole else self._past
+        assert past is not None
+        first = past.frame
+        part, first_hit = m.between(first, len(poses)), m.first_hit(first)
+        x = Unknowns.at(poses[first:], smoother.models.rest_bias_rad_s)
+        x.add_walls(walls.lines, walls.reach_m)
+        begin_at(x, past)
+        estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
+        length = len(x.poses)
+        if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
+            yield
+            self._past = smoother.past_before(length - OVERLAP_KEYFRAMES, estimate, part, past)
+            self._whole_keyframes = len(poses) if is_whole else self._whole_keyframes
+        return Improved(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
+
+
+def begin_at(x: Unknowns, past: Past) -> None:
+    """Scales, gains and bias as the past has them; headings without whole turns off."""
+    pose, shared = past.at[:4], past.at[4:]
+    turns = np.round((pose[2] - x.poses[0, 2]) / (2 * np.pi))
+    x.poses[:, 2] += 2 * np.pi * turns
+    x.poses[:, 3] = pose[3]
+    x.gyro_scale, x.odometry_scale = float(shared[0]), float(shared[1])
+    x.range_gain = shared[2 : 2 + len(x.range_gain)].copy()

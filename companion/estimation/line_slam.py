@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.heading import HeadingFilter
+from companion.estimation.range_units import RangeUnit
 from companion.estimation.wall_runs import Line
 from companion.frames import Vector2, Vector3, wrap_rad
-from companion.messages import RangeModel
 from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
@@ -55,6 +55,8 @@ class OdometryModel:
     scale_sigma: float = 0.05
     step_variance_m2_per_s: float = 0.005**2 / 0.1
     """Random walk on each axis: 5 mm a step at 10 Hz."""
+    floor_m: float = 0.002
+    """What rounding and the messages' timing add to a step, at worst the same way each time."""
 
 
 @value
@@ -78,14 +80,8 @@ class LineSlam:
     LEAST_COS_INCIDENCE = math.cos(math.radians(65))
     SAME_NORMAL_RAD = math.radians(12)
 
-    def __init__(
-        self,
-        heading: HeadingFilter,
-        sensor: RangeModel,
-        odometry: OdometryModel = OdometryModel(),
-    ) -> None:
+    def __init__(self, heading: HeadingFilter, odometry: OdometryModel = OdometryModel()) -> None:
         self._heading = heading
-        self._sensor = sensor
         self._odometry = odometry
         self._x = [0.0] * _WALLS
         self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2])
@@ -135,12 +131,12 @@ class LineSlam:
         p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
 
     def see_range(
-        self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, mount_offset_m: float
+        self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, unit: RangeUnit
     ) -> int | None:
         """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall."""
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
-            match = self._match(wall, eye_ne_m, bearing_rad, range_m, mount_offset_m)
+            match = self._match(wall, eye_ne_m, bearing_rad, range_m, unit)
             if match is None:
                 continue
             misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
@@ -158,7 +154,7 @@ class LineSlam:
         eye_ne_m: Vector2,
         bearing_rad: float,
         range_m: float,
-        mount_offset_m: float,
+        unit: RangeUnit,
     ) -> _Match | None:
         """What the range says if it met this wall; None if it cannot have.
 
@@ -178,8 +174,9 @@ class LineSlam:
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
             return None
         predicted_m = distance_m / cos_incidence
-        sigma_m = self._sensor.sigma_m(max(predicted_m - mount_offset_m, self._sensor.min_m))
-        if predicted_m - mount_offset_m > self._sensor.max_m - self.END_SIGMAS * sigma_m:
+        model, from_unit_m = unit.model, predicted_m - unit.offset_m
+        sigma_m = model.sigma_m(max(from_unit_m, model.min_m))
+        if from_unit_m > model.max_m - self.END_SIGMAS * sigma_m:
             return None
         # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)

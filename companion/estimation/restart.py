@@ -7,36 +7,42 @@ each, where direction and offset depend on each other least.
 
 import numpy as np
 
+from companion.estimation import factors
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam, Wall
-from companion.estimation.smoother import Knowledge
+from companion.estimation.smoother import Estimate
+from companion.estimation.unknowns import POSE_SIZE, WALL_SIZE
 
-_NORTH, _EAST, _YAW, _BIAS, _GYRO_SCALE, _ODOMETRY_SCALE, _WALLS = range(7)
-"""Places in the covariance of `Knowledge`."""
+_NORTH, _EAST, _YAW, _BIAS = range(POSE_SIZE)
+_GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + factors.GYRO_SCALE, POSE_SIZE + factors.ODOMETRY_SCALE
+_WALLS = POSE_SIZE + factors.WALLS
 
 
-def restart(heading: HeadingFilter, slam: LineSlam, known: Knowledge) -> None:
+def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
     """Set both filters to the last keyframe."""
-    directions = _WALLS + 2 * np.arange(len(known.walls))
+    x = estimate.x
+    covariance = estimate.solution.covariance_of_last(POSE_SIZE)
+    north_m, east_m, yaw_rad, bias_rad_s = x.poses[-1]
+    directions = _WALLS + WALL_SIZE * np.arange(len(x.walls))
     chosen = np.array([_YAW, _BIAS, _GYRO_SCALE, *directions])
     heading.restart(
-        np.array([known.yaw_rad, known.bias_rad_s, known.gyro_scale, *known.walls[:, 0]]),
-        known.covariance[np.ix_(chosen, chosen)],
+        np.array([yaw_rad, bias_rad_s, x.gyro_scale, *x.walls[:, 0]]),
+        covariance[np.ix_(chosen, chosen)],
     )
-    walls, offset_by = [], np.zeros((3 + len(known.walls), len(known.covariance)))
+    # d = ρ - a·n(α):  δd = δρ - (a·t) δα
+    middle_m = x.reach_m.mean(axis=1)
+    half_m = 0.5 * np.ptp(x.reach_m, axis=1)
+    anchors = x.walls[:, 1:] * x.normals + middle_m[:, None] * x.tangents
+    offset_by = np.zeros((3 + len(x.walls), len(covariance)))
     offset_by[[0, 1, 2], [_NORTH, _EAST, _ODOMETRY_SCALE]] = 1.0
-    for i, ((normal_rad, offset_m), (low_m, high_m)) in enumerate(
-        zip(known.walls, known.reaches_m, strict=True)
-    ):
-        middle_m, half_m = 0.5 * (low_m + high_m), 0.5 * (high_m - low_m)
-        cos_n, sin_n = np.cos(normal_rad), np.sin(normal_rad)
-        anchor = (
-            float(offset_m * cos_n - middle_m * sin_n),
-            float(offset_m * sin_n + middle_m * cos_n),
+    row = 3 + np.arange(len(x.walls))
+    offset_by[row, directions], offset_by[row, directions + 1] = -middle_m, 1.0
+    state = np.zeros(3 + len(x.walls))
+    state[:3] = north_m, east_m, x.odometry_scale
+    walls = [
+        Wall(i, (north, east), -half, half)
+        for i, ((north, east), half) in enumerate(
+            zip(anchors.tolist(), half_m.tolist(), strict=True)
         )
-        walls.append(Wall(i, anchor, -half_m, half_m))
-        # d = ρ - a·n(α):  δd = δρ - (a·t) δα
-        offset_by[3 + i, directions[i] : directions[i] + 2] = -middle_m, 1.0
-    state = np.zeros(3 + len(walls))
-    state[:3] = *known.position_ne_m, known.odometry_scale
-    slam.restart(state, offset_by @ known.covariance @ offset_by.T, walls)
+    ]
+    slam.restart(state, offset_by @ covariance @ offset_by.T, walls)

@@ -8,150 +8,178 @@ Unknowns (`unknowns.py`), solved together by Gauss-Newton (`factors.py`, `border
     walls i: direction of the normal α_i, offset ρ_i           wall i: {p : p·n(α_i) = ρ_i}
 
 Which hit belongs to which wall is decided anew in every round, with an ever narrower gate
-(`association.py`). A Cauchy weight keeps what still does not fit from pulling.
+(`association.py`). A Cauchy weight keeps what still does not fit from pulling. Of a long flight
+its last part can be solved alone, with what came before as a belief about its first pose and all
+that is shared.
 """
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from companion.estimation import factors
-from companion.estimation.association import LEAST_EXTENT_M, LEAST_HITS, associate
-from companion.estimation.bordered import Solution
-from companion.estimation.heading import GyroModel
-from companion.estimation.keyframes import Keyframe, KeyframeHit
-from companion.estimation.line_slam import OdometryModel
+from companion.estimation.association import Association, Gate, Support
+from companion.estimation.bordered import Belief, BorderedSystem, Solution
+from companion.estimation.flight_record import NO_WALL
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
     Array,
     Indices,
     Measured,
-    RangeNoise,
     Unknowns,
     project,
 )
-from companion.estimation.wall_detection import Cloud, Look, detect_walls
-from companion.frames import Vector2, wrap_rad
-from companion.messages import Hit, Pose, RangeModel, WallLine
+from companion.estimation.wall_detection import Cloud, detect_walls
+from companion.frames import wrap_rad
+from companion.messages import WallLine
 
-GATES_M = (0.6, 0.4, 0.3, 0.2, 0.1, 0.1, 0.05, 0.05, 0.05, 0.05)
-"""How far off its wall a hit may be in each round, besides three sigmas."""
-FLYING_GATES_M = (0.2, 0.1)
+WHOLE = 1_000_000
+FINAL_GATES = (
+    Gate(0.6, 3.0),
+    Gate(0.4, 2.0),
+    Gate(0.3, 1.5),
+    Gate(0.2, 1.5, looks=WHOLE),
+    *(Gate(0.1, 1.0, looks=WHOLE),) * 2,
+    *(Gate(0.05, 1.0, looks=WHOLE, refutes=True),) * 4,
+)
+"""Of the rounds after the flight."""
+FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, looks=WHOLE)
 """While it flies the filters start from the last smoothing and are not far off."""
-DISCOVERY_GATE_M = 0.2
-"""From this round on the poses are good enough to look for walls that the filters missed."""
-STEPS_A_ROUND = 2
+HITS_AT_ONCE = 3_000
+"""Walls are looked for in so many hits at a time, which bounds memory and time."""
+SQUARE_GATE_M = 0.2
+SQUARE_WITHIN_SIGMAS = 3.0
+SQUARE_WITHIN_RAD = math.radians(3)
+"""Walls that are this near to a right angle, and may be exactly there, seem to be."""
 
 
 @dataclass(frozen=True, slots=True)
-class Knowledge:
-    """What is known at the last keyframe: all that the filters need to go on from there."""
+class Past:
+    """What the keyframes before one tell of it and of all that is shared."""
 
-    position_ne_m: Vector2
-    yaw_rad: float
-    bias_rad_s: float
-    gyro_scale: float
-    odometry_scale: float
-    walls: Array
-    """(w, 2): direction of the normal, offset."""
-    reaches_m: Array
-    """(w, 2): from where to where along (-sin, cos)(normal) each wall has been seen."""
-    covariance: Array
-    """Of north, east, yaw, bias, both scales, then of the walls, row by row."""
+    frame: int
+    at: Array
+    """(pose + shared,): the point that the belief is about."""
+    belief: Belief
+
+    @property
+    def walls(self) -> int:
+        """How many were known."""
+        return (len(self.at) - POSE_SIZE - factors.WALLS) // WALL_SIZE
 
 
-@dataclass(frozen=True, slots=True)
-class Smoothed:
-    """The flight as it most likely was."""
+@dataclass(slots=True)
+class Estimate:
+    """The likeliest flight from some keyframe on."""
 
-    walls: tuple[WallLine, ...]
-    hits: tuple[Hit, ...]
-    path: tuple[Pose, ...]
-    end: Knowledge
+    x: Unknowns
+    wall_of: Indices
+    solution: Solution
+
+    @property
+    def wall_lines(self) -> tuple[WallLine, ...]:
+        """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
+        lines = []
+        for i, (normal_rad, offset_m) in enumerate(self.x.walls):
+            at = factors.WALLS + WALL_SIZE * i
+            block = self.solution.shared_covariance[at : at + 2, at : at + 2]
+            (direction, both), (_, offset) = block
+            lines.append(
+                WallLine(
+                    wrap_rad(float(normal_rad)),
+                    float(offset_m),
+                    math.sqrt(max(offset - both**2 / direction, 0.0)),
+                    math.sqrt(direction),
+                    float(both / direction),
+                )
+            )
+        return tuple(lines)
 
 
 class Smoother:
-    """Smooths one flight; the result does not depend on anything but the record."""
+    """Gauss-Newton over one flight; the result does not depend on anything but the record."""
 
-    def __init__(
-        self,
-        sensor: RangeModel,
-        mount_offset_m: float,
-        rest_bias_rad_s: float,
-    ) -> None:
-        self._sensor = sensor
-        self._mount_offset_m = mount_offset_m
-        self._models = factors.Models(
-            RangeNoise(sensor), rest_bias_rad_s, GyroModel(), OdometryModel()
+    def __init__(self, models: factors.Models, support: Support) -> None:
+        self.models, self.support = models, support
+        self._association = Association(models.ranges, support)
+
+    def from_start(self, start: Array) -> Past:
+        """Before anything was seen: the first pose is `start` (3,), by definition of the frame."""
+        gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
+        at = np.array([*start, self.models.rest_bias_rad_s, *np.zeros(factors.WALLS)])
+        sigma = np.array(
+            [
+                *(factors.LEAST_SIGMA,) * 3,
+                gyro.bias_sigma_rad_s,
+                gyro.scale_sigma,
+                odometry.scale_sigma,
+                *(ranges.gain_sigma + factors.LEAST_SIGMA),
+            ]
         )
+        return Past(0, at, Belief(np.diag(sigma**-2.0), np.zeros(len(sigma))))
 
-    def smooth(
-        self,
-        frames: Sequence[Keyframe],
-        hits: Sequence[KeyframeHit],
-        walls: Sequence[WallLine],
-    ) -> Smoothed:
-        """The likeliest flight, beginning from the filters' poses and walls."""
-        work = self.smoothing(frames, hits, walls, GATES_M)
+    def smooth(self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]) -> Estimate:
+        """The likeliest flight; `x` is where to begin from, and is set to it."""
+        work = self.smoothing(x, m, past, gates)
         while True:
             try:
                 next(work)
             except StopIteration as end:
-                smoothed: Smoothed = end.value
-                return smoothed
+                estimate: Estimate = end.value
+                return estimate
 
     def smoothing(
-        self,
-        frames: Sequence[Keyframe],
-        hits: Sequence[KeyframeHit],
-        walls: Sequence[WallLine],
-        gates_m: Sequence[float],
-    ) -> Generator[None, None, Smoothed]:
-        """The same in pieces of some milliseconds: it yields after each."""
-        m = Measured.of(frames, hits, self._mount_offset_m)
-        x = Unknowns.guessed(frames, walls, self._models.rest_bias_rad_s)
-        for gate_m in gates_m:
-            wall_of = associate(x, m, self._models.ranges, gate_m)
+        self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]
+    ) -> Generator[None, None, Estimate]:
+        """The same in pieces of some milliseconds: it yields after each.
+
+        The first walls of `x` are those of the past, in their order.
+        """
+        known = past.walls
+        for gate in gates:
+            wall_of = self._association.associate(x, m, gate, known)
             yield
-            if gate_m <= DISCOVERY_GATE_M and self._look_for_walls(x, m, wall_of):
+            if self.look_for_walls(x, m, wall_of, gate.looks):
                 yield
-                wall_of = associate(x, m, self._models.ranges, gate_m)
+                wall_of = self._association.associate(x, m, gate, known)
                 yield
-            for _ in range(STEPS_A_ROUND):
-                solution = self.step(x, m, wall_of)
-                yield
-        points = project(x, m).points
-        return Smoothed(
-            _wall_lines(x, solution),
-            tuple(map(self._hit, hits, points, wall_of)),
-            tuple(map(_pose, frames, x.poses)),
-            _knowledge(x, solution, points, wall_of),
-        )
+            solution = self.step(x, m, wall_of, past)
+            yield
+            square = _square_pairs(x, solution) if gate.across_m <= SQUARE_GATE_M else ()
+            solution = self.step(x, m, wall_of, past, square)
+            yield
+        return Estimate(x, wall_of, solution)
 
-    def _look_for_walls(self, x: Unknowns, measured: Measured, wall_of: Indices) -> bool:
-        """Walls that the filters missed, in the hits that belong to none; whether there are any."""
-        loose = wall_of < 0
-        seen = project(x, measured)
-        beams = seen.beams[loose]
-        cloud = Cloud(
-            seen.points[loose],
-            self._models.ranges.sigma_m(measured.distance_m[loose]),
-            np.arctan2(beams[:, 1], beams[:, 0]),
-        )
-        found, _ = detect_walls(cloud, Look(LEAST_HITS, LEAST_EXTENT_M))
-        x.walls = np.vstack([x.walls, found])
-        return bool(len(found))
+    def look_for_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
+        """New walls in the hits of so many keyframes at a time that are on none; whether any."""
+        known = len(x.walls)
+        seen = project(x, m)
+        sigma_m = self.models.ranges.sigma_m(m.beam, m.distance_m)
+        loose: Indices = np.flatnonzero(wall_of == NO_WALL)
+        chunk = m.frame[loose] // keyframes if keyframes else np.empty(0)
+        for number in np.unique(chunk):
+            some = loose[chunk == number]
+            for low in range(0, len(some), HITS_AT_ONCE):
+                part = some[low : low + HITS_AT_ONCE]
+                cloud = Cloud(seen.points[part], sigma_m[part], seen.bearing_rad[part])
+                x.add_walls(*detect_walls(cloud, self.support))
+        return len(x.walls) > known
 
-    def step(self, x: Unknowns, measured: Measured, wall_of: Indices) -> Solution:
+    def step(
+        self,
+        x: Unknowns,
+        m: Measured,
+        wall_of: Indices,
+        past: Past,
+        square: Sequence[tuple[int, int]] = (),
+    ) -> Solution:
         """One Gauss-Newton step of `x`, with the hits' walls as they are."""
-        system = factors.new_system(x)
-        factors.add_odometry(system, x, measured, self._models.odometry)
-        factors.add_gyro(system, x, measured, self._models.gyro)
-        factors.add_priors(system, x, self._models)
-        factors.add_hits(system, x, measured, wall_of, self._models.ranges)
+        system = self._system(x, m, wall_of, past)
+        for pair in square:
+            factors.add_square(system, x, *pair)
         solution = system.solve()
         shared = solution.shared
         x.poses += solution.chained.reshape(-1, POSE_SIZE)
@@ -161,55 +189,60 @@ class Smoother:
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
 
-    def _hit(self, hit: KeyframeHit, point: Array, wall: int) -> Hit:
-        sigma_m = self._sensor.sigma_m(max(hit.range_m - self._mount_offset_m, self._sensor.min_m))
-        position_ned_m = (float(point[0]), float(point[1]), hit.down_m)
-        on_wall = int(wall) if wall >= 0 else None
-        return Hit(hit.time_s, hit.beam, position_ned_m, sigma_m**2, on_wall)
-
-
-def _pose(frame: Keyframe, pose: Array) -> Pose:
-    north_m, east_m, yaw_rad, _ = map(float, pose)
-    return replace(frame.guess, north_m=north_m, east_m=east_m, yaw_rad=wrap_rad(yaw_rad))
-
-
-def _wall_lines(x: Unknowns, solution: Solution) -> tuple[WallLine, ...]:
-    """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
-    lines = []
-    for i, (normal_rad, offset_m) in enumerate(x.walls):
-        at = factors.WALLS + WALL_SIZE * i
-        (direction, both), (_, offset) = solution.shared_covariance[at : at + 2, at : at + 2]
-        variance_m2 = max(offset - both**2 / direction, 0.0)
-        lines.append(
-            WallLine(
-                float(normal_rad),
-                float(offset_m),
-                math.sqrt(variance_m2),
-                math.sqrt(direction),
-                float(both / direction),
-            )
+    def past_before(self, frame: int, estimate: Estimate, m: Measured, past: Past) -> Past:
+        """What the estimate knows of a later keyframe from what was measured before it."""
+        x, end = estimate.x, frame + 1
+        before = x.since(0)
+        before.poses = x.poses[:end]
+        part = m.between(0, end)
+        hits = m.first_hit(frame)
+        wall_of = np.concatenate(
+            [estimate.wall_of[:hits], np.full(len(part.frame) - hits, NO_WALL)]
         )
-    return tuple(lines)
+        belief = self._system(before, part, wall_of, past).belief_of_last(POSE_SIZE)
+        return Past(past.frame + frame, _values(before, frame), belief)
+
+    def motion_misfit(self, x: Unknowns, m: Measured) -> float:
+        """Root mean square of the residuals of odometry and gyro, in their sigmas."""
+        system = factors.new_system(x)
+        self._add_motion(system, x, m)
+        return system.rms
+
+    def _system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
+        system = factors.new_system(x)
+        self._add_motion(system, x, m)
+        factors.add_hits(system, x, m, wall_of, self.models.ranges)
+        values = _values(x, 0)
+        delta = values[: len(past.at)] - past.at
+        angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(past.at), WALL_SIZE)])
+        delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
+        system.believe(past.belief.moved(delta).grown(len(values)))
+        return system
+
+    def _add_motion(self, system: BorderedSystem, x: Unknowns, m: Measured) -> None:
+        factors.add_odometry(system, x, m, self.models.odometry)
+        factors.add_gyro(system, x, m, self.models.gyro)
 
 
-def _knowledge(x: Unknowns, solution: Solution, points: Array, wall_of: Indices) -> Knowledge:
-    north_m, east_m, yaw_rad, bias_rad_s = map(float, x.poses[-1])
-    covariance = solution.covariance_of_last(POSE_SIZE)
-    gains = POSE_SIZE + np.arange(factors.GAINS, factors.WALLS)
-    kept = np.delete(np.arange(len(covariance)), gains)
-    along = points @ np.array([-np.sin(x.walls[:, 0]), np.cos(x.walls[:, 0])])
-    reaches = [
-        (mine.min(), mine.max())
+def _values(x: Unknowns, frame: int) -> Array:
+    """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
+    shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
+    return np.array([*x.poses[frame], *shared])
+
+
+def _square_pairs(x: Unknowns, solution: Solution) -> tuple[tuple[int, int], ...]:
+    """Walls that seem to be at a multiple of 90° to the one whose direction is known best."""
+    if not len(x.walls):
+        return ()
+    covariance = solution.shared_covariance
+    at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
+    surest = int(covariance[at, at].argmin())
+    hub = at[surest]
+    variance = covariance[at, at] + covariance[hub, hub] - 2 * covariance[at, hub]
+    sigma_rad = np.sqrt(np.maximum(variance, 0.0) + factors.SQUARE_SIGMA_RAD**2)
+    most_rad = np.minimum(SQUARE_WITHIN_RAD, SQUARE_WITHIN_SIGMAS * sigma_rad)
+    return tuple(
+        (wall, surest)
         for wall in range(len(x.walls))
-        if len(mine := along[wall_of == wall, wall])
-    ]
-    return Knowledge(
-        (north_m, east_m),
-        yaw_rad,
-        bias_rad_s,
-        x.gyro_scale,
-        x.odometry_scale,
-        x.walls,
-        np.array(reaches).reshape(-1, 2),
-        covariance[np.ix_(kept, kept)],
+        if wall != surest and abs(factors.off_square_rad(x, wall, surest)) < most_rad[wall]
     )

@@ -1,19 +1,17 @@
-"""What the smoother solves for, and the record of the flight as arrays."""
+"""What the smoother solves for, and the record of the flight as it takes it."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.keyframes import Keyframe, KeyframeHit
-from companion.messages import Beam, RangeModel, WallLine
+from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
+from companion.estimation.range_units import BEAMS, RangeUnits
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 POSE_SIZE = 4
-BEAMS = tuple(Beam)
 WALL_SIZE = 2
 
 
@@ -25,36 +23,58 @@ class Unknowns:
     """(k, 4): north, east, yaw (not wrapped), gyro bias."""
     walls: Array
     """(w, 2): direction of the normal, offset."""
+    reach_m: Array
+    """(w, 2): from where to where along (-sin, cos)(normal) each wall has been seen."""
     gyro_scale: float
     odometry_scale: float
     range_gain: Array
     """(beams,): how much too far each unit reads, relative."""
 
     @classmethod
-    def guessed(
-        cls, frames: Sequence[Keyframe], walls: Sequence[WallLine], bias_rad_s: float
-    ) -> "Unknowns":
-        """As the filters have it, scales and gains as if the sensors were perfect."""
-        poses = [(f.guess.north_m, f.guess.east_m, f.guess.yaw_rad, bias_rad_s) for f in frames]
-        lines = [(wall.normal_rad, wall.offset_m) for wall in walls]
-        unknowns = cls(
-            np.array(poses), np.array(lines).reshape(-1, WALL_SIZE), 0.0, 0.0, np.zeros(len(BEAMS))
-        )
-        unknowns.poses[:, 2] = np.unwrap(unknowns.poses[:, 2])
-        return unknowns
+    def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
+        """Poses (k, 3), no walls yet, scales and gains as if the sensors were perfect."""
+        with_bias = np.column_stack([poses, np.full(len(poses), bias_rad_s)])
+        with_bias[:, 2] = np.unwrap(with_bias[:, 2])
+        return cls(with_bias, np.empty((0, 2)), np.empty((0, 2)), 0.0, 0.0, np.zeros(len(BEAMS)))
 
     @property
     def normals(self) -> Array:
         """(w, 2): unit vectors to the walls."""
         return np.column_stack([np.cos(self.walls[:, 0]), np.sin(self.walls[:, 0])])
 
+    @property
+    def tangents(self) -> Array:
+        """(w, 2): along each wall, its normal turned clockwise by a right angle."""
+        return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
+
+    def since(self, frame: int) -> "Unknowns":
+        """The same from a keyframe on; shares the poses, but has walls of its own."""
+        return replace(
+            self,
+            poses=self.poses[frame:],
+            walls=self.walls.copy(),
+            reach_m=self.reach_m.copy(),
+            range_gain=self.range_gain.copy(),
+        )
+
+    def add_walls(self, walls: Array, reach_m: Array) -> None:
+        """Append (w, 2) and (w, 2)."""
+        self.walls = np.vstack([self.walls, walls])
+        self.reach_m = np.vstack([self.reach_m, reach_m])
+
+    def keep_walls(self, kept: Indices) -> None:
+        """Forget all others."""
+        self.walls, self.reach_m = self.walls[kept], self.reach_m[kept]
+
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The record: k keyframes and n hits, as in `keyframes`."""
+    """The record of k keyframes and n hits, as in `flight_record`; hits in order of keyframes."""
 
     dt_s: Array
     """(k - 1,)."""
+    age_s: Array
+    """(k - 1,): since the gyro's calibration."""
     moved_frd_m: Array
     """(k - 1, 2)."""
     turned_rad: Array
@@ -65,28 +85,51 @@ class Measured:
     """(n,): its place in `BEAMS`."""
     offset_frd_m: Array
     """(n, 2)."""
-    bearing_frd_rad: Array
-    """(n,)."""
+    bearing_rad: Array
+    """(n,): off the keyframe's heading."""
     distance_m: Array
     """(n,): from the sensor."""
-    mount_offset_m: float
-    """From the drone's centre to the sensor, along its beam."""
+    mount_m: Array
+    """(n,): from the drone's centre to the sensor, along its beam."""
 
     @classmethod
-    def of(
-        cls, frames: Sequence[Keyframe], hits: Sequence[KeyframeHit], mount_offset_m: float
-    ) -> "Measured":
-        beam_at = {beam: i for i, beam in enumerate(BEAMS)}
+    def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
+        """All that was recorded so far."""
+        frames, hits = record.frames.copy(), record.hits.copy()
+        time_s = frames[:, FrameColumn.TIME_S]
+        beam = hits[:, HitColumn.BEAM].astype(np.int64)
         return cls(
-            dt_s=np.diff([frame.time_s for frame in frames]),
-            moved_frd_m=np.array([frame.moved_frd_m for frame in frames[1:]]).reshape(-1, 2),
-            turned_rad=np.array([frame.turned_rad for frame in frames[1:]]),
-            frame=np.array([hit.keyframe for hit in hits], dtype=np.int64),
-            beam=np.array([beam_at[hit.beam] for hit in hits], dtype=np.int64),
-            offset_frd_m=np.array([hit.offset_frd_m for hit in hits]).reshape(-1, 2),
-            bearing_frd_rad=np.array([hit.bearing_frd_rad for hit in hits]),
-            distance_m=np.array([hit.range_m for hit in hits]) - mount_offset_m,
-            mount_offset_m=mount_offset_m,
+            dt_s=np.diff(time_s),
+            age_s=time_s[1:] - time_s[:1],
+            moved_frd_m=frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1],
+            turned_rad=frames[1:, FrameColumn.TURNED_RAD],
+            frame=hits[:, HitColumn.FRAME].astype(np.int64),
+            beam=beam,
+            offset_frd_m=hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1],
+            bearing_rad=hits[:, HitColumn.BEARING_RAD],
+            distance_m=hits[:, HitColumn.DISTANCE_M],
+            mount_m=units.offset_m[beam],
+        )
+
+    def first_hit(self, frame: int) -> int:
+        """Of a keyframe or those after it."""
+        return int(np.searchsorted(self.frame, frame))
+
+    def between(self, first: int, end: int) -> "Measured":
+        """The part from keyframe `first` up to, not including, `end`."""
+        low, high = self.first_hit(first), self.first_hit(end)
+        motion, hits = slice(first, max(end - 1, first)), slice(low, high)
+        return Measured(
+            self.dt_s[motion],
+            self.age_s[motion],
+            self.moved_frd_m[motion],
+            self.turned_rad[motion],
+            self.frame[hits] - first,
+            self.beam[hits],
+            self.offset_frd_m[hits],
+            self.bearing_rad[hits],
+            self.distance_m[hits],
+            self.mount_m[hits],
         )
 
 
@@ -101,6 +144,12 @@ class Sightings:
     points: Array
     """(n, 2): where the beams ended."""
 
+    @property
+    def bearing_rad(self) -> Array:
+        """(n,): of the beams."""
+        bearing: Array = np.arctan2(self.beams[:, 1], self.beams[:, 0])
+        return bearing
+
 
 def project(x: Unknowns, m: Measured) -> Sightings:
     """p_hit = p_k + R(ψ_k)·(1 + s)·q + (mount + (1 - γ_beam)·distance)·u(bearing)."""
@@ -111,46 +160,17 @@ def project(x: Unknowns, m: Measured) -> Sightings:
         [cos_yaw * forward - sin_yaw * right, sin_yaw * forward + cos_yaw * right]
     )
     eyes = x.poses[m.frame, :2] + moved
-    bearing = yaw + m.bearing_frd_rad
-    range_m = m.mount_offset_m + (1 - x.range_gain[m.beam]) * m.distance_m
+    bearing = yaw + m.bearing_rad
+    range_m = m.mount_m + (1 - x.range_gain[m.beam]) * m.distance_m
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
     return Sightings(eyes, beams, eyes + range_m[:, None] * beams)
 
 
-class RangeNoise:
-    """A sensor's noise, without what its unit's gain adds.
-
-    Distances are compared as signals ς(d) = ∫ dd / σ(d), whose noise is 1 at any distance: for a
-    Sharp sensor that is its voltage by its noise. There the noise is Gaussian, while distances
-    computed from it are skewed, and a robust weight would pull towards the shorter ones.
-    """
-
-    STEP_M = 0.005
-
-    def __init__(self, sensor: RangeModel) -> None:
-        self.min_m, self.max_m, self.gain_sigma = sensor.min_m, sensor.max_m, sensor.gain_sigma
-        steps = round((sensor.max_m - sensor.min_m) / self.STEP_M)
-        distance_m = np.linspace(sensor.min_m, sensor.max_m, steps + 1)
-        self._step_m = (sensor.max_m - sensor.min_m) / steps
-        total_m = np.array([sensor.sigma_m(float(d)) for d in distance_m])
-        self._sigma_m = np.sqrt(total_m**2 - (sensor.gain_sigma * distance_m) ** 2)
-        per_step = 0.5 * self._step_m * (1 / self._sigma_m[1:] + 1 / self._sigma_m[:-1])
-        self._signal = np.concatenate([[0.0], np.cumsum(per_step)])
-
-    def sigma_m(self, distance_m: Array) -> Array:
-        """Beyond the range, that at its end."""
-        sigma: Array = self._sigma_m[np.rint(self._place(distance_m)).astype(np.int64)]
-        return sigma
-
-    def signal(self, distance_m: Array) -> Array:
-        """ς above."""
-        place = self._place(distance_m)
-        low = np.minimum(place.astype(np.int64), len(self._signal) - 2)
-        before, after = self._signal[low], self._signal[low + 1]
-        signal: Array = before + (place - low) * (after - before)
-        return signal
-
-    def _place(self, distance_m: Array) -> Array:
-        """In the tables; np.interp would search for it."""
-        place: Array = (np.clip(distance_m, self.min_m, self.max_m) - self.min_m) / self._step_m
-        return place
+def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
+    """(w, 2): the first and last along each wall of its hits (n, 2); (inf, -inf) if it has none."""
+    ends = np.tile([np.inf, -np.inf], (len(x.walls), 1))
+    mine = wall_of >= 0
+    along = (points[mine] * x.tangents[wall_of[mine]]).sum(axis=1)
+    np.minimum.at(ends[:, 0], wall_of[mine], along)
+    np.maximum.at(ends[:, 1], wall_of[mine], along)
+    return ends

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.association import LEAST_COS_INCIDENCE
+from companion.estimation.association import LEAST_COS_INCIDENCE, Support
 from companion.frames import wrap_rad
 
 Array = NDArray[np.float64]
@@ -35,19 +35,7 @@ class Cloud:
     bearing_rad: Array
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
-    """What counts as a wall."""
-
-    hits: int = 6
-    extent_m: float = 0.5
-    gap_m: float = 1.2
-    """Hits farther apart along a line than this are not one wall."""
-    opening_m: float = 0.4
-    """There may be an opening where hits along a wall are farther apart than this."""
-
-
-def detect_walls(cloud: Cloud, look: Look) -> tuple[Array, Array]:
+def detect_walls(cloud: Cloud, look: Support) -> tuple[Array, Array]:
     """Walls (w, 2), direction of the normal and offset, and their reach (w, 2); surest first.
 
     The reach is from where to where along (-sin, cos)(normal) there are hits.
@@ -122,7 +110,7 @@ def _votes(cloud: Cloud) -> _Votes:
 
 
 def _refine(
-    cloud: Cloud, free: NDArray[np.bool_], line: Array, look: Look
+    cloud: Cloud, free: NDArray[np.bool_], line: Array, look: Support
 ) -> tuple[Array, NDArray[np.bool_]] | None:
     """The line through the hits near a peak, and which they are; None if it is no wall."""
     slack_m = BIN_M

@@ -7,12 +7,15 @@ file is written beside its place and then moved there, so that a crash never lea
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
 from companion.messages import FloorPlan, Pose, WallSegment
+
+_T = TypeVar("_T")
 
 UNKNOWN_CEILING_M = 2.5
 """How high walls are drawn when the up beam never met a ceiling."""
@@ -28,14 +31,15 @@ def save(plan: FloorPlan, folder: Path) -> list[Path]:
         "map.ply": save_ply,
     }
     for name, write in writers.items():
-        _save_as(write, plan, folder / name)
+        save_as(write, plan, folder / name)
     return [folder / name for name in writers]
 
 
-def _save_as(write: Callable[[FloorPlan, Path], None], plan: FloorPlan, path: Path) -> None:
+def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> None:
+    """Write a file beside its place, then move it there."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_name(f".unfinished-{path.name}")
-    write(plan, unfinished)
+    write(content, unfinished)
     unfinished.replace(path)
 
 
@@ -143,4 +147,4 @@ class AutoSave:
     def update(self, time_s: float) -> None:
         if time_s - self._last_s >= self.PERIOD_S:
             self._last_s = time_s
-            _save_as(save_json, self._plan(), self._folder / "map.json")
+            save_as(save_json, self._plan(), self._folder / "map.json")

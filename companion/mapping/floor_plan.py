@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import Vector2, wrap_rad
-from companion.messages import Hit, WallLine, WallSegment
+from companion.messages import WallLine, WallSegment
 
 LARGEST_GAP_M = 0.8
 """Hits farther apart than this along a wall leave an opening between them."""
@@ -19,11 +19,20 @@ CORNER_REACH_M = 0.5
 """Two ends this close to where their lines meet are one corner."""
 
 
-def wall_segments(lines: Sequence[WallLine], hits: Sequence[Hit]) -> tuple[WallSegment, ...]:
-    """Straight pieces of wall where hits lie along the lines, joined at corners."""
-    along_m = _along_walls(lines, hits)
+def wall_segments(
+    lines: Sequence[WallLine],
+    points_ne_m: NDArray[np.float64],
+    wall_of: NDArray[np.int64],
+    largest_gap_m: float = LARGEST_GAP_M,
+) -> tuple[WallSegment, ...]:
+    """Straight pieces of wall where hits (n, 2) lie along the lines, joined at corners.
+
+    `wall_of` (n,) is the line that each hit is on, or negative.
+    """
     pieces = [
-        piece for line, along in zip(lines, along_m, strict=True) for piece in _pieces(line, along)
+        piece
+        for i, line in enumerate(lines)
+        for piece in _pieces(line, _along(line, points_ne_m[wall_of == i]), largest_gap_m)
     ]
     for first, second in combinations(range(len(pieces)), 2):
         joined = _join(pieces[first], pieces[second])
@@ -32,19 +41,15 @@ def wall_segments(lines: Sequence[WallLine], hits: Sequence[Hit]) -> tuple[WallS
     return tuple(piece for piece in pieces if piece.length_m >= LEAST_LENGTH_M)
 
 
-def _along_walls(lines: Sequence[WallLine], hits: Sequence[Hit]) -> list[NDArray[np.float64]]:
-    """For each line the sorted coordinates p·t, t = (-sin, cos)(normal), of the hits on it."""
-    on_wall = [hit for hit in hits if hit.wall is not None]
-    points = np.array([hit.position_ned_m[:2] for hit in on_wall]).reshape(-1, 2)
-    walls = np.array([hit.wall for hit in on_wall])
-    return [
-        np.sort(points[walls == i] @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
-        for i, line in enumerate(lines)
-    ]
+def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The sorted coordinates p·t, t = (-sin, cos)(normal), of hits on a line."""
+    return np.sort(points_ne_m @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
 
 
-def _pieces(line: WallLine, along_m: NDArray[np.float64]) -> list[WallSegment]:
-    gaps = np.flatnonzero(np.diff(along_m) > LARGEST_GAP_M) + 1
+def _pieces(
+    line: WallLine, along_m: NDArray[np.float64], largest_gap_m: float
+) -> list[WallSegment]:
+    gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
     return [
         WallSegment(
             _point(line, float(row[0])),

@@ -16,7 +16,6 @@ import numpy as np
 from companion import config as configuration
 from companion.app import App, Inputs, Outputs
 from companion.config import Config
-from companion.drivers.sharp import PROFILES
 from companion.messages import FloorPlan
 from sitl.bench.references import Recorded, dead_reckoned, ideal
 from sitl.lockstep import fly_in_lockstep
@@ -115,15 +114,9 @@ def _references(
     app: App, simulation: Simulation, setup: Setup, settings: Config, plan: FloorPlan
 ) -> tuple[FloorPlan, FloorPlan]:
     """Dead reckoning and ideal; empty maps for a flight that never began."""
-    if app.estimator is None or len(app.estimator.keyframes.frames) < 2:
+    if app.estimator is None or len(app.estimator.record.frames) < 2:
         return FloorPlan(path=plan.path), FloorPlan(path=plan.path)
-    sensors = settings.sensors
-    flown = Recorded(
-        app.estimator.keyframes,
-        app.estimator.rest_bias_rad_s,
-        PROFILES[sensors.profile],
-        sensors.mount_offset_m,
-    )
+    flown = Recorded(app.estimator.record, app.estimator.models)
     surfaces = wall_surfaces(setup.world, settings.mission.height_m)
     return dead_reckoned(flown, plan), ideal(flown, simulation.record, surfaces)
 

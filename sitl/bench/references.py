@@ -10,19 +10,21 @@ hits at those poses.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.association import LEAST_COS_INCIDENCE, LEAST_HITS, NEAR_END_SIGMAS
-from companion.estimation.estimator import BEAM_BEARING_FRD_RAD
-from companion.estimation.keyframes import Keyframes
+from companion.estimation.association import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
+from companion.estimation.association import Support
+from companion.estimation.factors import Models
+from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoother import Smoother
-from companion.estimation.unknowns import BEAMS, Indices, Measured, Unknowns, project
+from companion.estimation.traced import Traced
+from companion.estimation.unknowns import Indices, Measured, Unknowns, project
 from companion.frames import wrap_rad
 from companion.mapping.floor_plan import wall_segments
-from companion.messages import FloorPlan, Hit, RangeModel, WallLine
+from companion.messages import FloorPlan, WallLine
 from sitl.record import TruthRecord
 from sitl.world.format import Segment
 
@@ -36,10 +38,17 @@ FARTHEST_SIGMAS = 5.0
 class Recorded:
     """What the drone measured, and its calibration."""
 
-    keyframes: Keyframes
-    rest_bias_rad_s: float
-    sensor: RangeModel
-    mount_offset_m: float
+    record: FlightRecord
+    models: Models
+
+    @property
+    def measured(self) -> Measured:
+        return Measured.of(self.record, self.models.ranges)
+
+    @property
+    def unmoved(self) -> Unknowns:
+        """Every pose at the origin, no walls."""
+        return Unknowns.at(np.zeros((len(self.record.frames), 3)), self.models.rest_bias_rad_s)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +58,7 @@ class TruePoses:
     poses: Array
 
     @classmethod
-    def at(cls, truth: TruthRecord, times_s: Sequence[float]) -> "TruePoses":
+    def at(cls, truth: TruthRecord, times_s: Array) -> "TruePoses":
         known_s = [state.time_s for state in truth.path]
         points = np.array([state.position_ned_m[:2] for state in truth.path])
         yaws = np.unwrap([state.yaw_rad for state in truth.path])
@@ -60,36 +69,36 @@ class TruePoses:
 
 def ideal(flown: Recorded, truth: TruthRecord, surfaces: Sequence[Segment]) -> FloorPlan:
     """The map and path of the ideal solver."""
-    frames, hits = flown.keyframes.frames, flown.keyframes.hits
-    m = Measured.of(frames, hits, flown.mount_offset_m)
+    m = flown.measured
     walls, wall_of = _met(flown, m, truth, surfaces)
-    x = Unknowns.guessed(frames, [], flown.rest_bias_rad_s)
-    x.poses[:, :3] = TruePoses.at(truth, [frame.time_s for frame in frames]).poses
-    x.walls = walls
-    smoother = Smoother(flown.sensor, flown.mount_offset_m, flown.rest_bias_rad_s)
+    x = flown.unmoved
+    x.poses[:, :3] = TruePoses.at(truth, flown.record.frames[:, FrameColumn.TIME_S]).poses
+    x.add_walls(walls, np.zeros_like(walls))
+    smoother = Smoother(flown.models, Support())
+    past = smoother.from_start(np.zeros(3))
     for _ in range(STEPS):
-        smoother.step(x, m, wall_of)
-    lines = [WallLine(float(normal), float(offset), 0.0) for normal, offset in x.walls]
-    return _plan(flown, lines, project(x, m).points, wall_of, x.poses[:, :3])
+        smoother.step(x, m, wall_of, past)
+    lines = tuple(WallLine(float(normal), float(offset), 0.0) for normal, offset in x.walls)
+    return _plan(flown, x, lines, wall_of)
 
 
 def dead_reckoned(flown: Recorded, plan: FloorPlan) -> FloorPlan:
     """The walls of `plan`, fitted to its hits where dead reckoning places them."""
-    frames, hits = flown.keyframes.frames, flown.keyframes.hits
-    m = Measured.of(frames, hits, flown.mount_offset_m)
-    x = Unknowns.guessed(frames, [], flown.rest_bias_rad_s)
-    turned = np.concatenate([[0.0], np.cumsum(m.turned_rad - flown.rest_bias_rad_s * m.dt_s)])
+    m, x = flown.measured, flown.unmoved
+    turned = np.concatenate(
+        [[0.0], np.cumsum(m.turned_rad - flown.models.rest_bias_rad_s * m.dt_s)]
+    )
     cos, sin = np.cos(turned[:-1]), np.sin(turned[:-1])
     forward, right = m.moved_frd_m.T
     x.poses[1:, 0] = np.cumsum(cos * forward - sin * right)
     x.poses[1:, 1] = np.cumsum(sin * forward + cos * right)
-    x.poses[0, :2] = 0.0
     x.poses[:, 2] = turned
     points = project(x, m).points
-    walls = [hit.wall for hit in plan.hits]
-    wall_of = np.array([-1 if wall is None else wall for wall in walls])
-    lines = [_line(points[wall_of == wall]) for wall in range(int(wall_of.max(initial=-1)) + 1)]
-    return _plan(flown, lines, points, wall_of, x.poses[:, :3])
+    wall_of = np.array([NO_WALL if hit.wall is None else hit.wall for hit in plan.hits])
+    lines = tuple(
+        _line(points[wall_of == wall]) for wall in range(int(wall_of.max(initial=-1)) + 1)
+    )
+    return _plan(flown, x, lines, wall_of)
 
 
 def _line(points: Array) -> WallLine:
@@ -105,13 +114,13 @@ def _met(
     flown: Recorded, m: Measured, truth: TruthRecord, surfaces: Sequence[Segment]
 ) -> tuple[Array, Indices]:
     """The true walls (w, 2), as in `Unknowns`, and which of them each hit's beam met, or -1."""
-    hits = flown.keyframes.hits
-    taken_s = [hit.time_s - flown.sensor.mean_age_s for hit in hits]
+    units = flown.models.ranges
+    taken_s = flown.record.hits[:, HitColumn.TIME_S] - units.age_s[m.beam]
     poses = TruePoses.at(truth, taken_s).poses
-    bearing = poses[:, 2] + [BEAM_BEARING_FRD_RAD[BEAMS[beam]] for beam in m.beam]
+    bearing = poses[:, 2] + units.bearing_frd_rad[m.beam]
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    nearest = np.full(len(hits), np.inf)
-    wall_of = np.full(len(hits), -1)
+    nearest = np.full(len(m.beam), np.inf)
+    wall_of = np.full(len(m.beam), NO_WALL)
     walls: list[tuple[float, float]] = []
     for surface in surfaces:
         start, end = _to_local(np.array(surface), truth)
@@ -123,17 +132,16 @@ def _met(
             wall_of[met] = _number(walls, side, float(start @ side))
     normals = np.array([(math.cos(alpha), math.sin(alpha)) for alpha, _ in walls])
     cos_incidence = (beams * normals[wall_of]).sum(axis=1)
-    distance_m = nearest - flown.mount_offset_m
-    in_range = np.clip(distance_m, flown.sensor.min_m, flown.sensor.max_m)
-    sigma_m = np.array([flown.sensor.sigma_m(float(d)) for d in in_range])
+    distance_m = nearest - m.mount_m
+    sigma_m = units.sigma_m(m.beam, np.clip(distance_m, 0.0, units.max_m[m.beam]))
     usable = np.isfinite(nearest) & (cos_incidence > LEAST_COS_INCIDENCE)
-    usable &= distance_m > flown.sensor.min_m
-    usable &= distance_m < flown.sensor.max_m - NEAR_END_SIGMAS * sigma_m
+    usable &= distance_m > units.min_m[m.beam]
+    usable &= distance_m < units.max_m[m.beam] - NEAR_END_SIGMAS * sigma_m
     usable &= np.abs(m.distance_m - distance_m) < FARTHEST_SIGMAS * sigma_m
     support = np.bincount(wall_of[usable], minlength=len(walls))
-    usable &= support[wall_of] >= LEAST_HITS
+    usable &= support[wall_of] >= Support().hits
     used, renumbered = np.unique(wall_of[usable], return_inverse=True)
-    wall_of = np.full(len(hits), -1)
+    wall_of = np.full(len(m.beam), NO_WALL)
     wall_of[usable] = renumbered
     return np.array(walls)[used], wall_of
 
@@ -161,20 +169,10 @@ def _number(walls: list[tuple[float, float]], normal: Array, offset_m: float) ->
     return len(walls) - 1
 
 
-def _plan(
-    flown: Recorded, lines: Sequence[WallLine], points: Array, wall_of: Indices, poses: Array
-) -> FloorPlan:
-    hits = [
-        Hit(hit.time_s, hit.beam, (float(p[0]), float(p[1]), hit.down_m), 0.0, wall)
-        for hit, p, wall in zip(
-            flown.keyframes.hits, points, [int(w) if w >= 0 else None for w in wall_of], strict=True
-        )
-    ]
-    path = [
-        replace(frame.guess, north_m=float(n), east_m=float(e), yaw_rad=wrap_rad(float(yaw)))
-        for frame, (n, e, yaw) in zip(flown.keyframes.frames, poses, strict=True)
-    ]
-    return FloorPlan(wall_segments(lines, hits), tuple(hits), tuple(path))
+def _plan(flown: Recorded, x: Unknowns, lines: tuple[WallLine, ...], wall_of: Indices) -> FloorPlan:
+    traced = Traced.of(flown.record, x, lines, wall_of, flown.models.ranges)
+    walls = wall_segments(lines, traced.points_ne_m, wall_of)
+    return FloorPlan(walls, traced.hits(), traced.path())
 
 
 def _to_local(points: Array, truth: TruthRecord) -> Array:

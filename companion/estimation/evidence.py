@@ -1,0 +1,73 @@
+"""Against a wall: beams that went through it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.estimation.flight_record import NO_WALL
+from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
+
+THROUGH_M = 0.2
+"""A beam went through a wall if its hit lies this far behind it, besides three sigmas."""
+THROUGH_SIGMAS = 3.0
+MOST_PASSED_SHARE = 0.5
+"""A piece of wall through which more beams went than this share of those it stopped is none."""
+CELLS_AT_ONCE = 1_000_000
+"""Beams times pieces looked at together, which bounds the memory."""
+
+
+def refuted(
+    x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, opening_m: float
+) -> NDArray[np.bool_]:
+    """(n,): whether each hit is on a piece of wall that beams went through.
+
+    A piece is a row of hits on one wall with no more than `opening_m` between them.
+    """
+    hit, piece, ends = _pieces(x, seen.points, wall_of, opening_m)
+    passed = _passed_through(seen, sigma_m, ends)
+    stopped = np.bincount(piece, minlength=len(ends))
+    against = passed > MOST_PASSED_SHARE * stopped
+    wrong = np.zeros(len(wall_of), dtype=bool)
+    wrong[hit] = against[piece]
+    return wrong
+
+
+def _passed_through(seen: Sightings, sigma_m: Array, pieces: Array) -> Indices:
+    """(p,): how many beams went through each straight piece of wall, (p, 2, 2)."""
+    start, along = pieces[:, 0], pieces[:, 1] - pieces[:, 0]
+    length = np.maximum(np.hypot(*along.T), 1e-9)
+    normal = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
+    offset = (start * normal).sum(axis=1)
+    count = np.zeros(len(pieces), dtype=np.int64)
+    step = max(1, CELLS_AT_ONCE // max(len(pieces), 1))
+    for low in range(0, len(seen.points), step):
+        part = slice(low, low + step)
+        eye, point = seen.eyes[part], seen.points[part]
+        from_m, to_m = eye @ normal.T - offset, point @ normal.T - offset
+        margin_m = THROUGH_M + THROUGH_SIGMAS * sigma_m[part, None]
+        through = (from_m * to_m < 0) & (np.abs(to_m) > margin_m)
+        share = from_m / np.where(through, from_m - to_m, 1.0)
+        met = (eye @ along.T) + share * ((point - eye) @ along.T) - (start * along).sum(axis=1)
+        count += (through & (met > 0) & (met < length**2)).sum(axis=0)
+    return count
+
+
+def _pieces(
+    x: Unknowns, points: Array, wall_of: Indices, opening_m: float
+) -> tuple[Indices, Indices, Array]:
+    """Hits that have a wall (h,), the piece of each (h,), and the pieces' ends (p, 2, 2)."""
+    hit = np.flatnonzero(wall_of != NO_WALL)
+    along = (points[hit] * x.tangents[wall_of[hit]]).sum(axis=1)
+    order = np.lexsort((along, wall_of[hit]))
+    hit, along = hit[order], along[order]
+    wall = wall_of[hit]
+    is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > opening_m)
+    first = np.flatnonzero(is_first)
+    last = np.append(first[1:], len(hit)) - 1 if len(first) else first
+    of_piece = wall[first]
+    foot = (x.walls[:, 1:] * x.normals)[of_piece]
+    direction = x.tangents[of_piece]
+    ends = (
+        foot[:, None]
+        + np.stack([along[first], along[last]], axis=1)[..., None] * direction[:, None]
+    )
+    return hit, np.cumsum(is_first) - 1, ends

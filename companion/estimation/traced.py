@@ -1,0 +1,67 @@
+"""What the estimator hands on to the map: walls, where the beams ended, and the path."""
+
+from dataclasses import dataclass
+
+from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
+from companion.estimation.range_units import BEAMS, RangeUnits
+from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, project
+from companion.frames import wrap_rad
+from companion.messages import Hit, Pose, WallLine
+
+
+@dataclass(frozen=True, slots=True)
+class Traced:
+    """A flight so far, local NED: k poses and n hits."""
+
+    walls: tuple[WallLine, ...]
+    points_ne_m: Array
+    """(n, 2): where each beam ended."""
+    wall_of: Indices
+    """(n,): the wall that it is on, or NO_WALL."""
+    sigma_m: Array
+    """(n,): of its range."""
+    poses: Array
+    """(k, 3): north, east, yaw."""
+    record: FlightRecord
+
+    @classmethod
+    def of(
+        cls,
+        record: FlightRecord,
+        x: Unknowns,
+        walls: tuple[WallLine, ...],
+        wall_of: Indices,
+        units: RangeUnits,
+    ) -> "Traced":
+        """The record as the unknowns place it."""
+        m = Measured.of(record, units)
+        points, sigma_m = project(x, m).points, units.sigma_m(m.beam, m.distance_m)
+        return cls(walls, points, wall_of, sigma_m, x.poses[:, :3], record)
+
+    def hits(self) -> tuple[Hit, ...]:
+        """As values."""
+        columns = [HitColumn.TIME_S, HitColumn.BEAM, HitColumn.DOWN_M]
+        points = self.points_ne_m.tolist()
+        walls = [wall if wall >= 0 else None for wall in self.wall_of.tolist()]
+        variances = (self.sigma_m**2).tolist()
+        return tuple(
+            Hit(time_s, BEAMS[int(beam)], (north_m, east_m, down_m), variance_m2, wall)
+            for (time_s, beam, down_m), (north_m, east_m), variance_m2, wall in zip(
+                self.record.hits[:, columns].tolist(), points, variances, walls, strict=True
+            )
+        )
+
+    def path(self) -> tuple[Pose, ...]:
+        """As values."""
+        columns = [
+            FrameColumn.TIME_S,
+            FrameColumn.DOWN_M,
+            FrameColumn.POSITION_SIGMA_M,
+            FrameColumn.YAW_SIGMA_RAD,
+        ]
+        return tuple(
+            Pose(time_s, north_m, east_m, down_m, wrap_rad(yaw_rad), sigma_m, yaw_sigma_rad)
+            for (time_s, down_m, sigma_m, yaw_sigma_rad), (north_m, east_m, yaw_rad) in zip(
+                self.record.frames[:, columns].tolist(), self.poses.tolist(), strict=True
+            )
+        )

@@ -1,0 +1,111 @@
+"""What `companion map` leaves besides the map: the trajectory, and a report on how it went."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+from companion.mapping.files import save, save_as
+from companion.messages import FloorPlan, WallSegment
+from companion.offline.log import Array, Reading
+from companion.offline.mapper import LogMap
+from companion.offline.verdict import Agreement
+
+Report = dict[str, object]
+
+
+def save_results(result: LogMap, folder: Path) -> list[Path]:
+    """Write map.json, map.png, map.ply, trajectory.tum and report.json; their paths."""
+    files = save(result.plan, folder)
+    for name, text in (
+        ("trajectory.tum", trajectory_tum(result)),
+        ("report.json", json.dumps(report(result), indent=1, allow_nan=False)),
+    ):
+        save_as(lambda text, path: path.write_text(text), text, folder / name)
+        files.append(folder / name)
+    return files
+
+
+def trajectory_tum(result: LogMap) -> str:
+    """A line for each row: time x y z qx qy qz qw, in the log's own NED frame."""
+    half = result.path[:, 2] / 2
+    zero = np.zeros(len(half))
+    columns = (*result.path[:, :2].T, zero, zero, zero, np.sin(half), np.cos(half))
+    rows = zip(result.log.time_s.tolist(), *(column.tolist() for column in columns), strict=True)
+    return "".join(
+        f"{time_s:.6f} {x:.4f} {y:.4f} {z:.4f} {qx:.6f} {qy:.6f} {qz:.6f} {qw:.6f}\n"
+        for time_s, x, y, z, qx, qy, qz, qw in rows
+    )
+
+
+def report(result: LogMap) -> Report:
+    """All that is known of how the log was read and how well it fits together."""
+    log = result.log
+    return {
+        "verdict": result.verdict.word,
+        "reason": result.verdict.reason,
+        "rows": _rows(log.reading, len(log.time_s)),
+        "odometry_jumps": result.jumps,
+        "duration_s": float(log.time_s[-1] - log.time_s[0]),
+        "path_length_m": _length_m(result.path),
+        "odometry_length_m": _length_m(log.odometry),
+        "correction": _correction(result),
+        "agreement": _agreement(result.agreement),
+        "agreement_of_odometry": _agreement(result.odometry_agreement),
+        "walls": [_wall(wall) for wall in result.plan.walls],
+        "walls_length_m": walls_length_m(result.plan),
+        "ceiling_m": result.plan.ceiling_m,
+    }
+
+
+def walls_length_m(plan: FloorPlan) -> float:
+    return sum(wall.length_m for wall in plan.walls)
+
+
+def _rows(reading: Reading, used: int) -> Report:
+    return {
+        "read": reading.rows,
+        "used": used,
+        "skipped": {reason: asdict(entry) for reason, entry in reading.rows_skipped.items()},
+        "ranges_skipped": {
+            reason: asdict(entry) for reason, entry in reading.cells_skipped.items()
+        },
+        "out_of_order": reading.rows_sorted,
+        "columns_ignored": list(reading.columns_ignored),
+    }
+
+
+def _length_m(path: Array) -> float:
+    return float(np.hypot(*np.diff(path[:, :2], axis=0).T).sum())
+
+
+def _correction(result: LogMap) -> Report:
+    """How far the trajectory lies from the odometry, and the scales found."""
+    off = result.path - result.log.odometry
+    off_m = np.hypot(off[:, 0], off[:, 1])
+    return {
+        "mean_m": float(off_m.mean()),
+        "max_m": float(off_m.max()),
+        "max_yaw_deg": math.degrees(float(np.abs(off[:, 2]).max())),
+        "odometry_scale_error": result.odometry_scale_error if result.verdict.trusted else None,
+        "gyro_scale_error": result.gyro_scale_error if result.verdict.trusted else None,
+    }
+
+
+def _agreement(agreement: Agreement) -> Report:
+    return {
+        key: None if isinstance(value, float) and not math.isfinite(value) else value
+        for key, value in asdict(agreement).items()
+    }
+
+
+def _wall(wall: WallSegment) -> Report:
+    return {
+        "start_ne_m": wall.start_ne_m,
+        "end_ne_m": wall.end_ne_m,
+        "length_m": wall.length_m,
+        "sigma_m": wall.sigma_m,
+        "hits": wall.hits,
+    }

@@ -1,0 +1,131 @@
+"""Trajectory and walls from nothing but a record, a few steps at a time.
+
+The smoother needs walls to begin with. Here the flight is gone through once more: the next key
+frames follow from odometry and gyro as far as these are known by now, their hits are given to the
+walls known so far, what is left over makes new walls, and all of it is solved. A long flight is
+solved as a whole each time it has grown, and in between only its last part, with the rest as a
+belief.
+"""
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from companion.estimation.association import Gate
+from companion.estimation.factors import hit_residuals
+from companion.estimation.smoother import WHOLE, Estimate, Past, Smoother
+from companion.estimation.unknowns import Array, Indices, Measured, Unknowns
+
+STAGE_M = 1.5
+STAGE_RAD = math.radians(45)
+STAGE_KEYFRAMES = 25
+WHOLE_KEYFRAMES = 300
+"""Up to this long the whole is solved at every stage."""
+WINDOW_KEYFRAMES = 120
+"""The last part begins this long before what was added."""
+GROWN_BY = 1.2
+"""Later it is solved each time it has become this much longer."""
+DETECTION_KEYFRAMES = 80
+"""Over which dead reckoning is straight enough for hits to show a wall."""
+STAGE_GATES = (
+    Gate(0.3, 2.0, looks=DETECTION_KEYFRAMES),
+    Gate(0.15, 1.5),
+    Gate(0.08, 1.0),
+)
+WHOLE_GATES = (
+    *(Gate(0.3, 1.5, looks=DETECTION_KEYFRAMES),) * 2,
+    *(Gate(0.15, 1.0, looks=DETECTION_KEYFRAMES),) * 2,
+    *(Gate(0.05, 0.6, refutes=True),) * 4,
+)
+ANEW_GATES = Gate(0.05, 0.6, looks=WHOLE), *WHOLE_GATES[3:]
+LEAST_HITS_FOR_NOISE = 50
+MAD_TO_SIGMA = 1.4826
+
+
+class Growth:
+    """Trajectory and walls of one record; `estimate` is what is known of them so far."""
+
+    def __init__(self, smoother: Smoother, m: Measured, start: Array) -> None:
+        """`start` (3,) is the pose of the first key frame, by definition."""
+        self.smoother = smoother
+        self._m = m
+        self._start = smoother.from_start(start)
+        self._past = self._start
+        self._whole_frames = 0
+        self.x = Unknowns.at(start.reshape(1, 3).copy(), 0.0)
+        self.wall_of: Indices = np.empty(0, dtype=np.int64)
+        self.estimate: Estimate | None = None
+
+    def grow(self, watch: Callable[[float], None]) -> None:
+        """Go through the record; `watch` is told the share done."""
+        frames = len(self._m.dt_s) + 1
+        for end in _stages(self._m):
+            self.extend(end)
+            if end <= WHOLE_KEYFRAMES or end >= GROWN_BY * self._whole_frames:
+                self._solve_whole(STAGE_GATES)
+            else:
+                self._solve_part()
+            watch(end / frames)
+
+    def extend(self, end: int) -> None:
+        """Dead reckoning on to key frame `end`, scales and bias as known by now."""
+        poses, x = self.x.poses, self.x
+        north, east, yaw, bias = poses[-1]
+        k = np.arange(len(poses) - 1, end - 1)
+        turns = (1 - x.gyro_scale) * self._m.turned_rad[k] - bias * self._m.dt_s[k]
+        yaws = yaw + np.concatenate([[0.0], np.cumsum(turns)])
+        forward, right = (1 + x.odometry_scale) * self._m.moved_frd_m[k].T
+        cos, sin = np.cos(yaws[:-1]), np.sin(yaws[:-1])
+        norths = north + np.cumsum(cos * forward - sin * right)
+        easts = east + np.cumsum(sin * forward + cos * right)
+        ahead = np.column_stack([norths, easts, yaws[1:], np.full(len(k), bias)])
+        x.poses = np.vstack([poses, ahead])
+
+    def finish(self) -> None:
+        """All at once; then once more with walls looked for anew where the path now puts them."""
+        self._solve_whole(WHOLE_GATES)
+        self.x.keep_walls(np.empty(0, dtype=np.int64))
+        self._solve_whole(ANEW_GATES)
+
+    def noise_factor(self) -> float:
+        """How much noisier the ranges on walls are than they are taken to be."""
+        off = hit_residuals(self.x, self._m, self.wall_of, self.smoother.models.ranges)
+        if len(off) < LEAST_HITS_FOR_NOISE:
+            return 1.0
+        return MAD_TO_SIGMA * float(np.median(np.abs(off)))
+
+    def motion_misfit(self) -> float:
+        """How much the trajectory strains the odometry, in its sigmas."""
+        return self.smoother.motion_misfit(self.x, self._m)
+
+    def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
+        m = self._m.between(0, len(self.x.poses))
+        self.estimate = self.smoother.smooth(self.x, m, self._start, gates)
+        self.wall_of = self.estimate.wall_of
+        self._whole_frames = len(self.x.poses)
+        self._past = self._past_of(self.estimate, m, self._start)
+
+    def _solve_part(self) -> None:
+        """What was added last, and some before it."""
+        first = self._past.frame
+        m = self._m.between(first, len(self.x.poses))
+        part = self.x.since(first)
+        estimate = self.smoother.smooth(part, m, self._past, STAGE_GATES)
+        self.x.poses[first:] = part.poses
+        self.x.walls, self.x.reach_m, self.x.range_gain = part.walls, part.reach_m, part.range_gain
+        self.x.gyro_scale, self.x.odometry_scale = part.gyro_scale, part.odometry_scale
+        self._past = self._past_of(estimate, m, self._past)
+
+    def _past_of(self, estimate: Estimate, m: Measured, past: Past) -> Past:
+        """For the next part; the same as before while the flight is short."""
+        frame = len(estimate.x.poses) - WINDOW_KEYFRAMES
+        return self.smoother.past_before(frame, estimate, m, past) if frame > 0 else past
+
+
+def _stages(m: Measured) -> list[int]:
+    """Where each stage ends: after some way, some turn, or some key frames."""
+    way = np.hypot(*m.moved_frd_m.T) / STAGE_M
+    effort = way + np.abs(m.turned_rad) / STAGE_RAD + 1 / STAGE_KEYFRAMES
+    ends = np.flatnonzero(np.diff(np.floor(np.cumsum(effort))) > 0) + 2
+    return [*ends.tolist(), len(m.dt_s) + 1]

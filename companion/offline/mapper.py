@@ -1,0 +1,151 @@
+"""The map of a log: estimated in one batch, judged, and given up for the odometry's if doubtful."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.estimation.association import Support
+from companion.estimation.factors import Models
+from companion.estimation.heading import GyroModel
+from companion.estimation.line_slam import OdometryModel
+from companion.estimation.range_units import BEAMS, RangeUnits
+from companion.estimation.smoother import Smoother
+from companion.estimation.unknowns import project
+from companion.frames import wrap_rad
+from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
+from companion.messages import Beam, FloorPlan, Hit, Pose
+from companion.offline.growth import Growth
+from companion.offline.log import Array, Log, Watch
+from companion.offline.ranges import horizontal_beams, usable_ranges
+from companion.offline.record import Record, poses_of_rows, to_record
+from companion.offline.sensors import SensorsConfig
+from companion.offline.verdict import Agreement, Verdict, agreement, judge
+
+EXACT_GYRO = GyroModel(
+    rate_noise_rad_s_sqrt_hz=1e-6,
+    bias_sigma_rad_s=1e-7,
+    settling_sigma_rad_s=0.0,
+    bias_walk_rad_s_sqrt_s=1e-7,
+    scale_sigma=1e-7,
+)
+EXACT_ODOMETRY = OdometryModel(1e-7, 1e-10, 1e-5)
+"""Odometry taken at its word, for the map to fall back on."""
+ROWS_TO_OPEN = 2.5
+"""An opening is wider than this many steps between rows."""
+LEAST_WORTH = 30.0
+LEAST_STEP_M = 0.01
+"""Shorter steps are no motion."""
+
+
+@dataclass(frozen=True, slots=True)
+class LogMap:
+    """What came out."""
+
+    log: Log
+    jumps: int
+    """Of the odometry."""
+    path: Array
+    """(rows, 3): north, east, yaw, in the frame of the log's odometry."""
+    plan: FloorPlan
+    verdict: Verdict
+    agreement: Agreement
+    """Of the hits with the map."""
+    odometry_agreement: Agreement
+    """The same, had the odometry been right."""
+    odometry_scale_error: float
+    gyro_scale_error: float
+
+
+def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
+    """The best map that the log supports."""
+    beams = horizontal_beams(log, sensors)
+    record, support = to_record(log, beams), _support(log)
+    units = RangeUnits({beam: one.unit for beam, one in beams.items()})
+    as_told = _held_to_odometry(record, units, support)
+    told = agreement(as_told, record)
+    estimate = Growth(Smoother(Models(units), support), record.measured, log.odometry[0])
+    estimate.grow(lambda share: watch("mapping", share))
+    estimate.finish()
+    if not sensors.tells_noise:
+        estimate.smoother = Smoother(Models(units.noisier(estimate.noise_factor())), support)
+        estimate.finish()
+    found = agreement(estimate, record)
+    verdict = judge(found, told)
+    chosen = estimate if verdict.trusted else as_told
+    path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
+    return LogMap(
+        log,
+        record.jumps,
+        path,
+        _floor_plan(log, record, chosen, sensors),
+        verdict,
+        found,
+        told,
+        estimate.x.odometry_scale,
+        estimate.x.gyro_scale,
+    )
+
+
+def odometry_map(log: Log, sensors: SensorsConfig) -> FloorPlan:
+    """The map that the odometry as it was told makes."""
+    beams, support = horizontal_beams(log, sensors), _support(log)
+    units = RangeUnits({beam: one.unit for beam, one in beams.items()})
+    record = to_record(log, beams)
+    return _floor_plan(log, record, _held_to_odometry(record, units, support), sensors)
+
+
+def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> Growth:
+    smoother = Smoother(Models(units, 0.0, EXACT_GYRO, EXACT_ODOMETRY), support)
+    held = Growth(smoother, record.measured, record.motion[0])
+    held.extend(len(record.rows))
+    held.finish()
+    return held
+
+
+def _support(log: Log) -> Support:
+    """How near to each other hits on a wall must be, which depends on how far rows are apart."""
+    steps = np.hypot(*np.diff(log.odometry[:, :2], axis=0).T)
+    moving = steps[steps > LEAST_STEP_M]
+    wide_m = ROWS_TO_OPEN * float(np.median(moving)) if len(moving) else 0.0
+    usual = Support(hits=6, extent_m=0.5, worth=LEAST_WORTH)
+    return replace(usual, gap_m=max(usual.gap_m, wide_m), opening_m=max(usual.opening_m, wide_m))
+
+
+def _floor_plan(log: Log, record: Record, growth: Growth, sensors: SensorsConfig) -> FloorPlan:
+    x, m = growth.x, record.measured
+    points = project(x, m).points
+    sigma_m = growth.smoother.models.ranges.sigma_m(m.beam, m.distance_m)
+    height_m, ceiling_m = _heights(log, sensors)
+    lines = growth.estimate.wall_lines if growth.estimate else ()
+    times_s = log.time_s[record.hit_rows].tolist()
+    hits = tuple(
+        Hit(time_s, BEAMS[number], (north, east, -height_m), variance)
+        for time_s, number, (north, east), variance in zip(
+            times_s, m.beam.tolist(), points.tolist(), (sigma_m**2).tolist(), strict=True
+        )
+    )
+    path = tuple(
+        Pose(time_s, north, east, -height_m, wrap_rad(yaw))
+        for time_s, (north, east, yaw, _) in zip(
+            log.time_s[record.rows].tolist(), x.poses.tolist(), strict=True
+        )
+    )
+    opening_m = max(LARGEST_GAP_M, growth.smoother.support.opening_m)
+    walls = wall_segments(lines, points, growth.wall_of, opening_m)
+    return FloorPlan(walls, hits, path, ceiling_m)
+
+
+def _heights(log: Log, sensors: SensorsConfig) -> tuple[float, float | None]:
+    """Of the drone, and of the ceiling, above the floor; the drone is at zero without down beam."""
+    vertical = {
+        beam: usable_ranges(log.ranges_m[beam], sensors.of(beam)) + (sensors.of(beam).offset_m or 0)
+        for beam in (Beam.UP, Beam.DOWN)
+        if beam in log.ranges_m
+    }
+    medians = {
+        beam: float(np.nanmedian(ranges))
+        for beam, ranges in vertical.items()
+        if np.isfinite(ranges).any()
+    }
+    height_m = medians.get(Beam.DOWN, 0.0)
+    return height_m, height_m + medians[Beam.UP] if Beam.UP in medians else None

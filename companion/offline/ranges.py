@@ -1,0 +1,107 @@
+"""What the log itself tells of its range sensors: where they end, and how noisy they are."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.estimation.range_units import RangeUnit
+from companion.messages import BEARING_FRD_RAD, Beam
+from companion.offline.log import Array, Log
+from companion.offline.sensors import RangeConfig, RangeSensor, SensorsConfig
+
+SATURATED_SHARE = 0.02
+SATURATED_READINGS = 5
+"""A largest value told this often is what the sensor says when it sees nothing."""
+STRAIGHT_RAD = np.radians(6)
+"""Between rows that turn less than this the range to a wall changes evenly."""
+MOST_DT_S = 1.0
+LEAST_TRIPLES = 40
+UNKNOWN_SIGMA_M = 0.05
+LEAST_SIGMA_M = 0.01
+MOST_SIGMA_M = 0.15
+MAD_TO_SIGMA = 1.4826
+
+
+@dataclass(frozen=True, slots=True)
+class HorizontalBeam:
+    """One beam of a log: its usable ranges, and what is known of its sensor."""
+
+    bearing_frd_rad: float
+    offset_m: float
+    sensor: RangeSensor
+    range_m: Array
+    """(n,): NaN where there is none that can be used."""
+
+    @property
+    def unit(self) -> RangeUnit:
+        return RangeUnit(self.sensor, self.bearing_frd_rad, self.offset_m)
+
+
+def horizontal_beams(log: Log, sensors: SensorsConfig) -> dict[Beam, HorizontalBeam]:
+    """The log's horizontal beams that have ever told a distance."""
+    usable = {
+        beam: usable_ranges(log.ranges_m[beam], sensors.of(beam))
+        for beam in BEARING_FRD_RAD
+        if beam in log.ranges_m
+    }
+    usable = {beam: ranges for beam, ranges in usable.items() if np.isfinite(ranges).any()}
+    noise = _noise(log, list(usable.values()))
+    return {
+        beam: HorizontalBeam(
+            sensors.bearing_rad(beam),
+            sensors.of(beam).offset_m or 0.0,
+            _sensor(sensors.of(beam), noise, float(np.nanmax(ranges))),
+            ranges,
+        )
+        for beam, ranges in usable.items()
+    }
+
+
+def usable_ranges(ranges_m: Array, config: RangeConfig) -> Array:
+    """The ranges (n,) without those that the sensor cannot mean."""
+    usable = ranges_m.copy()
+    if config.min_m is not None:
+        usable[usable < config.min_m] = np.nan
+    if config.max_m is not None:
+        usable[usable > config.max_m] = np.nan
+    told = usable[np.isfinite(usable)]
+    if len(told):
+        at_end = int((told == told.max()).sum())
+        if at_end >= max(SATURATED_READINGS, SATURATED_SHARE * len(told)):
+            usable[usable == told.max()] = np.nan
+    return usable
+
+
+def _sensor(config: RangeConfig, noise: tuple[float, float], largest_m: float) -> RangeSensor:
+    told = config.sigma_m is not None or config.sigma_per_m2 is not None
+    constant_m, per_m2 = (config.sigma_m or 0.0, config.sigma_per_m2 or 0.0) if told else noise
+    max_m = config.max_m or largest_m
+    return RangeSensor(min(config.min_m or 0.0, max_m), max_m, constant_m, per_m2)
+
+
+def _noise(log: Log, ranges: list[Array]) -> tuple[float, float]:
+    """Constant and quadratic part of sigma, from how unevenly ranges change from row to row.
+
+    While the drone moves evenly past straight walls the second difference of a range is only
+    noise, of √6 sigmas; the median does not mind corners.
+    """
+    if len(log.time_s) < 3 or not ranges:
+        return UNKNOWN_SIGMA_M, 0.0
+    turned = np.abs(np.diff(log.odometry[:, 2]))
+    even = (turned < STRAIGHT_RAD) & (np.diff(log.time_s) < MOST_DT_S)
+    straight = even[1:] & even[:-1]
+    uneven = np.concatenate([(r[2:] - 2 * r[1:-1] + r[:-2])[straight] for r in ranges])
+    distance = np.concatenate([r[1:-1][straight] for r in ranges])
+    known = np.isfinite(uneven)
+    uneven, distance = np.abs(uneven[known]) / np.sqrt(6), distance[known]
+    if len(uneven) < LEAST_TRIPLES:
+        return UNKNOWN_SIGMA_M, 0.0
+    is_far = distance > np.median(distance)
+    (near_m, near_sigma), (far_m, far_sigma) = (
+        (float(np.median(distance[half])), MAD_TO_SIGMA * float(np.median(uneven[half])))
+        for half in (~is_far, is_far if is_far.any() else ~is_far)
+    )
+    growth = (far_sigma**2 - near_sigma**2) / max(far_m**4 - near_m**4, 1e-6)
+    per_m2 = float(np.sqrt(max(growth, 0.0)))
+    constant_m = float(np.sqrt(max(near_sigma**2 - per_m2**2 * near_m**4, 0.0)))
+    return float(np.clip(constant_m, LEAST_SIGMA_M, MOST_SIGMA_M)), min(per_m2, 0.05)

@@ -1,0 +1,22 @@
+"""Which reader reads a log, by the end of its name; a new format is one more line here."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from companion.errors import LogError
+from companion.offline.csv_log import read_csv
+from companion.offline.log import Log, Watch
+
+READERS: Mapping[str, Callable[[Path, Watch], Log]] = {".csv": read_csv}
+
+
+def read_log(path: Path, watch: Watch) -> Log:
+    """The log in a file.
+
+    Raises:
+        LogError: one line that says why there is none.
+    """
+    reader = READERS.get(path.suffix.lower())
+    if reader is None:
+        raise LogError(f"{path}: not a kind of log that can be read: {', '.join(READERS)}")
+    return reader(path, watch)

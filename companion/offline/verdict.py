@@ -1,0 +1,118 @@
+"""Whether a log supports the map made of it, and by what that is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.estimation.factors import hit_residuals
+from companion.estimation.flight_record import NO_WALL
+from companion.estimation.unknowns import project
+from companion.offline.growth import Growth
+from companion.offline.record import Record
+
+LEAST_EXPLAINED = 0.35
+"""A room full of furniture, people and stray readings still has half of its hits on its walls;
+a sensor that tells nothing but nonsense has a sixth on walls that it makes up."""
+FIRM_EXPLAINED = 0.7
+LOOSE_SIGMAS = 1.1
+"""With fewer hits on walls than firm ones, these must lie as close to them as their noise allows:
+walls put through hits that belong to none gather whatever lies within the gate."""
+MOST_LOST = 0.15
+"""Odometry as it is explains some more hits, by walls drawn several times; but not many more."""
+LEAST_HITS = 30
+MOST_MOTION_MISFIT = 3.0
+MOST_SCALE_ERROR = 0.3
+LEAST_SUPPORTED = 0.3
+NEAR_KEYFRAMES = 25
+"""A key frame is supported if a hit on a wall is this near in the record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Agreement:
+    """Of hits with the walls of a map, and of its trajectory with the odometry."""
+
+    hits: int
+    walls: int
+    explained: float
+    """Share of the hits that lie on a wall."""
+    rms_m: float
+    """Of those hits' distances from their walls; NaN if there are none."""
+    rms_sigmas: float
+    """The same in sigmas of the ranges."""
+    supported: float
+    """Share of the key frames with a hit on a wall nearby."""
+    motion_misfit: float
+    """Root mean square of the odometry's residuals in its sigmas."""
+    scale_error: float
+    """Of the odometry or the gyro, whichever is larger."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What to think of a result."""
+
+    trusted: bool
+    reason: str
+
+    @property
+    def word(self) -> str:
+        return "trusted" if self.trusted else "doubtful"
+
+
+def agreement(growth: Growth, record: Record) -> Agreement:
+    """How well it all fits together."""
+    x, m = growth.x, record.measured
+    mine = np.flatnonzero(growth.wall_of != NO_WALL)
+    wall = growth.wall_of[mine]
+    across = (project(x, m).points[mine] * x.normals[wall]).sum(axis=1) - x.walls[wall, 1]
+    off = hit_residuals(x, m, growth.wall_of, growth.smoother.models.ranges)
+    frames = np.zeros(len(x.poses), dtype=bool)
+    for shift in range(-NEAR_KEYFRAMES, NEAR_KEYFRAMES + 1):
+        frames[np.clip(m.frame[mine] + shift, 0, len(frames) - 1)] = True
+    return Agreement(
+        hits=len(m.beam),
+        walls=len(x.walls),
+        explained=len(mine) / max(len(m.beam), 1),
+        rms_m=_rms(across),
+        rms_sigmas=_rms(off),
+        supported=float(frames.mean()),
+        motion_misfit=growth.motion_misfit(),
+        scale_error=max(abs(x.odometry_scale), abs(x.gyro_scale)),
+    )
+
+
+def judge(found: Agreement, told: Agreement) -> Verdict:
+    """Of the map found, against the one that the odometry as it was told would make."""
+    share = f"{100 * found.explained:.0f} % of the ranges agree with the map"
+    as_told = f"{100 * told.explained:.0f} % with the odometry as it is"
+    strain = (
+        f"{found.motion_misfit:.1f} of its sigmas, scale off by {100 * found.scale_error:.0f} %"
+    )
+    objections = (
+        (found.hits < LEAST_HITS, f"only {found.hits} ranges to go by"),
+        (not found.walls, "no straight wall found"),
+        (
+            found.explained < LEAST_EXPLAINED,
+            f"only {share}; at least {100 * LEAST_EXPLAINED:.0f} % should",
+        ),
+        (
+            found.explained < FIRM_EXPLAINED and found.rms_sigmas > LOOSE_SIGMAS,
+            f"only {share}, and these lie {found.rms_sigmas:.1f} sigmas from their walls",
+        ),
+        (found.explained < told.explained - MOST_LOST, f"only {share}, but {as_told}"),
+        (
+            found.supported < LEAST_SUPPORTED,
+            f"walls are near in only {100 * found.supported:.0f} % of the time",
+        ),
+        (
+            found.motion_misfit > MOST_MOTION_MISFIT or found.scale_error > MOST_SCALE_ERROR,
+            f"the walls contradict the odometry: {strain}",
+        ),
+    )
+    reason = next((reason for applies, reason in objections if applies), None)
+    return Verdict(reason is None, reason or share)
+
+
+def _rms(values: NDArray[np.float64]) -> float:
+    return float(np.sqrt((values**2).mean())) if len(values) else float("nan")
