@@ -15,8 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.association import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
-from companion.estimation.association import Support
+from companion.estimation.association import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS, Support
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoother import Smoother

@@ -10,9 +10,24 @@ from hypothesis import strategies as st
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.estimator import Estimator
 from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
+from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
 from companion.estimation.wall_runs import RunHit, WallRun
-from companion.messages import Beam, GyroSample, Odometry, RangeReading, RangeScan, RangeState
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    GyroSample,
+    Odometry,
+    RangeModel,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
+
+
+def units_of(model: RangeModel) -> dict[Beam, RangeUnit]:
+    """Four level sensors of a kind in the drone's middle."""
+    return {beam: RangeUnit(model, bearing, 0.0) for beam, bearing in BEARING_FRD_RAD.items()}
 
 
 def gyro(rate_deg_s: float, seconds: float, start_s: float = 0.0) -> list[GyroSample]:
@@ -124,7 +139,7 @@ def corridor(estimator: Estimator, scale: float, noise: Random, sigma_m: float) 
 
 
 def test_odometry_alone_is_believed_until_walls_say_otherwise() -> None:
-    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator = Estimator(0.0, units_of(PAPER))
     estimator.move(Odometry(0.0, (5.0, 5.0, 0.0), (0.0, 0.0, 0.0), 1.0))
     estimator.move(Odometry(0.1, (5.0, 5.5, -0.1), (0.0, 0.0, 0.0), 1.0))
     pose = estimator.pose(0.1)
@@ -133,14 +148,14 @@ def test_odometry_alone_is_believed_until_walls_say_otherwise() -> None:
 
 
 def test_a_jump_of_the_odometry_is_not_motion() -> None:
-    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator = Estimator(0.0, units_of(PAPER))
     estimator.move(Odometry(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
     estimator.move(Odometry(0.05, (8.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
     assert estimator.pose(0.05).north_m == 0
 
 
 def test_the_facing_wall_is_mapped_at_its_distance() -> None:
-    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator = Estimator(0.0, units_of(PAPER))
     corridor(estimator, 1.0, Random(1), 0.02)
     ahead = estimator.wall_ahead(0.0)
     assert ahead is not None
@@ -150,8 +165,8 @@ def test_the_facing_wall_is_mapped_at_its_distance() -> None:
 
 
 def test_the_smoother_needs_something_to_smooth() -> None:
-    assert Estimator(0.0, GP2Y0A710K0F, 0.0).smoothed() is None
-    estimator = Estimator(0.0, PAPER, 0.0)
+    assert Estimator(0.0, units_of(GP2Y0A710K0F)).smoothed() is None
+    estimator = Estimator(0.0, units_of(PAPER))
     corridor(estimator, 1.0, Random(1), 0.02)
     smoothed = estimator.smoothed()
     assert smoothed is not None

@@ -5,12 +5,14 @@ import math
 from pathlib import Path
 
 import matplotlib.image
+import numpy as np
 import pytest
 import trimesh
 
+from companion.estimation.flight_record import NO_WALL
 from companion.mapping.files import AutoSave, load_json, save
 from companion.mapping.floor_plan import outline_closed, wall_segments
-from companion.messages import Beam, FloorPlan, Hit, Pose, WallLine
+from companion.messages import Beam, FloorPlan, Hit, Pose, WallLine, WallSegment
 
 SQUARE_M = 2.0
 LINES = [WallLine(math.radians(90 * i), SQUARE_M, 0.01) for i in range(4)]
@@ -34,10 +36,16 @@ def hits_along(
     ]
 
 
+def segments(lines: list[WallLine], hits: list[Hit]) -> tuple[WallSegment, ...]:
+    points = np.array([hit.position_ned_m[:2] for hit in hits])
+    walls = np.array([NO_WALL if hit.wall is None else hit.wall for hit in hits])
+    return wall_segments(lines, points, walls)
+
+
 def square() -> FloorPlan:
     hits = [hit for i, line in enumerate(LINES) for hit in hits_along(line, -1.8, 1.8, wall=i)]
     path = (Pose(0.0, 0.0, 0.0, -1.2, 0.0), Pose(0.1, 0.1, 0.0, -1.2, 0.0))
-    return FloorPlan(wall_segments(LINES, hits), tuple(hits), path, 2.6)
+    return FloorPlan(segments(LINES, hits), tuple(hits), path, 2.6)
 
 
 def test_walls_end_at_their_common_corners() -> None:
@@ -50,20 +58,18 @@ def test_walls_end_at_their_common_corners() -> None:
 
 def test_a_gap_without_hits_stays_open() -> None:
     line = WallLine(0.0, 2.0, 0.01)
-    walls = wall_segments([line], hits_along(line, -2.0, -0.5) + hits_along(line, 0.5, 2.0))
+    walls = segments([line], hits_along(line, -2.0, -0.5) + hits_along(line, 0.5, 2.0))
     assert sorted(round(wall.length_m, 2) for wall in walls) == [1.5, 1.5]
 
 
 def test_a_few_stray_hits_are_no_wall() -> None:
     line = WallLine(0.0, 2.0, 0.01)
-    assert wall_segments([line], hits_along(line, 0.0, 0.2)) == ()
+    assert segments([line], hits_along(line, 0.0, 0.2)) == ()
 
 
 def test_hits_off_a_line_do_not_lengthen_it() -> None:
     line, other = WallLine(0.0, 2.0, 0.01), WallLine(0.0, 2.5, 0.01)
-    (wall,) = wall_segments(
-        [line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0, wall=None)
-    )
+    (wall,) = segments([line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0, wall=None))
     assert wall.length_m == pytest.approx(1.0)
 
 

@@ -11,13 +11,25 @@ from hypothesis import strategies as st
 from benchmarks.yaw_consistency import consistency
 from companion.drivers.lsm9ds1 import SampleClock
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.estimation.association import associate
+from companion.estimation.association import Association, Gate, Support
 from companion.estimation.bordered import BorderedSystem
 from companion.estimation.estimator import Estimator
+from companion.estimation.flight_record import FlightRecord
 from companion.estimation.in_flight import PERIOD_S
-from companion.estimation.keyframes import Keyframe, KeyframeHit
-from companion.estimation.unknowns import Measured, RangeNoise, Unknowns
-from companion.messages import Beam, GyroSample, Odometry, Pose, RangeReading, RangeScan, RangeState
+from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.smoother import Smoother
+from companion.estimation.unknowns import Measured, Unknowns
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    GyroSample,
+    Odometry,
+    Pose,
+    RangeModel,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
 
 
 @settings(deadline=None)
@@ -48,35 +60,42 @@ def test_the_bordered_system_solves_least_squares(seed: int) -> None:
     last = [chained - 2, chained - 1, *range(chained, chained + shared)]
     expected = np.linalg.inv(information)[np.ix_(last, last)]
     assert solution.covariance_of_last(2) == pytest.approx(expected, abs=1e-6)
+    belief = system.belief_of_last(2)
+    assert belief.information @ expected == pytest.approx(np.eye(len(last)), abs=1e-6)
+    mean = -np.linalg.solve(belief.information, belief.gradient)
+    assert mean == pytest.approx(step[last], abs=1e-6)
 
 
 @pytest.mark.parametrize("sensor", [PAPER, GP2Y0A710K0F])
-def test_noise_is_the_same_at_any_distance_in_signals(sensor: object) -> None:
-    noise = RangeNoise(sensor)  # type: ignore[arg-type]
+def test_noise_is_the_same_at_any_distance_in_signals(sensor: RangeModel) -> None:
+    units = level(sensor)
+    front = np.array([BEAMS.index(Beam.FRONT)])
     for distance_m in (1.25, 2.15, 4.25):
         near, far = np.array([distance_m - 0.01]), np.array([distance_m + 0.01])
-        signals = float((noise.signal(far) - noise.signal(near))[0])
-        assert signals == pytest.approx(0.02 / float(noise.sigma_m(near)[0]), rel=0.05)
+        signals = float((units.signal(front, far) - units.signal(front, near))[0])
+        assert signals == pytest.approx(0.02 / float(units.sigma_m(front, near)[0]), rel=0.05)
+
+
+def level(model: RangeModel) -> RangeUnits:
+    return RangeUnits({b: RangeUnit(model, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 
 
 def hits_on_a_wall(seed: int, sigma_m: float = 0.05) -> Measured:
-    """Flown 4 m east along a wall 1.5 m north, two hits a keyframe."""
-    random = Random(seed)
-    frames = [
-        Keyframe(0.2 * k, Pose(0.2 * k, 0.0, 0.2 * k, -1.2, 0.0), (0.0, 0.2), 0.0)
-        for k in range(21)
-    ]
-    hits = [
-        KeyframeHit(0.0, Beam.FRONT, k, (0.0, 0.0), 0.0, 1.5 + random.gauss(0, sigma_m), -1.2)
-        for k in range(21)
-        for _ in range(8)
-    ]
-    return Measured.of(frames, hits, 0.0)
+    """Flown 4 m east along a wall 1.5 m north, eight hits a keyframe."""
+    random, record = Random(seed), FlightRecord()
+    front = BEAMS.index(Beam.FRONT)
+    for k in range(21):
+        pose = Pose(0.2 * k, 0.0, 0.2 * k, -1.2, 0.0)
+        record.advance(pose, (0.0, 0.2 * k), 0.0)
+        for _ in range(8):
+            record.add_hit(pose, front, 1.5 + random.gauss(0, sigma_m), ((0.0, 0.0), 0.0), None)
+    return Measured.of(record, level(PAPER))
 
 
 def east_flight(walls: list[tuple[float, float]]) -> Unknowns:
-    poses = np.array([(0.0, 0.2 * k, 0.0, 0.0) for k in range(21)])
-    return Unknowns(poses, np.array(walls), 0.0, 0.0, np.zeros(6))
+    x = Unknowns.at(np.array([(0.0, 0.2 * k, 0.0) for k in range(21)]), 0.0)
+    x.add_walls(np.array(walls), np.tile([-10.0, 10.0], (len(walls), 1)))
+    return x
 
 
 @pytest.mark.parametrize(
@@ -84,7 +103,8 @@ def east_flight(walls: list[tuple[float, float]]) -> Unknowns:
 )
 def test_one_wall_is_mapped_as_one(other: tuple[float, float]) -> None:
     x = east_flight([(0.0, 1.5), other])
-    wall_of = associate(x, hits_on_a_wall(1), RangeNoise(PAPER), 0.1)
+    association = Association(level(PAPER), Support())
+    wall_of = association.associate(x, hits_on_a_wall(1), Gate(0.1))
     assert len(x.walls) == 1
     assert x.walls[0] == pytest.approx((0.0, 1.5), abs=0.03)
     assert (wall_of == 0).mean() > 0.95
@@ -127,7 +147,7 @@ def fly_east(estimator: Estimator, seconds: float, seed: int) -> None:
 
 
 def test_the_filters_go_on_where_the_smoother_ends() -> None:
-    estimator = Estimator(0.0, PAPER, 0.0)
+    estimator = Estimator(0.0, level(PAPER).units)
     fly_east(estimator, PERIOD_S + 2.5, seed=1)
     pose = estimator.pose(0.0)
     assert pose.reset_counter >= 1
@@ -141,7 +161,7 @@ def test_a_wall_is_as_exact_as_it_claims() -> None:
     """Error in sigmas over seeds, odometry and ranges being as noisy as modelled."""
     errors = []
     for seed in range(20):
-        estimator = Estimator(0.0, PAPER, 0.0)
+        estimator = Estimator(0.0, level(PAPER).units)
         fly_east(estimator, 4.0, seed)
         smoothed = estimator.smoothed()
         assert smoothed is not None
@@ -154,3 +174,21 @@ def test_a_wall_is_as_exact_as_it_claims() -> None:
 def test_the_heading_is_as_exact_as_it_claims() -> None:
     mean, low, high = consistency(seeds=8)
     assert 0.9 * low < mean < 1.1 * high
+
+
+def test_a_part_with_what_came_before_as_a_belief_says_what_the_whole_says() -> None:
+    """Past a wall, then as if the first half had been forgotten but for what it told."""
+    estimator = Estimator(0.0, level(PAPER).units)
+    fly_east(estimator, 8.0, seed=3)
+    smoother = Smoother(estimator.models, Support())
+    whole = Measured.of(estimator.record, estimator.models.ranges)
+    x = Unknowns.at(estimator.record.frames[:, 4:7], 0.0)
+    start = smoother.from_start(np.zeros(3))
+    gates = Gate(0.2, looks=100), Gate(0.1)
+    estimate = smoother.smooth(x, whole, start, gates)
+    past = smoother.past_before(20, estimate, whole, start)
+    again = smoother.smooth(x.since(20), whole.between(20, len(x.poses)), past, (Gate(0.1),))
+    assert again.x.poses[-1, :3] == pytest.approx(x.poses[-1, :3], abs=0.002)
+    assert again.x.walls == pytest.approx(x.walls, abs=0.002)
+    for part, all_of_it in zip(again.wall_lines, estimate.wall_lines, strict=True):
+        assert part.sigma_m == pytest.approx(all_of_it.sigma_m, rel=0.05)
