@@ -9,7 +9,7 @@ import numpy as np
 from companion.estimation.association import Support
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
 from companion.estimation.factors import Models
-from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
+from companion.estimation.flight_record import FlightRecord, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
@@ -174,8 +174,7 @@ class Estimator:
         )
 
     def _as_flown(self) -> Unknowns:
-        place = slice(FrameColumn.NORTH_M, FrameColumn.YAW_RAD + 1)
-        x = Unknowns.at(self.record.frames[:, place], self.models.rest_bias_rad_s)
+        x = Unknowns.at(self.record.poses, self.models.rest_bias_rad_s)
         x.odometry_scale = self.slam.scale_error
         return x
 

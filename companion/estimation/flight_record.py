@@ -99,6 +99,11 @@ class FlightRecord:
         return self._frames.rows
 
     @property
+    def poses(self) -> Array:
+        """(k, 3): north, east, yaw of the keyframes, as known so far; a view."""
+        return self.frames[:, FrameColumn.NORTH_M : FrameColumn.YAW_RAD + 1]
+
+    @property
     def hits(self) -> Array:
         """(n, HitColumn): a view."""
         return self._hits.rows
@@ -156,8 +161,7 @@ class FlightRecord:
 
         Hits that came later belong to walls by numbers that are no longer theirs: to none.
         """
-        place = slice(FrameColumn.NORTH_M, FrameColumn.YAW_RAD + 1)
-        self.frames[first : first + len(poses), place] = poses
+        self.poses[first : first + len(poses)] = poses
         walls = self.hits[first_hit:, HitColumn.WALL]
         walls[: len(wall_of)] = wall_of
         walls[len(wall_of) :] = NO_WALL

@@ -93,7 +93,7 @@ class InFlightSmoothing:
     ) -> Generator[None, None, Improved]:
         smoother = self._smoother
         m = Measured.of(record, smoother.models.ranges)
-        poses = record.frames[:, FrameColumn.NORTH_M : FrameColumn.YAW_RAD + 1].copy()
+        poses = record.poses.copy()
         time_s = float(record.frames[-1, FrameColumn.TIME_S])
         raw_ne_m, raw_yaw_rad = record.raw
         past = smoother.from_start(np.zeros(3)) if is_whole else self._past
