@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from companion.estimation.evidence import refuted
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.range_units import RangeUnits
+from companion.estimation.straightness import bend, longer_side
 from companion.estimation.unknowns import (
     WALL_SIZE,
     Array,
@@ -39,6 +40,9 @@ UNEXPLAINED = GATE_SIGMAS**2
 MOST_MEAN_COST = 1.8
 MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
+MOST_CUTS = 8
+NEIGHBOURS = 3
+"""So many hits of a beam before and after one have a say in which wall it is on."""
 CELLS_AT_ONCE = 1_000_000
 """Hits times walls looked at together, which bounds the memory."""
 
@@ -54,7 +58,7 @@ class Gate:
     looks: int = 0
     """New walls are looked for among the hits of so many keyframes at a time; not at all if 0."""
     refutes: bool = False
-    """The poses are exact enough to tell that beams went through a wall."""
+    """The poses are exact enough to tell that beams went through a wall, or that it bends."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,6 +139,7 @@ class Association:
             pairs = self.candidates(x, m, seen, gate)
         pairs = _without_strays(x, seen, pairs, self.support)
         if gate.refutes:
+            pairs = _without_bends(x, seen, sigma_m, pairs, known)
             wall_of = pairs.best()
             wrong = refuted(x, seen, sigma_m, wall_of, self.support.opening_m)
             pairs = pairs.only(~(wrong[pairs.hit] & (wall_of[pairs.hit] == pairs.wall)))
@@ -167,8 +172,29 @@ class Association:
         misfit /= 1 + gate.across_m / (GATE_SIGMAS * sigma_m * cos_incidence)
         inside &= misfit < GATE_SIGMAS
         hit, wall, misfit = hit[inside], wall[inside], misfit[inside]
-        order = np.lexsort((misfit, hit))
+        order = np.lexsort((-_agreement(m, hit, wall, UNEXPLAINED - misfit**2), hit))
         return Candidates(len(m.frame), hit[order], wall[order], misfit[order])
+
+
+def _agreement(m: Measured, hit: Indices, wall: Indices, gain: Array) -> Array:
+    """(p,): what each pair explains together with the beam's hits just before and after.
+
+    What a beam sweeps over from one moment to the next is mostly the same wall; one hit by itself
+    may lie nearer to another that passes by.
+    """
+    by_beam = np.lexsort((np.arange(len(m.beam)), m.beam))
+    apart = np.diff(m.beam[by_beam], prepend=-1) != 0
+    apart |= np.diff(m.frame[by_beam], prepend=0) > 1
+    rank = np.empty(len(m.beam), dtype=np.int64)
+    rank[by_beam] = np.cumsum(1 + NEIGHBOURS * apart)
+    key = wall * (rank.max(initial=0) + NEIGHBOURS + 1) + rank[hit]
+    order = np.argsort(key, kind="stable")
+    sorted_key, sorted_gain = key[order], gain[order]
+    total: Array = gain.copy()
+    for shift in (*range(-NEIGHBOURS, 0), *range(1, NEIGHBOURS + 1)):
+        place = np.minimum(np.searchsorted(sorted_key, key + shift), max(len(key) - 1, 0))
+        total += np.where(sorted_key[place] == key + shift, sorted_gain[place], 0.0)
+    return total
 
 
 def _facing(x: Unknowns, seen: Sightings, along_m: float) -> tuple[Indices, Indices, Array]:
@@ -278,6 +304,29 @@ def _without_strays(
     strayed = np.full(len(seen.points), NO_WALL)
     strayed[hit[stray[piece]]] = wall[stray[piece]]
     return pairs.only(strayed[pairs.hit] != pairs.wall)
+
+
+def _without_bends(
+    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, known: int
+) -> Candidates:
+    """Walls cut where the hits on them bend away; what is cut off may show another wall."""
+    wall_of = pairs.best()
+    cut_off = np.full(len(wall_of), NO_WALL)
+    for wall in range(known, len(x.walls)):
+        mine: Indices = np.flatnonzero(wall_of == wall)
+        for _ in range(MOST_CUTS):
+            if len(mine) < 2:
+                break
+            along = seen.points[mine] @ x.tangents[wall]
+            line = _fitted(x.walls[wall], seen.points[mine], sigma_m[mine])
+            across = seen.points[mine] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
+            bent = bend(along, across, sigma_m[mine])
+            if bent.is_straight:
+                break
+            kept = longer_side(along, bent.worst_m)
+            cut_off[mine[~kept]] = wall
+            mine = mine[kept]
+    return pairs.only(cut_off[pairs.hit] != pairs.wall)
 
 
 def _worthy(

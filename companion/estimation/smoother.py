@@ -43,7 +43,7 @@ FINAL_GATES = (
     Gate(0.3, 1.5),
     Gate(0.2, 1.5, looks=WHOLE),
     *(Gate(0.1, 1.0, looks=WHOLE),) * 2,
-    *(Gate(0.05, 1.0, looks=WHOLE, refutes=True),) * 4,
+    *(Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 4,
 )
 """Of the rounds after the flight."""
 FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, looks=WHOLE)

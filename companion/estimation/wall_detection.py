@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.association import LEAST_COS_INCIDENCE, Support
+from companion.estimation.straightness import bend, longer_side
 from companion.frames import wrap_rad
 
 Array = NDArray[np.float64]
@@ -22,6 +23,8 @@ CROWD_M = 0.15
 SIGMAS = 2.5
 REFINEMENTS = 4
 MOST_PEAKS = 40
+MOST_CUTS = 8
+"""A row of hits that bends is cut where it does, so often."""
 MOST_NORMAL_SIGMA_RAD = math.radians(4)
 MOST_MISFIT = 2.0
 
@@ -117,7 +120,7 @@ def _refine(
     mine = free
     sigma_rad = misfit = math.inf
     for _ in range(REFINEMENTS):
-        across = cloud.points @ np.array([math.cos(line[0]), math.sin(line[0])]) - line[1]
+        _, across = _coordinates(cloud.points, line)
         faced = np.cos(cloud.bearing_rad - line[0]) > LEAST_COS_INCIDENCE
         mine = free & faced & (np.abs(across) < slack_m + SIGMAS * cloud.sigma_m)
         mine = _longest_row(cloud.points, mine, line, look.gap_m)
@@ -125,6 +128,15 @@ def _refine(
             return None
         line, sigma_rad, misfit = _fit(cloud, mine, line)
         slack_m *= 0.3
+    for _ in range(MOST_CUTS):
+        along, across = _coordinates(cloud.points[mine], line)
+        bent = bend(along, across, cloud.sigma_m[mine])
+        if bent.is_straight:
+            break
+        mine[np.flatnonzero(mine)[~longer_side(along, bent.worst_m)]] = False
+        if mine.sum() < look.hits:
+            return None
+        line, sigma_rad, misfit = _fit(cloud, mine, line)
     along = _along(cloud.points[mine], line)
     sure = sigma_rad < MOST_NORMAL_SIGMA_RAD and misfit < MOST_MISFIT
     return (line, mine) if sure and np.ptp(along) >= look.extent_m else None
@@ -159,6 +171,12 @@ def _fit(cloud: Cloud, mine: NDArray[np.bool_], line: Array) -> tuple[Array, flo
     fitted = np.array([wrap_rad(math.atan2(normal[1], normal[0])), centre @ normal])
     sigma_rad = 1 / math.sqrt(max(spread[1], 1e-9))
     return fitted, sigma_rad, float(spread[0]) / max(len(points) - 2, 1)
+
+
+def _coordinates(points: Array, line: Array) -> tuple[Array, Array]:
+    """Along the line and across it."""
+    across: Array = points @ np.array([math.cos(line[0]), math.sin(line[0])]) - line[1]
+    return _along(points, line), across
 
 
 def _along(points: Array, line: Array) -> Array:
