@@ -78,6 +78,8 @@ class InFlightSmoothing:
             self._work = None
             improved: Improved = end.value
             return improved
+        except np.linalg.LinAlgError:
+            self._work = None  # the filters go on as they are, and the next one may do better
         return None
 
     def _begin(self, record: FlightRecord, walls: Walls) -> None:
@@ -107,7 +109,9 @@ class InFlightSmoothing:
         length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield
-            self._past = smoother.past_before(length - OVERLAP_KEYFRAMES, estimate, part, past)
+            self._past, estimate = smoother.past_before(
+                length - OVERLAP_KEYFRAMES, estimate, part, past
+            )
             self._whole_keyframes = len(poses) if is_whole else self._whole_keyframes
         return Improved(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
 

@@ -36,6 +36,8 @@ from companion.estimation.wall_detection import Cloud, detect_walls
 from companion.frames import wrap_rad
 from companion.messages import WallLine
 
+UNKNOWN_SIGMA = 100.0
+"""Of a wall, metres and radians: nothing is known, but the equations stay solvable."""
 WHOLE = 1_000_000
 FINAL_GATES = (
     Gate(0.6, 3.0),
@@ -189,18 +191,33 @@ class Smoother:
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
 
-    def past_before(self, frame: int, estimate: Estimate, m: Measured, past: Past) -> Past:
-        """What the estimate knows of a later keyframe from what was measured before it."""
-        x, end = estimate.x, frame + 1
+    def past_before(
+        self, frame: int, estimate: Estimate, m: Measured, past: Past
+    ) -> tuple[Past, Estimate]:
+        """What was measured before a later keyframe tells of it and of what is shared.
+
+        And the estimate with the walls that were seen before it put first.
+        """
+        end, hits = frame + 1, m.first_hit(frame)
+        seen = np.bincount(
+            estimate.wall_of[:hits][estimate.wall_of[:hits] >= 0], minlength=len(estimate.x.walls)
+        ).astype(bool)
+        seen[: past.walls] = True
+        order = np.argsort(~seen, kind="stable")
+        x = estimate.x.since(0)
+        x.keep_walls(order)
+        number = np.append(np.argsort(order), NO_WALL)
+        wall_of = number[estimate.wall_of]
+        solution = self.step(x, m, wall_of, past)
         before = x.since(0)
         before.poses = x.poses[:end]
+        before.keep_walls(np.arange(int(seen.sum())))
         part = m.between(0, end)
-        hits = m.first_hit(frame)
-        wall_of = np.concatenate(
-            [estimate.wall_of[:hits], np.full(len(part.frame) - hits, NO_WALL)]
-        )
-        belief = self._system(before, part, wall_of, past).belief_of_last(POSE_SIZE)
-        return Past(past.frame + frame, _values(before, frame), belief)
+        wall_of_part = wall_of[: len(part.frame)].copy()
+        wall_of_part[hits:] = NO_WALL
+        belief = self._system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
+        now = Past(past.frame + frame, _values(before, frame), belief)
+        return now, Estimate(x, wall_of, solution)
 
     def motion_misfit(self, x: Unknowns, m: Measured) -> float:
         """Root mean square of the residuals of odometry and gyro, in their sigmas."""
@@ -217,6 +234,8 @@ class Smoother:
         angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(past.at), WALL_SIZE)])
         delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
         system.believe(past.belief.moved(delta).grown(len(values)))
+        walls = factors.WALLS + np.arange(x.walls.size)
+        system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
         return system
 
     def _add_motion(self, system: BorderedSystem, x: Unknowns, m: Measured) -> None:

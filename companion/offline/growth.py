@@ -9,6 +9,7 @@ belief.
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -101,26 +102,25 @@ class Growth:
 
     def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
         m = self._m.between(0, len(self.x.poses))
-        self.estimate = self.smoother.smooth(self.x, m, self._start, gates)
-        self.wall_of = self.estimate.wall_of
+        self._take(self.smoother.smooth(self.x, m, self._start, gates), m, self._start)
         self._whole_frames = len(self.x.poses)
-        self._past = self._past_of(self.estimate, m, self._start)
 
     def _solve_part(self) -> None:
         """What was added last, and some before it."""
         first = self._past.frame
         m = self._m.between(first, len(self.x.poses))
-        part = self.x.since(first)
-        estimate = self.smoother.smooth(part, m, self._past, STAGE_GATES)
-        self.x.poses[first:] = part.poses
-        self.x.walls, self.x.reach_m, self.x.range_gain = part.walls, part.reach_m, part.range_gain
-        self.x.gyro_scale, self.x.odometry_scale = part.gyro_scale, part.odometry_scale
-        self._past = self._past_of(estimate, m, self._past)
+        part = self.smoother.smooth(self.x.since(first), m, self._past, STAGE_GATES)
+        self._take(part, m, self._past)
 
-    def _past_of(self, estimate: Estimate, m: Measured, past: Past) -> Past:
-        """For the next part; the same as before while the flight is short."""
-        frame = len(estimate.x.poses) - WINDOW_KEYFRAMES
-        return self.smoother.past_before(frame, estimate, m, past) if frame > 0 else past
+    def _take(self, found: Estimate, m: Measured, past: Past) -> None:
+        """Go on from an estimate from the past's key frame on, and perhaps from a later past."""
+        frame = len(found.x.poses) - WINDOW_KEYFRAMES
+        if frame > 0:
+            self._past, found = self.smoother.past_before(frame, found, m, past)
+        poses = self.x.poses.copy()
+        poses[past.frame :] = found.x.poses
+        self.x = replace(found.x, poses=poses)
+        self.estimate, self.wall_of = found, found.wall_of
 
 
 def _stages(m: Measured) -> list[int]:

@@ -186,7 +186,7 @@ def test_a_part_with_what_came_before_as_a_belief_says_what_the_whole_says() -> 
     start = smoother.from_start(np.zeros(3))
     gates = Gate(0.2, looks=100), Gate(0.1)
     estimate = smoother.smooth(x, whole, start, gates)
-    past = smoother.past_before(20, estimate, whole, start)
+    past, _ = smoother.past_before(20, estimate, whole, start)
     again = smoother.smooth(x.since(20), whole.between(20, len(x.poses)), past, (Gate(0.1),))
     assert again.x.poses[-1, :3] == pytest.approx(x.poses[-1, :3], abs=0.002)
     assert again.x.walls == pytest.approx(x.walls, abs=0.002)
