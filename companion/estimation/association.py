@@ -223,8 +223,9 @@ def _facing(x: Unknowns, seen: Sightings, along_m: float) -> tuple[Indices, Indi
 def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known: int) -> bool:
     """Make one of walls that are one; keep none without hits. Whether that changed any.
 
-    Two are one if a common line fits the hits of both as well as their noise allows. A known wall
-    stays where it is; a new one that is the same goes.
+    Two are one if they go on where the other ends, or nearly, and a common line fits the hits of
+    both as well as their noise allows: rooms in a row often have walls that are nearly in line. A
+    known wall stays where it is; a new one that is the same goes.
     """
     support = np.bincount(wall_of[wall_of >= 0], minlength=len(x.walls))
     order = [*range(known), *(known + np.argsort(-support[known:], kind="stable"))]
@@ -243,6 +244,8 @@ def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known
             continue
         for i, line in enumerate(lines):
             if abs(wrap_rad(float(line[0] - own[0]))) > SAME_DIRECTION_RAD:
+                continue
+            if max(own_reach[0] - reaches[i][1], reaches[i][0] - own_reach[1]) > LARGEST_GAP_M:
                 continue
             both = np.concatenate([members[i], mine])
             common = line if i < known else _fitted(line, seen.points[both], sigma_m[both])

@@ -74,7 +74,7 @@ class LineSlam:
     """The joint filter; angles are local NED bearings in radians."""
 
     GATE_SIGMAS = 3.5
-    EXTENT_MARGIN_M = 3.0
+    EXTENT_MARGIN_M = 1.2
     """A hit this far beyond the known end of a wall may still belong to it."""
     END_SIGMAS = 2.0
     LEAST_COS_INCIDENCE = math.cos(math.radians(65))

@@ -40,9 +40,6 @@ UNKNOWN_SIGMA = 100.0
 """Of a wall, metres and radians: nothing is known, but the equations stay solvable."""
 WHOLE = 1_000_000
 FINAL_GATES = (
-    Gate(0.6, 3.0),
-    Gate(0.4, 2.0),
-    Gate(0.3, 1.5),
     Gate(0.2, 1.5, looks=WHOLE),
     *(Gate(0.1, 1.0, looks=WHOLE),) * 2,
     *(Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 4,
