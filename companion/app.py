@@ -82,6 +82,8 @@ class Outputs:
 
     setpoint: Setpoint | None
     command: Command | None
+    pose: Pose | None
+    """Where it is by now; None before the estimate has begun."""
     progress: Progress
     finished: bool
 
@@ -107,6 +109,7 @@ class App:
         return Outputs(
             action.setpoint,
             action.command,
+            pose if self.estimator else None,
             self._report(now_s),
             finished=self.flight.phase in FINAL_PHASES,
         )

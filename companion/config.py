@@ -39,6 +39,8 @@ class LinkConfig(Group):
     All three at zero count as not told."""
     origin_lon_deg: float = Field(8.5456, ge=-180, le=180)
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
+    send_pose: bool = False
+    """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
 
 
 class AdcChannel(Group):

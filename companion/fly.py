@@ -49,7 +49,7 @@ def fly(
             rig.link.poll(now_s), rig.gyro.read(now_s), rig.ranges.read(now_s), land_requested()
         )
         outputs = app.step(now_s, inputs)
-        rig.link.send(now_s, outputs.setpoint, outputs.command)
+        rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
         watch(outputs.progress)
         if outputs.finished:
             return app.flight

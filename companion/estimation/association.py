@@ -224,7 +224,7 @@ def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known
     """Make one of walls that are one; keep none without hits. Whether that changed any.
 
     Two are one if they go on where the other ends, or nearly, and a common line fits the hits of
-    both as well as their noise allows: rooms in a row often have walls that are nearly in line. A
+    each as well as their noise allows: rooms in a row often have walls that are nearly in line. A
     known wall stays where it is; a new one that is the same goes.
     """
     support = np.bincount(wall_of[wall_of >= 0], minlength=len(x.walls))
@@ -249,8 +249,9 @@ def _merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known
                 continue
             both = np.concatenate([members[i], mine])
             common = line if i < known else _fitted(line, seen.points[both], sigma_m[both])
-            tried = mine if i < known else both
-            if _mean_cost(common, seen.points[tried], sigma_m[tried]) < MOST_MEAN_COST:
+            sets = [mine] if i < known else [members[i], mine]
+            costs = [_mean_cost(common, seen.points[hits], sigma_m[hits]) for hits in sets]
+            if max(costs) < MOST_MEAN_COST:
                 lines[i], members[i] = common, both
                 wider = (
                     min(reaches[i][0], own_reach[0]),
@@ -280,6 +281,8 @@ def _fitted(line: Array, points: Array, sigma_m: Array) -> Array:
 
 def _mean_cost(line: Array, points: Array, sigma_m: Array) -> float:
     """χ² of points about a line by their number, each at most that of an unexplained one."""
+    if not len(points):
+        return 0.0
     across_m = points @ (math.cos(line[0]), math.sin(line[0])) - line[1]
     return float(np.minimum((across_m / sigma_m) ** 2, UNEXPLAINED).mean())
 

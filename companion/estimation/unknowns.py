@@ -48,10 +48,10 @@ class Unknowns:
         return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
 
     def since(self, frame: int) -> "Unknowns":
-        """The same from a keyframe on; shares the poses, but has walls of its own."""
+        """A copy from a keyframe on."""
         return replace(
             self,
-            poses=self.poses[frame:],
+            poses=self.poses[frame:].copy(),
             walls=self.walls.copy(),
             reach_m=self.reach_m.copy(),
             range_gain=self.range_gain.copy(),

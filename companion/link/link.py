@@ -13,9 +13,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config import LinkConfig
 from companion.link.dialect import Dialect, dialect_of
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
+from companion.link.pose_report import PoseReport
 from companion.link.requests import CommandSender, Stream
 from companion.link.transport import Message, Transport
-from companion.messages import Command, LandedState, Odometry, Setpoint, VehicleState
+from companion.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.values import value
 
 CONNECTED_S = 3.0
@@ -49,7 +50,8 @@ class Link:
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
         self._estimate_ready = False
-        self._odometry = OdometryReader()
+        self._odometry = OdometryReader(by_velocity=config.send_pose)
+        self._pose_report = PoseReport() if config.send_pose else None
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
         self._streams: dict[int, Stream] = {}
@@ -136,10 +138,19 @@ class Link:
             refusal=self._commands.refusal,
         )
 
-    def send(self, now_s: float, setpoint: Setpoint | None, command: Command | None) -> None:
-        """Heartbeat, requests that are due, and what the flight asks for."""
+    def send(
+        self,
+        now_s: float,
+        setpoint: Setpoint | None,
+        command: Command | None,
+        pose: Pose | None = None,
+    ) -> None:
+        """Heartbeat, requests that are due, what the flight asks for, and where it is."""
         for message in self._due(now_s, setpoint, command):
             self._transport.send(message)
+        if self._pose_report is not None and pose is not None:
+            for message in self._pose_report.messages(now_s, pose, self._odometry.told):
+                self._transport.send(message)
 
     def _due(
         self, now_s: float, setpoint: Setpoint | None, command: Command | None

@@ -3,11 +3,14 @@
 An autopilot sends the two when it has time, and they are read once a tick: by then the vehicle has
 flown on by centimetres. Both are stamped with the autopilot's own time since boot. How far that
 lies behind our clock is seen from the quickest message so far.
+
+An autopilot that is told our pose follows it: how its position changes then tells us back what we
+said. Its velocity hardly does, so that motion is taken from it instead.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import wrap_rad
+from companion.frames import Vector2, Vector3, wrap_rad
 from companion.link.transport import Message
 from companion.messages import Odometry
 
@@ -22,7 +25,10 @@ MOST_EXTRAPOLATION_S = 0.2
 class OdometryReader:
     """The latest of both messages; time is an argument."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, by_velocity: bool) -> None:
+        """`by_velocity`: north and east are what the velocity adds up to."""
+        self._by_velocity = by_velocity
+        self._travelled_ne_m: Vector2 = (0.0, 0.0)
         self._position: Message | None = None
         self._attitude: Message | None = None
         self._offset_s = float("inf")
@@ -31,6 +37,17 @@ class OdometryReader:
     @property
     def has_position(self) -> bool:
         return self._position is not None
+
+    @property
+    def told(self) -> tuple[Vector3, float] | None:
+        """Position and yaw as the autopilot last told them; the origin if it has no position yet.
+
+        An autopilot that has only us to go by has none until we begin.
+        """
+        if self._attitude is None:
+            return None
+        at = self._position
+        return (at.x, at.y, at.z) if at is not None else (0.0, 0.0, 0.0), self._attitude.yaw
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry of now, if this was a position newer than the last."""
@@ -44,8 +61,17 @@ class OdometryReader:
             return None
         if not _is_newer(message, self._position):
             return None
+        if self._position is not None:
+            self._travel(self._position, message)
         self._position = message
         return self._carried_to(now_s) if self._attitude is not None else None
+
+    def _travel(self, last: Message, message: Message) -> None:
+        dt_s = (message.time_boot_ms - last.time_boot_ms) * 1e-3
+        north_m, east_m = self._travelled_ne_m
+        north_m += 0.5 * (last.vx + message.vx) * dt_s
+        east_m += 0.5 * (last.vy + message.vy) * dt_s
+        self._travelled_ne_m = north_m, east_m
 
     def _carried_to(self, now_s: float) -> Odometry | None:
         position, attitude = self._position, self._attitude
@@ -56,9 +82,10 @@ class OdometryReader:
         if max(position_age_s, attitude_age_s) > MOST_EXTRAPOLATION_S:
             return None
         velocity = position.vx, position.vy, position.vz
+        ne_m = self._travelled_ne_m if self._by_velocity else (position.x, position.y)
         north, east, down = (
             value + rate * position_age_s
-            for value, rate in zip((position.x, position.y, position.z), velocity, strict=True)
+            for value, rate in zip((*ne_m, position.z), velocity, strict=True)
         )
         yaw_rad = wrap_rad(attitude.yaw + attitude.yawspeed * attitude_age_s)
         return Odometry(now_s, (north, east, down), velocity, yaw_rad)

@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
-from sitl.autopilot.estimator import REFERENCE_NOISE, OdometryNoise
+from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
 from sitl.autopilot.messages import Broadcast, Outbox
 from sitl.autopilot.navigation import Navigation
 from sitl.autopilot.parameters.protocol import ParameterWatch
@@ -96,6 +96,11 @@ class Autopilot:
     @property
     def truth(self) -> TrueState:
         return self._vehicle.state
+
+    @property
+    def believed(self) -> Estimator:
+        """Where it thinks it is."""
+        return self._navigation.estimator
 
     def step(self) -> None:
         """10 ms of flight."""

@@ -1,0 +1,47 @@
+"""The autopilot told where it is: its own estimate no longer drifts."""
+
+import math
+
+import pytest
+
+from companion import config as configuration
+from sitl.lockstep import fly_in_lockstep
+from sitl.simulation import Setup, Simulation
+from sitl.world.loading import load_world
+
+TAKES_POSITION_AND_YAW = {
+    "ardupilot": {"EK3_SRC1_POSXY": 6.0, "EK3_SRC1_YAW": 6.0, "VISO_TYPE": 1.0},
+    "px4": {"EKF2_EV_CTRL": 9.0},
+}
+
+
+def fly(autopilot: str, *, send_pose: bool) -> Simulation:
+    settings = configuration.load(
+        None, {"sensors.profile": "paper", "link.send_pose": send_pose, "mission.speed_m_s": 1.0}
+    )
+    parameters = TAKES_POSITION_AND_YAW[autopilot] if send_pose else {}
+    world = load_world("room_100")
+    setup = Setup(world, "room_100", 2, settings.sensors, autopilot, parameters)
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None)
+    assert app.flight.completed
+    assert simulation.record.collisions == 0
+    return simulation
+
+
+def drift_m(simulation: Simulation) -> float:
+    """How far apart the autopilot's and the true way from start to end are."""
+    start, end = simulation.record.take_off, simulation.autopilot.truth
+    believed = simulation.autopilot.believed.position_ned_m
+    moved = (e - s for e, s in zip(end.position_ned_m, start.position_ned_m, strict=True))
+    north_m, east_m, _ = (m - b for m, b in zip(moved, believed, strict=True))
+    return math.hypot(north_m, east_m)
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_autopilot_that_takes_our_pose_knows_where_it_is(autopilot: str) -> None:
+    told = fly(autopilot, send_pose=True)
+    assert drift_m(told) < 0.15
+    estimator, truth = told.autopilot.believed, told.autopilot.truth
+    off_deg = math.degrees(estimator.yaw_rad - truth.yaw_rad)
+    assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
+    assert drift_m(fly(autopilot, send_pose=False)) > 0.3
