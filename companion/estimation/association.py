@@ -7,6 +7,7 @@ rows of noise beside a real wall, are not; nor are pieces of wall through which 
 
 import math
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,6 +41,7 @@ UNEXPLAINED = GATE_SIGMAS**2
 MOST_MEAN_COST = 1.8
 MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
+STRETCH_M = 0.5
 MOST_CUTS = 8
 NEIGHBOURS = 3
 """So many hits of a beam before and after one have a say in which wall it is on."""
@@ -137,6 +139,7 @@ class Association:
         sigma_m = self.units.sigma_m(m.beam, m.distance_m)
         if _merge(x, seen, sigma_m + gate.across_m / GATE_SIGMAS, pairs.best(), known):
             pairs = self.candidates(x, m, seen, gate)
+        pairs = _one_wall_a_stretch(x, seen, pairs)
         pairs = _without_strays(x, seen, pairs, self.support)
         if gate.refutes:
             pairs = _without_bends(x, seen, sigma_m, pairs, known)
@@ -285,6 +288,32 @@ def _mean_cost(line: Array, points: Array, sigma_m: Array) -> float:
         return 0.0
     across_m = points @ (math.cos(line[0]), math.sin(line[0])) - line[1]
     return float(np.minimum((across_m / sigma_m) ** 2, UNEXPLAINED).mean())
+
+
+def _one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candidates:
+    """Where two walls lie so close that a hit may be on either, it is on that which has more there.
+
+    One of them would hide the other. A line that is nearly that of a wall takes a share of its hits
+    wherever they come near to each other, and may live on those alone.
+    """
+    wall_of = pairs.best()
+    may_be = np.zeros((pairs.hits, len(x.walls)), dtype=bool)
+    may_be[pairs.hit, pairs.wall] = True
+    for one, other in combinations(range(len(x.walls)), 2):
+        if abs(wrap_rad(float(x.walls[one, 0] - x.walls[other, 0]))) > SAME_DIRECTION_RAD:
+            continue
+        either = np.flatnonzero(may_be[:, one] & may_be[:, other])
+        if not len(either):
+            continue
+        stretch = np.floor(seen.points @ x.tangents[one] / STRETCH_M).astype(np.int64)
+        stretch -= stretch.min()
+        size = int(stretch.max()) + 1
+        mine = np.bincount(stretch[wall_of == one], minlength=size)
+        theirs = np.bincount(stretch[wall_of == other], minlength=size)
+        at = stretch[either]
+        may_be[either[mine[at] > theirs[at]], other] = False
+        may_be[either[mine[at] < theirs[at]], one] = False
+    return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
 def _without_strays(

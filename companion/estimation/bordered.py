@@ -26,23 +26,34 @@ Gradient = Sequence[tuple[Columns | int, Array]]
 
 
 class Sums:
-    """Numbers added up by place, all at once."""
+    """Numbers added up by place, many at a time."""
+
+    AT_ONCE = 200_000
+    """Kept until there are so many, which bounds the memory."""
 
     def __init__(self, size: int) -> None:
-        self._size = size
+        self._total = np.zeros(size)
         self._places: list[Columns] = []
         self._values: list[Array] = []
+        self._waiting = 0
 
     def add(self, place: Columns | int, value: Array) -> None:
         self._places.append(np.broadcast_to(place, value.shape))
         self._values.append(value)
+        self._waiting += value.size
+        if self._waiting > self.AT_ONCE:
+            self._add_up()
 
     def total(self) -> Array:
         """(size,)."""
-        if not self._places:
-            return np.zeros(self._size)
+        if self._places:
+            self._add_up()
+        return self._total
+
+    def _add_up(self) -> None:
         places, values = np.concatenate(self._places), np.concatenate(self._values)
-        return np.bincount(places, values, self._size).astype(np.float64)
+        self._total += np.bincount(places, values, len(self._total))
+        self._places, self._values, self._waiting = [], [], 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,7 @@ from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
 from companion.estimation.restart import restart
-from companion.estimation.smoother import Smoother
+from companion.estimation.smoother import FINAL_GATES, Smoother
 from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Measured, Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun
@@ -164,7 +164,7 @@ class Estimator:
         x.add_walls(walls.lines, walls.reach_m)
         x.odometry_scale = 0.0
         try:
-            done = smoother.likeliest(x, m, smoother.from_start(np.zeros(3)))
+            done = smoother.smooth(x, m, smoother.from_start(np.zeros(3)), FINAL_GATES)
         except np.linalg.LinAlgError:
             return self.so_far()
         return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)

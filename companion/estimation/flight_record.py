@@ -20,6 +20,11 @@ Indices = NDArray[np.int64]
 
 PERIOD_S = 0.2
 NO_WALL = -1
+MOST_HITS = 60_000
+"""Twelve minutes of all beams. Of a longer flight only every second, fourth, ... sweep is kept,"""
+FRESH_S = 60.0
+"""but all of the last minute."""
+SWEEP_S = 0.05
 
 
 class FrameColumn(IntEnum):
@@ -77,8 +82,14 @@ class Table:
 
     @property
     def rows(self) -> Array:
-        """(n, columns): a view, which is valid until the next append."""
+        """(n, columns): a view, which is valid until the next change."""
         return self._rows[: self._count]
+
+    def keep(self, kept: NDArray[np.bool_]) -> None:
+        """Forget all rows but those of the mask (n,)."""
+        left = self.rows[kept]
+        self._count = len(left)
+        self._rows[: self._count] = left
 
 
 class FlightRecord:
@@ -87,6 +98,7 @@ class FlightRecord:
     def __init__(self) -> None:
         self._frames = Table(len(FrameColumn))
         self._hits = Table(len(HitColumn))
+        self._stride = 1
         self._last_s = -PERIOD_S
         self._raw_ne_m: Vector2 = (0.0, 0.0)
         self._raw_yaw_rad = 0.0
@@ -155,6 +167,14 @@ class FlightRecord:
                 NO_WALL if wall is None else wall,
             )
         )
+
+    def thin(self) -> None:
+        """Keep no more hits than there is room for; those of the whole flight equally."""
+        while len(self._hits) > MOST_HITS:
+            self._stride *= 2
+            time_s = self.hits[:, HitColumn.TIME_S]
+            fresh = time_s > time_s[-1] - FRESH_S
+            self._hits.keep(fresh | (np.rint(time_s / SWEEP_S) % self._stride == 0))
 
     def correct(self, first: int, poses: Array, first_hit: int, wall_of: Indices) -> None:
         """Better poses (k, 3), north, east, yaw, from keyframe `first` on; hits' walls likewise.

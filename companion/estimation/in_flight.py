@@ -28,8 +28,8 @@ SHORT_KEYFRAMES = 150
 """A flight this short is solved as a whole every time."""
 OVERLAP_KEYFRAMES = 100
 """The last part reaches so far back into what was solved as a whole."""
-MOST_WHOLE_KEYFRAMES = 3000
-"""Ten minutes. Later the whole would take too long for one tick, and only parts are solved."""
+MOST_WHOLE_KEYFRAMES = 1800
+"""Six minutes. Later the whole would take too long for one tick, and only parts are solved."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +85,7 @@ class InFlightSmoothing:
     def _begin(self, record: FlightRecord, walls: Walls) -> None:
         if not len(walls.lines):
             return
+        record.thin()
         count = len(record.frames)
         is_whole = self._past is None or count < SHORT_KEYFRAMES
         is_whole |= GROWN_BY * self._whole_keyframes < count < MOST_WHOLE_KEYFRAMES

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.estimation import factors
-from companion.estimation.association import UNEXPLAINED, Association, Gate, Support
+from companion.estimation.association import Association, Gate, Support
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.unknowns import (
@@ -39,14 +39,13 @@ from companion.messages import WallLine
 UNKNOWN_SIGMA = 100.0
 """Of a wall, metres and radians: nothing is known, but the equations stay solvable."""
 WHOLE = 1_000_000
-NARROW_GATES = (
+FINAL_GATES = (
     Gate(0.2, 1.5, looks=WHOLE),
     *(Gate(0.1, 1.0, looks=WHOLE),) * 2,
     *(Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 4,
 )
-WIDE_GATES = Gate(0.6, 3.0), Gate(0.4, 2.0), Gate(0.3, 1.5), *NARROW_GATES
-"""Of the rounds after the flight. Narrow ones keep apart what was apart while it flew, wide ones
-bring together what was seen twice."""
+"""Of the rounds after the flight. It begins from what was smoothed in flight: wider gates would
+only bring together walls that are not one."""
 FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, looks=WHOLE)
 """While it flies the filters start from the last smoothing and are not far off."""
 HITS_AT_ONCE = 3_000
@@ -217,20 +216,6 @@ class Smoother:
         belief = self._system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
         now = Past(past.frame + frame, _values(before, frame), belief)
         return now, Estimate(x, wall_of, solution)
-
-    def likeliest(self, x: Unknowns, m: Measured, past: Past) -> Estimate:
-        """Of what comes out by narrow and by wide gates that which explains more."""
-        found = [self.smooth(x.since(0), m, past, gates) for gates in (NARROW_GATES, WIDE_GATES)]
-        return min(found, key=lambda estimate: self.cost(estimate, m))
-
-    def cost(self, estimate: Estimate, m: Measured) -> float:
-        """χ² of hits and motion, and what walls cost: twice the negative log of the likelihood."""
-        x, wall_of = estimate.x, estimate.wall_of
-        on_walls = factors.hit_residuals(x, m, wall_of, self.models.ranges)
-        unexplained = UNEXPLAINED * (len(wall_of) - len(on_walls))
-        motion = 4 * len(m.dt_s) * self.motion_misfit(x, m) ** 2
-        hits = float(np.minimum(on_walls**2, UNEXPLAINED).sum())
-        return hits + unexplained + motion + self.support.worth * len(x.walls)
 
     def motion_misfit(self, x: Unknowns, m: Measured) -> float:
         """Root mean square of the residuals of odometry and gyro, in their sigmas."""
