@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.estimation.association import Support
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord, HitColumn
@@ -16,6 +15,7 @@ from companion.estimation.line_slam import LineSlam
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
 from companion.estimation.restart import restart
 from companion.estimation.smoother import FINAL_GATES, Smoother
+from companion.estimation.support import Support
 from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Measured, Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun

@@ -20,9 +20,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.estimation import factors
-from companion.estimation.association import Association, Gate, Support
+from companion.estimation.association import Association
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
+from companion.estimation.candidates import Gate
 from companion.estimation.flight_record import NO_WALL
+from companion.estimation.support import Support
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.association import LEAST_COS_INCIDENCE, Support
+from companion.estimation.candidates import LEAST_COS_INCIDENCE
 from companion.estimation.straightness import bend, longer_side
+from companion.estimation.support import Support
 from companion.frames import wrap_rad
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.estimation.association import Gate
+from companion.estimation.candidates import Gate
 from companion.estimation.factors import hit_residuals
 from companion.estimation.smoother import WHOLE, Estimate, Past, Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns

@@ -4,12 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.estimation.association import Support
 from companion.estimation.factors import Models
 from companion.estimation.heading import GyroModel
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import Smoother
+from companion.estimation.support import Support
 from companion.estimation.unknowns import project
 from companion.frames import wrap_rad
 from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments

@@ -15,10 +15,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.association import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS, Support
+from companion.estimation.candidates import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoother import Smoother
+from companion.estimation.support import Support
 from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Indices, Measured, Unknowns, project
 from companion.frames import wrap_rad
@@ -61,7 +62,7 @@ class TruePoses:
         known_s = [state.time_s for state in truth.path]
         points = np.array([state.position_ned_m[:2] for state in truth.path])
         yaws = np.unwrap([state.yaw_rad for state in truth.path])
-        local = _to_local(points, truth)
+        local = to_local(points, truth)
         columns = (local[:, 0], local[:, 1], yaws - truth.take_off.yaw_rad)
         return cls(np.column_stack([np.interp(times_s, known_s, column) for column in columns]))
 
@@ -122,7 +123,7 @@ def _met(
     wall_of = np.full(len(m.beam), NO_WALL)
     walls: list[tuple[float, float]] = []
     for surface in surfaces:
-        start, end = _to_local(np.array(surface), truth)
+        start, end = to_local(np.array(surface), truth)
         normal = np.array([start[1] - end[1], end[0] - start[0]]) / math.dist(start, end)
         for side in (normal, -normal):  # a partition is one wall from either side
             range_m = _range_m(poses[:, :2], beams, (start, end), side)
@@ -174,7 +175,7 @@ def _plan(flown: Recorded, x: Unknowns, lines: tuple[WallLine, ...], wall_of: In
     return FloorPlan(walls, traced.hits(), traced.path())
 
 
-def _to_local(points: Array, truth: TruthRecord) -> Array:
+def to_local(points: Array, truth: TruthRecord) -> Array:
     """World (north, east) to local NED, by the true pose at take-off."""
     yaw_rad = truth.take_off.yaw_rad
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)

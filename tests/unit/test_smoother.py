@@ -11,13 +11,15 @@ from hypothesis import strategies as st
 from benchmarks.yaw_consistency import consistency
 from companion.drivers.lsm9ds1 import SampleClock
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.estimation.association import Association, Gate, Support
+from companion.estimation.association import Association
 from companion.estimation.bordered import BorderedSystem
+from companion.estimation.candidates import Gate
 from companion.estimation.estimator import Estimator
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.in_flight import PERIOD_S
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
 from companion.estimation.smoother import Smoother
+from companion.estimation.support import Support
 from companion.estimation.unknowns import Measured, Unknowns
 from companion.messages import (
     BEARING_FRD_RAD,

@@ -1,0 +1,137 @@
+"""What speaks for a wall, and what does not."""
+
+import math
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from companion.estimation.candidates import Candidates
+from companion.estimation.flight_record import NO_WALL
+from companion.estimation.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
+from companion.estimation.straightness import bend, longer_side
+from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
+from companion.frames import wrap_rad
+
+MOST_WALLS = 400
+"""Those worth most; more come only of odometry that drifts without end."""
+STRETCH_M = 0.5
+MOST_CUTS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Support:
+    """The least that speaks for a wall."""
+
+    hits: int = 12
+    extent_m: float = 0.6
+    """From the first to the last of them along the wall."""
+    worth: float = 60.0
+    worth_a_hit: float = 2.0
+    """By how much it lowers the χ² of all hits. Two lines through the noise of one wall lower it
+    by about 1 for each hit."""
+    gap_m: float = 1.2
+    """Hits farther apart along a line than this do not show a new wall together."""
+    opening_m: float = 0.4
+    """There may be an opening where hits along a wall are farther apart than this."""
+
+    def needed(self, hits: Array | Indices) -> Array:
+        """The least worth of walls or pieces with so many hits each."""
+        needed: Array = np.maximum(self.worth, self.worth_a_hit * hits)
+        return needed
+
+
+def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candidates:
+    """Where two walls lie so close that a hit may be on either, it is on that which has more there.
+
+    One of them would hide the other. A line that is nearly that of a wall takes a share of its hits
+    wherever they come near to each other, and may live on those alone.
+    """
+    wall_of = pairs.best()
+    may_be = np.zeros((pairs.hits, len(x.walls)), dtype=bool)
+    may_be[pairs.hit, pairs.wall] = True
+    for one, other in combinations(range(len(x.walls)), 2):
+        if abs(wrap_rad(float(x.walls[one, 0] - x.walls[other, 0]))) > SAME_DIRECTION_RAD:
+            continue
+        either = np.flatnonzero(may_be[:, one] & may_be[:, other])
+        if not len(either):
+            continue
+        stretch = np.floor(seen.points @ x.tangents[one] / STRETCH_M).astype(np.int64)
+        stretch -= stretch.min()
+        size = int(stretch.max()) + 1
+        mine = np.bincount(stretch[wall_of == one], minlength=size)
+        theirs = np.bincount(stretch[wall_of == other], minlength=size)
+        at = stretch[either]
+        may_be[either[mine[at] > theirs[at]], other] = False
+        may_be[either[mine[at] < theirs[at]], one] = False
+    return pairs.only(may_be[pairs.hit, pairs.wall])
+
+
+def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Support) -> Candidates:
+    """Without hits on a wall that goes by there only as a line.
+
+    A piece far from the main one must be worth it by itself; where the line crosses another
+    wall, it is not.
+    """
+    hit, wall, worth = pairs.worths()
+    along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+    order = np.lexsort((along, wall))
+    hit, wall, worth, along = hit[order], wall[order], worth[order], along[order]
+    is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > LARGEST_GAP_M)
+    piece = np.cumsum(is_first) - 1
+    of_piece = wall[is_first]
+    worths = np.bincount(piece, worth, len(of_piece))
+    hits = np.bincount(piece, minlength=len(of_piece))
+    main = np.zeros(len(x.walls))
+    np.maximum.at(main, of_piece, worths)
+    stray = (worths < main[of_piece]) & (worths < support.needed(hits))
+    strayed = np.full(len(seen.points), NO_WALL)
+    strayed[hit[stray[piece]]] = wall[stray[piece]]
+    return pairs.only(strayed[pairs.hit] != pairs.wall)
+
+
+def without_bends(
+    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, known: int
+) -> Candidates:
+    """Walls cut where the hits on them bend away; what is cut off may show another wall."""
+    wall_of = pairs.best()
+    cut_off = np.full(len(wall_of), NO_WALL)
+    for wall in range(known, len(x.walls)):
+        mine: Indices = np.flatnonzero(wall_of == wall)
+        for _ in range(MOST_CUTS):
+            if len(mine) < 2:
+                break
+            along = seen.points[mine] @ x.tangents[wall]
+            line = fitted(x.walls[wall], seen.points[mine], sigma_m[mine])
+            across = seen.points[mine] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
+            bent = bend(along, across, sigma_m[mine])
+            if bent.is_straight:
+                break
+            kept = longer_side(along, bent.worst_m)
+            cut_off[mine[~kept]] = wall
+            mine = mine[kept]
+    return pairs.only(cut_off[pairs.hit] != pairs.wall)
+
+
+def worthy(
+    x: Unknowns, seen: Sightings, pairs: Candidates, support: Support, known: int
+) -> tuple[Candidates, Indices]:
+    """The walls that are worth having; the least worthy is taken out first, then all is redone."""
+    kept = np.arange(len(x.walls))
+    while len(kept) > known:
+        hit, wall, worth = pairs.worths()
+        hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
+        worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
+        along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+        low, high = np.full(len(x.walls), np.inf), np.full(len(x.walls), -np.inf)
+        np.minimum.at(low, wall, along)
+        np.maximum.at(high, wall, along)
+        worths[(hits < support.hits) | (high - low < support.extent_m)] = 0.0
+        judged = kept[kept >= known]
+        least = judged[int(worths[judged].argmin())]
+        if worths[least] >= 1 and len(kept) <= MOST_WALLS:
+            break
+        gone = judged[worths[judged] <= 0] if worths[least] <= 0 else np.array([least])
+        kept = np.setdiff1d(kept, gone)
+        pairs = pairs.only(~np.isin(pairs.wall, gone))
+    return pairs, kept
