@@ -6,11 +6,15 @@ from numpy.typing import NDArray
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
 
-THROUGH_M = 0.2
-"""A beam went through a wall if its hit lies this far behind it, besides three sigmas."""
-THROUGH_SIGMAS = 3.0
+THROUGH_M = 0.08
+"""A beam went through a wall if its hit lies this far behind it, besides two sigmas."""
+THROUGH_SIGMAS = 2.0
 MOST_PASSED_SHARE = 0.5
-"""A piece of wall through which more beams went than this share of those it stopped is none."""
+LEAST_PASSED = 3
+"""A piece of wall through which so many beams went, and more than that share of those that it
+stopped, is none."""
+STRETCH_M = 0.5
+"""Pieces are no longer than this: a wall may end where beams begin to go through."""
 CELLS_AT_ONCE = 1_000_000
 """Beams times pieces looked at together, which bounds the memory."""
 
@@ -20,12 +24,12 @@ def refuted(
 ) -> NDArray[np.bool_]:
     """(n,): whether each hit is on a piece of wall that beams went through.
 
-    A piece is a row of hits on one wall with no more than `opening_m` between them.
+    A piece is a short row of hits on one wall with no more than `opening_m` between them.
     """
     hit, piece, ends = _pieces(x, seen.points, wall_of, opening_m)
     passed = _passed_through(seen, sigma_m, ends)
     stopped = np.bincount(piece, minlength=len(ends))
-    against = passed > MOST_PASSED_SHARE * stopped
+    against = (passed > MOST_PASSED_SHARE * stopped) & (passed >= LEAST_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
     wrong[hit] = against[piece]
     return wrong
@@ -61,6 +65,7 @@ def _pieces(
     hit, along = hit[order], along[order]
     wall = wall_of[hit]
     is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > opening_m)
+    is_first |= np.diff(np.floor(along / STRETCH_M), prepend=0) != 0
     first = np.flatnonzero(is_first)
     last = np.append(first[1:], len(hit)) - 1 if len(first) else first
     of_piece = wall[first]

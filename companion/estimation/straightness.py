@@ -4,6 +4,7 @@ A line can be put through hits on two walls of a bay, and each hit by itself fit
 noise. Their means over half a metre do not.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,8 +18,7 @@ FLOOR_M = 0.03
 """Means are not taken to be more exact than this: walls have skirting and poses have errors."""
 MOST_SIGMAS = 3.0
 """A single hit counts as no farther off than this."""
-MOST_BEND = 4.0
-"""Mean square of the means' misfits; it would be 1 for a straight wall."""
+BEND_SIGMAS = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,13 +26,15 @@ class Bend:
     """Of hits about a line."""
 
     square: float
-    """Mean square misfit of the means."""
+    """Mean square misfit of the means; about 1 for a straight wall."""
+    bins: int
+    """How many means."""
     worst_m: float
     """Where along the line the mean is farthest off."""
 
     @property
     def is_straight(self) -> bool:
-        return self.square <= MOST_BEND
+        return self.square < 1 + BEND_SIGMAS * math.sqrt(2 / self.bins)
 
 
 def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
@@ -45,7 +47,9 @@ def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
     mean_m = np.bincount(number, weight * within_m)[filled] / total[filled]
     misfit = mean_m / np.sqrt(1 / total[filled] + FLOOR_M**2)
     worst = filled[int(np.abs(misfit).argmax())]
-    return Bend(float(np.mean(misfit**2)), float(along_m.min()) + (worst + 0.5) * BIN_M)
+    return Bend(
+        float(np.mean(misfit**2)), len(filled), float(along_m.min()) + (worst + 0.5) * BIN_M
+    )
 
 
 def longer_side(along_m: Array, cut_m: float) -> Mask:

@@ -1,0 +1,165 @@
+"""Hits given to walls: in rooms made of a few segments, flown past with known poses."""
+
+import math
+from collections.abc import Sequence
+from itertools import pairwise
+from random import Random
+
+import numpy as np
+import pytest
+
+from companion.drivers.sharp import GP2Y0A710K0F
+from companion.estimation.factors import Models
+from companion.estimation.flight_record import NO_WALL, FlightRecord
+from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.smoother import FINAL_GATES, Estimate, Smoother
+from companion.estimation.support import Support
+from companion.estimation.unknowns import Array, Measured, Unknowns, project
+from companion.frames import Vector2
+from companion.mapping.floor_plan import wall_segments
+from companion.messages import BEARING_FRD_RAD, Pose, WallSegment
+
+Segment = tuple[Vector2, Vector2]
+UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
+
+
+def met_m(eye: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
+    """How far a beam goes."""
+    cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
+    nearest = math.inf
+    for (na, ea), (nb, eb) in segments:
+        dn, de = nb - na, eb - ea
+        cross = cos * de - sin * dn
+        if abs(cross) < 1e-9:
+            continue
+        along = ((na - eye[0]) * de - (ea - eye[1]) * dn) / cross
+        share = ((na - eye[0]) * sin - (ea - eye[1]) * cos) / cross
+        if along > 0 and 0 <= share <= 1:
+            nearest = min(nearest, along)
+    return nearest
+
+
+def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> FlightRecord:
+    """Along a path at 1 m/s, looking north, and once round at each of its points."""
+    random, record, time_s = Random(seed), FlightRecord(), 0.0
+
+    def see(place: Vector2, yaw_rad: float) -> None:
+        nonlocal time_s
+        time_s += 0.05
+        pose = Pose(time_s, *place, -1.2, yaw_rad)
+        record.advance(pose, place, yaw_rad)
+        for beam, bearing_rad in BEARING_FRD_RAD.items():
+            true_m = met_m(place, yaw_rad + bearing_rad, segments)
+            if not 1.0 < true_m < 5.5:
+                continue
+            told_m = true_m + random.gauss(0, GP2Y0A710K0F.sigma_m(true_m))
+            if 1.0 < told_m < 5.5:
+                record.add_hit(pose, BEAMS.index(beam), told_m, ((0.0, 0.0), bearing_rad), None)
+
+    for turns, (start, end) in enumerate(pairwise(path)):
+        for degrees in range(0, 360, 3):
+            see(start, turns * math.tau + math.radians(degrees))
+        steps = max(1, round(math.dist(start, end) / 0.05))
+        for i in range(steps):
+            share = i / steps
+            see(
+                (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])),
+                (turns + 1) * math.tau,
+            )
+    return record
+
+
+def mapped(record: FlightRecord) -> Estimate:
+    """What comes out if it begins at the true poses, without any walls."""
+    smoother = Smoother(Models(UNITS), Support())
+    x = Unknowns.at(record.poses.copy(), 0.0)
+    start = smoother.from_start(record.poses[0].copy())
+    return smoother.smooth(x, Measured.of(record, UNITS), start, FINAL_GATES)
+
+
+def walls_of(estimate: Estimate, record: FlightRecord) -> tuple[WallSegment, ...]:
+    points = project(estimate.x, Measured.of(record, UNITS)).points
+    return wall_segments(estimate.wall_lines, points, estimate.wall_of)
+
+
+def closed(*corners: Vector2) -> list[Segment]:
+    return list(zip(corners, (*corners[1:], corners[0]), strict=True))
+
+
+def off_m(walls: Sequence[WallSegment], segments: Sequence[Segment]) -> Array:
+    """Of points every 5 cm along the mapped walls from the nearest true wall."""
+    return np.array(
+        [
+            min(_distance_m(point, segment) for segment in segments)
+            for wall in walls
+            for point in np.linspace(wall.start_ne_m, wall.end_ne_m, round(wall.length_m / 0.05))
+        ]
+    )
+
+
+def _distance_m(point: Array, segment: Segment) -> float:
+    a, b = (np.array(end) for end in segment)
+    share = np.clip((point - a) @ (b - a) / ((b - a) @ (b - a)), 0, 1)
+    return float(np.linalg.norm(point - a - share * (b - a)))
+
+
+ROOM = closed((-3.0, -3.0), (3.0, -3.0), (3.0, 3.0), (-3.0, 3.0))
+WITH_A_BAY = closed(
+    (-3.0, -4.0),
+    (3.0, -4.0),
+    (3.0, -2.0),
+    (4.0, -1.0),
+    (4.0, 1.0),
+    (3.0, 2.0),
+    (3.0, 4.0),
+    (-3.0, 4.0),
+)
+WITH_A_SHELF = [*ROOM, *closed((2.6, -1.0), (3.0, -1.0), (3.0, 1.0), (2.6, 1.0))]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize(
+    ("segments", "walls"),
+    [(ROOM, 4), (WITH_A_BAY, 7), (WITH_A_SHELF, 5)],
+    ids=["room", "bay", "shelf"],
+)
+def test_walls_are_found_where_they_are_and_no_others(
+    segments: list[Segment], walls: int, seed: int
+) -> None:
+    path = [(0.0, 0.0), (1.0, -2.0), (1.0, 2.0), (-1.0, 1.0), (0.0, 0.0)]
+    record = fly(segments, path, seed)
+    estimate = mapped(record)
+    off = off_m(walls_of(estimate, record), segments)
+    assert off.mean() < 0.04
+    assert off.max() < 0.5
+    assert len(estimate.x.walls) >= walls
+    assert (estimate.wall_of != NO_WALL).mean() > 0.75
+
+
+def test_walls_of_two_rooms_that_are_nearly_in_line_stay_two() -> None:
+    """0.4 m out of line, with a passage of 2 m between the rooms."""
+    upper = [((1.0, -3.0), (1.0, 3.0)), ((1.0, 3.0), (7.0, 3.0)), ((1.0, -3.0), (7.0, -3.0))]
+    lower = [((-1.0, -3.0), (-1.0, 3.4)), ((-1.0, 3.4), (-7.0, 3.4)), ((-1.0, -3.0), (-7.0, -3.0))]
+    opened = [((1.0, -3.0), (1.0, -0.6)), ((1.0, 0.6), (1.0, 3.0))]
+    opened += [((-1.0, -3.0), (-1.0, -0.6)), ((-1.0, 0.6), (-1.0, 3.4))]
+    segments = [*upper[1:], *lower[1:], *opened]
+    path = [(4.0, 0.0), (2.5, 0.0), (0.0, 0.0), (-2.5, 0.0), (-4.0, 0.5), (-4.5, 0.0)]
+    estimate = mapped(fly(segments, path, 1))
+    east = sorted(
+        offset_m
+        for normal_rad, offset_m in estimate.x.walls
+        if abs(normal_rad - math.pi / 2) < math.radians(5)
+    )
+    assert [round(offset_m, 1) for offset_m in east] == [3.0, 3.4]
+
+
+def test_people_are_no_walls_and_pull_at_nothing() -> None:
+    """A fifth of all ranges end early, anywhere."""
+    record, random = fly(ROOM, [(0.0, 0.0), (1.0, -1.5), (1.0, 1.5), (0.0, 0.0)], 4), Random(4)
+    for row in record.hits:
+        if random.random() < 0.2:
+            row[6] = random.uniform(1.0, max(row[6], 1.1))
+    estimate = mapped(record)
+    assert len(estimate.x.walls) == 4
+    assert off_m(walls_of(estimate, record), ROOM).max() < 0.1
+    assert np.abs(estimate.x.poses[:, :2] - record.poses[:, :2]).max() < 0.1
