@@ -80,7 +80,13 @@ class Outputs:
     setpoint: Setpoint | None
     command: Command | None
     progress: Progress
-    finished: bool
+    pose: Pose
+    """What the flight took to be its pose."""
+    flight: Flight
+
+    @property
+    def finished(self) -> bool:
+        return self.flight.phase in FINAL_PHASES
 
 
 class App:
@@ -102,12 +108,7 @@ class App:
         self._calibrate(inputs)
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
-        return Outputs(
-            action.setpoint,
-            action.command,
-            self._report(now_s),
-            finished=self.flight.phase in FINAL_PHASES,
-        )
+        return Outputs(action.setpoint, action.command, self._report(now_s), pose, self.flight)
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
         if inputs.gyro:

@@ -22,6 +22,7 @@ from companion.fly import Clock, Rig, fly
 from companion.link.link import Link
 from companion.link.transport import UdpTransport
 from companion.mapping.files import AutoSave, save
+from companion.recording.recorder import open_recorder
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -58,14 +59,15 @@ def _fly(settings: Config, out: Path) -> int:
     transport = UdpTransport(settings.link.url, settings.link.system_id, settings.link.component_id)
     bus = open_bus(settings.sensors.bus)
     console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
+    recorder = open_recorder(out, settings, time.time(), console.print)
     rig = Rig(
-        Link(transport, settings.link),
+        Link(recorder.tap(transport), settings.link),
         RangeSensors(bus, settings.sensors),
         Lsm9ds1(bus, settings.sensors.gyro_address),
         _clock(settings, transport, console),
     )
     app = App(settings)
-    autosave = AutoSave(out, app.floor_plan)
+    autosave = AutoSave(out, app.floor_plan, console.print)
     interrupted = _Interruption(console)
     began_s = time.monotonic()
     try:
@@ -75,9 +77,10 @@ def _fly(settings: Config, out: Path) -> int:
                 line.show(progress)
                 autosave.update(progress.time_s)
 
-            flight = fly(app, rig, watch, interrupted.requested)
+            flight = fly(app, rig, watch, interrupted.requested, recorder.tick)
     finally:
         plan = app.final_floor_plan()
+        recorder.close(plan)
         files = save(plan, out)
     console.print(summary(flight, plan, files, time.monotonic() - began_s))
     if not flight.took_off:

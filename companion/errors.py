@@ -15,3 +15,11 @@ class SensorError(CompanionError, OSError):
 
 class LinkError(CompanionError, OSError):
     """The autopilot cannot be reached or does not answer."""
+
+
+class RecordingError(CompanionError, OSError):
+    """A recording that cannot be written or read."""
+
+
+class MapFileError(CompanionError, OSError):
+    """A file of the map that cannot be written."""

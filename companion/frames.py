@@ -6,7 +6,8 @@ Two frames live inside the program, both right-handed with z down:
   y to the right of it ("east"), z down. Yaw is clockwise seen from above, zero at the start.
 - **body FRD**: x forward, y right, z down.
 
-Exports use ENU (x east, y north, z up), as ROS, PLY and DXF do.
+Recordings and exports follow their readers' habits: ENU (x east, y north, z up) and body FLU
+(x forward, y left, z up) as ROS, PLY and DXF have them, y up as glTF has it, or degrees on Earth.
 """
 
 import math
@@ -35,3 +36,14 @@ def ned_to_enu(vector_ned: Vector3) -> Vector3:
     """NED vector to ENU; its own inverse."""
     north, east, down = vector_ned
     return east, north, -down
+
+
+def yaw_ned_to_enu(yaw_rad: float) -> float:
+    """Clockwise from north to anticlockwise from east, in [-π, π); its own inverse."""
+    return wrap_rad(math.pi / 2 - yaw_rad)
+
+
+def ned_to_gltf(vector_ned: Vector3) -> Vector3:
+    """NED vector to glTF's axes: x east, y up, z south."""
+    north, east, down = vector_ned
+    return east, -down, -north
