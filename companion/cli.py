@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion import afterwards
 from companion import config as configuration
 from companion.app import App, Progress
 from companion.clocks import SitlClock, SystemClock
@@ -33,11 +34,7 @@ commands = typer.Typer(
     pretty_exceptions_enable=False,
     help="Fly a drone through a room it has never seen and bring back the map.",
 )
-
-
-@commands.callback()
-def _several_commands() -> None:
-    """Keep `fly` a command of its own."""
+commands.add_typer(afterwards.commands)
 
 
 @commands.command("fly")

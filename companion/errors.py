@@ -23,3 +23,7 @@ class RecordingError(CompanionError, OSError):
 
 class MapFileError(CompanionError, OSError):
     """A file of the map that cannot be written."""
+
+
+class MissingExtraError(CompanionError, ImportError):
+    """A library that only an extra brings along."""
