@@ -123,5 +123,7 @@ def main() -> None:
     try:
         commands()
     except CompanionError as error:
-        Console(stderr=True, highlight=False).print(f"companion: {error}", soft_wrap=True)
+        # what is told may look like the console's markup
+        console = Console(stderr=True, highlight=False, markup=False)
+        console.print(f"companion: {error}", soft_wrap=True)
         raise SystemExit(EXIT_REFUSED) from None

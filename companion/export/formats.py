@@ -49,6 +49,8 @@ def export(
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _writer(name, labels)(survey, path)
+        except MapFileError:
+            raise
         except OSError as error:
             raise MapFileError(f"{path}: {error.strerror or error}") from error
         paths.append(path)

@@ -12,6 +12,7 @@ import trimesh
 from numpy.typing import NDArray
 from trimesh.visual.material import PBRMaterial
 
+from companion.errors import MapFileError
 from companion.export.survey import Survey
 from companion.frames import Vector2, ned_to_gltf
 
@@ -27,6 +28,9 @@ Triangles = NDArray[np.float64]
 
 
 def write_glb(survey: Survey, path: Path) -> None:
+    """Raises `MapFileError` without walls, for which the library has no file."""
+    if not survey.plan.walls:
+        raise MapFileError(f"{path}: the map has no walls")
     height_m = survey.height_m
     walls = [(wall.start_ne_m, wall.end_ne_m) for wall in survey.plan.walls]
     openings = [(opening.start_ne_m, opening.end_ne_m) for opening in survey.openings]

@@ -6,6 +6,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from companion.errors import MapFileError
 from companion.export.survey import Survey
 from companion.frames import ned_to_enu
 
@@ -17,6 +18,9 @@ def points_enu_m(survey: Survey) -> NDArray[np.float32]:
 
 
 def write_ply(survey: Survey, path: Path) -> None:
+    """Raises `MapFileError` without points, for which the library has no file."""
+    if not survey.plan.hits:
+        raise MapFileError(f"{path}: the map has no points")
     with path.open("wb") as file:
         trimesh.PointCloud(points_enu_m(survey)).export(file, file_type="ply")
 

@@ -9,6 +9,7 @@ and these cuts lie faces; a face that the drone has seen into, and that is wide 
 is a room. The smaller ones belong to the room beside them, or lie inside walls.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -50,7 +51,7 @@ class Opening:
 
     @property
     def width_m(self) -> float:
-        return float(np.hypot(*np.subtract(self.end_ne_m, self.start_ne_m)))
+        return math.dist(self.start_ne_m, self.end_ne_m)
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,19 +130,38 @@ def _cuts(walls: Sequence[WallSegment]) -> list[LineString]:
 
 
 def _continued(end: Array, behind: Array, others: Sequence[LineString]) -> Array | None:
-    """The nearest end or crossing of other walls, ahead of a wall's end."""
+    """What is ahead of a wall's end: the nearest end or crossing of another wall.
+
+    If there is none, the corner where two continued walls meet.
+    """
+    ahead = _ahead(end, behind)
     along = (end - behind) / np.linalg.norm(end - behind)
-    ahead = LineString([end, end + WIDEST_DOOR_M * along])
     found = []
     for other in others:
         ends = np.array(other.coords)
         forward = (ends - end) @ along
         aside = np.abs((ends - end) @ np.array([-along[1], along[0]]))
         found += list(ends[(forward > GRID_M) & (forward < WIDEST_DOOR_M) & (aside < IN_LINE_M)])
-        crossing = ahead.intersection(other)
-        if isinstance(crossing, shapely.Point) and crossing.distance(shapely.Point(end)) > GRID_M:
-            found.append(np.array([crossing.x, crossing.y]))
+        found += _crossing(ahead, other)
+    if not found:
+        for other in others:
+            first, last = np.array(other.coords)
+            found += _crossing(ahead, _ahead(first, last)) + _crossing(ahead, _ahead(last, first))
     return min(found, key=lambda point: float(np.linalg.norm(point - end)), default=None)
+
+
+def _ahead(end: Array, behind: Array) -> LineString:
+    along = (end - behind) / np.linalg.norm(end - behind)
+    return LineString([end, end + WIDEST_DOOR_M * along])
+
+
+def _crossing(ahead: LineString, other: LineString) -> list[Array]:
+    """Where, if anywhere, and if not right at the beginning."""
+    point = ahead.intersection(other)
+    if not isinstance(point, shapely.Point) or point.is_empty:
+        return []
+    place = np.array([point.x, point.y])
+    return [place] if math.dist(place, ahead.coords[0]) > GRID_M else []
 
 
 def _faces(walls: Sequence[WallSegment], cuts: Sequence[LineString]) -> list[Polygon]:

@@ -1,19 +1,22 @@
 """What is recorded for people: to plot, to look at, to read."""
 
+from collections.abc import Sequence
+
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import Message
 from msgspec import json
 
 from companion.app import Inputs, Outputs
-from companion.messages import Beam, FloorPlan, GyroSample
+from companion.messages import Beam, GyroSample, WallSegment
 from companion.pdps.flight import Flight, Phase
 from companion.recording import foxglove, topics
 from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord
 
-ESTIMATE_PERIOD_S = 0.1
+NUMBERS_PERIOD_S = 0.1
+SCENE_PERIOD_S = 0.2
+"""For the eye; each message costs some ten microseconds."""
 PHASE_PERIOD_S = 1.0
-WALLS_PERIOD_S = 10.0
 
 
 class Notes:
@@ -26,39 +29,40 @@ class Notes:
         self._failures: dict[Beam, str] = {}
         """What each beam says instead of a reading, if it does."""
         self._flight: Flight | None = None
-        self._estimate_s = self._phase_s = float("-inf")
-        self._walls_s = 0.0
+        self._numbers_s = self._scene_s = self._phase_s = float("-inf")
 
     def add(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         self._gyro += inputs.gyro
-        if now_s - self._estimate_s >= ESTIMATE_PERIOD_S - 1e-6:
-            self._estimate_s = now_s
+        if now_s - self._numbers_s >= NUMBERS_PERIOD_S - 1e-6:
+            self._numbers_s = now_s
             self._add_numbers(now_s, inputs, outputs)
+        if now_s - self._scene_s >= SCENE_PERIOD_S - 1e-6:
+            self._scene_s = now_s
+            self._add_scene(now_s, inputs, outputs)
         self._add_faults(now_s, inputs, outputs)
         self._add_phase(now_s, outputs.flight)
-        if now_s - self._walls_s >= WALLS_PERIOD_S:
-            self._walls_s = now_s
-            walls = outputs.progress.map_walls()
-            self._add(topics.WALLS, now_s, foxglove.walls_scene(now_s, walls))
 
-    def add_map(self, now_s: float, plan: FloorPlan) -> None:
-        """The final walls."""
-        self._add(topics.WALLS, now_s, foxglove.walls_scene(now_s, plan.walls, plan.ceiling_m))
+    def add_walls(
+        self, now_s: float, walls: Sequence[WallSegment], ceiling_m: float | None = None
+    ) -> None:
+        self._add(topics.WALLS, now_s, foxglove.walls_scene(now_s, walls, ceiling_m))
 
     def _add(self, topic: str, now_s: float, message: Message) -> None:
         self._file.add(topic, now_s, message.SerializeToString())
 
     def _add_numbers(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        pose, scan = outputs.pose, inputs.scan
-        self._file.add(topics.RANGES, now_s, json.encode(scan.readings))
-        self._file.add(topics.ESTIMATE, now_s, json.encode(pose))
-        self._add(topics.POSE, now_s, foxglove.pose_with_covariance(pose))
-        self._add(topics.TF, now_s, foxglove.transform(pose))
-        self._add(topics.SCAN, now_s, foxglove.laser_scan(scan, self._mount_offset_m))
+        self._file.add(topics.RANGES, now_s, json.encode(inputs.scan.readings))
+        self._file.add(topics.ESTIMATE, now_s, json.encode(outputs.pose))
         self._file.add(topics.GYRO, now_s, json.encode({"samples": self._gyro}))
         self._gyro = []
         if outputs.setpoint is not None:
             self._file.add(topics.SETPOINT, now_s, json.encode(outputs.setpoint))
+
+    def _add_scene(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        pose = outputs.pose
+        self._add(topics.POSE, now_s, foxglove.pose_with_covariance(pose))
+        self._add(topics.TF, now_s, foxglove.transform(pose))
+        self._add(topics.SCAN, now_s, foxglove.laser_scan(inputs.scan, self._mount_offset_m))
 
     def _add_faults(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         flight, last = outputs.flight, self._flight

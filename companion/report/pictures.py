@@ -49,6 +49,8 @@ STYLE: Any = {
     "ytick.color": FAINT,
     "axes.spines.top": False,
     "axes.spines.right": False,
+    "axes.facecolor": "none",
+    "savefig.transparent": True,
 }
 
 
@@ -166,7 +168,7 @@ def _plot_ranges(axes: Axes, recording: Recording) -> None:
             )
     axes.set_ylabel("ranges, m")
     if axes.get_legend_handles_labels()[0]:
-        axes.legend(ncols=6, frameon=False, markerscale=6, loc="upper right")
+        axes.legend(ncols=6, frameon=False, markerscale=6, loc="lower right", bbox_to_anchor=(1, 1))
 
 
 def _plot_height(axes: Axes, recording: Recording) -> None:
