@@ -24,8 +24,10 @@ from companion.messages import FloorPlan, WallSegment
 
 WIDEST_DOOR_M = 1.5
 NARROWEST_DOOR_M = 0.5
-IN_LINE_M = 0.15
-"""How far aside of a wall's continuation another wall's end may be, to be what it leads to."""
+IN_LINE_M, SAME_DIRECTION = 0.15, math.sin(math.radians(20))
+"""How far aside of a wall's continuation the end of a wall of the same direction may be, to be what
+it leads to, and how much the two may be turned."""
+TOUCHING_M = 1e-9
 GRID_M = 1e-4
 """Points nearer than this are one."""
 STANDING_WIDTH_M = 0.6
@@ -130,7 +132,7 @@ def _cuts(walls: Sequence[WallSegment]) -> list[LineString]:
 
 
 def _continued(end: Array, behind: Array, others: Sequence[LineString]) -> Array | None:
-    """What is ahead of a wall's end: the nearest end or crossing of another wall.
+    """What is ahead of a wall's end: the nearest wall across, or the end of one in line.
 
     If there is none, the corner where two continued walls meet.
     """
@@ -139,9 +141,11 @@ def _continued(end: Array, behind: Array, others: Sequence[LineString]) -> Array
     found = []
     for other in others:
         ends = np.array(other.coords)
-        forward = (ends - end) @ along
-        aside = np.abs((ends - end) @ np.array([-along[1], along[0]]))
-        found += list(ends[(forward > GRID_M) & (forward < WIDEST_DOOR_M) & (aside < IN_LINE_M)])
+        across = np.array([-along[1], along[0]])
+        forward, aside = (ends - end) @ along, np.abs((ends - end) @ across)
+        if abs((ends[1] - ends[0]) @ across) < SAME_DIRECTION * other.length:
+            is_ahead = (forward > TOUCHING_M) & (forward < WIDEST_DOOR_M) & (aside < IN_LINE_M)
+            found += list(ends[is_ahead])
         found += _crossing(ahead, other)
     if not found:
         for other in others:
@@ -161,7 +165,7 @@ def _crossing(ahead: LineString, other: LineString) -> list[Array]:
     if not isinstance(point, shapely.Point) or point.is_empty:
         return []
     place = np.array([point.x, point.y])
-    return [place] if math.dist(place, ahead.coords[0]) > GRID_M else []
+    return [place] if math.dist(place, ahead.coords[0]) > TOUCHING_M else []
 
 
 def _faces(walls: Sequence[WallSegment], cuts: Sequence[LineString]) -> list[Polygon]:

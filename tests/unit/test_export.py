@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import ezdxf.filemanagement
+import ezdxf.path
 import numpy as np
 import pyoctomap
 import pytest
@@ -101,7 +102,7 @@ def test_ezdxf_finds_walls_rooms_and_dimensions_in_metres(exported: Exported) ->
     measured = sorted(d.get_measurement() for d in dimensions)
     assert measured == pytest.approx(sorted(w.length_m for w in exported.flight.plan.walls))
     (outline,) = space.query('LWPOLYLINE[layer=="ROOMS"]')
-    corners = [(corner.x, corner.y) for corner in make_path(outline).control_vertices()]
+    corners = [(corner.x, corner.y) for corner in ezdxf.path.make_path(outline).control_vertices()]
     assert shapely.Polygon(corners).area == pytest.approx(100, rel=0.02)
     labels = [text.dxf.text for text in space.query('TEXT[layer=="LABELS"]')]
     assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.2f} m2"]
