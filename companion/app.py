@@ -85,7 +85,11 @@ class Outputs:
     pose: Pose | None
     """Where it is by now; None before the estimate has begun."""
     progress: Progress
-    finished: bool
+    flight: Flight
+
+    @property
+    def finished(self) -> bool:
+        return self.flight.phase in FINAL_PHASES
 
 
 class App:
@@ -106,13 +110,8 @@ class App:
         self._calibrate(inputs)
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
-        return Outputs(
-            action.setpoint,
-            action.command,
-            pose if self.estimator else None,
-            self._report(now_s),
-            finished=self.flight.phase in FINAL_PHASES,
-        )
+        known = pose if self.estimator else None
+        return Outputs(action.setpoint, action.command, known, self._report(now_s), self.flight)
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
         if inputs.gyro:

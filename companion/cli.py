@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion import afterwards
 from companion import config as configuration
 from companion.app import App, Progress
 from companion.clocks import SitlClock, SystemClock
@@ -27,6 +28,7 @@ from companion.offline.console import LogProgress, log_summary
 from companion.offline.files import save_results
 from companion.offline.mapper import map_log
 from companion.offline.readers import read_log
+from companion.recording.recorder import open_recorder
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -37,6 +39,7 @@ commands = typer.Typer(
     pretty_exceptions_enable=False,
     help="Fly a drone through a room it has never seen and bring back the map; or map a log.",
 )
+commands.add_typer(afterwards.commands)
 
 
 @commands.command("fly")
@@ -78,14 +81,15 @@ def _fly(settings: Config, out: Path) -> int:
     transport = UdpTransport(settings.link.url, settings.link.system_id, settings.link.component_id)
     bus = open_bus(settings.sensors.bus)
     console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
+    recorder = open_recorder(out, settings, time.time(), console.print)
     rig = Rig(
-        Link(transport, settings.link),
+        Link(recorder.tap(transport), settings.link),
         RangeSensors(bus, settings.sensors),
         Lsm9ds1(bus, settings.sensors.gyro_address),
         _clock(settings, transport, console),
     )
     app = App(settings)
-    autosave = AutoSave(out, app.floor_plan)
+    autosave = AutoSave(out, app.floor_plan, console.print)
     interrupted = _Interruption(console)
     began_s = time.monotonic()
     try:
@@ -95,9 +99,10 @@ def _fly(settings: Config, out: Path) -> int:
                 line.show(progress)
                 autosave.update(progress.time_s)
 
-            flight = fly(app, rig, watch, interrupted.requested)
+            flight = fly(app, rig, watch, interrupted.requested, recorder.tick)
     finally:
         plan = app.final_floor_plan()
+        recorder.close(plan)
         files = save(plan, out)
     console.print(summary(flight, plan, files, time.monotonic() - began_s))
     if not flight.took_off:
@@ -143,7 +148,7 @@ def main() -> None:
     try:
         commands()
     except CompanionError as error:
-        Console(stderr=True, highlight=False).print(
-            f"companion: {error}", soft_wrap=True, markup=False
-        )
+        # what is told may look like the console's markup
+        console = Console(stderr=True, highlight=False, markup=False)
+        console.print(f"companion: {error}", soft_wrap=True)
         raise SystemExit(EXIT_REFUSED) from None

@@ -81,12 +81,19 @@ class MissionConfig(Group):
     time_limit_s: float = Field(600.0, gt=0, le=3600)
 
 
+class RecordingConfig(Group):
+    """The flight recorder."""
+
+    enabled: bool = True
+
+
 class Config(Group):
     """Everything that can be set."""
 
     link: LinkConfig = LinkConfig()
     sensors: SensorsConfig = SensorsConfig()
     mission: MissionConfig = MissionConfig()
+    recording: RecordingConfig = RecordingConfig()
 
 
 def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:

@@ -55,7 +55,7 @@ def _line(progress: Progress) -> str:
     return f"{line}  {progress.trouble}" if progress.trouble else line
 
 
-def summary(flight: Flight, plan: FloorPlan, files: list[Path], waited_s: float) -> Table:
+def summary(flight: Flight, plan: FloorPlan, files: list[Path], waited_s: float | None) -> Table:
     """How the flight ended and what it left."""
     table = Table(title="flight", show_header=False, title_justify="left")
     table.add_row("result", flight.ending)
@@ -65,6 +65,8 @@ def summary(flight: Flight, plan: FloorPlan, files: list[Path], waited_s: float)
         table.add_row("ceiling", f"{plan.ceiling_m:.2f} m")
     if plan.path:
         flown_s = plan.path[-1].time_s - plan.path[0].time_s
-        table.add_row("time", f"{flown_s:.0f} s flown, {waited_s:.0f} s waited")
-    table.add_row("map", ", ".join(str(file) for file in files))
+        waited = "" if waited_s is None else f", {waited_s:.0f} s waited"
+        table.add_row("time", f"{flown_s:.0f} s flown{waited}")
+    if files:
+        table.add_row("map", ", ".join(str(file) for file in files))
     return table

@@ -23,3 +23,11 @@ class LogError(CompanionError, ValueError):
 
 class OutputError(CompanionError, OSError):
     """A result that cannot be written."""
+
+
+class RecordingError(CompanionError, OSError):
+    """A recording that cannot be written or read."""
+
+
+class MissingExtraError(CompanionError, ImportError):
+    """A library that only an extra brings along."""

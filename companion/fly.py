@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
-from companion.app import App, Inputs, Progress
+from companion.app import App, Inputs, Outputs, Progress
 from companion.drivers.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
@@ -23,6 +23,14 @@ class Clock(Protocol):
     def wait_until(self, time_s: float) -> float:
         """Return the time once `time_s` is reached; later if the machine was slow."""
         ...
+
+
+Record = Callable[[float, Inputs, Outputs], None]
+"""Told of every tick when it is over."""
+
+
+def record_nothing(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+    """A flight that is not recorded."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +48,7 @@ def fly(
     rig: Rig,
     watch: Callable[[Progress], None],
     land_requested: Callable[[], bool] = lambda: False,
+    record: Record = record_nothing,
 ) -> Flight:
     """Fly until the flight has ended, one way or another; its last state."""
     now_s = rig.clock.wait_until(0.0)
@@ -50,6 +59,7 @@ def fly(
         )
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
+        record(now_s, inputs, outputs)
         watch(outputs.progress)
         if outputs.finished:
             return app.flight

@@ -6,10 +6,12 @@ Two frames live inside the program, both right-handed with z down:
   y to the right of it ("east"), z down. Yaw is clockwise seen from above, zero at the start.
 - **body FRD**: x forward, y right, z down.
 
-Exports use ENU (x east, y north, z up), as ROS, PLY and DXF do.
+Recordings and exports follow their readers' habits: ENU (x east, y north, z up) and body FLU
+(x forward, y left, z up) as ROS, PLY and DXF have them, y up as glTF has it, or degrees on Earth.
 """
 
 import math
+from dataclasses import dataclass
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
@@ -35,3 +37,45 @@ def ned_to_enu(vector_ned: Vector3) -> Vector3:
     """NED vector to ENU; its own inverse."""
     north, east, down = vector_ned
     return east, north, -down
+
+
+def yaw_ned_to_enu(yaw_rad: float) -> float:
+    """Clockwise from north to anticlockwise from east, in [-π, π); its own inverse."""
+    return wrap_rad(math.pi / 2 - yaw_rad)
+
+
+def ned_to_gltf(vector_ned: Vector3) -> Vector3:
+    """NED vector to glTF's axes: x east, y up, z south."""
+    north, east, down = vector_ned
+    return east, -down, -north
+
+
+EARTH_RADIUS_M = 6_378_137.0
+EARTH_ECCENTRICITY_2 = 6.694_379_990_141e-3
+"""Semi-major axis and squared eccentricity of WGS 84."""
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where on Earth, WGS 84, the local frame has its origin, and whither its x axis points."""
+
+    lat_deg: float
+    lon_deg: float
+    heading_rad: float = 0.0
+    """Clockwise from true north."""
+
+    def lon_lat_deg(self, north: float, east: float) -> Vector2:
+        """Local NED (north, east) to longitude and latitude.
+
+        On the ellipsoid's tangent plane at the origin, by its radii of curvature there; within
+        a millimetre over 100 m.
+        """
+        true_north_m, true_east_m = frd_to_ned(north, east, self.heading_rad)
+        lat_rad = math.radians(self.lat_deg)
+        flattened = 1 - EARTH_ECCENTRICITY_2 * math.sin(lat_rad) ** 2
+        meridian_m = EARTH_RADIUS_M * (1 - EARTH_ECCENTRICITY_2) / flattened**1.5
+        parallel_m = EARTH_RADIUS_M / math.sqrt(flattened) * math.cos(lat_rad)
+        return (
+            self.lon_deg + math.degrees(true_east_m / parallel_m),
+            self.lat_deg + math.degrees(true_north_m / meridian_m),
+        )

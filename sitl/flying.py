@@ -8,6 +8,7 @@ from rich.console import Console
 from companion.config import Config
 from companion.console import ProgressLine
 from companion.mapping.files import save
+from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
 from sitl.options import FlightOptions
@@ -29,6 +30,7 @@ def fly_in_one_process(
     """By lockstep, on virtual time."""
     began_s = time.monotonic()
     setup, watch = options.setup()
+    recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(
             setup,
@@ -37,9 +39,11 @@ def fly_in_one_process(
             transport,
             play(mission.events),
             parameter_watch=watch,
+            recorder=recorder,
         )
     waited_s = time.monotonic() - began_s
     plan = app.final_floor_plan()
+    recorder.close(plan)
     if out is not None:
         save(plan, out)
     return make_report(

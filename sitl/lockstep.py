@@ -9,6 +9,7 @@ from companion.drivers.ranges import RangeSensors
 from companion.fly import Rig, fly
 from companion.link.link import Link
 from companion.link.transport import direct_pair, pipe_pair
+from companion.recording.recorder import NOT_RECORDED, Recorder
 from sitl.autopilot.core import keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.simulation import Setup, Simulation
@@ -46,6 +47,7 @@ def fly_in_lockstep(
     *,
     parameter_watch: ParameterWatch = keep_nothing,
     make_app: Callable[[Config], App] = App,
+    recorder: Recorder = NOT_RECORDED,
 ) -> tuple[App, Simulation]:
     """Fly one mission to its end; `make_app` is for those who want to look into it."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
@@ -53,10 +55,10 @@ def fly_in_lockstep(
     app = make_app(config)
     bus = simulation.board.bus
     rig = Rig(
-        Link(companion_end, config.link),
+        Link(recorder.tap(companion_end), config.link),
         RangeSensors(bus, config.sensors),
         Lsm9ds1(bus, config.sensors.gyro_address),
         LockstepClock(simulation, lambda: script(simulation, app)),
     )
-    fly(app, rig, watch)
+    fly(app, rig, watch, record=recorder.tick)
     return app, simulation

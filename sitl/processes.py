@@ -49,7 +49,7 @@ def fly_in_two_processes(
     sitl = subprocess.Popen([*command, f"--truth={truth_path}"], stdout=subprocess.PIPE, text=True)
     try:
         assert sitl.stdout is not None
-        mavlink_port, bus_port = _ports(sitl.stdout)
+        mavlink_port, bus_port = ports(sitl.stdout)
         companion = subprocess.run(
             [
                 *(sys.executable, "-m", "companion", "fly", f"--config={config_path}"),
@@ -71,7 +71,7 @@ def fly_in_two_processes(
     )
 
 
-def _ports(output: IO[str]) -> tuple[str, str]:
+def ports(output: IO[str]) -> tuple[str, str]:
     """The MAVLink and bus ports that `sitl run` prints once it serves them."""
     seen = ""
     for line in output:

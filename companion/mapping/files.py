@@ -11,6 +11,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from companion.errors import OutputError
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
 from companion.messages import FloorPlan, Pose, WallSegment
@@ -24,7 +25,11 @@ HIT_COLOUR = (230, 120, 40, 255)
 
 
 def save(plan: FloorPlan, folder: Path) -> list[Path]:
-    """Write map.json, map.png and map.ply; their paths."""
+    """Write map.json, map.png and map.ply; their paths.
+
+    Raises:
+        OutputError: the disk refuses one.
+    """
     writers: dict[str, Callable[[FloorPlan, Path], None]] = {
         "map.json": save_json,
         "map.png": draw,
@@ -36,11 +41,18 @@ def save(plan: FloorPlan, folder: Path) -> list[Path]:
 
 
 def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> None:
-    """Write a file beside its place, then move it there."""
-    path.parent.mkdir(parents=True, exist_ok=True)
+    """Write a file beside its place, then move it there.
+
+    Raises:
+        OutputError: that names the file, and why it cannot be written.
+    """
     unfinished = path.with_name(f".unfinished-{path.name}")
-    write(content, unfinished)
-    unfinished.replace(path)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(content, unfinished)
+        unfinished.replace(path)
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror}") from error
 
 
 def save_json(plan: FloorPlan, path: Path) -> None:
@@ -135,16 +147,29 @@ def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, floa
 
 
 class AutoSave:
-    """Keeps map.json on disk while the flight goes on, for the case that the program dies."""
+    """Keeps map.json on disk while the flight goes on, for the case that the program dies.
+
+    A disk that refuses it is told of once, and tried again.
+    """
 
     PERIOD_S = 5.0
 
-    def __init__(self, folder: Path, plan: Callable[[], FloorPlan]) -> None:
+    def __init__(
+        self, folder: Path, plan: Callable[[], FloorPlan], warn: Callable[[str], None]
+    ) -> None:
         self._folder = folder
         self._plan = plan
+        self._warn = warn
+        self._has_warned = False
         self._last_s = 0.0
 
     def update(self, time_s: float) -> None:
-        if time_s - self._last_s >= self.PERIOD_S:
-            self._last_s = time_s
+        if time_s - self._last_s < self.PERIOD_S:
+            return
+        self._last_s = time_s
+        try:
             save_as(save_json, self._plan(), self._folder / "map.json")
+        except OutputError as error:
+            if not self._has_warned:
+                self._has_warned = True
+                self._warn(f"the map so far is not saved: {error}")

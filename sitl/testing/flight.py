@@ -11,6 +11,7 @@ from companion import config as configuration
 from companion.app import App, Progress
 from companion.config import Config
 from companion.messages import FloorPlan
+from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.autopilot.core import NO_PARAMETERS
 from sitl.lockstep import fly_in_lockstep
 from sitl.record import TruthRecord
@@ -20,6 +21,10 @@ from sitl.simulation import Setup, Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, play
 from sitl.world.loading import load_world, world_names
+
+
+def _fail(warning: str) -> None:
+    raise AssertionError(warning)
 
 
 class ReportView:
@@ -101,13 +106,14 @@ class Sitl:
         parameters: Mapping[str, float] = NO_PARAMETERS,
         beam: Mapping[str, object] | None = None,
         script: Sequence[Event] = (),
+        record: Path | None = None,
     ) -> Flight:
         """Fly one mission to its end.
 
         `mission` is its kind or a mission file; `config` is the companion's TOML file, `settings`
         single values above it, such as {"mission.speed_m_s": 0.5}; `parameters` are the
         autopilot's, such as {"GUID_TIMEOUT": 1}; `beam` are the keys of docs/sensors.md, such as
-        {"width_deg": 2}.
+        {"width_deg": 2}; `record` is a folder for the flight's recording.
 
         Raises:
             WorldError, ConfigError, MissionError, ParameterError, BeamError: one line that says
@@ -124,10 +130,19 @@ class Sitl:
         def watch(progress: Progress) -> None:
             """Nobody looks."""
 
+        recorder = open_recorder(record, loaded, time.time(), _fail) if record else NOT_RECORDED
         app, simulation = fly_in_lockstep(
-            setup, loaded, watch, transport, play([*flown.events, *script])
+            setup,
+            loaded,
+            watch,
+            transport,
+            play([*flown.events, *script]),
+            recorder=recorder,
         )
-        return Flight(app, simulation, setup, loaded, time.monotonic() - began_s)
+        flight = Flight(app, simulation, setup, loaded, time.monotonic() - began_s)
+        if record:
+            recorder.close(flight.plan)
+        return flight
 
     def _path(self, name: str) -> Path:
         beside = self._folder / name

@@ -53,8 +53,6 @@ class Mesh:
         import trimesh  # noqa: PLC0415 - slow to load, and only needed for plans
 
         solid = trimesh.Trimesh(self.vertices, self.faces, process=False)
-        cut = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
-            solid, (0, 0, -1), (0, 0, -height_m)
-        )
+        cut = trimesh.intersections.mesh_plane(solid, (0, 0, -1), (0, 0, -height_m))
         lines = join(np.asarray(cut, dtype=float).reshape(-1, 2, 3)[..., :2], SAME_WITHIN_M)
         return [leg for line in lines for leg in legs(simplify(line, STRAIGHT_WITHIN_M))]

@@ -338,7 +338,7 @@ def test_nodes_of_a_scene_are_moved_and_textures_ignored(tmp_path: Path) -> None
     post = trimesh.creation.box((0.2, 0.2, 2.6))
     picture = Image.fromarray(SQUARE).convert("RGB")
     uv = np.zeros((8, 2))
-    post.visual = TextureVisuals(uv=uv, image=picture)  # type: ignore[no-untyped-call]
+    post.visual = TextureVisuals(uv=uv, image=picture)
     scene = trimesh.Scene()
     scene.add_geometry(BOX)
     for x in (2.0, 3.0):

@@ -100,7 +100,7 @@ def test_an_empty_map_is_a_map(tmp_path: Path) -> None:
 
 
 def test_the_map_is_kept_while_the_flight_goes_on(tmp_path: Path) -> None:
-    autosave = AutoSave(tmp_path, square)
+    autosave = AutoSave(tmp_path, square, print)
     autosave.update(1.0)
     assert not list(tmp_path.iterdir())
     autosave.update(6.0)

@@ -1,0 +1,1 @@
+"""The map in the formats that other programs open; for a laptop, not for the drone."""

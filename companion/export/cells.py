@@ -1,0 +1,76 @@
+"""The map as cells seen from above: a wall, free, or never looked at."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing
+from scipy.spatial import cKDTree
+
+from companion.export.rays import Rays, rays
+from companion.export.survey import Survey
+
+CELL_M = 0.05
+MARGIN_M = 0.5
+OFF_WALLS, NEAR_M = 5, 0.1
+"""So many beams must have ended this near to each other, off all walls, if something is there."""
+UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+
+
+@dataclass(frozen=True, slots=True)
+class Cells:
+    """Square cells of `CELL_M`, row 0 in the south, column 0 in the west."""
+
+    states: NDArray[np.uint8]
+    """(rows, columns): UNKNOWN, FREE or OCCUPIED."""
+    corner_enu_m: tuple[float, float]
+    """Of the south-western cell."""
+
+
+def cells(survey: Survey) -> Cells:
+    """Free where beams and the drone went, occupied where walls are and beams often ended."""
+    plan = survey.plan
+    seen = rays(plan)
+    flown = np.array([(pose.east_m, pose.north_m) for pose in plan.path]).reshape(-1, 2)
+    walls = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in plan.walls])
+    walls = walls.reshape(-1, 2, 2)[:, :, ::-1]
+    everything = np.concatenate([seen.reshape(-1, 2), flown, walls.reshape(-1, 2), [[0.0, 0.0]]])
+    corner = np.floor((everything.min(axis=0) - MARGIN_M) / CELL_M) * CELL_M
+    columns, rows = np.ceil((everything.max(axis=0) + MARGIN_M - corner) / CELL_M).astype(int)
+    states = np.full((rows, columns), UNKNOWN, dtype=np.uint8)
+
+    def mark(points: NDArray[np.float64], state: int) -> None:
+        column, row = ((points - corner) / CELL_M).astype(int).T
+        states[row, column] = state
+
+    mark(_along(seen), FREE)
+    mark(flown, FREE)
+    between_beams = binary_closing(states == FREE, np.ones((3, 3)))
+    states[between_beams] = FREE
+    off_walls = np.array([hit.wall is None for hit in plan.hits], dtype=bool)
+    mark(_crowded(seen[off_walls, 1]), OCCUPIED)
+    mark(_along(walls), OCCUPIED)
+    return Cells(states, (float(corner[0]), float(corner[1])))
+
+
+def _along(segments: Rays) -> NDArray[np.float64]:
+    """Points on segments, no farther apart than half a cell."""
+    if not len(segments):
+        return np.empty((0, 2))
+    lengths_m = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    counts = np.ceil(lengths_m / (CELL_M / 2)).astype(int) + 1
+    which = np.repeat(np.arange(len(segments)), counts)
+    first = np.repeat(np.cumsum(counts) - counts, counts)
+    share = (np.arange(len(which)) - first) / np.maximum(counts - 1, 1)[which]
+    start, end = segments[which, 0], segments[which, 1]
+    points: NDArray[np.float64] = start + share[:, None] * (end - start)
+    return points
+
+
+def _crowded(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Those points that have others near."""
+    if not len(points):
+        return points
+    neighbours = cKDTree(points).query_ball_point(points, NEAR_M, return_length=True)
+    crowded: NDArray[np.float64] = points[neighbours >= OFF_WALLS]
+    return crowded

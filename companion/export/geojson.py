@@ -1,0 +1,60 @@
+"""GeoJSON for GIS programs: longitude and latitude in degrees, as RFC 7946 demands.
+
+The map knows only its take-off point and first heading; where on Earth these are has to be told.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from shapely.geometry.polygon import orient
+
+from companion.export.survey import Room, Survey
+from companion.frames import Place, Vector2
+
+DIGITS = 9
+"""0.1 mm."""
+
+
+def write_geojson(survey: Survey, path: Path, place: Place) -> None:
+    """Rooms as polygons, walls, openings and path as lines; `kind` tells which."""
+
+    def position(point_ne_m: Vector2) -> tuple[float, ...]:
+        return tuple(round(degrees, DIGITS) for degrees in place.lon_lat_deg(*point_ne_m))
+
+    def line(points_ne_m: Sequence[Vector2], kind: str, **properties: object) -> dict[str, object]:
+        coordinates = [position(point) for point in points_ne_m]
+        geometry = {"type": "LineString", "coordinates": coordinates}
+        return _feature(geometry, kind, properties)
+
+    def area(room: Room) -> dict[str, object]:
+        outlines = orient(room.polygon)  # RFC 7946: anticlockwise, holes clockwise
+        rings = [
+            [position((north, east)) for east, north in ring.coords]
+            for ring in (outlines.exterior, *outlines.interiors)
+        ]
+        properties = {"name": room.name, "area_m2": round(room.area_m2, 3)}
+        return _feature({"type": "Polygon", "coordinates": rings}, "room", properties)
+
+    plan = survey.plan
+    features = [area(room) for room in survey.rooms]
+    features += [
+        line(
+            [wall.start_ne_m, wall.end_ne_m],
+            "wall",
+            length_m=round(wall.length_m, 4),
+            sigma_m=round(wall.sigma_m, 4),
+        )
+        for wall in plan.walls
+    ]
+    features += [
+        line([gap.start_ne_m, gap.end_ne_m], "opening", width_m=round(gap.width_m, 4))
+        for gap in survey.openings
+    ]
+    if len(plan.path) > 1:
+        features.append(line([(pose.north_m, pose.east_m) for pose in plan.path], "path"))
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
+
+
+def _feature(geometry: object, kind: str, properties: dict[str, object]) -> dict[str, object]:
+    return {"type": "Feature", "geometry": geometry, "properties": {"kind": kind, **properties}}

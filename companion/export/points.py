@@ -1,0 +1,47 @@
+"""What the beams have met, as points: PLY and PCD; ENU metres, z = 0 on the floor at take-off."""
+
+from pathlib import Path
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from companion.errors import OutputError
+from companion.export.survey import Survey
+from companion.frames import ned_to_enu
+
+
+def points_enu_m(survey: Survey) -> NDArray[np.float32]:
+    """(n, 3)."""
+    points = [ned_to_enu(hit.position_ned_m) for hit in survey.plan.hits]
+    return np.array(points, dtype=np.float32).reshape(-1, 3)
+
+
+def write_ply(survey: Survey, path: Path) -> None:
+    """Raises `OutputError` without points, for which the library has no file."""
+    if not survey.plan.hits:
+        raise OutputError(f"{path}: the map has no points")
+    with path.open("wb") as file:
+        trimesh.PointCloud(points_enu_m(survey)).export(file, file_type="ply")
+
+
+def write_pcd(survey: Survey, path: Path) -> None:
+    """Version 0.7, binary.
+
+    https://pointclouds.org/documentation/tutorials/pcd_file_format.html
+    """
+    points = points_enu_m(survey)
+    header = {
+        "VERSION": "0.7",
+        "FIELDS": "x y z",
+        "SIZE": "4 4 4",
+        "TYPE": "F F F",
+        "COUNT": "1 1 1",
+        "WIDTH": len(points),
+        "HEIGHT": 1,
+        "VIEWPOINT": "0 0 0 1 0 0 0",
+        "POINTS": len(points),
+        "DATA": "binary",
+    }
+    lines = "".join(f"{key} {entry}\n" for key, entry in header.items())
+    path.write_bytes(lines.encode() + points.astype("<f4").tobytes())

@@ -1,0 +1,48 @@
+"""Along which lines the drone has looked."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.messages import FloorPlan
+
+Rays = NDArray[np.float64]
+"""(n, 2, 2): from where to where, each (x east, y north), metres."""
+
+MOST_NOISE_M = 1.0
+"""A hit no farther than this behind a wall was on it."""
+
+
+def rays(plan: FloorPlan) -> Rays:
+    """From the drone to each hit, or to the wall that the hit's noise has put it behind.
+
+    The drone's place is interpolated on the path. A map from map.json has no hits: no rays.
+    """
+    if not plan.hits or not plan.path:
+        return np.empty((0, 2, 2))
+    times_s = [hit.time_s for hit in plan.hits]
+    known_s = [pose.time_s for pose in plan.path]
+    east_m = np.interp(times_s, known_s, [pose.east_m for pose in plan.path])
+    north_m = np.interp(times_s, known_s, [pose.north_m for pose in plan.path])
+    starts = np.column_stack([east_m, north_m])
+    ends = np.array([hit.position_ned_m for hit in plan.hits])[:, 1::-1]
+    walls = np.array([(wall.start_ne_m, wall.end_ne_m) for wall in plan.walls])
+    return _up_to_walls(np.stack([starts, ends], axis=1), walls.reshape(-1, 2, 2)[:, :, ::-1])
+
+
+def _up_to_walls(lines: Rays, walls: Rays) -> Rays:
+    """Lines that end just behind a wall end on it instead."""
+    start, along = lines[:, None, 0], lines[:, None, 1] - lines[:, None, 0]
+    wall, wall_along = walls[None, :, 0], walls[None, :, 1] - walls[None, :, 0]
+    cross = _cross(along, wall_along)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = _cross(wall - start, wall_along) / cross
+        wall_share = _cross(wall - start, along) / cross
+    overshot_m = (1 - share) * np.linalg.norm(along, axis=2)
+    meets = (wall_share >= 0) & (wall_share <= 1) & (overshot_m >= 0) & (overshot_m < MOST_NOISE_M)
+    share = np.where(meets, share, 1.0).min(axis=1, initial=1.0)
+    return np.stack([lines[:, 0], lines[:, 0] + share[:, None] * along[:, 0]], axis=1)
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    product: NDArray[np.float64] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    return product

@@ -1,0 +1,31 @@
+"""ROS map_server: a PGM of the cells, and a YAML file that tells where they are.
+
+x east, y north, origin at take-off. https://wiki.ros.org/map_server
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from companion.export.cells import CELL_M, FREE, OCCUPIED, UNKNOWN, cells
+from companion.export.survey import Survey
+
+GREY = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
+
+
+def write_ros_map(survey: Survey, path: Path) -> None:
+    """`path` is the PGM's; the YAML file goes beside it."""
+    drawn = cells(survey)
+    greys = np.array([GREY[state] for state in sorted(GREY)], dtype=np.uint8)
+    picture = greys[drawn.states[::-1]]
+    rows, columns = picture.shape
+    path.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + picture.tobytes())
+    x_m, y_m = drawn.corner_enu_m
+    path.with_suffix(".yaml").write_text(
+        f"image: {path.name}\n"
+        f"resolution: {CELL_M}\n"
+        f"origin: [{x_m:.3f}, {y_m:.3f}, 0.0]\n"
+        "negate: 0\n"
+        "occupied_thresh: 0.65\n"
+        "free_thresh: 0.196\n"
+    )

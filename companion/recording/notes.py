@@ -1,0 +1,103 @@
+"""What is recorded for people: to plot, to look at, to read."""
+
+from collections.abc import Sequence
+
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from google.protobuf.message import Message
+from msgspec import json
+
+from companion.app import Inputs, Outputs
+from companion.messages import Beam, GyroSample, WallSegment
+from companion.pdps.flight import Flight, Phase
+from companion.recording import foxglove, topics
+from companion.recording.mcap_file import McapFile
+from companion.recording.topics import PhaseRecord
+
+NUMBERS_PERIOD_S = 0.1
+SCENE_PERIOD_S = 0.2
+"""For the eye; each message costs some ten microseconds."""
+PHASE_PERIOD_S = 1.0
+
+
+class Notes:
+    """Ticks as they come, onto the topics of one file."""
+
+    def __init__(self, file: McapFile, mount_offset_m: float) -> None:
+        self._file = file
+        self._mount_offset_m = mount_offset_m
+        self._gyro: list[GyroSample] = []
+        self._failures: dict[Beam, str] = {}
+        """What each beam says instead of a reading, if it does."""
+        self._flight: Flight | None = None
+        self._numbers_s = self._scene_s = self._phase_s = float("-inf")
+
+    def add(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        self._gyro += inputs.gyro
+        if now_s - self._numbers_s >= NUMBERS_PERIOD_S - 1e-6:
+            self._numbers_s = now_s
+            self._add_numbers(now_s, inputs, outputs)
+        if now_s - self._scene_s >= SCENE_PERIOD_S - 1e-6:
+            self._scene_s = now_s
+            self._add_scene(now_s, inputs, outputs)
+        self._add_faults(now_s, inputs, outputs)
+        self._add_phase(now_s, outputs.flight)
+
+    def add_walls(
+        self, now_s: float, walls: Sequence[WallSegment], ceiling_m: float | None = None
+    ) -> None:
+        self._add(topics.WALLS, now_s, foxglove.walls_scene(now_s, walls, ceiling_m))
+
+    def _add(self, topic: str, now_s: float, message: Message) -> None:
+        self._file.add(topic, now_s, message.SerializeToString())
+
+    def _add_numbers(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        self._file.add(topics.RANGES, now_s, json.encode(inputs.scan.readings))
+        if outputs.pose is not None:
+            self._file.add(topics.ESTIMATE, now_s, json.encode(outputs.pose))
+        self._file.add(topics.GYRO, now_s, json.encode({"samples": self._gyro}))
+        self._gyro = []
+        if outputs.setpoint is not None:
+            self._file.add(topics.SETPOINT, now_s, json.encode(outputs.setpoint))
+
+    def _add_scene(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        if outputs.pose is not None:
+            self._add(topics.POSE, now_s, foxglove.pose_with_covariance(outputs.pose))
+            self._add(topics.TF, now_s, foxglove.transform(outputs.pose))
+        self._add(topics.SCAN, now_s, foxglove.laser_scan(inputs.scan, self._mount_offset_m))
+
+    def _add_faults(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        flight, last = outputs.flight, self._flight
+        if last is not None and flight.trouble != last.trouble:
+            level = Log.ERROR if flight.phase is Phase.FAILED else Log.WARNING
+            self._log_fault(now_s, "flight", flight.trouble, level, "the trouble is over")
+        for beam, reading in inputs.scan.readings.items():
+            failure = "" if reading.is_alive else reading.state.value
+            if failure != self._failures.get(beam, ""):
+                self._failures[beam] = failure
+                source = f"{beam.value} range sensor"
+                self._log_fault(now_s, source, failure, Log.WARNING, "works again")
+        for text in inputs.telemetry.texts:
+            self._add(topics.AUTOPILOT, now_s, foxglove.log(now_s, Log.INFO, "autopilot", text))
+
+    def _log_fault(
+        self, now_s: float, source: str, fault: str, level: Log.Level.ValueType, when_over: str
+    ) -> None:
+        """A new fault, or that there is none any more."""
+        entry = (
+            foxglove.log(now_s, level, source, fault)
+            if fault
+            else foxglove.log(now_s, Log.INFO, source, when_over)
+        )
+        self._add(topics.FAULTS, now_s, entry)
+
+    def _add_phase(self, now_s: float, flight: Flight) -> None:
+        """When it changes, and once a second for those who look in later."""
+        last, self._flight = self._flight, flight
+        is_new = flight is not last and (last is None or _told(flight) != _told(last))
+        if is_new or now_s - self._phase_s >= PHASE_PERIOD_S:
+            self._phase_s = now_s
+            self._file.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_told(flight))))
+
+
+def _told(flight: Flight) -> tuple[str, str, str]:
+    return flight.phase.name, flight.activity, flight.trouble

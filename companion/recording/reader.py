@@ -1,0 +1,136 @@
+"""A recording read back, whether or not its flight came to an end."""
+
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from google.protobuf.message import DecodeError
+from mcap.exceptions import McapError
+from mcap.records import Channel, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader
+from msgspec import MsgspecError, json
+from pydantic import ValidationError
+from zstandard import ZstdError
+
+from companion.config import Config
+from companion.errors import RecordingError
+from companion.messages import FloorPlan, Pose, Setpoint
+from companion.recording import topics
+from companion.recording.exact import Tick, decode_plan, decode_ticks
+from companion.recording.recorder import FORMAT
+from companion.recording.topics import PhaseRecord
+
+LARGEST_RECORD_BYTES = 1 << 28
+_TORN = (McapError, CRCValidationError, ZstdError, struct.error, UnicodeDecodeError)
+"""What the end of a torn file may look like to the MCAP library."""
+_pose_decoder = json.Decoder(Pose)
+_phase_decoder = json.Decoder(PhaseRecord)
+_setpoint_decoder = json.Decoder(Setpoint)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """Something that went wrong, or was over again, in the words of the flight."""
+
+    time_s: float
+    source: str
+    text: str
+    is_over: bool
+
+
+@dataclass(slots=True)
+class Recording:
+    """All that a flight left."""
+
+    path: Path
+    config: Config = field(default_factory=Config)
+    companion_version: str = ""
+    began_unix_s: float = 0.0
+    ticks: list[Tick] = field(default_factory=list)
+    poses: list[Pose] = field(default_factory=list)
+    """As the flight took them to be at the time, not smoothed."""
+    setpoints: list[tuple[float, Setpoint]] = field(default_factory=list)
+    phases: list[PhaseRecord] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+    autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
+    plan: FloorPlan | None = None
+    """The flight's final map; None if it was cut short."""
+    is_whole: bool = False
+    """The file was closed in order."""
+
+
+def read(path: Path) -> Recording:
+    """Everything up to where the recording ends, or tears.
+
+    Raises:
+        RecordingError: there is no such file, or it is no recording of this program's.
+    """
+    recording = Recording(path)
+    try:
+        for topic, record in _records(path, recording):
+            _take(recording, topic, record)
+    except (MsgspecError, DecodeError, ValidationError) as error:
+        raise RecordingError(f"{path}: not recorded by this version: {error}") from error
+    if not recording.companion_version:
+        raise RecordingError(f"{path}: not a recording of companion's")
+    return recording
+
+
+def _records(path: Path, recording: Recording) -> Iterator[tuple[str, Message]]:
+    """Messages with their topics; metadata and the end are noted in `recording`."""
+    channels: dict[int, str] = {}
+    for record in _until_torn(path):
+        if isinstance(record, Channel):
+            channels[record.id] = record.topic
+        elif isinstance(record, Message):
+            yield channels[record.channel_id], record
+        elif isinstance(record, Metadata) and record.name == "recording":
+            _take_metadata(recording, record.metadata)
+        elif isinstance(record, Footer):
+            recording.is_whole = record.summary_start > 0
+
+
+def _until_torn(path: Path) -> Iterator[McapRecord]:
+    try:
+        with path.open("rb") as file:
+            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD_BYTES)
+            yield from reader.records
+    except OSError as error:
+        raise RecordingError(f"{path}: {error.strerror}") from error
+    except _TORN:
+        return
+
+
+def _take_metadata(recording: Recording, entries: dict[str, str]) -> None:
+    if entries["format"] != FORMAT:
+        raise RecordingError(
+            f"{recording.path}: recorded in format {entries['format']}, this program reads "
+            f"{FORMAT}; use companion {entries['companion']}"
+        )
+    recording.companion_version = entries["companion"]
+    recording.began_unix_s = float(entries["began_unix_s"])
+
+
+def _take(recording: Recording, topic: str, message: Message) -> None:
+    time_s, data = message.log_time * 1e-9, message.data
+    match topic:
+        case topics.INPUTS:
+            recording.ticks += decode_ticks(data)
+        case topics.ESTIMATE:
+            recording.poses.append(_pose_decoder.decode(data))
+        case topics.SETPOINT:
+            recording.setpoints.append((time_s, _setpoint_decoder.decode(data)))
+        case topics.PHASE:
+            recording.phases.append(_phase_decoder.decode(data))
+        case topics.FAULTS:
+            log = Log.FromString(data)
+            over = log.level == Log.INFO
+            recording.faults.append(Fault(time_s, log.name, log.message, over))
+        case topics.AUTOPILOT:
+            recording.autopilot_texts.append((time_s, Log.FromString(data).message))
+        case topics.CONFIG:
+            recording.config = Config.model_validate_json(data)
+        case topics.MAP:
+            recording.plan = decode_plan(data)

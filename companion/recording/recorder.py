@@ -1,0 +1,184 @@
+"""Writes a flight down while it goes on: an MCAP file of it, and a tlog of its MAVLink.
+
+Whatever goes wrong here ends the recording with one warning, and never the flight.
+"""
+
+import time
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Protocol
+
+from companion.app import Inputs, Outputs
+from companion.config import Config
+from companion.errors import RecordingError
+from companion.link.transport import Message as MavlinkMessage
+from companion.link.transport import Transport
+from companion.messages import FloorPlan, WallSegment
+from companion.recording import topics
+from companion.recording.disk import Disk
+from companion.recording.exact import Tick, encode_plan, encode_ticks
+from companion.recording.mcap_file import McapFile
+from companion.recording.notes import Notes
+from companion.recording.tlog import Tap, TlogEncoder
+from companion.values import value
+
+FLUSH_PERIOD_S = 0.5
+"""By the clock on the wall; what a crash costs at most, and the writing itself."""
+WALLS_PERIOD_S = 10.0
+FORMAT = "1"
+"""Of `/inputs` and `/map`; one more whenever older programs would read them wrongly."""
+
+Warn = Callable[[str], None]
+Clock = Callable[[], float]
+
+
+class Recorder(Protocol):
+    """What the control loop tells of the flight."""
+
+    def tap(self, transport: Transport) -> Transport:
+        """The transport to fly with, so that its messages are recorded."""
+        ...
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        """One tick, after its setpoint has been sent."""
+        ...
+
+    def close(self, plan: FloorPlan) -> None:
+        """The flight has ended with this map."""
+        ...
+
+
+class NotRecorded:
+    """For flights that nobody will look at again."""
+
+    def tap(self, transport: Transport) -> Transport:
+        return transport
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        pass
+
+    def close(self, plan: FloorPlan) -> None:
+        pass
+
+
+NOT_RECORDED = NotRecorded()
+
+
+def open_recorder(
+    folder: Path, config: Config, began_unix_s: float, warn: Warn, clock: Clock = time.monotonic
+) -> Recorder:
+    """A recorder into new files in `folder`, named by the time; if it cannot be, a warning.
+
+    `clock` tells when to write, and nothing else: a simulated flight, which may take a second in
+    all, is written in a few pieces, and so as quickly as it is flown.
+    """
+    if not config.recording.enabled:
+        return NOT_RECORDED
+    began = datetime.fromtimestamp(began_unix_s, UTC)
+    path = folder / f"flight_{began:%Y-%m-%d_%H-%M-%S}.mcap"
+    number = 1
+    while path.exists():  # a Raspberry Pi without network may start at the same time twice
+        number += 1
+        path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
+    try:
+        return FlightRecorder(path, config, began_unix_s, warn, clock)
+    except RecordingError as error:
+        warn(f"this flight is not recorded: {error}")
+        return NOT_RECORDED
+
+
+@value
+class _Tick:
+    """All of one tick."""
+
+    exact: Tick
+    outputs: Outputs
+    walls: Sequence[WallSegment] | None
+    mavlink: list[MavlinkMessage]
+
+
+class FlightRecorder:
+    """Into `path` and, beside it, a tlog."""
+
+    def __init__(
+        self, path: Path, config: Config, began_unix_s: float, warn: Warn, clock: Clock
+    ) -> None:
+        self.path = path
+        self._clock = clock
+        self._warn = warn
+        self._is_recording = True
+        self._file = McapFile(Disk(path))
+        self._notes = Notes(self._file, config.sensors.mount_offset_m)
+        self._tlog = Disk(path.with_suffix(".tlog"))
+        self._tlog_encoder = TlogEncoder(began_unix_s)
+        self._tap: Tap | None = None
+        self._waiting: list[_Tick] = []
+        self._flushed_s = clock()
+        self._last_s = self._walls_s = 0.0
+        self._file.note(
+            "recording",
+            {
+                "format": FORMAT,
+                "companion": version("pdps-companion"),
+                "began_unix_s": repr(began_unix_s),
+            },
+        )
+        self._file.add(topics.CONFIG, 0.0, config.model_dump_json().encode())
+
+    def tap(self, transport: Transport) -> Transport:
+        self._tap = Tap(transport)
+        return self._tap
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        if self._is_recording:
+            self._guarded(lambda: self._tick(now_s, inputs, outputs))
+
+    def close(self, plan: FloorPlan) -> None:
+        if self._is_recording:
+            self._guarded(lambda: self._close(plan))
+
+    def _guarded(self, work: Callable[[], None]) -> None:
+        """Any error, even one of this module, matters less than the flight."""
+        try:
+            work()
+        except Exception as error:
+            self._is_recording = False
+            reason = error if isinstance(error, RecordingError) else repr(error)
+            self._warn(f"recording stopped: {reason}")
+
+    def _tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        """Ticks are put aside and written many at once, which takes half the time."""
+        self._last_s = now_s
+        walls = None
+        if now_s - self._walls_s >= WALLS_PERIOD_S:
+            self._walls_s = now_s
+            walls = outputs.progress.map_walls()
+        mavlink = self._tap.take() if self._tap is not None else []
+        self._waiting.append(_Tick(Tick(now_s, inputs), outputs, walls, mavlink))
+        if self._clock() - self._flushed_s >= FLUSH_PERIOD_S:
+            self._flushed_s = self._clock()
+            self._flush()
+
+    def _flush(self) -> None:
+        ticks, self._waiting = self._waiting, []
+        if not ticks:
+            return
+        exact = encode_ticks([tick.exact for tick in ticks])
+        self._file.add(topics.INPUTS, ticks[-1].exact.now_s, exact)
+        for tick in ticks:
+            now_s = tick.exact.now_s
+            self._notes.add(now_s, tick.exact.inputs, tick.outputs)
+            if tick.walls is not None:
+                self._notes.add_walls(now_s, tick.walls)
+        self._file.flush()
+        encode = self._tlog_encoder.encode
+        self._tlog.append(b"".join(encode(tick.exact.now_s, tick.mavlink) for tick in ticks))
+
+    def _close(self, plan: FloorPlan) -> None:
+        self._flush()
+        self._notes.add_walls(self._last_s, plan.walls, plan.ceiling_m)
+        self._file.add(topics.MAP, self._last_s, encode_plan(plan))
+        self._file.close()
+        self._tlog.close()

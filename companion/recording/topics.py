@@ -1,0 +1,103 @@
+"""What a recording has in it: its topics, their schemas, and how often each is written.
+
+| topic | schema | what, in which frame |
+|---|---|---|
+| /inputs | MessagePack | all that the flight was given at a tick, exactly; replay needs it |
+| /ranges | companion.Ranges | every beam with its state, metres |
+| /scan | foxglove.LaserScan | the horizontal beams, FLU |
+| /gyro | companion.Gyro | samples since the last message, rad/s clockwise |
+| /estimate | companion.Pose | yaw and position with their sigmas, local NED |
+| /pose, /tf | foxglove.Odometry, foxglove.FrameTransform | the same in ENU, with covariance |
+| /setpoint | companion.Setpoint | velocity FRD and yaw rate; nothing is sent between messages |
+| /walls | foxglove.SceneUpdate | the map so far, ENU |
+| /phase | companion.Phase | the flight's phase in one word, in words, and what troubles it |
+| /faults, /autopilot | foxglove.Log | troubles and failing beams; the autopilot's texts |
+| /config | companion.Config | the effective configuration |
+| /map | MessagePack | the final map, exactly |
+"""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.LaserScan_pb2 import LaserScan
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.Odometry_pb2 import Odometry
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from google.protobuf.message import Message
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import Writer
+from mcap_protobuf.schema import build_file_descriptor_set
+
+from companion.messages import Beam, Pose, Setpoint
+from companion.values import value
+
+INPUTS, RANGES, SCAN, GYRO = "/inputs", "/ranges", "/scan", "/gyro"
+ESTIMATE, POSE, TF, SETPOINT = "/estimate", "/pose", "/tf", "/setpoint"
+WALLS, PHASE, FAULTS, AUTOPILOT = "/walls", "/phase", "/faults", "/autopilot"
+CONFIG, MAP = "/config", "/map"
+
+MESSAGE_PACK = "msgpack"
+JsonSchema = Mapping[str, object]
+
+
+@value
+class PhaseRecord:
+    """The flight's phase at one moment."""
+
+    time_s: float
+    phase: str
+    """Its name in `companion/pdps/flight.py`."""
+    activity: str
+    trouble: str
+
+
+_NUMBER: JsonSchema = {"type": "number"}
+_TEXT: JsonSchema = {"type": "string"}
+
+
+def _object(properties: Mapping[str, JsonSchema]) -> JsonSchema:
+    return {"type": "object", "properties": properties}
+
+
+_RANGE = _object({"state": _TEXT, "distance_m": _NUMBER, "variance_m2": _NUMBER})
+_GYRO_SAMPLE = _object({"time_s": _NUMBER, "yaw_rate_rad_s": _NUMBER})
+
+_PROTOBUF: Mapping[str, type[Message]] = {
+    SCAN: LaserScan,
+    POSE: Odometry,
+    TF: FrameTransform,
+    WALLS: SceneUpdate,
+    FAULTS: Log,
+    AUTOPILOT: Log,
+}
+_JSON: Mapping[str, tuple[str, JsonSchema]] = {
+    RANGES: ("companion.Ranges", _object({beam.value: _RANGE for beam in Beam})),
+    GYRO: ("companion.Gyro", _object({"samples": {"type": "array", "items": _GYRO_SAMPLE}})),
+    ESTIMATE: ("companion.Pose", _object({field.name: _NUMBER for field in fields(Pose)})),
+    SETPOINT: ("companion.Setpoint", _object({field.name: _NUMBER for field in fields(Setpoint)})),
+    PHASE: (
+        "companion.Phase",
+        _object({"time_s": _NUMBER, "phase": _TEXT, "activity": _TEXT, "trouble": _TEXT}),
+    ),
+    CONFIG: ("companion.Config", _object({})),
+}
+_EXACT: Sequence[str] = (INPUTS, MAP)
+
+
+def register(writer: Writer) -> dict[str, int]:
+    """Make all topics known to a writer; the channel of each."""
+    channels = {}
+    for topic, kind in _PROTOBUF.items():
+        descriptors = build_file_descriptor_set(kind).SerializeToString()
+        name = kind.DESCRIPTOR.full_name
+        schema = writer.register_schema(name, SchemaEncoding.Protobuf, descriptors)
+        channels[topic] = writer.register_channel(topic, MessageEncoding.Protobuf, schema)
+    for topic, (name, properties) in _JSON.items():
+        text = json.dumps(properties).encode()
+        schema = writer.register_schema(name, SchemaEncoding.JSONSchema, text)
+        channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema)
+    for topic in _EXACT:
+        channels[topic] = writer.register_channel(topic, MESSAGE_PACK, 0)
+    return channels

@@ -1,0 +1,1 @@
+"""A flight told to somebody who was not there."""

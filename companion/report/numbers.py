@@ -1,0 +1,105 @@
+"""What a recording comes to, in numbers."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from companion.mapping.floor_plan import outline_closed
+from companion.messages import Beam, FloorPlan, RangeState, WallSegment
+from companion.recording.reader import Recording
+from companion.recording.topics import PhaseRecord
+
+SAMPLE_M = 0.25
+MET_WITHIN_M = 0.35
+Times = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """One activity of the flight."""
+
+    activity: str
+    phase: str
+    begin_s: float
+    end_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class BeamUse:
+    """What one range sensor had to say, as shares of all its readings."""
+
+    beam: Beam
+    shares: dict[RangeState, float]
+
+
+def spans(phases: Sequence[PhaseRecord], end_s: float) -> list[Span]:
+    """The activities one after the other, each until the next begins."""
+    begins = [
+        record
+        for last, record in pairwise([None, *phases])
+        if record is not None and (last is None or last.activity != record.activity)
+    ]
+    ends_s = [*[record.time_s for record in begins[1:]], end_s]
+    return [
+        Span(record.activity, record.phase, record.time_s, stop_s)
+        for record, stop_s in zip(begins, ends_s, strict=True)
+    ]
+
+
+def ending(recording: Recording) -> str:
+    """How the flight ended, in one line."""
+    if not recording.phases:
+        return "it ended before it began"
+    last = recording.phases[-1]
+    if recording.plan is None:
+        return f"cut short while {last.activity}"
+    if last.phase == "DONE" and not last.trouble:
+        return "mission complete"
+    return f"{last.activity}: {last.trouble}" if last.trouble else last.activity
+
+
+def beam_uses(recording: Recording) -> list[BeamUse]:
+    counts: dict[Beam, dict[RangeState, int]] = {}
+    for tick in recording.ticks:
+        for beam, reading in tick.inputs.scan.readings.items():
+            mine = counts.setdefault(beam, {})
+            mine[reading.state] = mine.get(reading.state, 0) + 1
+    return [
+        BeamUse(beam, {state: count / sum(mine.values()) for state, count in mine.items()})
+        for beam, mine in counts.items()
+    ]
+
+
+def flown_m(plan: FloorPlan) -> float:
+    """Length of the path."""
+    places = [(pose.north_m, pose.east_m) for pose in plan.path]
+    return sum(math.dist(*leg) for leg in pairwise(places))
+
+
+def outline_seen(plan: FloorPlan) -> float:
+    """Share of all directions from the start in which the map has a wall, 0 to 1."""
+    return outline_closed(plan.walls, (0.0, 0.0))
+
+
+def walls_over_time(plan: FloorPlan) -> tuple[Times, Times]:
+    """Seconds, and the share of the final walls that beams had met by then, 0 to 1."""
+    pieces = [_samples(wall) for wall in plan.walls]
+    if not pieces or not plan.hits:
+        return np.empty(0), np.empty(0)
+    hits = np.array([hit.position_ned_m[:2] for hit in plan.hits])
+    hit_s = np.array([hit.time_s for hit in plan.hits])
+    near = cKDTree(hits).query_ball_point(np.concatenate(pieces), MET_WITHIN_M)
+    met_s = np.sort([hit_s[indices].min() for indices in near if indices])
+    return met_s, np.arange(1, len(met_s) + 1) / len(near)
+
+
+def _samples(wall: WallSegment) -> NDArray[np.float64]:
+    """Points along a wall, (n, 2), north and east."""
+    share = np.linspace(0, 1, max(2, round(wall.length_m / SAMPLE_M)))[:, None]
+    points: NDArray[np.float64] = (1 - share) * wall.start_ne_m + share * np.array(wall.end_ne_m)
+    return points

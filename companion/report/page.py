@@ -1,0 +1,143 @@
+"""One HTML page with everything in it: no scripts, no other files."""
+
+import json
+import math
+from collections.abc import Iterable, Sequence
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+
+from companion.errors import OutputError
+from companion.export.survey import Survey, survey
+from companion.messages import FloorPlan, RangeState
+from companion.recording.reader import Recording
+from companion.report.numbers import Span, beam_uses, ending, flown_m, outline_seen, spans
+from companion.report.pictures import plan_picture, plots_picture, timeline_picture
+
+
+def write_report(recording: Recording, plan: FloorPlan, title: str, path: Path) -> None:
+    """Write the page.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    text = report_page(recording, survey(plan), title)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror}") from error
+
+
+def report_page(recording: Recording, found: Survey, title: str) -> str:
+    end_s = recording.ticks[-1].now_s if recording.ticks else 0.0
+    activities = spans(recording.phases, end_s)
+    template = Template((files("companion.report") / "page.html").read_text(encoding="utf-8"))
+    result = ending(recording)
+    return template.substitute(
+        title=escape(title),
+        result=escape(result),
+        result_class="good" if result == "mission complete" else "bad",
+        facts=_facts(recording, found, end_s),
+        plan=plan_picture(found, activities, recording.faults),
+        rooms=_rooms(found),
+        walls=_walls(found.plan),
+        openings=_openings(found),
+        timeline=timeline_picture(activities, recording.faults),
+        activities=_activities(activities),
+        faults=_faults(recording),
+        plots=plots_picture(recording, found.plan),
+        beams=_beams(recording),
+        config=escape(json.dumps(recording.config.model_dump(mode="json"), indent=2)),
+        file=escape(recording.path.name),
+        version=escape(recording.companion_version),
+    )
+
+
+def _facts(recording: Recording, found: Survey, end_s: float) -> str:
+    plan = found.plan
+    length_m = sum(wall.length_m for wall in plan.walls)
+    sigma_m = sum(wall.length_m * wall.sigma_m for wall in plan.walls) / (length_m or 1.0)
+    mission, sensors = recording.config.mission, recording.config.sensors
+    facts = [
+        ("mission", f"{mission.kind}, {mission.speed_m_s:g} m/s at {mission.height_m:g} m"),
+        ("range sensors", f"{len(sensors.channels)} × {sensors.profile}"),
+        ("recorded", f"{end_s:.0f} s"),
+        ("flown", f"{flown_m(plan):.1f} m"),
+        ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
+        ("walls", f"{len(plan.walls)}, {length_m:.1f} m"),
+        ("walls lie within", f"± {100 * sigma_m:.1f} cm (1 σ)"),
+        ("ceiling", "never met" if plan.ceiling_m is None else f"{plan.ceiling_m:.2f} m"),
+        ("outline seen", f"{100 * outline_seen(plan):.0f} % of all directions"),
+        ("faults", f"{sum(not fault.is_over for fault in recording.faults)}"),
+    ]
+    return "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
+
+
+def _rooms(found: Survey) -> str:
+    rows = [(room.name, f"{room.area_m2:.2f} m²") for room in found.rooms]
+    return _table(("room", "area"), rows, "no room is closed: too much wall was not seen")
+
+
+def _openings(found: Survey) -> str:
+    rows = [
+        (f"{gap.width_m:.2f} m", _place(gap.start_ne_m, gap.end_ne_m)) for gap in found.openings
+    ]
+    return _table(("opening", "from – to (north, east), m"), rows, "none was looked through")
+
+
+def _walls(plan: FloorPlan) -> str:
+    rows = [
+        (
+            f"{number}",
+            f"{wall.length_m:.2f} m",
+            f"{100 * wall.sigma_m:.1f} cm",
+            f"{math.degrees(wall.normal_sigma_rad):.2f}°",
+            f"{wall.hits}",
+            _place(wall.start_ne_m, wall.end_ne_m),
+        )
+        for number, wall in enumerate(plan.walls, start=1)
+    ]
+    heads = ("wall", "length", "± across", "± direction", "returns", "from – to (north, east), m")
+    return _table(heads, rows, "no wall was mapped")
+
+
+def _place(start_ne_m: Sequence[float], end_ne_m: Sequence[float]) -> str:
+    (north_a, east_a), (north_b, east_b) = start_ne_m, end_ne_m
+    return f"({north_a:.2f}, {east_a:.2f}) – ({north_b:.2f}, {east_b:.2f})"
+
+
+def _activities(activities: Sequence[Span]) -> str:
+    rows = [
+        (f"{span.begin_s:.1f} s", f"{span.end_s - span.begin_s:.1f} s", span.activity)
+        for span in activities
+    ]
+    return _table(("from", "for", "what the drone did"), rows, "nothing")
+
+
+def _faults(recording: Recording) -> str:
+    rows = [(f"{fault.time_s:.1f} s", fault.source, fault.text) for fault in recording.faults]
+    texts = [(f"{time_s:.1f} s", text) for time_s, text in recording.autopilot_texts]
+    return _table(("at", "of", "what"), rows, "nothing went wrong") + _table(
+        ("at", "the autopilot said"), texts, "the autopilot said nothing"
+    )
+
+
+def _beams(recording: Recording) -> str:
+    rows = [
+        (use.beam.value, *(f"{100 * use.shares.get(state, 0.0):.1f} %" for state in RangeState))
+        for use in beam_uses(recording)
+    ]
+    return _table(("beam", *(state.value for state in RangeState)), rows, "no reading")
+
+
+def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], when_empty: str) -> str:
+    rows = list(rows)
+    if not rows:
+        return f"<p class='none'>{escape(when_empty)}</p>"
+    head = "".join(f"<th>{escape(text)}</th>" for text in heads)
+    body = "".join(
+        "<tr>" + "".join(f"<td>{escape(text)}</td>" for text in row) + "</tr>" for row in rows
+    )
+    return f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
