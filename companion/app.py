@@ -7,16 +7,18 @@ No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from companion.config import Config
-from companion.drivers.sharp import PROFILES
+from companion.drivers.fold_back import FoldBack
+from companion.drivers.models import as_one, folding_beams, range_models
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.drivers.mounts import Mounts
 from companion.messages import (
     Command,
     FloorPlan,
@@ -88,6 +90,8 @@ class App:
 
     def __init__(self, config: Config) -> None:
         self._config = config
+        self._mounts = Mounts(config.sensors)
+        self._fold_back = FoldBack(folding_beams(config.sensors))
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
@@ -98,6 +102,7 @@ class App:
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
+        inputs = replace(inputs, scan=self._true_ranges(inputs))
         self._note_arrivals(now_s, inputs)
         self._calibrate(inputs)
         pose = self._estimate(now_s, inputs)
@@ -107,6 +112,12 @@ class App:
             action.command,
             self._report(now_s),
             finished=self.flight.phase in FINAL_PHASES,
+        )
+
+    def _true_ranges(self, inputs: Inputs) -> RangeScan:
+        """Without aliases, and as if every sensor sat equally far from the centre."""
+        return self._mounts.level(
+            self._fold_back.checked(inputs.scan, inputs.telemetry.odometry)
         )
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
@@ -123,7 +134,7 @@ class App:
         if self._rest.bias_rad_s is not None:
             sensors = self._config.sensors
             self.estimator = Estimator(
-                self._rest.bias_rad_s, PROFILES[sensors.profile], sensors.mount_offset_m
+                self._rest.bias_rad_s, as_one(range_models(sensors)), sensors.mount_offset_m
             )
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:

@@ -14,12 +14,10 @@ from companion.clocks import SitlClock, SystemClock
 from companion.config import Config
 from companion.console import ProgressLine, summary
 from companion.drivers.bus import open_bus
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.drivers.ranges import RangeSensors
 from companion.drivers.served_bus import VirtualClock
 from companion.errors import CompanionError
-from companion.fly import Clock, Rig, fly
-from companion.link.link import Link
+from companion.fly import Clock, fly
+from companion.rig import make_rig
 from companion.link.transport import UdpTransport
 from companion.mapping.files import AutoSave, save
 
@@ -44,7 +42,7 @@ def fly_command(
     config: Annotated[Path | None, typer.Option(help="TOML file; see docs/config.md.")] = None,
     link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
     bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
-    profile: Annotated[str | None, typer.Option(help="Range sensors: gp2y0a710k0f, paper.")] = None,
+    profile: Annotated[str | None, typer.Option(help="Range sensors, if all are of one kind.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""
@@ -58,12 +56,7 @@ def _fly(settings: Config, out: Path) -> int:
     transport = UdpTransport(settings.link.url, settings.link.system_id, settings.link.component_id)
     bus = open_bus(settings.sensors.bus)
     console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
-    rig = Rig(
-        Link(transport, settings.link),
-        RangeSensors(bus, settings.sensors),
-        Lsm9ds1(bus, settings.sensors.gyro_address),
-        _clock(settings, transport, console),
-    )
+    rig = make_rig(settings, transport, bus, _clock(settings, transport, console))
     app = App(settings)
     autosave = AutoSave(out, app.floor_plan)
     interrupted = _Interruption(console)

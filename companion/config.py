@@ -6,21 +6,27 @@ is allowed; an unknown key is refused, never ignored.
 
 import tomllib
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self, get_args
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from companion.errors import ConfigError
 from companion.messages import Beam
+from companion.range_config import (
+    AdcChannel,
+    Calibration,
+    Group,
+    Profile,
+    RangeSensor,
+    place,
+    usual_sensors,
+)
 
 
-class _Group(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-
-class LinkConfig(_Group):
+class LinkConfig(Group):
     """MAVLink to the autopilot."""
 
     url: str = Field("udpin:127.0.0.1:14550", pattern=r"^(udpin|udpout):[^:]+:\d{1,5}$")
@@ -36,19 +42,16 @@ class LinkConfig(_Group):
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
 
 
-class AdcChannel(_Group):
-    """Where a Sharp sensor is wired."""
-
-    address: int = Field(ge=0x48, le=0x4B)
-    """I2C address of the ADS1115."""
-    channel: int = Field(ge=0, le=3)
-
-
-class SensorsConfig(_Group):
+class SensorsConfig(Group):
     """Range sensors and gyro."""
 
     bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
-    profile: Literal["gp2y0a710k0f", "paper"] = "gp2y0a710k0f"
+    """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
+    profile: Profile = "gp2y0a710k0f"
+    """Five sensors of one kind, wired in the usual way."""
+    ranges: dict[Beam, RangeSensor] = {}
+    """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
+    calibration: dict[Beam, Calibration] = {}
     channels: dict[Beam, AdcChannel] = {
         Beam.FRONT: AdcChannel(address=0x48, channel=0),
         Beam.LEFT: AdcChannel(address=0x48, channel=1),
@@ -58,12 +61,35 @@ class SensorsConfig(_Group):
     }
     mount_offset_m: float = Field(0.08, ge=0, le=1)
     """How far from the drone's centre each sensor sits, along its own beam."""
+    gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
+    """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
     gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
     rest_s: float = Field(3.0, ge=1, le=60)
     """How long the gyro's bias is averaged before arming."""
 
+    @cached_property
+    def beams(self) -> dict[Beam, RangeSensor]:
+        """What looks where."""
+        return self.ranges or usual_sensors(self.profile, self.channels)
 
-class MissionConfig(_Group):
+    def mount_of_m(self, beam: Beam) -> float:
+        """How far from the drone's centre along its beam."""
+        own = self.beams[beam].mount_offset_m
+        return self.mount_offset_m if own is None else own
+
+    @model_validator(mode="after")
+    def _no_two_at_one_place(self) -> Self:
+        taken: dict[tuple[object, ...], Beam] = {}
+        for beam, sensor in self.beams.items():
+            if (where := place(sensor)) and taken.setdefault(where, beam) is not beam:
+                raise ValueError(
+                    f"{taken[where].value} and {beam.value} are wired to the same place; "
+                    "give each an address, channel or port of its own"
+                )
+        return self
+
+
+class MissionConfig(Group):
     """How the room is flown."""
 
     kind: Literal["room"] = "room"
@@ -74,7 +100,7 @@ class MissionConfig(_Group):
     time_limit_s: float = Field(600.0, gt=0, le=3600)
 
 
-class Config(_Group):
+class Config(Group):
     """Everything that can be set."""
 
     link: LinkConfig = LinkConfig()
@@ -116,17 +142,38 @@ def _read(path: Path) -> dict[str, Any]:
 def _first_complaint(error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "value_error":
+        return f"{key}: {first['msg'].removeprefix('Value error, ')}"
+    if first["type"] == "union_tag_invalid":
+        context = first["ctx"]
+        return f"{key}.kind = {context['tag']!r}: should be one of {context['expected_tags']}"
     if first["type"] == "extra_forbidden":
-        known = ", ".join(sorted(_keys_at(first["loc"][:-1])))
+        known = ", ".join(sorted(_keys_at(Config, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
     return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
 
 
-def _keys_at(path: tuple[int | str, ...]) -> list[str]:
-    group: type[BaseModel] = Config
-    for part in path:
-        annotation = group.model_fields[str(part)].annotation if group else None
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return ["address", "channel"]
-        group = annotation
-    return list(group.model_fields)
+def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """The keys that are known at a place: in a group, or in one of a table's entries."""
+    if not path:
+        return list(group.model_fields)
+    field, *rest = path
+    annotation = group.model_fields[str(field)].annotation
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return _keys_at(annotation, tuple(rest))
+    _, entry = get_args(annotation)  # a table by beam
+    _, *kind = rest
+    groups = [g for g in _groups(entry) if not kind or kind[0] in _kinds(g)]
+    return _keys_at(groups[0], ())
+
+
+def _groups(entry: Any) -> list[type[BaseModel]]:
+    """Of a union that is told apart by `kind`, or of one group."""
+    if isinstance(entry, type):
+        return [entry]
+    union, *_ = get_args(entry)
+    return list(get_args(union))
+
+
+def _kinds(group: type[BaseModel]) -> tuple[object, ...]:
+    return get_args(group.model_fields["kind"].annotation)

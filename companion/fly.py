@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from companion.app import App, Inputs, Progress
-from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.drivers.gyro import Gyro
 from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
 from companion.pdps.flight import Flight
@@ -31,7 +31,7 @@ class Rig:
 
     link: Link
     ranges: RangeSensors
-    gyro: Lsm9ds1
+    gyro: Gyro
     clock: Clock
 
 

@@ -7,6 +7,8 @@ Heartbeats go out from `send`, that is from the control loop: a companion that h
 """
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -36,10 +38,24 @@ class Telemetry:
     texts: tuple[str, ...] = ()
 
 
+class Listener(Protocol):
+    """Somebody who reads certain messages of the vehicle's, such as a sensor that it has."""
+
+    @property
+    def streams_hz(self) -> Mapping[int, float]:
+        """By message id, how often they are wanted."""
+        ...
+
+    def hear(self, message: Message, now_s: float) -> None: ...
+
+
 class Link:
     """One vehicle; time is an argument throughout."""
 
-    def __init__(self, transport: Transport, config: LinkConfig) -> None:
+    def __init__(
+        self, transport: Transport, config: LinkConfig, listeners: Sequence[Listener] = ()
+    ) -> None:
+        self._listeners = listeners
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._origin = _origin(config)
@@ -74,6 +90,9 @@ class Link:
                 self._note(kind, message)
             if stream := self._streams.get(message.get_msgId()):
                 stream.seen_s = now_s
+            for listener in self._listeners:
+                if message.get_msgId() in listener.streams_hz:
+                    listener.hear(message, now_s)
         for text in texts:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
@@ -106,6 +125,8 @@ class Link:
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
                 dialect.estimator_message: SLOW_HZ,
             }
+            for listener in self._listeners:
+                rates_hz |= listener.streams_hz
             self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 

@@ -16,7 +16,7 @@ import numpy as np
 from companion import config as configuration
 from companion.app import App, Inputs, Outputs
 from companion.config import Config
-from companion.drivers.sharp import PROFILES
+from companion.drivers.models import as_one, range_models
 from companion.messages import FloorPlan
 from sitl.bench.references import Recorded, dead_reckoned, ideal
 from sitl.lockstep import fly_in_lockstep
@@ -121,7 +121,7 @@ def _references(
     flown = Recorded(
         app.estimator.keyframes,
         app.estimator.rest_bias_rad_s,
-        PROFILES[sensors.profile],
+        as_one(range_models(sensors)),
         sensors.mount_offset_m,
     )
     surfaces = wall_surfaces(setup.world, settings.mission.height_m)
