@@ -13,12 +13,12 @@ from functools import cached_property
 from companion.config import Config
 from companion.drivers.fold_back import FoldBack
 from companion.drivers.models import as_one, folding_beams, range_models
+from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
-from companion.drivers.mounts import Mounts
 from companion.messages import (
     Command,
     FloorPlan,
@@ -116,9 +116,7 @@ class App:
 
     def _true_ranges(self, inputs: Inputs) -> RangeScan:
         """Without aliases, and as if every sensor sat equally far from the centre."""
-        return self._mounts.level(
-            self._fold_back.checked(inputs.scan, inputs.telemetry.odometry)
-        )
+        return self._mounts.level(self._fold_back.checked(inputs.scan, inputs.telemetry.odometry))
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
         if inputs.gyro:

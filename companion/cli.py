@@ -17,9 +17,9 @@ from companion.drivers.bus import open_bus
 from companion.drivers.served_bus import VirtualClock
 from companion.errors import CompanionError
 from companion.fly import Clock, fly
-from companion.rig import make_rig
 from companion.link.transport import UdpTransport
 from companion.mapping.files import AutoSave, save
+from companion.rig import make_rig
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -42,7 +42,9 @@ def fly_command(
     config: Annotated[Path | None, typer.Option(help="TOML file; see docs/config.md.")] = None,
     link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
     bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
-    profile: Annotated[str | None, typer.Option(help="Range sensors, if all are of one kind.")] = None,
+    profile: Annotated[
+        str | None, typer.Option(help="Range sensors, if all are of one kind.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""

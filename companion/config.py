@@ -22,6 +22,7 @@ from companion.range_config import (
     Profile,
     RangeSensor,
     place,
+    usual_channels,
     usual_sensors,
 )
 
@@ -49,16 +50,11 @@ class SensorsConfig(Group):
     """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
     profile: Profile = "gp2y0a710k0f"
     """Five sensors of one kind, wired in the usual way."""
-    ranges: dict[Beam, RangeSensor] = {}
+    ranges: dict[Beam, RangeSensor] = Field(default_factory=dict)
     """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
-    calibration: dict[Beam, Calibration] = {}
-    channels: dict[Beam, AdcChannel] = {
-        Beam.FRONT: AdcChannel(address=0x48, channel=0),
-        Beam.LEFT: AdcChannel(address=0x48, channel=1),
-        Beam.RIGHT: AdcChannel(address=0x48, channel=2),
-        Beam.UP: AdcChannel(address=0x49, channel=0),
-        Beam.DOWN: AdcChannel(address=0x49, channel=1),
-    }
+    calibration: dict[Beam, Calibration] = Field(default_factory=dict)
+    """Of each unit against a tape measure, written by `companion calibrate range`."""
+    channels: dict[Beam, AdcChannel] = Field(default_factory=usual_channels)
     mount_offset_m: float = Field(0.08, ge=0, le=1)
     """How far from the drone's centre each sensor sits, along its own beam."""
     gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"

@@ -94,6 +94,17 @@ USUAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 USUAL_MUX = 0x70
 
 
+def usual_channels() -> dict[Beam, AdcChannel]:
+    """Five Sharp sensors on two ADS1115."""
+    return {
+        Beam.FRONT: AdcChannel(address=0x48, channel=0),
+        Beam.LEFT: AdcChannel(address=0x48, channel=1),
+        Beam.RIGHT: AdcChannel(address=0x48, channel=2),
+        Beam.UP: AdcChannel(address=0x49, channel=0),
+        Beam.DOWN: AdcChannel(address=0x49, channel=1),
+    }
+
+
 def usual_sensors(profile: Profile, channels: dict[Beam, AdcChannel]) -> dict[Beam, RangeSensor]:
     """Five sensors of one kind, wired in the usual way; Sharp ones as `channels` says."""
     match profile:

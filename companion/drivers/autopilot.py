@@ -23,7 +23,7 @@ ORIENTATIONS: dict[int, Beam] = {
     mavlink.MAV_SENSOR_ROTATION_PITCH_90: Beam.UP,
     mavlink.MAV_SENSOR_ROTATION_PITCH_270: Beam.DOWN,
 }
-RANGE_HZ, IMU_HZ = 20.0, 50.0
+RANGE_HZ, IMU_HZ, NOT_ASKED_FOR = 20.0, 50.0, 0.0
 RANGE_FRESH_S = 0.2
 """Messages come when the autopilot has time for them."""
 UNKNOWN_COVARIANCE, INVALID_QUALITY = 255, 1
@@ -87,9 +87,10 @@ class AutopilotGyro:
     """The autopilot's gyro; the better of its messages, as far as it sends both."""
 
     streams_hz: Mapping[int, float] = {
-        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: IMU_HZ,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: NOT_ASKED_FOR,
         mavlink.MAVLINK_MSG_ID_SCALED_IMU: IMU_HZ,
     }
+    """PX4 streams the first by itself, ArduPilot may not have it and would complain."""
     _TOLD: Mapping[str, Callable[[Any], tuple[float, float]]] = {
         "HIGHRES_IMU": lambda m: (m.time_usec * 1e-6, m.zgyro),
         "SCALED_IMU": lambda m: (m.time_boot_ms * 1e-3, m.zgyro * 1e-3),
@@ -102,7 +103,7 @@ class AutopilotGyro:
         self._offset_s = math.inf
         """From its clock to ours: the quickest message so far had the shortest way."""
         self._heard_s = 0.0
-        self._told_s = -math.inf
+        self._told_s = self._last_s = -math.inf
 
     def hear(self, message: Any, now_s: float) -> None:
         """Take in one sample, by its own time; an older one than the last changes nothing."""
@@ -117,7 +118,10 @@ class AutopilotGyro:
         self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
         self._offset_s = min(self._offset_s, now_s - boot_s)
         self._heard_s = now_s
-        self._samples.append(GyroSample(boot_s + self._offset_s, yaw_rate_rad_s))
+        time_s = boot_s + self._offset_s
+        if time_s > self._last_s:  # a quicker message has just shown that it is earlier
+            self._last_s = time_s
+            self._samples.append(GyroSample(time_s, yaw_rate_rad_s))
 
     def read(self, time_s: float) -> list[GyroSample]:
         """All samples since the last read."""

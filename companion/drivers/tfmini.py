@@ -9,6 +9,7 @@ import struct
 from companion.drivers.bus import Uart
 from companion.drivers.readings import NOTHING, Latest
 from companion.drivers.time_of_flight import TimeOfFlight
+from companion.errors import SensorError
 from companion.messages import RangeReading
 
 HEADER = b"\x59\x59"
@@ -38,7 +39,11 @@ def latest_frame(data: bytes) -> tuple[tuple[int, int] | None, bytes]:
 
 
 class Tfmini:
-    """One sensor. A port tells nothing of what is on it: silence and garbage show at reading."""
+    """One sensor. A port tells nothing of what is on it: silence and garbage show at reading.
+
+    Raises:
+        SensorError: there is no such port.
+    """
 
     def __init__(self, uart: Uart, port: str, baud: int, model: TimeOfFlight) -> None:
         self._uart = uart
@@ -47,7 +52,12 @@ class Tfmini:
         self.model = model
         self._rest = b""
         self._latest = Latest()
-        uart.receive(port, baud)  # what had been waiting is of unknown age
+        try:
+            uart.receive(port, baud)  # what had been waiting is of unknown age
+        except SensorError:
+            raise
+        except OSError as error:
+            raise SensorError(f"{port}: {error}; check sensors.ranges.*.port") from error
 
     def read(self, time_s: float) -> RangeReading | None:
         """The latest reading; None if it is silent, or blinded by light."""

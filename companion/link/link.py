@@ -43,7 +43,7 @@ class Listener(Protocol):
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
-        """By message id, how often they are wanted."""
+        """By message id, how often they are wanted; 0: taken if they come, but not asked for."""
         ...
 
     def hear(self, message: Message, now_s: float) -> None: ...
@@ -126,7 +126,7 @@ class Link:
                 dialect.estimator_message: SLOW_HZ,
             }
             for listener in self._listeners:
-                rates_hz |= listener.streams_hz
+                rates_hz |= {id_: hz for id_, hz in listener.streams_hz.items() if hz > 0}
             self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 

@@ -62,7 +62,12 @@ class SensorBoard:
             if gain_sigma is not None:
                 physics = replace(physics, gain_sigma=gain_sigma)
             true_range = _beam_query(
-                sensor, beam, config.mount_of_m(beam), physics.sees_to_m, range_query(beam), truth_at
+                sensor,
+                beam,
+                config.mount_of_m(beam),
+                physics.sees_to_m,
+                range_query(beam),
+                truth_at,
             )
             random = stream(seed, f"range sensor {beam.value}")
             self._sensors[beam] = (

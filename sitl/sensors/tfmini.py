@@ -5,7 +5,7 @@ from sitl.sensors.time_of_flight import TofUnit
 
 BAUD = 115200
 STRONG, WEAK = 2000, 20
-TEMPERATURE = round((45 + 256) * 8)
+TEMPERATURE = (45 + 256) * 8
 """45 °C."""
 BUFFERED_FRAMES = 450
 """Linux keeps 4095 bytes for a reader who does not come."""
