@@ -19,7 +19,7 @@ from companion.frames import ned_to_frd, wrap_rad
 from companion.messages import Beam, Odometry, RangeScan, RangeState
 
 ALIAS_BELOW_M = 0.75
-"""The true branch begins at 1 m, the alias at 0.42 m: dead reckoning tells them apart in between."""
+"""The true branch begins at 1 m, the alias at 0.42 m; dead reckoning tells them apart."""
 BRANCH_BEGINS_M = 1.0
 OTHER_THING_RAD = math.radians(20)
 AXES_FRD = {

@@ -70,8 +70,14 @@ class Autopilot:
         values = boot_values(self._is, parameters)
         self._navigation = Navigation(start, seed, self._is, values, noise)
         self._status = Status(self._is.boot_mode)
-        imu = Imu(stream(seed, "autopilot's gyro"))
-        self._telemetry = Telemetry(self._is, values, self._status, self._navigation, start, imu)
+        self._telemetry = Telemetry(
+            self._is,
+            values,
+            self._status,
+            self._navigation,
+            start,
+            imu=Imu(stream(seed, "autopilot's gyro")),
+        )
         makers = self._telemetry.makers(tells_truth=tells_truth)
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)

@@ -65,6 +65,7 @@ class Telemetry:
         status: Status,
         navigation: Navigation,
         truth: TrueState,
+        *,
         imu: Imu,
     ) -> None:
         self._imu = imu

@@ -62,8 +62,7 @@ class SensorBoard:
             if gain_sigma is not None:
                 physics = replace(physics, gain_sigma=gain_sigma)
             true_range = _beam_query(
-                sensor,
-                beam,
+                _axis_frd(beam, sensor),
                 config.mount_of_m(beam),
                 physics.sees_to_m,
                 range_query(beam),
@@ -154,19 +153,22 @@ def _of_kind(config: SensorsConfig, kind: type[Kind]) -> Iterator[tuple[Beam, Ki
     return ((beam, s) for beam, s in config.beams.items() if isinstance(s, kind))
 
 
+def _axis_frd(beam: Beam, sensor: RangeSensor) -> Vector3:
+    """Where the sensor looks."""
+    if sensor.bearing_deg is None:
+        return BEAM_FRD[beam]
+    bearing_rad = math.radians(sensor.bearing_deg)
+    return math.cos(bearing_rad), math.sin(bearing_rad), 0.0
+
+
 def _beam_query(
-    sensor: RangeSensor,
-    beam: Beam,
+    axis_frd: Vector3,
     mount_offset_m: float,
     sees_to_m: float,
     range_m: RangeQuery,
     truth_at: TruthAt,
 ) -> Callable[[float], float | None]:
     """The true range of one beam, from where the sensor sits."""
-    axis_frd = BEAM_FRD[beam]
-    if sensor.bearing_deg is not None:
-        bearing_rad = math.radians(sensor.bearing_deg)
-        axis_frd = (math.cos(bearing_rad), math.sin(bearing_rad), 0.0)
 
     def query(time_s: float) -> float | None:
         truth = truth_at(time_s)

@@ -44,11 +44,13 @@ def refused(tmp_path: Path, text: str) -> str:
             ("sensors.ranges.front", "channel", "7"),
         ),
         (
-            "[sensors.ranges]\nfront = {kind = 'tfmini_s', port = '/dev/a'}\nup = {kind = 'tf_luna', port = '/dev/a'}\n",
+            "[sensors.ranges]\nfront = {kind = 'tfmini_s', port = '/dev/a'}\n"
+            "up = {kind = 'tf_luna', port = '/dev/a'}\n",
             ("front and up", "same place"),
         ),
         (
-            "[sensors.channels]\nfront = {address = 72, channel = 0}\nup = {address = 72, channel = 0}\n",
+            "[sensors.channels]\nfront = {address = 72, channel = 0}\n"
+            "up = {address = 72, channel = 0}\n",
             ("front and up", "same place"),
         ),
         (
@@ -112,7 +114,5 @@ def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
 
 def test_a_sensor_that_looks_aside_is_refused_with_the_key() -> None:
     values = {"sensors": {"ranges": {"left": {"kind": "vl53l1x", "bearing_deg": -45}}}}
-    with pytest.raises(
-        ConfigError, match=r"sensors\.ranges\.left\.bearing_deg = -45: should be -90"
-    ):
+    with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be -90"):
         App(Config.model_validate(values))

@@ -2,7 +2,7 @@
 
 import sys
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import pytest
 import serial
@@ -28,7 +28,7 @@ class Port:
     """Stands for a serial port that can be pulled out."""
 
     is_there = True
-    opened: list[tuple[str, int]] = []
+    opened: ClassVar[list[tuple[str, int]]] = []
 
     def __init__(self, port: str, baud: int, **kwargs: Any) -> None:
         if not Port.is_there:
@@ -74,7 +74,7 @@ def test_a_port_that_is_pulled_out_is_opened_again(monkeypatch: pytest.MonkeyPat
     Port.is_there = False
     for _ in range(3):
         now_s[0] += 0.4
-        with pytest.raises(OSError, match="ttyUSB0|Input/output"):
+        with pytest.raises(OSError, match=r"ttyUSB0|Input/output"):
             wires.receive("/dev/ttyUSB0", 115200)
     Port.is_there = True
     now_s[0] += 1.5

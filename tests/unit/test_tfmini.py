@@ -1,5 +1,7 @@
 """Frames of the TFmini-S out of whatever stands around them."""
 
+from itertools import pairwise
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -32,7 +34,7 @@ def test_a_frame_is_found_however_it_is_cut(
 ) -> None:
     data, rest, found = raw(distance_cm, strength), b"", None
     edges = sorted({0, len(data), *cuts})
-    for start, end in zip(edges, edges[1:], strict=False):
+    for start, end in pairwise(edges):
         new, rest = latest_frame(rest + data[start:end])
         found = new or found
     assert found == (distance_cm, strength)
