@@ -8,17 +8,18 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from companion import config as configuration
 from companion.app import App, Progress
-from companion.clocks import SitlClock, SystemClock
+from companion.calibrate_cli import commands as calibrate_commands
+from companion.check_cli import check
+from companion.clocks import open_clock
 from companion.config import Config
 from companion.console import ProgressLine, summary
 from companion.drivers.bus import open_bus
-from companion.drivers.served_bus import VirtualClock
 from companion.errors import CompanionError
-from companion.fly import Clock, fly
-from companion.link.transport import UdpTransport
+from companion.fly import fly
+from companion.link.open_link import open_transport
 from companion.mapping.files import AutoSave, save
+from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 from companion.rig import make_rig
 
 EXIT_NOT_COMPLETED = 1
@@ -30,35 +31,29 @@ commands = typer.Typer(
     pretty_exceptions_enable=False,
     help="Fly a drone through a room it has never seen and bring back the map.",
 )
-
-
-@commands.callback()
-def _several_commands() -> None:
-    """Keep `fly` a command of its own."""
+commands.command()(check)
+commands.add_typer(calibrate_commands, name="calibrate")
 
 
 @commands.command("fly")
 def fly_command(
-    config: Annotated[Path | None, typer.Option(help="TOML file; see docs/config.md.")] = None,
-    link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
-    bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
-    profile: Annotated[
-        str | None, typer.Option(help="Range sensors, if all are of one kind.")
-    ] = None,
+    config: ConfigFile = None,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    profile: Profile = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""
-    overrides = {"link.url": link, "sensors.bus": bus, "sensors.profile": profile}
-    settings = configuration.load(config, {k: v for k, v in overrides.items() if v is not None})
+    settings = load_settings(config, link, bus, profile)
     raise typer.Exit(_fly(settings, out))
 
 
 def _fly(settings: Config, out: Path) -> int:
     console = Console(highlight=False)
-    transport = UdpTransport(settings.link.url, settings.link.system_id, settings.link.component_id)
+    transport = open_transport(settings.link)
     bus = open_bus(settings.sensors.bus)
     console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
-    rig = make_rig(settings, transport, bus, _clock(settings, transport, console))
+    rig = make_rig(settings, transport, bus, open_clock(settings, transport, console.print))
     app = App(settings)
     autosave = AutoSave(out, app.floor_plan)
     interrupted = _Interruption(console)
@@ -78,13 +73,6 @@ def _fly(settings: Config, out: Path) -> int:
     if not flight.took_off:
         console.print(_remedy(settings), soft_wrap=True)
     return 0 if flight.completed else EXIT_NOT_COMPLETED
-
-
-def _clock(settings: Config, transport: UdpTransport, console: Console) -> Clock:
-    if not settings.sensors.bus.startswith("sitl://"):
-        return SystemClock()
-    host, port = settings.sensors.bus.removeprefix("sitl://").rsplit(":", 1)
-    return SitlClock(VirtualClock(host, int(port)), transport, console.print)
 
 
 def _remedy(settings: Config) -> str:

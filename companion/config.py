@@ -10,7 +10,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, Self, get_args
 
-import tomli_w
+import tomlkit
 from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from companion.errors import ConfigError
@@ -30,8 +30,11 @@ from companion.range_config import (
 class LinkConfig(Group):
     """MAVLink to the autopilot."""
 
-    url: str = Field("udpin:127.0.0.1:14550", pattern=r"^(udpin|udpout):[^:]+:\d{1,5}$")
-    """udpin waits for the autopilot at this address; udpout speaks first."""
+    url: str = Field(
+        "udpin:127.0.0.1:14550",
+        pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
+    )
+    """udpin waits for the autopilot at this address; udpout speaks first; serial:/dev/PORT:BAUD."""
     system_id: int = Field(1, ge=1, le=255)
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
@@ -59,6 +62,8 @@ class SensorsConfig(Group):
     """How far from the drone's centre each sensor sits, along its own beam."""
     gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
     """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
+    gyro_gain: float = Field(1.0, ge=0.8, le=1.2)
+    """What it reads is gain × rate, written by `companion calibrate gyro`."""
     gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
     rest_s: float = Field(3.0, ge=1, le=60)
     """How long the gyro's bias is averaged before arming."""
@@ -123,16 +128,52 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
 
 def to_toml(config: Config) -> str:
     """The text of a file that `load` makes the same configuration of."""
-    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
+    return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
+
+
+def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
+    """Set one key, such as "sensors.calibration.front"; the rest of the file stays as it is.
+
+    Raises:
+        ConfigError: the file cannot be read or written, or could not be used afterwards.
+    """
+    document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
+    group: Any = document
+    *groups, name = key.split(".")
+    for part in groups:
+        group = group.setdefault(part, tomlkit.table())
+    group[name] = _item(value)
+    text = tomlkit.dumps(document)
+    try:
+        Config.model_validate(tomllib.loads(text))
+        path.write_text(text)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_first_complaint(error)}") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+
+
+def _item(value: Mapping[str, object] | float) -> Any:
+    """As it is written into a file: groups on one line."""
+    if not isinstance(value, Mapping):
+        return tomlkit.item(value)
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table
 
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(path.read_text())
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
+        return tomllib.loads(_text(path))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
 
 
 def _first_complaint(error: ValidationError) -> str:

@@ -6,23 +6,15 @@ is the clock, the link's transport and the bus, and those are handed in.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from companion.app import App, Inputs, Progress
+from companion.clocks import Clock
 from companion.drivers.gyro import Gyro
 from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
 from companion.pdps.flight import Flight
 
 TICK_S = 0.05
-
-
-class Clock(Protocol):
-    """Time as the flight knows it: of the machine, or virtual."""
-
-    def wait_until(self, time_s: float) -> float:
-        """Return the time once `time_s` is reached; later if the machine was slow."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)

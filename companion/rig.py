@@ -1,11 +1,12 @@
 """All that a flight touches outside itself, put together as the configuration says."""
 
+from companion.clocks import Clock
 from companion.config import Config
 from companion.drivers.autopilot import AutopilotGyro
 from companion.drivers.bus import Wires
-from companion.drivers.gyro import open_gyro
+from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.ranges import RangeSensors
-from companion.fly import Clock, Rig
+from companion.fly import Rig
 from companion.link.link import Link, Listener
 from companion.link.transport import Transport
 
@@ -23,4 +24,5 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
         listeners.append(ranges.from_autopilot)
     if isinstance(gyro, AutopilotGyro):
         listeners.append(gyro)
-    return Rig(Link(transport, config.link, listeners), ranges, gyro, clock)
+    link = Link(transport, config.link, listeners)
+    return Rig(link, ranges, calibrated(gyro, config.sensors), clock)

@@ -17,10 +17,29 @@ class Gyro(Protocol):
         ...
 
 
+class Calibrated:
+    """A gyro that reads `gain` times the rate."""
+
+    def __init__(self, gyro: Gyro, gain: float) -> None:
+        self._gyro = gyro
+        self._gain = gain
+
+    def read(self, time_s: float) -> list[GyroSample]:
+        return [
+            GyroSample(sample.time_s, sample.yaw_rate_rad_s / self._gain)
+            for sample in self._gyro.read(time_s)
+        ]
+
+
 def open_gyro(bus: Bus, config: SensorsConfig) -> Lsm9ds1 | AutopilotGyro:
-    """Ours, or the autopilot's, which is to be told of its messages.
+    """Ours, or the autopilot's, which is to be told of its messages; as it reads.
 
     Raises:
         SensorError: there is no gyro at the address.
     """
     return AutopilotGyro() if config.gyro == "autopilot" else Lsm9ds1(bus, config.gyro_address)
+
+
+def calibrated(gyro: Gyro, config: SensorsConfig) -> Gyro:
+    """As it would read with a gain of one."""
+    return gyro if config.gyro_gain == 1.0 else Calibrated(gyro, config.gyro_gain)

@@ -64,7 +64,7 @@ class Link:
         self._armed = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
-        self._estimate_ready = False
+        self._estimate_complaint = "its estimator has not been heard"
         self._odometry = OdometryReader()
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
@@ -109,7 +109,7 @@ class Link:
         elif self._dialect is None:
             return
         elif message.get_msgId() == self._dialect.estimator_message:
-            self._estimate_ready = self._dialect.is_estimate_ready(message)
+            self._estimate_complaint = self._dialect.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
             for parameter in self._dialect.safety_parameters:
                 if message.param_id == parameter.name:
@@ -144,7 +144,7 @@ class Link:
         dialect = self._dialect
         if dialect is None:
             return VehicleState(silent_s=age_s)
-        ready = self._estimate_ready and self._odometry.has_position and self._is_safe(dialect)
+        waits_for = self._waits_for(dialect)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
@@ -153,7 +153,8 @@ class Link:
             takes_off_by_setpoint=dialect.takes_off_by_setpoint,
             armed=self._armed,
             landed_state=self._landed_state,
-            estimate_ready=ready,
+            estimate_ready=not waits_for,
+            waits_for=waits_for,
             refusal=self._commands.refusal,
         )
 
@@ -193,9 +194,14 @@ class Link:
         ]
         return messages
 
-    def _is_safe(self, dialect: Dialect) -> bool:
-        """The autopilot has confirmed every safety parameter."""
-        return all(self._parameters_set.get(p.name) for p in dialect.safety_parameters)
+    def _waits_for(self, dialect: Dialect) -> str:
+        """What keeps us from flying by the autopilot's estimate; or nothing."""
+        if self._estimate_complaint:
+            return self._estimate_complaint
+        if not self._odometry.has_position:
+            return "no LOCAL_POSITION_NED comes from it"
+        unset = [p.name for p in dialect.safety_parameters if not self._parameters_set.get(p.name)]
+        return f"it does not confirm {', '.join(unset)}" if unset else ""
 
 
 def _landed_state(value: int) -> LandedState:

@@ -54,13 +54,22 @@ def make_codec(system_id: int, component_id: int) -> Any:
 def decode(codec: Any, data: bytes) -> list[Message]:
     """Whole messages in a packet; what cannot be parsed or is not known is left out.
 
-    Half a message at the packet's end is forgotten, or it would swallow the next packet. A
-    message's number is asked for, not read from its `id`: some messages have a field of that name.
+    Half a message at the packet's end is forgotten, or it would swallow the next packet.
     """
-    messages = codec.parse_buffer(data) or []
+    messages = decode_stream(codec, data)
     if codec.buf_len():
         codec.buf, codec.buf_index = bytearray(), 0
         codec.expected_length = mavlink.HEADER_LEN_V1 + 2
+    return messages
+
+
+def decode_stream(codec: Any, data: bytes) -> list[Message]:
+    """Whole messages in a stream so far; the beginning of the next one is kept.
+
+    A message's number is asked for, not read from its `id`: some messages have a field of that
+    name.
+    """
+    messages = codec.parse_buffer(data) or []
     return [
         m for m in messages if m.get_type() != "BAD_DATA" and m.get_msgId() in mavlink.mavlink_map
     ]

@@ -96,6 +96,10 @@ class SensorBoard:
     def plug_in(self, beam: str) -> None:
         self._sensors[Beam(beam)].is_unplugged = False
 
+    def set_gain(self, beam: str, gain: float) -> None:
+        """A fault for tests: a range sensor that reads so many times the distance."""
+        self._sensors[Beam(beam)].gain = gain
+
     def _i2c_devices(self, config: SensorsConfig) -> Iterator[tuple[int, Device]]:
         inputs: dict[int, dict[int, Beam]] = {}
         for beam, sharp in _of_kind(config, SharpOnAds1115):

@@ -47,7 +47,7 @@ class TofUnit:
         self._random = random
         self._period_s = physics.period_s * (1 + random.gauss(0, physics.period_spread))
         self._phase_s = random.uniform(0, self._period_s)
-        self._gain = 1 + random.gauss(0, physics.gain_sigma)
+        self.gain = 1 + random.gauss(0, physics.gain_sigma)
         self._count = -1
         self._distance_m: float | None = None
         self.is_unplugged = False
@@ -74,6 +74,6 @@ class TofUnit:
         model = physics.model
         within_m = min(max(true_m, model.min_m), model.max_m)
         sigma2_m2 = model.sigma_m(within_m) ** 2 - (model.gain_sigma * within_m) ** 2
-        told_m = true_m * self._gain + noise * math.sqrt(sigma2_m2)
+        told_m = true_m * self.gain + noise * math.sqrt(sigma2_m2)
         steps = max(0, round(told_m / physics.resolution_m))
         return steps * physics.resolution_m
