@@ -83,6 +83,10 @@ class Outputs:
     command: Command | None
     progress: Progress
     finished: bool
+    scan: RangeScan
+    """The ranges as they are believed."""
+    activity: str
+    trouble: str
 
 
 class App:
@@ -112,6 +116,9 @@ class App:
             action.command,
             self._report(now_s),
             finished=self.flight.phase in FINAL_PHASES,
+            scan=inputs.scan,
+            activity=self.flight.activity,
+            trouble=self.flight.trouble,
         )
 
     def _true_ranges(self, inputs: Inputs) -> RangeScan:

@@ -177,6 +177,8 @@ class Examination:
             f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "
             "link.system_id, and that the router sends there"
         )
+        if self._config.link.signing_key is not None:
+            remedy += "; or what it sends is not signed with our link.signing_key"
         return Finding("link", Verdict.BAD, "silent", remedy)
 
     def _ask(self, now_s: float) -> None:

@@ -39,6 +39,14 @@ class LinkConfig(Group):
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
     """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    signing_key: Path | None = None
+    """File of 64 hexadecimal digits, mode 600: frames are signed with it, and others refused."""
+    signing_timestamp: Path | None = None
+    """Where the latest time stamp is kept; None: beside the key."""
+    tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
+    """What the autopilot's own avoidance and terrain following get to know of our ranges."""
+    tell_texts: bool = True
+    """Phases and faults as STATUSTEXT, for whoever looks on at a ground station."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
     """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
     All three at zero count as not told."""

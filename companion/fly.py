@@ -12,6 +12,7 @@ from companion.clocks import Clock
 from companion.drivers.gyro import Gyro
 from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
+from companion.link.reports import Reports
 from companion.pdps.flight import Flight
 
 TICK_S = 0.05
@@ -25,6 +26,7 @@ class Rig:
     ranges: RangeSensors
     gyro: Gyro
     clock: Clock
+    reports: Reports
 
 
 def fly(
@@ -42,6 +44,7 @@ def fly(
         )
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command)
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, outputs.activity, outputs.trouble))
         watch(outputs.progress)
         if outputs.finished:
             return app.flight

@@ -5,9 +5,11 @@ from companion.config import Config
 from companion.drivers.autopilot import AutopilotGyro
 from companion.drivers.bus import Wires
 from companion.drivers.gyro import calibrated, open_gyro
+from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
 from companion.fly import Rig
 from companion.link.link import Link, Listener
+from companion.link.reports import Reports
 from companion.link.transport import Transport
 
 
@@ -25,4 +27,5 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
     if isinstance(gyro, AutopilotGyro):
         listeners.append(gyro)
     link = Link(transport, config.link, listeners)
-    return Rig(link, ranges, calibrated(gyro, config.sensors), clock)
+    reports = Reports(config.link, range_models(config.sensors))
+    return Rig(link, ranges, calibrated(gyro, config.sensors), clock, reports)

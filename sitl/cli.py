@@ -90,6 +90,10 @@ def run(
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
     ] = 1,
     mavlink: Mavlink = None,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(help="The vehicles sign, and refuse who does not, with the key in this file."),
+    ] = None,
     connect: Annotated[
         str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
     ] = "udpin:127.0.0.1:14551",
@@ -123,7 +127,8 @@ def run(
         world, seed, profile, autopilot.value, start, params, param or (), beam, crop, config
     )
     setup, watch = options.setup()
-    fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
+    links = mavlink or [DEFAULT_MAVLINK]
+    fleet, doors = fleet_doors(setup, watch, vehicles, links, bus_port, signing_key=signing_key)
     for number, door in enumerate(doors):
         _tell_door(door, f"system {setup.system_id + number}" if vehicles > 1 else "")
     _serve(Server(fleet, doors, speed=speed, lockstep=lockstep))

@@ -158,6 +158,12 @@ class Link:
             refusal=self._commands.refusal,
         )
 
+    def transmit(self, messages: Sequence[Message]) -> None:
+        """What others have to tell, once an autopilot is there to hear it."""
+        if self._dialect is not None:
+            for message in messages:
+                self._transport.send(message)
+
     def send(self, now_s: float, setpoint: Setpoint | None, command: Command | None) -> None:
         """Heartbeat, requests that are due, and what the flight asks for."""
         for message in self._due(now_s, setpoint, command):

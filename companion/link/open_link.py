@@ -2,6 +2,7 @@
 
 from companion.config import LinkConfig
 from companion.link.serial_transport import SerialTransport
+from companion.link.signing import load_signing
 from companion.link.transport import UdpTransport
 
 
@@ -12,4 +13,7 @@ def open_transport(config: LinkConfig) -> UdpTransport | SerialTransport:
         LinkError: it cannot be used; names the url and the remedy.
     """
     kind = SerialTransport if config.url.startswith("serial:") else UdpTransport
-    return kind(config.url, config.system_id, config.component_id)
+    signing = None
+    if config.signing_key is not None:
+        signing = load_signing(config.signing_key, config.signing_timestamp)
+    return kind(config.url, config.system_id, config.component_id, signing)

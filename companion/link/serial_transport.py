@@ -4,6 +4,7 @@ import time
 from typing import Any
 
 from companion.errors import LinkError
+from companion.link.signing import Signing
 from companion.link.transport import Message, decode_stream, make_codec
 
 RETRY_PERIOD_S = 1.0
@@ -16,10 +17,12 @@ class SerialTransport:
         LinkError: the port cannot be opened.
     """
 
-    def __init__(self, url: str, system_id: int, component_id: int) -> None:
+    def __init__(
+        self, url: str, system_id: int, component_id: int, signing: Signing | None = None
+    ) -> None:
         _, self._path, baud = url.split(":")
         self._baud = int(baud)
-        self._codec = make_codec(system_id, component_id)
+        self._codec = make_codec(system_id, component_id, signing)
         self._retry_at_s = 0.0
         self.bytes_received = self.messages_received = 0
         """Many bytes and no message: the baud rate is wrong."""

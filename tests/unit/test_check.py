@@ -12,7 +12,6 @@ from companion.check import Examination, Finding, Verdict
 from companion.check_hands import changed_beam, verdict
 from companion.config import Config
 from companion.fly import Rig
-from companion.link.link import Link
 from companion.link.serial_transport import SerialTransport
 from companion.link.transport import direct_pair
 from companion.messages import Beam, RangeReading, RangeState
@@ -235,6 +234,5 @@ def test_a_turn_by_hand_is_measured_until_it_rests() -> None:
             bench.truth = replace(STILL, yaw_rate_rad_s=rate)
             return now_s
 
-    turning = Rig(rig.link, rig.ranges, rig.gyro, Turning(bench))
-    assert isinstance(turning.link, Link)
+    turning = replace(rig, clock=Turning(bench))
     assert math.degrees(turn_rad(turning, bias)) == pytest.approx(360, rel=0.06)
