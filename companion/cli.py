@@ -21,6 +21,7 @@ from companion.link.open_link import open_transport
 from companion.mapping.files import AutoSave, save
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 from companion.rig import make_rig
+from companion.service import Service
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -56,17 +57,20 @@ def _fly(settings: Config, out: Path) -> int:
     rig = make_rig(settings, transport, bus, open_clock(settings, transport, console.print))
     app = App(settings)
     autosave = AutoSave(out, app.floor_plan)
+    service = Service()
     interrupted = _Interruption(console)
     began_s = time.monotonic()
     try:
         with ProgressLine(console) as line:
 
             def watch(progress: Progress) -> None:
+                service.alive(progress.activity)
                 line.show(progress)
                 autosave.update(progress.time_s)
 
             flight = fly(app, rig, watch, interrupted.requested)
     finally:
+        service.landed()
         plan = app.final_floor_plan()
         files = save(plan, out)
     console.print(summary(flight, plan, files, time.monotonic() - began_s))

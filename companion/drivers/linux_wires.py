@@ -1,6 +1,5 @@
 """The wires of a Linux machine, such as a Raspberry Pi: each is opened when it is first used."""
 
-import re
 import time
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +13,7 @@ RETRY_PERIOD_S = 1.0
 
 
 class LinuxWires:
-    """I2C by smbus2, SPI by spidev, serial ports by pyserial."""
+    """I2C by smbus2, SPI by python-periphery, serial ports by pyserial."""
 
     def __init__(self, i2c_path: str) -> None:
         self._i2c_path = i2c_path
@@ -30,7 +29,7 @@ class LinuxWires:
 
     def exchange(self, device: str, data: bytes) -> bytes:
         spi = self._spi.get(device) or self._spi.setdefault(device, _open_spi(device))
-        return bytes(spi.xfer2(list(data)))
+        return bytes(spi.transfer(data))
 
     def receive(self, port: str, baud: int) -> bytes:
         """An adapter that was pulled out and put in again is opened again."""
@@ -52,18 +51,15 @@ class LinuxWires:
 
 
 def _open_spi(device: str) -> Any:
-    import spidev  # noqa: PLC0415 - absent on machines without SPI
+    from periphery import SPI, SPIError  # noqa: PLC0415 - few drones need it
 
-    spi = spidev.SpiDev()
     try:
-        spi.open(*map(int, re.findall(r"\d+", device)))
-    except OSError as error:
+        return SPI(device, 0, SPI_CLOCK_HZ)
+    except SPIError as error:
         raise SensorError(
             f"{device}: {error.strerror}; enable SPI (raspi-config, Interface Options) "
             "and add this user to the group spi"
         ) from error
-    spi.max_speed_hz = SPI_CLOCK_HZ
-    return spi
 
 
 def _open_port(port: str, baud: int) -> Any:

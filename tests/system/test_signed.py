@@ -1,4 +1,4 @@
-"""What only real processes can prove of signing: key files, UDP, and a companion without the key."""
+"""What only real processes can prove of signing: key files, UDP, one who has not the key."""
 
 import json
 import os

@@ -11,15 +11,19 @@ from companion.drivers.bus import open_bus
 from companion.errors import SensorError
 
 
-class SpiDev:
-    """Stands for spidev; adds one to every byte."""
+class SpiError(OSError):
+    """Stands for periphery's."""
 
-    def open(self, bus: int, chip_select: int) -> None:
-        if bus:
-            raise FileNotFoundError(2, "No such file or directory")
 
-    def xfer2(self, data: list[int]) -> list[int]:
-        return [value + 1 for value in data]
+class Spi:
+    """Stands for periphery's; adds one to every byte."""
+
+    def __init__(self, device: str, mode: int, clock_hz: float) -> None:
+        if device != "/dev/spidev0.1":
+            raise SpiError(2, "No such file or directory")
+
+    def transfer(self, data: bytes) -> bytes:
+        return bytes(value + 1 for value in data)
 
     def close(self) -> None: ...
 
@@ -49,7 +53,8 @@ class Port:
 
 @pytest.fixture(autouse=True)
 def _made_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "spidev", SimpleNamespace(SpiDev=SpiDev))
+    made_up = SimpleNamespace(SPI=Spi, SPIError=SpiError)
+    monkeypatch.setitem(sys.modules, "periphery", made_up)
     monkeypatch.setattr(serial, "Serial", Port)
     monkeypatch.setattr(Port, "is_there", True)
     monkeypatch.setattr(Port, "opened", [])
