@@ -1,7 +1,8 @@
 """What the simulated sensors do: `python -m benchmarks.sensors`.
 
-Reprints the tables of docs/sensors.md: the range sensor's voltage and spread over distance, a
-reading over an edge by width of the beam, losses by incidence, and the gyro's drift.
+Reprints the tables of docs/sensors.md: the range sensor's voltage and spread over distance, what is
+known of those that time light, a reading over an edge by width of the beam, losses by incidence,
+and the gyro's drift.
 """
 
 import math
@@ -13,6 +14,7 @@ from sitl.noise import stream
 from sitl.sensors.beam import BeamPhysics, LightBeam
 from sitl.sensors.lsm9ds1 import draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
+from sitl.sensors.time_of_flight import TOF_PHYSICS, TofUnit
 from sitl.world.format import World
 from sitl.world.model import Hit, WorldModel
 
@@ -45,6 +47,26 @@ def sharp() -> Iterator[str]:
         told_cm, spread_cm = 100 * physics.profile.sigma_m(distance_m), 100 * spread_m
         mean_v = statistics.mean(volts)
         yield f"{distance_m:5.1f} m {mean_v:9.2f} {told_cm:12.1f} cm {spread_cm:12.1f} cm"
+
+
+def time_of_flight() -> Iterator[str]:
+    yield "sensor      range, m     σ at 1 m, 3 m: told, measured    every    age"
+    for name, physics in TOF_PHYSICS.items():
+        model = physics.model
+        spreads = []
+        for distance_m in (1.0, 3.0):
+
+            def still(time_s: float, at_m: float = distance_m) -> float:
+                return at_m
+
+            units = [TofUnit(physics, still, Random(seed)) for seed in range(1000)]
+            told_m = [unit.distance_m(1.0) for unit in units]
+            spread_m = statistics.stdev(m for m in told_m if m is not None)
+            spreads.append(f"{100 * model.sigma_m(distance_m):.1f}, {100 * spread_m:.1f} cm")
+        yield (
+            f"{name:10s} {model.min_m:5.2f} to {model.max_m:4.1f}   {'; '.join(spreads)}"
+            f"   {1000 * physics.period_s:.0f} ms   {1000 * model.mean_age_s:.1f} ms"
+        )
 
 
 def edge() -> Iterator[str]:
@@ -82,7 +104,7 @@ def gyro() -> Iterator[str]:
 
 
 def main() -> None:
-    for table in (sharp, edge, incidence, gyro):
+    for table in (sharp, time_of_flight, edge, incidence, gyro):
         print(*table(), "", sep="\n")
 
 

@@ -7,11 +7,13 @@ No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from companion.config import Config, SensorsConfig
-from companion.drivers.sharp import PROFILES
+from companion.drivers.fold_back import FoldBack
+from companion.drivers.models import folding_beams, range_models
+from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.range_units import RangeUnit
@@ -86,6 +88,8 @@ class Outputs:
     """Where it is by now; None before the estimate has begun."""
     progress: Progress
     flight: Flight
+    scan: RangeScan
+    """The ranges as they are believed."""
 
     @property
     def finished(self) -> bool:
@@ -97,6 +101,8 @@ class App:
 
     def __init__(self, config: Config) -> None:
         self._config = config
+        self._mounts = Mounts(config.sensors)
+        self._fold_back = FoldBack(folding_beams(config.sensors))
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
@@ -106,12 +112,24 @@ class App:
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
+        inputs = replace(inputs, scan=self._true_ranges(inputs))
         self._note_arrivals(now_s, inputs)
         self._calibrate(inputs)
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
         known = pose if self.estimator else None
-        return Outputs(action.setpoint, action.command, known, self._report(now_s), self.flight)
+        return Outputs(
+            action.setpoint,
+            action.command,
+            known,
+            self._report(now_s),
+            self.flight,
+            inputs.scan,
+        )
+
+    def _true_ranges(self, inputs: Inputs) -> RangeScan:
+        """Without aliases, and as if every sensor sat equally far from the centre."""
+        return self._mounts.level(self._fold_back.checked(inputs.scan, inputs.telemetry.odometry))
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
         if inputs.gyro:
@@ -180,9 +198,9 @@ class App:
 
 
 def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:
-    """The sensors that look level, as configured."""
-    model = PROFILES[sensors.profile]
+    """The sensors that look level; `Mounts` has put them all equally far from the centre."""
     return {
-        beam: RangeUnit(model, bearing_rad, sensors.mount_offset_m)
-        for beam, bearing_rad in BEARING_FRD_RAD.items()
+        beam: RangeUnit(model, BEARING_FRD_RAD[beam], sensors.mount_offset_m)
+        for beam, model in range_models(sensors).items()
+        if beam in BEARING_FRD_RAD
     }

@@ -9,26 +9,26 @@ import typer
 from rich.console import Console
 
 from companion import afterwards
-from companion import config as configuration
 from companion.app import App, Progress
-from companion.clocks import SitlClock, SystemClock
+from companion.calibrate_cli import commands as calibrate_commands
+from companion.check_cli import check
+from companion.clocks import open_clock
 from companion.config import Config
 from companion.console import ProgressLine, summary
 from companion.drivers.bus import open_bus
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.drivers.ranges import RangeSensors
-from companion.drivers.served_bus import VirtualClock
 from companion.errors import CompanionError, OutputError
-from companion.fly import Clock, Rig, fly
-from companion.link.link import Link
-from companion.link.transport import UdpTransport
+from companion.fly import fly
+from companion.link.open_link import open_transport
 from companion.mapping.files import AutoSave, save
 from companion.offline import sensors as log_sensors
 from companion.offline.console import LogProgress, log_summary
 from companion.offline.files import save_results
 from companion.offline.mapper import map_log
 from companion.offline.readers import read_log
+from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 from companion.recording.recorder import open_recorder
+from companion.rig import make_rig
+from companion.service import Service
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -40,19 +40,20 @@ commands = typer.Typer(
     help="Fly a drone through a room it has never seen and bring back the map; or map a log.",
 )
 commands.add_typer(afterwards.commands)
+commands.command()(check)
+commands.add_typer(calibrate_commands, name="calibrate")
 
 
 @commands.command("fly")
 def fly_command(
-    config: Annotated[Path | None, typer.Option(help="TOML file; see docs/config.md.")] = None,
-    link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
-    bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
-    profile: Annotated[str | None, typer.Option(help="Range sensors: gp2y0a710k0f, paper.")] = None,
+    config: ConfigFile = None,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    profile: Profile = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""
-    overrides = {"link.url": link, "sensors.bus": bus, "sensors.profile": profile}
-    settings = configuration.load(config, {k: v for k, v in overrides.items() if v is not None})
+    settings = load_settings(config, link, bus, profile)
     raise typer.Exit(_fly(settings, out))
 
 
@@ -78,29 +79,28 @@ def map_command(
 
 def _fly(settings: Config, out: Path) -> int:
     console = Console(highlight=False)
-    transport = UdpTransport(settings.link.url, settings.link.system_id, settings.link.component_id)
+    transport = open_transport(settings.link)
     bus = open_bus(settings.sensors.bus)
     console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
     recorder = open_recorder(out, settings, time.time(), console.print)
-    rig = Rig(
-        Link(recorder.tap(transport), settings.link),
-        RangeSensors(bus, settings.sensors),
-        Lsm9ds1(bus, settings.sensors.gyro_address),
-        _clock(settings, transport, console),
-    )
+    clock = open_clock(settings, transport, console.print)
+    rig = make_rig(settings, recorder.tap(transport), bus, clock)
     app = App(settings)
     autosave = AutoSave(out, app.floor_plan, console.print)
+    service = Service()
     interrupted = _Interruption(console)
     began_s = time.monotonic()
     try:
         with ProgressLine(console) as line:
 
             def watch(progress: Progress) -> None:
+                service.alive(progress.activity)
                 line.show(progress)
                 autosave.update(progress.time_s)
 
             flight = fly(app, rig, watch, interrupted.requested, recorder.tick)
     finally:
+        service.landed()
         plan = app.final_floor_plan()
         recorder.close(plan)
         files = save(plan, out)
@@ -108,13 +108,6 @@ def _fly(settings: Config, out: Path) -> int:
     if not flight.took_off:
         console.print(_remedy(settings), soft_wrap=True)
     return 0 if flight.completed else EXIT_NOT_COMPLETED
-
-
-def _clock(settings: Config, transport: UdpTransport, console: Console) -> Clock:
-    if not settings.sensors.bus.startswith("sitl://"):
-        return SystemClock()
-    host, port = settings.sensors.bus.removeprefix("sitl://").rsplit(":", 1)
-    return SitlClock(VirtualClock(host, int(port)), transport, console.print)
 
 
 def _remedy(settings: Config) -> str:

@@ -2,12 +2,23 @@
 
 import time
 from collections.abc import Callable
+from typing import Protocol
 
+from companion.config import Config
 from companion.drivers.served_bus import VirtualClock
-from companion.errors import SensorError
+from companion.errors import ConfigError, SensorError
+from companion.link.serial_transport import SerialTransport
 from companion.link.transport import UdpTransport
 
 DATAGRAM_TIMEOUT_S = 1.0
+
+
+class Clock(Protocol):
+    """Time as the flight knows it: of the machine, or virtual."""
+
+    def wait_until(self, time_s: float) -> float:
+        """Return the time once `time_s` is reached; later if the machine was slow."""
+        ...
 
 
 class SystemClock:
@@ -55,3 +66,23 @@ class SitlClock:
             return self._last_s
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
         return self._last_s
+
+
+def open_clock(
+    config: Config, transport: UdpTransport | SerialTransport, warn: Callable[[str], None]
+) -> Clock:
+    """SITL's where the sensors are SITL's.
+
+    Raises:
+        ConfigError: its time is kept by datagrams, and there are none.
+        SensorError: nothing serves it.
+    """
+    if not config.sensors.bus.startswith("sitl://"):
+        return SystemClock()
+    if not isinstance(transport, UdpTransport):
+        raise ConfigError(
+            f"link.url = {config.link.url!r}: with sensors at {config.sensors.bus} "
+            "it should be udpin:HOST:PORT or udpout:HOST:PORT"
+        )
+    host, port = config.sensors.bus.removeprefix("sitl://").rsplit(":", 1)
+    return SitlClock(VirtualClock(host, int(port)), transport, warn)

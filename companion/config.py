@@ -6,21 +6,25 @@ is allowed; an unknown key is refused, never ignored.
 
 import tomllib
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, TypeVar
+from typing import Any, Literal, Self, TypeVar, get_args
 
-import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+import tomlkit
+from pydantic import BaseModel, Field, ValidationError, model_validator
 
 from companion.errors import ConfigError
 from companion.messages import Beam
-
-
-class Group(BaseModel):
-    """A table of settings: fixed once read, without keys that nobody knows."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
+from companion.range_config import (
+    AdcChannel,
+    Calibration,
+    Group,
+    Profile,
+    RangeSensor,
+    place,
+    usual_channels,
+    usual_sensors,
+)
 
 _G = TypeVar("_G", bound=Group)
 
@@ -28,12 +32,23 @@ _G = TypeVar("_G", bound=Group)
 class LinkConfig(Group):
     """MAVLink to the autopilot."""
 
-    url: str = Field("udpin:127.0.0.1:14550", pattern=r"^(udpin|udpout):[^:]+:\d{1,5}$")
-    """udpin waits for the autopilot at this address; udpout speaks first."""
+    url: str = Field(
+        "udpin:127.0.0.1:14550",
+        pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
+    )
+    """udpin waits for the autopilot at this address; udpout speaks first; serial:/dev/PORT:BAUD."""
     system_id: int = Field(1, ge=1, le=255)
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
     """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    signing_key: Path | None = None
+    """File of 64 hexadecimal digits, mode 600: frames are signed with it, and others refused."""
+    signing_timestamp: Path | None = None
+    """Where the latest time stamp is kept; None: beside the key."""
+    tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
+    """What the autopilot's own avoidance and terrain following get to know of our ranges."""
+    tell_texts: bool = True
+    """Phases and faults as STATUSTEXT, for whoever looks on at a ground station."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
     """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
     All three at zero count as not told."""
@@ -43,31 +58,48 @@ class LinkConfig(Group):
     """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
 
 
-class AdcChannel(Group):
-    """Where a Sharp sensor is wired."""
-
-    address: int = Field(ge=0x48, le=0x4B)
-    """I2C address of the ADS1115."""
-    channel: int = Field(ge=0, le=3)
-
-
 class SensorsConfig(Group):
     """Range sensors and gyro."""
 
     bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
-    profile: Literal["gp2y0a710k0f", "paper"] = "gp2y0a710k0f"
-    channels: dict[Beam, AdcChannel] = {
-        Beam.FRONT: AdcChannel(address=0x48, channel=0),
-        Beam.LEFT: AdcChannel(address=0x48, channel=1),
-        Beam.RIGHT: AdcChannel(address=0x48, channel=2),
-        Beam.UP: AdcChannel(address=0x49, channel=0),
-        Beam.DOWN: AdcChannel(address=0x49, channel=1),
-    }
+    """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
+    profile: Profile = "gp2y0a710k0f"
+    """Five sensors of one kind, wired in the usual way."""
+    ranges: dict[Beam, RangeSensor] = Field(default_factory=dict)
+    """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
+    calibration: dict[Beam, Calibration] = Field(default_factory=dict)
+    """Of each unit against a tape measure, written by `companion calibrate range`."""
+    channels: dict[Beam, AdcChannel] = Field(default_factory=usual_channels)
     mount_offset_m: float = Field(0.08, ge=0, le=1)
     """How far from the drone's centre each sensor sits, along its own beam."""
+    gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
+    """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
+    gyro_gain: float = Field(1.0, ge=0.8, le=1.2)
+    """What it reads is gain × rate, written by `companion calibrate gyro`."""
     gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
     rest_s: float = Field(3.0, ge=1, le=60)
     """How long the gyro's bias is averaged before arming."""
+
+    @cached_property
+    def beams(self) -> dict[Beam, RangeSensor]:
+        """What looks where."""
+        return self.ranges or usual_sensors(self.profile, self.channels)
+
+    def mount_of_m(self, beam: Beam) -> float:
+        """How far from the drone's centre along its beam."""
+        own = self.beams[beam].mount_offset_m
+        return self.mount_offset_m if own is None else own
+
+    @model_validator(mode="after")
+    def _no_two_at_one_place(self) -> Self:
+        taken: dict[tuple[object, ...], Beam] = {}
+        for beam, sensor in self.beams.items():
+            if (where := place(sensor)) and taken.setdefault(where, beam) is not beam:
+                raise ValueError(
+                    f"{taken[where].value} and {beam.value} are wired to the same place; "
+                    "give each an address, channel or port of its own"
+                )
+        return self
 
 
 class MissionConfig(Group):
@@ -112,20 +144,49 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
 
 def to_toml(config: Config) -> str:
     """The text of a file that `load` makes the same configuration of."""
-    return tomli_w.dumps(config.model_dump(mode="json", exclude_none=True))
+    return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
+
+
+def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
+    """Set one key, such as "sensors.calibration.front"; the rest of the file stays as it is.
+
+    Raises:
+        ConfigError: the file cannot be read or written, or could not be used afterwards.
+    """
+    document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
+    group: Any = document
+    *groups, name = key.split(".")
+    for part in groups:
+        group = group.setdefault(part, tomlkit.table())
+    group[name] = _item(value)
+    text = tomlkit.dumps(document)
+    try:
+        Config.model_validate(tomllib.loads(text))
+        path.write_text(text)
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_first_complaint(Config, error)}") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+
+
+def _item(value: Mapping[str, object] | float) -> Any:
+    """As it is written into a file: groups on one line."""
+    if not isinstance(value, Mapping):
+        return tomlkit.item(value)
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table
 
 
 def read_toml(path: Path) -> dict[str, Any]:
     """What a file says, not yet checked."""
     try:
-        return tomllib.loads(path.read_text())
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
+        return tomllib.loads(_text(path))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 
-def validated(model: type[_G], values: dict[str, Any], source: str) -> _G:
+def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
     """The settings, or a `ConfigError` of one line about the first that cannot be used."""
     try:
         return model.model_validate(values)
@@ -133,21 +194,48 @@ def validated(model: type[_G], values: dict[str, Any], source: str) -> _G:
         raise ConfigError(f"{source}: {_first_complaint(model, error)}") from error
 
 
+def _text(path: Path) -> str:
+    try:
+        return path.read_text()
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+
+
 def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "value_error":
+        return f"{key}: {first['msg'].removeprefix('Value error, ')}"
+    if first["type"] == "union_tag_invalid":
+        context = first["ctx"]
+        return f"{key}.kind = {context['tag']!r}: should be one of {context['expected_tags']}"
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
-    if first["type"] == "value_error":
-        return f"{key}: {first['ctx']['error']}"
     return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    for part in path:
-        annotation = group.model_fields[str(part)].annotation if group else None
-        if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
-            return ["address", "channel"]
-        group = annotation
-    return list(group.model_fields)
+    """The keys that are known at a place: in a group, or in one of a table's entries."""
+    if not path:
+        return list(group.model_fields)
+    field, *rest = path
+    annotation = group.model_fields[str(field)].annotation
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return _keys_at(annotation, tuple(rest))
+    _, entry = get_args(annotation)  # a table by beam
+    _, *kind = rest
+    groups = [g for g in _groups(entry) if not kind or kind[0] in _kinds(g)]
+    return _keys_at(groups[0], ())
+
+
+def _groups(entry: Any) -> list[type[BaseModel]]:
+    """Of a union that is told apart by `kind`, or of one group."""
+    if isinstance(entry, type):
+        return [entry]
+    union, *_ = get_args(entry)
+    return list(get_args(union))
+
+
+def _kinds(group: type[BaseModel]) -> tuple[object, ...]:
+    return get_args(group.model_fields["kind"].annotation)

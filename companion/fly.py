@@ -6,23 +6,16 @@ is the clock, the link's transport and the bus, and those are handed in.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.clocks import Clock
+from companion.drivers.gyro import Gyro
 from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
+from companion.link.reports import Reports
 from companion.pdps.flight import Flight
 
 TICK_S = 0.05
-
-
-class Clock(Protocol):
-    """Time as the flight knows it: of the machine, or virtual."""
-
-    def wait_until(self, time_s: float) -> float:
-        """Return the time once `time_s` is reached; later if the machine was slow."""
-        ...
 
 
 Record = Callable[[float, Inputs, Outputs], None]
@@ -39,8 +32,9 @@ class Rig:
 
     link: Link
     ranges: RangeSensors
-    gyro: Lsm9ds1
+    gyro: Gyro
     clock: Clock
+    reports: Reports
 
 
 def fly(
@@ -59,6 +53,8 @@ def fly(
         )
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
+        flight = outputs.flight
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, flight.activity, flight.trouble))
         record(now_s, inputs, outputs)
         watch(outputs.progress)
         if outputs.finished:

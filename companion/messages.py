@@ -146,6 +146,8 @@ class VehicleState:
     landed_state: LandedState = LandedState.UNKNOWN
     estimate_ready: bool = False
     """The autopilot claims a usable position and sends it."""
+    waits_for: str = ""
+    """Why not, in words."""
     refusal: str = ""
     """The latest reason why a command was refused, in the autopilot's own words."""
 

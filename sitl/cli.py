@@ -16,6 +16,7 @@ from sitl.errors import SitlError
 from sitl.options import (
     Autopilot,
     BeamFile,
+    ConfigFile,
     Crop,
     FlightOptions,
     Param,
@@ -84,10 +85,15 @@ def run(
     param: Param = None,
     beam: BeamFile = None,
     crop: Crop = None,
+    config: ConfigFile = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
     ] = 1,
     mavlink: Mavlink = None,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(help="The vehicles sign, and refuse who does not, with the key in this file."),
+    ] = None,
     connect: Annotated[
         str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
     ] = "udpin:127.0.0.1:14551",
@@ -106,15 +112,23 @@ def run(
     if autopilot is RunAutopilot.EXTERNAL:
         _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, lockstep)
         options = FlightOptions(
-            world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam, crop_m=crop
+            world,
+            seed,
+            profile,
+            Autopilot.ARDUPILOT,
+            start,
+            beam=beam,
+            crop_m=crop,
+            config=config,
         )
         _run_external(options, connect, bus_port, truth)
         return
     options = FlightOptions(
-        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop, config
     )
     setup, watch = options.setup()
-    fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
+    links = mavlink or [DEFAULT_MAVLINK]
+    fleet, doors = fleet_doors(setup, watch, vehicles, links, bus_port, signing_key=signing_key)
     for number, door in enumerate(doors):
         _tell_door(door, f"system {setup.system_id + number}" if vehicles > 1 else "")
     _serve(Server(fleet, doors, speed=speed, lockstep=lockstep))
@@ -196,7 +210,7 @@ def fly(
     mission: Annotated[
         str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
     ] = "room",
-    config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
+    config: ConfigFile = None,
     transport: Annotated[
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
     ] = Transport.DIRECT,
@@ -213,7 +227,7 @@ def fly(
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
 
     options = FlightOptions(
-        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop, config
     )
     flown = load_mission(mission)
     settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})

@@ -4,12 +4,10 @@ from collections.abc import Callable
 
 from companion.app import App, Progress
 from companion.config import Config
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.drivers.ranges import RangeSensors
-from companion.fly import Rig, fly
-from companion.link.link import Link
+from companion.fly import fly
 from companion.link.transport import direct_pair, pipe_pair
 from companion.recording.recorder import NOT_RECORDED, Recorder
+from companion.rig import make_rig
 from sitl.autopilot.core import keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.simulation import Setup, Simulation
@@ -53,12 +51,7 @@ def fly_in_lockstep(
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
     simulation = Simulation(setup, [sitl_end], parameter_watch)
     app = make_app(config)
-    bus = simulation.board.bus
-    rig = Rig(
-        Link(recorder.tap(companion_end), config.link),
-        RangeSensors(bus, config.sensors),
-        Lsm9ds1(bus, config.sensors.gyro_address),
-        LockstepClock(simulation, lambda: script(simulation, app)),
-    )
+    clock = LockstepClock(simulation, lambda: script(simulation, app))
+    rig = make_rig(config, recorder.tap(companion_end), simulation.board.bus, clock)
     fly(app, rig, watch, record=recorder.tick)
     return app, simulation

@@ -30,7 +30,9 @@ class Autopilot(StrEnum):
 
 WorldName = Annotated[str, typer.Argument(help="A built-in world, random_SEED, or a world file.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
-Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
+Profile = Annotated[
+    str, typer.Option(help="Range sensors: gp2y0a710k0f, paper, vl53l1x, tfmini_s or tf_luna.")
+]
 Start = Annotated[
     str | None, typer.Option(help="Start pose: its name or number in the world; the first.")
 ]
@@ -43,6 +45,9 @@ Param = Annotated[
 ]
 BeamFile = Annotated[
     Path | None, typer.Option(help="TOML file of beam physics; docs/sensors.md has its keys.")
+]
+ConfigFile = Annotated[
+    Path | None, typer.Option(help="The companion's TOML file; its sensors are simulated.")
 ]
 Crop = Annotated[
     float | None,
@@ -63,6 +68,7 @@ class FlightOptions:
     param: Sequence[str] = ()
     beam: Path | None = None
     crop_m: float | None = None
+    config: Path | None = None
 
     def setup(self) -> tuple[Setup, ParameterWatch]:
         """The setup, and who keeps the parameters that are set.
@@ -74,7 +80,7 @@ class FlightOptions:
         start = _start_number(world, self.start)
         if self.crop_m is not None:
             world, start = cropped(world, self.crop_m, start), 0
-        sensors = configuration.load(None, {"sensors.profile": self.profile}).sensors
+        sensors = configuration.load(self.config, {"sensors.profile": self.profile}).sensors
         parameters, watch = read_parameters(self.autopilot, self.params, self.param)
         setup = Setup(
             world,
@@ -98,6 +104,7 @@ class FlightOptions:
             "params": self.params,
             "beam": self.beam,
             "crop": self.crop_m,
+            "config": self.config,
         }
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         return [self.world, *options, *(f"--param={assignment}" for assignment in self.param)]

@@ -46,6 +46,8 @@ def fly_in_two_processes(
     truth_path, config_path = out / TRUTH_FILE, out / CONFIG_FILE
     config_path.write_text(configuration.to_toml(settings))
     command = [sys.executable, "-m", "sitl", "run", *sitl_arguments, *SERVE_LOCKSTEP]
+    if settings.link.signing_key is not None:
+        command.append(f"--signing-key={settings.link.signing_key}")
     sitl = subprocess.Popen([*command, f"--truth={truth_path}"], stdout=subprocess.PIPE, text=True)
     try:
         assert sitl.stdout is not None

@@ -36,7 +36,7 @@ def make_report(
     seeable = seeable_points(setup.world, height_m, (north, east))
     report: Report = {
         "world": setup.world.name,
-        "profile": setup.sensors.profile,
+        "profile": "mixed" if setup.sensors.ranges else setup.sensors.profile,
         "beam": str(setup.beam),
         "seed": setup.seed,
         "completed": completed and truth.collisions == 0,

@@ -1,7 +1,9 @@
 """Vehicles behind their doors: transports and bus ports for `run` to serve."""
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 
+from companion.link.signing import Signing, read_key
 from companion.link.transport import AUTOPILOT_COMPONENT, UdpTransport
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.external.vehicle import COMPONENT, ExternalVehicle
@@ -13,7 +15,13 @@ ANY_PORT = 0
 
 
 def fleet_doors(
-    setup: Setup, watch: ParameterWatch, vehicles: int, mavlink: Sequence[str], bus_port: int
+    setup: Setup,
+    watch: ParameterWatch,
+    vehicles: int,
+    mavlink: Sequence[str],
+    bus_port: int,
+    *,
+    signing_key: Path | None = None,
 ) -> tuple[Fleet, list[Door]]:
     """Emulated vehicles; each one's ports are one higher than the last one's.
 
@@ -23,7 +31,12 @@ def fleet_doors(
     setups = fleet_setups(setup, vehicles)
     transports = [
         [
-            UdpTransport(port_after(url, number), each.system_id, AUTOPILOT_COMPONENT)
+            UdpTransport(
+                port_after(url, number),
+                each.system_id,
+                AUTOPILOT_COMPONENT,
+                Signing(read_key(signing_key)) if signing_key else None,
+            )
             for url in mavlink
         ]
         for number, each in enumerate(setups)

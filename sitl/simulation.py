@@ -101,6 +101,7 @@ class Simulation:
             self._history.at,
             gain_sigma=setup.range_gain_sigma,
         )
+        self.autopilot.connect(self.board.told_by_autopilot)
 
     @property
     def time_s(self) -> float:

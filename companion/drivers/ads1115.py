@@ -56,6 +56,8 @@ def check(bus: Bus, address: int) -> None:
     try:
         read_back = Transaction(address, bytes([REG_CONFIG]), 2)
         _, answer = bus.transfer([start(address, 0), read_back])
+    except SensorError:
+        raise
     except OSError as error:
         raise SensorError(
             f"no ADS1115 at 0x{address:02x} ({error}); check wiring and its ADDR pin"

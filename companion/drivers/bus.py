@@ -1,7 +1,7 @@
-"""The I2C bus as the drivers see it, and its two bodies: Linux's and SITL's.
+"""The wires as the drivers see them, I2C, SPI and serial, and how the real ones are opened.
 
-`open_bus("/dev/i2c-1")` is the real one, `open_bus("sitl://127.0.0.1:5790")` the one that SITL
-serves; nothing above this file can tell them apart.
+`open_bus("/dev/i2c-1")` is this machine's, `open_bus("sitl://127.0.0.1:5790")` what SITL serves;
+nothing above this file can tell them apart.
 """
 
 import time
@@ -36,6 +36,34 @@ class Bus(Protocol):
         ...
 
     def close(self) -> None: ...
+
+
+class Spi(Protocol):
+    """SPI devices by name, such as /dev/spidev0.0: bus and chip select."""
+
+    def exchange(self, device: str, data: bytes) -> bytes:
+        """Shift `data` out and as many bytes in, in one selection of the chip.
+
+        Raises:
+            OSError: the device is not there.
+        """
+        ...
+
+
+class Uart(Protocol):
+    """Serial ports by name, such as /dev/ttyAMA1."""
+
+    def receive(self, port: str, baud: int) -> bytes:
+        """All that has come in since the last call; never waits.
+
+        Raises:
+            OSError: the port is not there.
+        """
+        ...
+
+
+class Wires(Bus, Spi, Uart, Protocol):
+    """All that sensors can be connected to."""
 
 
 MOST_TRANSACTIONS = 21
@@ -79,15 +107,18 @@ class LinuxI2cBus:
         self._bus.close()
 
 
-def open_bus(url: str) -> Bus:
-    """The bus at "/dev/i2c-N" or "sitl://HOST:PORT".
+def open_bus(url: str) -> Wires:
+    """The wires of this machine, with the I2C adapter "/dev/i2c-N", or of "sitl://HOST:PORT".
 
     Raises:
-        SensorError: it cannot be opened; names the url and the remedy.
+        SensorError: nothing serves them there; names the url and the remedy.
     """
+    # both implement what is declared here
     if url.startswith("sitl://"):
-        from companion.drivers.served_bus import ServedBus  # noqa: PLC0415 - it implements Bus
+        from companion.drivers.served_bus import ServedBus  # noqa: PLC0415
 
         host, port = url.removeprefix("sitl://").rsplit(":", 1)
         return ServedBus(host, int(port))
-    return LinuxI2cBus(url)
+    from companion.drivers.linux_wires import LinuxWires  # noqa: PLC0415
+
+    return LinuxWires(url)

@@ -77,6 +77,8 @@ class Lsm9ds1:
         try:
             found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
             self._configure()
+        except SensorError:
+            raise
         except OSError as error:
             raise SensorError(
                 f"no LSM9DS1 at 0x{address:02x} ({error}); check wiring and its SDO_AG pin"

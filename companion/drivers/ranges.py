@@ -1,54 +1,94 @@
-"""All range sensors in one sweep."""
+"""All range sensors in one sweep, of whatever kinds they are."""
+
+from collections.abc import Iterator
+from typing import TypeVar
 
 from companion.config import SensorsConfig
-from companion.drivers import ads1115
-from companion.drivers.ads1115 import Channel, Sweep
-from companion.drivers.bus import Bus
-from companion.drivers.sharp import PROFILES
-from companion.messages import RangeReading, RangeScan, RangeState
+from companion.drivers.autopilot import AutopilotRanges
+from companion.drivers.bus import Wires
+from companion.drivers.sources import OneByItself, SharpsOnAds1115, SharpsOnMcp3008, Source
+from companion.drivers.tfmini import Tfmini
+from companion.drivers.time_of_flight import SERIAL_KINDS
+from companion.drivers.vl53l1x import Vl53l1x
+from companion.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.range_config import (
+    AutopilotRange,
+    Calibration,
+    SharpOnAds1115,
+    SharpOnMcp3008,
+    TfminiSensor,
+    Vl53l1xSensor,
+)
 
 STALE_FOR_S = 0.25
 """A sensor that was well this recently is called stale; after that it has failed."""
+Kind = TypeVar("Kind")
 
 
 class RangeSensors:
-    """Sharp sensors on ADS1115 chips.
+    """Every beam's sensor.
 
     Raises:
         SensorError: a chip is missing or is not what it should be, at the start only; later
             faults are states of the readings.
     """
 
-    def __init__(self, bus: Bus, config: SensorsConfig) -> None:
-        self._bus = bus
-        self._profile = PROFILES[config.profile]
-        self._beams = {(c.address, c.channel): beam for beam, c in config.channels.items()}
-        self._good_s = dict.fromkeys(self._beams, float("-inf"))
-        self._sweep = Sweep(list(self._beams))
-        addresses = sorted({address for address, _ in self._beams})
-        self._sweeps_alone = [Sweep([c for c in self._beams if c[0] == a]) for a in addresses]
-        """Of each chip by itself."""
-        for address in addresses:
-            ads1115.check(bus, address)
+    def __init__(self, wires: Wires, config: SensorsConfig) -> None:
+        self._calibration = config.calibration
+        self._good_s = dict.fromkeys(config.beams, float("-inf"))
+        told = _of_kind(config, AutopilotRange)
+        self.from_autopilot = AutopilotRanges(told) if told else None
+        """To be told of the autopilot's messages, if some beams are the autopilot's."""
+        self._sources = list(_wired(wires, config))
+        if self.from_autopilot:
+            self._sources.append(self.from_autopilot)
 
     def read(self, time_s: float) -> RangeScan:
-        """One sweep, all chips converting at the same time."""
-        volts = self._volts(self._sweep)
-        if not volts:  # a chip is gone: the others are read one by one
-            for sweep in self._sweeps_alone:
-                volts |= self._volts(sweep)
+        """One sweep."""
+        told: dict[Beam, RangeReading] = {}
+        for source in self._sources:
+            told |= source.read(time_s)
         readings = {}
-        for channel, beam in self._beams.items():
-            if channel in volts:
-                self._good_s[channel] = time_s
-                readings[beam] = self._profile.reading(volts[channel])
+        for beam, good_s in self._good_s.items():
+            if beam in told:
+                self._good_s[beam] = time_s
+                readings[beam] = self._calibrated(beam, told[beam])
             else:
-                stale = time_s - self._good_s[channel] <= STALE_FOR_S
+                stale = time_s - good_s <= STALE_FOR_S
                 readings[beam] = RangeReading(RangeState.STALE if stale else RangeState.FAILED)
         return RangeScan(time_s, readings)
 
-    def _volts(self, sweep: Sweep) -> dict[Channel, float]:
-        try:
-            return sweep.volts(self._bus)
-        except OSError:
-            return {}
+    def _calibrated(self, beam: Beam, reading: RangeReading) -> RangeReading:
+        calibration = self._calibration.get(beam)
+        if calibration is None or not reading.is_distance:
+            return reading
+        return corrected(reading, calibration)
+
+
+def corrected(reading: RangeReading, calibration: Calibration) -> RangeReading:
+    """A distance as the tape measure would tell it."""
+    return RangeReading(
+        RangeState.DISTANCE,
+        (reading.distance_m - calibration.offset_m) / calibration.gain,
+        reading.variance_m2 / calibration.gain**2,
+    )
+
+
+def _of_kind(config: SensorsConfig, kind: type[Kind]) -> dict[Beam, Kind]:
+    return {beam: sensor for beam, sensor in config.beams.items() if isinstance(sensor, kind)}
+
+
+def _wired(wires: Wires, config: SensorsConfig) -> Iterator[Source]:
+    """Those at our own wires."""
+    if on_ads1115 := _of_kind(config, SharpOnAds1115):
+        yield SharpsOnAds1115(wires, on_ads1115)
+    on_mcp3008 = _of_kind(config, SharpOnMcp3008)
+    for device in sorted({sensor.device for sensor in on_mcp3008.values()}):
+        mine = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
+        yield SharpsOnMcp3008(wires, mine)
+    for beam, tof in _of_kind(config, Vl53l1xSensor).items():
+        mux = None if tof.mux_address is None else (tof.mux_address, tof.mux_channel)
+        yield OneByItself(beam, Vl53l1x(wires, tof.address, mux))
+    for beam, serial in _of_kind(config, TfminiSensor).items():
+        model = SERIAL_KINDS[serial.kind]
+        yield OneByItself(beam, Tfmini(wires, serial.port, serial.baud, model))

@@ -1,15 +1,18 @@
-"""Client of the bus and of the virtual clock that SITL serves over TCP.
+"""Client of the wires and of the virtual clock that SITL serves over TCP.
 
-Little-endian frames. Request: op, length, payload; reply: status, length, payload. A TRANSFER's
-payload is a row of transactions (device address, length to write, length to read, seconds to wait
-afterwards, data to write); its reply is all bytes read, in order.
+Little-endian frames. Request: op, length, payload; reply: status, length, payload.
+
+- TRANSFER, I2C: a row of transactions (device address, length to write, length to read, seconds to
+  wait afterwards, data to write); the reply is all bytes read, in order.
+- EXCHANGE, SPI: length of the device's name, the name, bytes to shift out; those shifted in.
+- RECEIVE, serial: the baud rate, the port's name; what has come in there.
 """
 
 import errno
 import socket
 import struct
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 
 from companion.drivers.bus import Transaction
@@ -23,7 +26,9 @@ CLOCK_REQUEST = struct.Struct("<dHQ")
 CLOCK_REPLY = struct.Struct("<dQ")
 """Time reached, s; MAVLink datagrams that SITL has sent."""
 
-OP_TRANSFER, OP_CLOCK = 1, 2
+BAUD = struct.Struct("<I")
+
+OP_TRANSFER, OP_CLOCK, OP_EXCHANGE, OP_RECEIVE = 1, 2, 3, 4
 STATUS_OK, STATUS_NO_ACKNOWLEDGE, STATUS_MALFORMED = 0, 1, 2
 
 REPLY_TIMEOUT_S = 5.0
@@ -69,7 +74,7 @@ def _addresses(transactions: Sequence[Transaction]) -> str:
 
 
 class ServedBus:
-    """The I2C bus behind a socket; a broken connection is tried again once a second."""
+    """The wires behind a socket; a broken connection is tried again once a second."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port
@@ -84,17 +89,28 @@ class ServedBus:
             TRANSACTION.pack(t.address, len(t.data), t.count, t.wait_s) + t.data
             for t in transactions
         )
+        answer = self._ask(OP_TRANSFER, request, lambda: _addresses(transactions))
+        ends = accumulate(t.count for t in transactions)
+        return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
+
+    def exchange(self, device: str, data: bytes) -> bytes:
+        name = device.encode()
+        return self._ask(OP_EXCHANGE, bytes([len(name)]) + name + data, lambda: device)
+
+    def receive(self, port: str, baud: int) -> bytes:
+        return self._ask(OP_RECEIVE, BAUD.pack(baud) + port.encode(), lambda: port)
+
+    def _ask(self, op: int, request: bytes, whom: Callable[[], str]) -> bytes:
         connection = self._connected()
         try:
-            connection.post(OP_TRANSFER, request)
+            connection.post(op, request)
             status, answer = connection.reply()
         except OSError:
             self._drop()
             raise
         if status != STATUS_OK:
-            raise OSError(errno.EREMOTEIO, f"no acknowledge from {_addresses(transactions)}")
-        ends = accumulate(t.count for t in transactions)
-        return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
+            raise OSError(errno.EREMOTEIO, f"no answer from {whom()}")
+        return answer
 
     def _connected(self) -> _Connection:
         if self._connection is None:

@@ -9,14 +9,11 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from typing import Protocol
 
+from companion.drivers.readings import FAILED, NOTHING, TOO_NEAR
 from companion.messages import RangeModel, RangeReading, RangeState
 
 DEAD_BELOW_V = 0.20
 """A powered sensor never reads this low: unplugged, or its supply is gone."""
-
-NOTHING = RangeReading(RangeState.NOTHING)
-TOO_NEAR = RangeReading(RangeState.TOO_NEAR)
-FAILED = RangeReading(RangeState.FAILED)
 
 
 class Profile(RangeModel, Protocol):

@@ -32,6 +32,11 @@ def _bytewise_int(name: str, value: int) -> Parameter:
     return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
 
 
+NOT_SETTLED = "its estimator has not settled"
+NO_VELOCITY = "its estimator has no velocity source"
+NO_POSITION = "its estimator has no position"
+
+
 class Dialect(Protocol):
     """One kind of autopilot."""
 
@@ -50,8 +55,8 @@ class Dialect(Protocol):
         """In this mode the autopilot follows our setpoints."""
         ...
 
-    def is_estimate_ready(self, message: Any) -> bool:
-        """The estimator's message says that the position may be used."""
+    def estimate_complaint(self, message: Any) -> str:
+        """Why the position may not be used, by the estimator's message; empty if it may."""
         ...
 
     def command(self, command: Command) -> tuple[int, Parameters]:
@@ -82,10 +87,8 @@ class ArduPilot:
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
 
     GUIDED, LAND = 4, 9
-    NEEDED_FLAGS = mavlink.EKF_ATTITUDE | mavlink.EKF_VELOCITY_HORIZ
     POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
     """One is enough: with optical flow alone there is only a relative position."""
-    FORBIDDEN_FLAGS = mavlink.EKF_CONST_POS_MODE | mavlink.EKF_UNINITIALIZED
 
     def mode_name(self, custom_mode: int) -> str:
         return ARDUCOPTER_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -93,10 +96,13 @@ class ArduPilot:
     def is_offboard(self, custom_mode: int) -> bool:
         return custom_mode == self.GUIDED
 
-    def is_estimate_ready(self, message: Any) -> bool:
+    def estimate_complaint(self, message: Any) -> str:
         flags = message.flags
-        needed = flags & self.NEEDED_FLAGS == self.NEEDED_FLAGS and flags & self.POSITION_FLAGS
-        return bool(needed) and not flags & self.FORBIDDEN_FLAGS
+        if flags & mavlink.EKF_UNINITIALIZED or not flags & mavlink.EKF_ATTITUDE:
+            return NOT_SETTLED
+        if flags & mavlink.EKF_CONST_POS_MODE or not flags & mavlink.EKF_VELOCITY_HORIZ:
+            return NO_VELOCITY
+        return "" if flags & self.POSITION_FLAGS else NO_POSITION
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -146,11 +152,6 @@ class Px4:
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
-    NEEDED_FLAGS = (
-        mavlink.ESTIMATOR_ATTITUDE
-        | mavlink.ESTIMATOR_VELOCITY_HORIZ
-        | mavlink.ESTIMATOR_POS_HORIZ_REL
-    )
 
     def mode_name(self, custom_mode: int) -> str:
         return PX4_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -158,9 +159,13 @@ class Px4:
     def is_offboard(self, custom_mode: int) -> bool:
         return custom_mode == px4_mode(self.OFFBOARD_MAIN)
 
-    def is_estimate_ready(self, message: Any) -> bool:
-        needed = message.flags & self.NEEDED_FLAGS == self.NEEDED_FLAGS
-        return needed and not message.flags & mavlink.ESTIMATOR_CONST_POS_MODE
+    def estimate_complaint(self, message: Any) -> str:
+        flags = message.flags
+        if not flags & mavlink.ESTIMATOR_ATTITUDE:
+            return NOT_SETTLED
+        if flags & mavlink.ESTIMATOR_CONST_POS_MODE or not flags & mavlink.ESTIMATOR_VELOCITY_HORIZ:
+            return NO_VELOCITY
+        return "" if flags & mavlink.ESTIMATOR_POS_HORIZ_REL else NO_POSITION
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

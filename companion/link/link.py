@@ -7,6 +7,8 @@ Heartbeats go out from `send`, that is from the control loop: a companion that h
 """
 
 import math
+from collections.abc import Mapping, Sequence
+from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -37,10 +39,24 @@ class Telemetry:
     texts: tuple[str, ...] = ()
 
 
+class Listener(Protocol):
+    """Somebody who reads certain messages of the vehicle's, such as a sensor that it has."""
+
+    @property
+    def streams_hz(self) -> Mapping[int, float]:
+        """By message id, how often they are wanted; 0: taken if they come, but not asked for."""
+        ...
+
+    def hear(self, message: Message, now_s: float) -> None: ...
+
+
 class Link:
     """One vehicle; time is an argument throughout."""
 
-    def __init__(self, transport: Transport, config: LinkConfig) -> None:
+    def __init__(
+        self, transport: Transport, config: LinkConfig, listeners: Sequence[Listener] = ()
+    ) -> None:
+        self._listeners = listeners
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._origin = _origin(config)
@@ -49,7 +65,7 @@ class Link:
         self._armed = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
-        self._estimate_ready = False
+        self._estimate_complaint = "its estimator has not been heard"
         self._odometry = OdometryReader(by_velocity=config.send_pose)
         self._pose_report = PoseReport() if config.send_pose else None
         self._texts: dict[int, str] = {}
@@ -76,6 +92,9 @@ class Link:
                 self._note(kind, message)
             if stream := self._streams.get(message.get_msgId()):
                 stream.seen_s = now_s
+            for listener in self._listeners:
+                if message.get_msgId() in listener.streams_hz:
+                    listener.hear(message, now_s)
         for text in texts:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
@@ -92,7 +111,7 @@ class Link:
         elif self._dialect is None:
             return
         elif message.get_msgId() == self._dialect.estimator_message:
-            self._estimate_ready = self._dialect.is_estimate_ready(message)
+            self._estimate_complaint = self._dialect.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
             for parameter in self._dialect.safety_parameters:
                 if message.param_id == parameter.name:
@@ -108,6 +127,8 @@ class Link:
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
                 dialect.estimator_message: SLOW_HZ,
             }
+            for listener in self._listeners:
+                rates_hz |= {id_: hz for id_, hz in listener.streams_hz.items() if hz > 0}
             self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 
@@ -125,7 +146,7 @@ class Link:
         dialect = self._dialect
         if dialect is None:
             return VehicleState(silent_s=age_s)
-        ready = self._estimate_ready and self._odometry.has_position and self._is_safe(dialect)
+        waits_for = self._waits_for(dialect)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
@@ -134,9 +155,16 @@ class Link:
             takes_off_by_setpoint=dialect.takes_off_by_setpoint,
             armed=self._armed,
             landed_state=self._landed_state,
-            estimate_ready=ready,
+            estimate_ready=not waits_for,
+            waits_for=waits_for,
             refusal=self._commands.refusal,
         )
+
+    def transmit(self, messages: Sequence[Message]) -> None:
+        """What others have to tell, once an autopilot is there to hear it."""
+        if self._dialect is not None:
+            for message in messages:
+                self._transport.send(message)
 
     def send(
         self,
@@ -183,9 +211,14 @@ class Link:
         ]
         return messages
 
-    def _is_safe(self, dialect: Dialect) -> bool:
-        """The autopilot has confirmed every safety parameter."""
-        return all(self._parameters_set.get(p.name) for p in dialect.safety_parameters)
+    def _waits_for(self, dialect: Dialect) -> str:
+        """What keeps us from flying by the autopilot's estimate; or nothing."""
+        if self._estimate_complaint:
+            return self._estimate_complaint
+        if not self._odometry.has_position:
+            return "no LOCAL_POSITION_NED comes from it"
+        unset = [p.name for p in dialect.safety_parameters if not self._parameters_set.get(p.name)]
+        return f"it does not confirm {', '.join(unset)}" if unset else ""
 
 
 def _landed_state(value: int) -> LandedState:

@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import LinkError
+from companion.link.signing import Signing, SigningCodec
 
 URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
 TAKEOVER_S = 1.5
@@ -44,23 +45,35 @@ class Transport(Protocol):
     def close(self) -> None: ...
 
 
-def make_codec(system_id: int, component_id: int) -> Any:
+def make_codec(system_id: int, component_id: int, signing: Signing | None = None) -> Any:
     """The one place where pymavlink's encoder and parser is made."""
-    codec = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
+    kind = mavlink.MAVLink if signing is None else SigningCodec
+    codec = kind(None, srcSystem=system_id, srcComponent=component_id)
     codec.robust_parsing = True
+    if signing is not None:
+        codec.signing = signing
     return codec
 
 
 def decode(codec: Any, data: bytes) -> list[Message]:
     """Whole messages in a packet; what cannot be parsed or is not known is left out.
 
-    Half a message at the packet's end is forgotten, or it would swallow the next packet. A
-    message's number is asked for, not read from its `id`: some messages have a field of that name.
+    Half a message at the packet's end is forgotten, or it would swallow the next packet.
     """
-    messages = codec.parse_buffer(data) or []
+    messages = decode_stream(codec, data)
     if codec.buf_len():
         codec.buf, codec.buf_index = bytearray(), 0
         codec.expected_length = mavlink.HEADER_LEN_V1 + 2
+    return messages
+
+
+def decode_stream(codec: Any, data: bytes) -> list[Message]:
+    """Whole messages in a stream so far; the beginning of the next one is kept.
+
+    A message's number is asked for, not read from its `id`: some messages have a field of that
+    name.
+    """
+    messages = codec.parse_buffer(data) or []
     return [
         m for m in messages if m.get_type() != "BAD_DATA" and m.get_msgId() in mavlink.mavlink_map
     ]
@@ -83,12 +96,14 @@ class UdpTransport:
         LinkError: the address cannot be used.
     """
 
-    def __init__(self, url: str, system_id: int, component_id: int) -> None:
+    def __init__(
+        self, url: str, system_id: int, component_id: int, signing: Signing | None = None
+    ) -> None:
         if not re.fullmatch(URL_PATTERN, url):
             raise LinkError(f"{url}: not a link; write udpin:HOST:PORT or udpout:HOST:PORT")
         kind, host, port = url.split(":")
         self._url = url
-        self._codec = make_codec(system_id, component_id)
+        self._codec = make_codec(system_id, component_id, signing)
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
@@ -190,10 +205,14 @@ class _PipeEnd:
     """Bytes through memory."""
 
     def __init__(
-        self, inbox: deque[bytes], outbox: deque[bytes], system_id: int, component_id: int
+        self,
+        inbox: deque[bytes],
+        outbox: deque[bytes],
+        identity: tuple[int, int],
+        signing: Signing | None,
     ) -> None:
         self._inbox, self._outbox = inbox, outbox
-        self._codec = make_codec(system_id, component_id)
+        self._codec = make_codec(*identity, signing)
 
     def receive(self) -> list[Message]:
         data = b"".join(self._inbox)
@@ -268,13 +287,18 @@ def _round_floats(message: Message) -> None:
         )
 
 
-def pipe_pair(system_id: int = 1) -> tuple[Transport, Transport]:
+NO_SIGNING = (None, None)
+
+
+def pipe_pair(
+    system_id: int = 1, signing: tuple[Signing | None, Signing | None] = NO_SIGNING
+) -> tuple[Transport, Transport]:
     """Two ends handing MAVLink bytes through memory: the autopilot's, the companion's."""
     to_companion: deque[bytes] = deque()
     to_autopilot: deque[bytes] = deque()
     return (
-        _PipeEnd(to_autopilot, to_companion, system_id, AUTOPILOT_COMPONENT),
-        _PipeEnd(to_companion, to_autopilot, system_id, COMPANION_COMPONENT),
+        _PipeEnd(to_autopilot, to_companion, (system_id, AUTOPILOT_COMPONENT), signing[0]),
+        _PipeEnd(to_companion, to_autopilot, (system_id, COMPANION_COMPONENT), signing[1]),
     )
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from companion.config import Group, read_toml, validated
+from companion.config import read_toml, validated
 from companion.messages import BEARING_FRD_RAD, Beam
+from companion.range_config import Group
 
 
 class RangeConfig(Group):

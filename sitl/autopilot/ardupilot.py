@@ -141,6 +141,7 @@ class ArduPilot:
     timesync_period_s = 10.0
     failsafes: tuple[Failsafe, ...] = FAILSAFES
     healthy_unless_failed: int = mavlink.MAV_SYS_STATUS_GEOFENCE
+    tells_highres_imu = False
     ground_truth: int = mavlink.MAVLINK_MSG_ID_SIM_STATE
 
     def __init__(self) -> None:

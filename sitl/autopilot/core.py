@@ -8,12 +8,15 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.messages import Beam
+from companion.range_config import AutopilotRange
 from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
 from sitl.autopilot.messages import Broadcast, Outbox
 from sitl.autopilot.navigation import Navigation
+from sitl.autopilot.own_sensors import Imu
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.parts import Parts
 from sitl.autopilot.personality import Personality, boot_values, system_id
@@ -22,6 +25,7 @@ from sitl.autopilot.px4 import Px4
 from sitl.autopilot.streams import Message, Streams
 from sitl.autopilot.telemetry import Status, Telemetry
 from sitl.noise import stream
+from sitl.sensors.time_of_flight import TofUnit
 from sitl.truth import TrueState
 from sitl.vehicle import STEP_S, Vehicle
 
@@ -66,7 +70,14 @@ class Autopilot:
         values = boot_values(self._is, parameters)
         self._navigation = Navigation(start, seed, self._is, values, noise)
         self._status = Status(self._is.boot_mode)
-        self._telemetry = Telemetry(self._is, values, self._status, self._navigation, start)
+        self._telemetry = Telemetry(
+            self._is,
+            values,
+            self._status,
+            self._navigation,
+            start,
+            imu=Imu(stream(seed, "autopilot's gyro")),
+        )
         makers = self._telemetry.makers(tells_truth=tells_truth)
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
@@ -143,6 +154,10 @@ class Autopilot:
             if due := channel.streams.due(step):
                 channel.outbox.extend(due)
         self._protocol.list_parameters()
+
+    def connect(self, rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]]) -> None:
+        """Rangefinders of its own, which it tells about."""
+        self._telemetry.rangefinders = rangefinders
 
     def receive(self, message: Message, link: int = 0) -> None:
         """Anything a client may send on one of the links."""

@@ -153,6 +153,8 @@ class Personality(Protocol):
     failsafes: tuple[Failsafe, ...]
     healthy_unless_failed: int
     """Bits of SYS_STATUS that are healthy although nothing of the kind is there."""
+    tells_highres_imu: bool
+    """It has the better of the two messages about its gyro."""
     ground_truth: int
     """Id of the message that tells the true state, where it is told at all."""
 

@@ -162,6 +162,7 @@ class Px4:
     timesync_period_s = 0.1
     failsafes: tuple[Failsafe, ...] = FAILSAFES
     healthy_unless_failed = 0
+    tells_highres_imu = True
     ground_truth: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 
     def __init__(self) -> None:

@@ -1,14 +1,19 @@
 """The messages that tell how the vehicle is, made from what it is at this moment."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.messages import Beam
+from companion.range_config import AutopilotRange
 from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.navigation import Navigation
+from sitl.autopilot.own_sensors import Imu, rangefinder_messages
 from sitl.autopilot.personality import ParameterValues, Personality
 from sitl.autopilot.streams import Maker, Message
+from sitl.sensors.time_of_flight import TofUnit
 from sitl.truth import TrueState
 
 BATTERY_CELLS = 4
@@ -60,7 +65,12 @@ class Telemetry:
         status: Status,
         navigation: Navigation,
         truth: TrueState,
+        *,
+        imu: Imu,
     ) -> None:
+        self._imu = imu
+        self.rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]] = {}
+        """Connected to the autopilot itself."""
         self._is = personality
         self._parameters = parameters
         self._status = status
@@ -84,7 +94,10 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: self._home,
             mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: self.origin,
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distances,
+            mavlink.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
         }
+        if self._is.tells_highres_imu:
+            makers[mavlink.MAVLINK_MSG_ID_HIGHRES_IMU] = self._highres_imu
         if tells_truth:
             makers[self._is.ground_truth] = lambda: [self._is.true_state(self.truth)]
         return makers
@@ -144,7 +157,14 @@ class Telemetry:
 
     def _distances(self) -> list[Message]:
         navigation = self._navigation
-        return self._is.distance_echoes(navigation.outside, navigation.time_s, self._parameters)
+        echoes = self._is.distance_echoes(navigation.outside, navigation.time_s, self._parameters)
+        return echoes + rangefinder_messages(self.rangefinders, self._status.boot_ms)
+
+    def _scaled_imu(self) -> list[Message]:
+        return [self._imu.scaled(self._status.boot_ms, self.truth.yaw_rate_rad_s)]
+
+    def _highres_imu(self) -> list[Message]:
+        return [self._imu.highres(self._status.boot_us, self.truth.yaw_rate_rad_s)]
 
     def _extended_state(self) -> list[Message]:
         landed = LANDED_STATES.get(self._status.manoeuvre, mavlink.MAV_LANDED_STATE_IN_AIR)

@@ -1,21 +1,38 @@
-"""The sensor board: every chip and sensor of the drone on one bus."""
+"""The sensor board: every chip and sensor of the drone, at its wires."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from typing import TypeVar
 
 from companion.config import SensorsConfig
+from companion.drivers.models import model_of
 from companion.frames import Vector3
 from companion.messages import Beam
+from companion.range_config import (
+    AutopilotRange,
+    RangeSensor,
+    SharpOnAds1115,
+    SharpOnMcp3008,
+    TfminiSensor,
+    Vl53l1xSensor,
+)
 from sitl.noise import stream
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.beam import RangeQuery
-from sitl.sensors.i2c import Device, DeviceBus
+from sitl.sensors.i2c import Device, DeviceBus, Multiplexer
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
-from sitl.sensors.sharp import PHYSICS, SharpUnit
+from sitl.sensors.mcp3008 import Mcp3008Device
+from sitl.sensors.sharp import PHYSICS, SharpPhysics, SharpUnit
+from sitl.sensors.tfmini import TfminiDevice
+from sitl.sensors.time_of_flight import TOF_PHYSICS, TofPhysics, TofUnit
+from sitl.sensors.vl53l1x import Vl53l1xDevice
 from sitl.truth import STEP_S, TrueState
 
 TruthAt = Callable[[float], TrueState]
+Unit = SharpUnit | TofUnit
+Kind = TypeVar("Kind")
+AUTOPILOTS_SENSOR_S = 0.050
 
 BEAM_FRD: dict[Beam, Vector3] = {
     Beam.FRONT: (1.0, 0.0, 0.0),
@@ -28,7 +45,7 @@ BEAM_FRD: dict[Beam, Vector3] = {
 
 
 class SensorBoard:
-    """Two ADS1115 with the range sensors on them, and the gyro."""
+    """The range sensors that the configuration names, their chips, and the gyro."""
 
     def __init__(
         self,
@@ -39,56 +56,127 @@ class SensorBoard:
         *,
         gain_sigma: float | None = None,
     ) -> None:
-        physics = PHYSICS[config.profile]
-        if gain_sigma is not None:
-            physics = replace(physics, gain_sigma=gain_sigma)
-        self._sensors: dict[Beam, SharpUnit] = {
-            beam: SharpUnit(
-                physics,
-                _beam_query(
-                    beam, config.mount_offset_m, physics.sees_to_m, range_query(beam), truth_at
-                ),
-                stream(seed, f"range sensor {beam.value}"),
+        self._sensors: dict[Beam, Unit] = {}
+        for beam, sensor in config.beams.items():
+            physics = physics_of(sensor)
+            if gain_sigma is not None:
+                physics = replace(physics, gain_sigma=gain_sigma)
+            true_range = _beam_query(
+                _axis_frd(beam, sensor),
+                config.mount_of_m(beam),
+                physics.sees_to_m,
+                range_query(beam),
+                truth_at,
             )
-            for beam in config.channels
-        }
-        devices: dict[int, Device] = {
-            address: Ads1115Device(self._voltage(config, address))
-            for address in sorted({c.address for c in config.channels.values()})
-        }
+            random = stream(seed, f"range sensor {beam.value}")
+            self._sensors[beam] = (
+                SharpUnit(physics, true_range, random)
+                if isinstance(physics, SharpPhysics)
+                else TofUnit(physics, true_range, random)
+            )
+        devices = dict(self._i2c_devices(config))
         devices[config.gyro_address] = Lsm9ds1Device(
             # A state's rate is that of the step which led to it.
             lambda time_s: truth_at(time_s + 0.5 * STEP_S).yaw_rate_rad_s,
             stream(seed, "gyro"),
             draw_warming(stream(seed, "gyro temperature")),
         )
-        self.bus = DeviceBus(devices)
+        ports = {
+            s.port: TfminiDevice(self._tof(beam)) for beam, s in _of_kind(config, TfminiSensor)
+        }
+        self.bus = DeviceBus(devices, dict(self._spi_devices(config)), ports)
+        self.told_by_autopilot = {
+            beam: (self._tof(beam), sensor) for beam, sensor in _of_kind(config, AutopilotRange)
+        }
 
     def unplug(self, beam: str) -> None:
         """A fault for tests: a range sensor loses its plug."""
         self._sensors[Beam(beam)].is_unplugged = True
 
-    def _voltage(self, config: SensorsConfig, address: int) -> Callable[[int, float], float]:
-        inputs = {
-            c.channel: self._sensors[beam]
-            for beam, c in config.channels.items()
-            if c.address == address
-        }
+    def plug_in(self, beam: str) -> None:
+        self._sensors[Beam(beam)].is_unplugged = False
+
+    def set_gain(self, beam: str, gain: float) -> None:
+        """A fault for tests: a range sensor that reads so many times the distance."""
+        self._sensors[Beam(beam)].gain = gain
+
+    def _i2c_devices(self, config: SensorsConfig) -> Iterator[tuple[int, Device]]:
+        inputs: dict[int, dict[int, Beam]] = {}
+        for beam, sharp in _of_kind(config, SharpOnAds1115):
+            inputs.setdefault(sharp.address, {})[sharp.channel] = beam
+        for address, beams in sorted(inputs.items()):
+            yield address, Ads1115Device(self._voltages(beams))
+        branches: dict[int, dict[int, dict[int, Device]]] = {}
+        for beam, tof in _of_kind(config, Vl53l1xSensor):
+            device = Vl53l1xDevice(self._tof(beam))
+            if tof.mux_address is None:
+                yield tof.address, device
+            else:
+                mux = branches.setdefault(tof.mux_address, {})
+                mux.setdefault(tof.mux_channel, {})[tof.address] = device
+        for address, channels in branches.items():
+            yield address, Multiplexer(channels)
+
+    def _spi_devices(self, config: SensorsConfig) -> Iterator[tuple[str, Mcp3008Device]]:
+        inputs: dict[str, dict[int, Beam]] = {}
+        references_v: dict[str, float] = {}
+        for beam, sharp in _of_kind(config, SharpOnMcp3008):
+            inputs.setdefault(sharp.device, {})[sharp.channel] = beam
+            references_v[sharp.device] = sharp.reference_v
+        for device, beams in inputs.items():
+            yield device, Mcp3008Device(self._voltages(beams), references_v[device])
+
+    def _tof(self, beam: Beam) -> TofUnit:
+        unit = self._sensors[beam]
+        assert isinstance(unit, TofUnit)
+        return unit
+
+    def _voltages(self, beams: Mapping[int, Beam]) -> Callable[[int, float], float]:
+        """What stands at an ADC's inputs."""
+        inputs = {channel: self._sensors[beam] for channel, beam in beams.items()}
 
         def volts(channel: int, time_s: float) -> float:
-            return inputs[channel].volts(time_s) if channel in inputs else 0.0
+            unit = inputs.get(channel)
+            return unit.volts(time_s) if isinstance(unit, SharpUnit) else 0.0
 
         return volts
 
 
+def physics_of(sensor: RangeSensor) -> SharpPhysics | TofPhysics:
+    """What is simulated for a sensor of the configuration."""
+    match sensor:
+        case SharpOnAds1115() | SharpOnMcp3008():
+            return PHYSICS[sensor.curve]
+        case Vl53l1xSensor() | TfminiSensor():
+            return TOF_PHYSICS[sensor.kind]
+        case AutopilotRange():
+            return TofPhysics(model_of(sensor), AUTOPILOTS_SENSOR_S, 0.0, 0.003, 0.01)
+
+
+def _of_kind(config: SensorsConfig, kind: type[Kind]) -> Iterator[tuple[Beam, Kind]]:
+    return ((beam, s) for beam, s in config.beams.items() if isinstance(s, kind))
+
+
+def _axis_frd(beam: Beam, sensor: RangeSensor) -> Vector3:
+    """Where the sensor looks."""
+    if sensor.bearing_deg is None:
+        return BEAM_FRD[beam]
+    bearing_rad = math.radians(sensor.bearing_deg)
+    return math.cos(bearing_rad), math.sin(bearing_rad), 0.0
+
+
 def _beam_query(
-    beam: Beam, mount_offset_m: float, sees_to_m: float, range_m: RangeQuery, truth_at: TruthAt
+    axis_frd: Vector3,
+    mount_offset_m: float,
+    sees_to_m: float,
+    range_m: RangeQuery,
+    truth_at: TruthAt,
 ) -> Callable[[float], float | None]:
     """The true range of one beam, from where the sensor sits."""
 
     def query(time_s: float) -> float | None:
         truth = truth_at(time_s)
-        direction = to_ned(BEAM_FRD[beam], truth)
+        direction = to_ned(axis_frd, truth)
         north, east, down = truth.position_ned_m
         origin = (
             north + mount_offset_m * direction[0],

@@ -1,14 +1,17 @@
-"""An I2C bus with register-level devices on it."""
+"""The sensor board's wires: I2C with register-level devices, SPI, and serial ports."""
 
 import errno
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Protocol
 
 from companion.drivers.bus import Transaction
+from companion.drivers.linux_wires import SPI_CLOCK_HZ
 
 CLOCK_HZ = 400_000
 BYTE_S = 9 / CLOCK_HZ
 """Eight bits and the acknowledge."""
+SPI_BYTE_S = 8 / SPI_CLOCK_HZ
 
 
 class Device(Protocol):
@@ -17,14 +20,59 @@ class Device(Protocol):
     def write_read(self, data: bytes, count: int, time_s: float) -> bytes: ...
 
 
-class DeviceBus:
-    """The companion's `Bus` in this process. Transfers take bus time, as on copper."""
+class SpiDevice(Protocol):
+    """A chip behind its chip select."""
 
-    def __init__(self, devices: Mapping[int, Device]) -> None:
+    def exchange(self, data: bytes, time_s: float) -> bytes: ...
+
+
+class SerialDevice(Protocol):
+    """A sensor that talks unasked."""
+
+    def sent(self, time_s: float, baud: int) -> bytes:
+        """What a port with that baud rate has taken in since the last call."""
+        ...
+
+
+class Multiplexer:
+    """A TCA9548A: its control byte says which of its eight branches are connected."""
+
+    def __init__(self, branches: Mapping[int, Mapping[int, Device]]) -> None:
+        self._branches = branches
+        self._connected = 0
+
+    def write_read(self, data: bytes, count: int, time_s: float) -> bytes:
+        if data:
+            self._connected = data[-1]
+        return bytes([self._connected])[:count]
+
+    def behind(self, address: int) -> Device | None:
+        """The device with an address on the connected branches."""
+        for channel, devices in self._branches.items():
+            if self._connected >> channel & 1 and address in devices:
+                return devices[address]
+        return None
+
+
+NO_SPI: Mapping[str, SpiDevice] = MappingProxyType({})
+NO_PORTS: Mapping[str, SerialDevice] = MappingProxyType({})
+
+
+class DeviceBus:
+    """The companion's `Wires` in this process. Transfers take bus time, as on copper."""
+
+    def __init__(
+        self,
+        devices: Mapping[int, Device],
+        spi: Mapping[str, SpiDevice] = NO_SPI,
+        ports: Mapping[str, SerialDevice] = NO_PORTS,
+    ) -> None:
         self._devices = devices
+        self._spi = spi
+        self._ports = ports
         self._time_s = 0.0
         self.is_broken = False
-        """A fault for tests: nothing on the bus answers."""
+        """A fault for tests: nothing on the wires answers."""
         self.dead_addresses: set[int] = set()
         """A fault for tests: these chips do not answer."""
 
@@ -36,12 +84,31 @@ class DeviceBus:
         answers = []
         for t in transactions:
             self._time_s += (2 + len(t.data) + t.count) * BYTE_S
-            device = self._devices.get(t.address)
+            device = self._devices.get(t.address) or self._behind(t.address)
             if device is None or self.is_broken or t.address in self.dead_addresses:
                 raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{t.address:02x}")
             answers.append(device.write_read(t.data, t.count, self._time_s))
             self._time_s += t.wait_s
         return answers
+
+    def _behind(self, address: int) -> Device | None:
+        multiplexers = (d for d in self._devices.values() if isinstance(d, Multiplexer))
+        return next(filter(None, (m.behind(address) for m in multiplexers)), None)
+
+    def exchange(self, device: str, data: bytes) -> bytes:
+        """Where no chip pulls the line down, ones come in."""
+        if device not in self._spi:
+            raise OSError(errno.ENOENT, f"there is no {device}")
+        self._time_s += len(data) * SPI_BYTE_S
+        if self.is_broken:
+            return bytes([0xFF]) * len(data)
+        return self._spi[device].exchange(data, self._time_s)
+
+    def receive(self, port: str, baud: int) -> bytes:
+        if port not in self._ports:
+            raise OSError(errno.ENOENT, f"there is no {port}")
+        sent = self._ports[port].sent(self._time_s, baud)
+        return b"" if self.is_broken else sent
 
     def close(self) -> None:
         """Nothing to give back."""

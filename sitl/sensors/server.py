@@ -1,13 +1,16 @@
-"""The served bus: bytes of one client's connection in, replies out. Sockets are elsewhere."""
+"""The served wires: bytes of one client's connection in, replies out. Sockets are elsewhere."""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 from companion.drivers.bus import Transaction
 from companion.drivers.served_bus import (
+    BAUD,
     CLOCK_REPLY,
     CLOCK_REQUEST,
     OP_CLOCK,
+    OP_EXCHANGE,
+    OP_RECEIVE,
     OP_TRANSFER,
     REPLY,
     REQUEST,
@@ -73,6 +76,12 @@ class BusConnection:
     def _serve(self, op: int, payload: bytes) -> bytes:
         if op == OP_TRANSFER:
             return self._transfer(payload)
+        if op == OP_EXCHANGE and payload and len(payload) > payload[0]:
+            name, data = payload[1 : 1 + payload[0]], payload[1 + payload[0] :]
+            return self._answer(lambda: self._bus.exchange(_text(name), data))
+        if op == OP_RECEIVE and len(payload) >= BAUD.size:
+            (baud,) = BAUD.unpack_from(payload)
+            return self._answer(lambda: self._bus.receive(_text(payload[BAUD.size :]), baud))
         if op == OP_CLOCK and len(payload) == CLOCK_REQUEST.size:
             request = ClockRequest(*CLOCK_REQUEST.unpack(payload))
             if request.target_s - self._now_s() <= LONGEST_CLOCK_STEP_S:  # false for NaN too
@@ -84,8 +93,11 @@ class BusConnection:
         transactions = _decoded(payload)
         if transactions is None:
             return self._refuse()
+        return self._answer(lambda: b"".join(self._bus.transfer(transactions)))
+
+    def _answer(self, ask: Callable[[], bytes]) -> bytes:
         try:
-            answer = b"".join(self._bus.transfer(transactions))
+            answer = ask()
         except OSError:
             return REPLY.pack(STATUS_NO_ACKNOWLEDGE, 0)
         return REPLY.pack(STATUS_OK, len(answer)) + answer
@@ -93,6 +105,10 @@ class BusConnection:
     def _refuse(self) -> bytes:
         self.closing = True
         return REPLY.pack(STATUS_MALFORMED, 0)
+
+
+def _text(name: bytes) -> str:
+    return name.decode(errors="replace")
 
 
 def _decoded(payload: bytes) -> list[Transaction] | None:

@@ -41,7 +41,7 @@ class SharpUnit:
         self._random = random
         self._period_s = physics.period_s * (1 + random.gauss(0, physics.period_spread))
         self._phase_s = random.uniform(0, self._period_s)
-        self._gain = 1 + random.gauss(0, physics.gain_sigma)
+        self.gain = 1 + random.gauss(0, physics.gain_sigma)
         self._refresh = -1
         self._volts = 0.0
         self.is_unplugged = False
@@ -61,6 +61,6 @@ class SharpUnit:
         physics = self._physics
         distance_m = self._true_range(time_s)
         if distance_m is not None:
-            distance_m = distance_m * self._gain + self._random.gauss(0, physics.distance_noise_m)
+            distance_m = distance_m * self.gain + self._random.gauss(0, physics.distance_noise_m)
             distance_m = distance_m if distance_m <= physics.sees_to_m else None
         return physics.profile.volts(distance_m) + self._random.gauss(0, physics.output_noise_v)

@@ -119,7 +119,12 @@ def bus_request(random: Random) -> bytes:
     if kind < 0.8:
         payload = b"".join(_transaction(random) for _ in range(random.randrange(4)))
         return REQUEST.pack(1, len(payload)) + payload
-    op = random.choice((0, 2, 2, 3, 255))
+    if kind < 0.9:
+        name = random.choice((b"/dev/spidev0.0", b"/dev/ttyAMA1", b"\xff", b""))
+        data = random.randbytes(random.randrange(5))
+        payload = bytes([random.choice((len(name), 0, 255))]) + name + data
+        return REQUEST.pack(random.choice((3, 4)), len(payload)) + payload
+    op = random.choice((0, 2, 2, 5, 255))
     payload = struct.pack("<d", random.choice(ODD_FLOATS)) + random.randbytes(
         random.choice((0, 10))
     )

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from companion.app import App
 from companion.config import Config, load
 from companion.errors import ConfigError
 from companion.messages import Beam
@@ -30,6 +31,32 @@ def refused(tmp_path: Path, text: str) -> str:
         ("[link]\nurl = 'com3'\n", ("link.url", "com3", "udpin")),
         ("[sensors]\nprofile = 'lidar'\n", ("sensors.profile", "lidar", "gp2y0a710k0f")),
         ("[sensors]\nbus = 'usb'\n", ("sensors.bus", "usb")),
+        (
+            "[sensors.ranges]\nfront = {kind = 'lidar'}\n",
+            ("sensors.ranges.front.kind", "lidar", "vl53l1x"),
+        ),
+        (
+            "[sensors.ranges]\nfront = {kind = 'vl53l1x', chanel = 1}\n",
+            ("sensors.ranges.front.vl53l1x.chanel", "mux_channel"),
+        ),
+        (
+            "[sensors.ranges]\nfront = {kind = 'sharp_mcp3008', channel = 8}\n",
+            ("sensors.ranges.front", "channel", "7"),
+        ),
+        (
+            "[sensors.ranges]\nfront = {kind = 'tfmini_s', port = '/dev/a'}\n"
+            "up = {kind = 'tf_luna', port = '/dev/a'}\n",
+            ("front and up", "same place"),
+        ),
+        (
+            "[sensors.channels]\nfront = {address = 72, channel = 0}\n"
+            "up = {address = 72, channel = 0}\n",
+            ("front and up", "same place"),
+        ),
+        (
+            "[sensors.calibration]\nfront = {gian = 1.0}\n",
+            ("sensors.calibration.front.gian", "gain, offset_m"),
+        ),
         (
             "[sensors.channels]\nfront = {address = 1, channel = 0}\n",
             ("sensors.channels.front.address", "72"),
@@ -69,3 +96,23 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
 def test_a_bad_option_is_refused_like_a_bad_file() -> None:
     with pytest.raises(ConfigError, match=r"command line: mission\.kind = 'dance'"):
         load(None, {"mission.kind": "dance"})
+
+
+def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text(
+        "[sensors.ranges]\nfront = {kind = 'tf_luna', port = '/dev/ttyS0', mount_offset_m = 0.2}\n"
+        "left = {kind = 'vl53l1x'}\n"
+    )
+    sensors = load(path).sensors
+    assert {beam: sensor.kind for beam, sensor in sensors.beams.items()} == {
+        Beam.FRONT: "tf_luna",
+        Beam.LEFT: "vl53l1x",
+    }
+    assert (sensors.mount_of_m(Beam.FRONT), sensors.mount_of_m(Beam.LEFT)) == (0.2, 0.08)
+
+
+def test_a_sensor_that_looks_aside_is_refused_with_the_key() -> None:
+    values = {"sensors": {"ranges": {"left": {"kind": "vl53l1x", "bearing_deg": -45}}}}
+    with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be -90"):
+        App(Config.model_validate(values))

@@ -219,7 +219,7 @@ def test_faults_and_phases_are_told(tmp_path: Path) -> None:
 def test_a_disk_that_fills_up_ends_the_recording_and_not_the_flight(
     whole: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    room_bytes = 200_000
+    room_bytes = whole.mcap.stat().st_size * 2 // 3
     write = os.pwrite
 
     def full(file: int, data: bytes, offset: int) -> int:

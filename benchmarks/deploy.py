@@ -1,0 +1,99 @@
+"""Is what is installed on a drone in order, and how large is it? `python -m benchmarks.deploy`.
+
+shellcheck, `systemd-analyze verify` and `security`, and for each Python that a Raspberry Pi may
+have: wheels of every dependency for aarch64, and the size of all of them after `deploy/slim.sh`.
+Downloads about 130 MB for each; `--python 3.11` does only that one, `--no-wheels` none.
+"""
+
+import argparse
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import tomllib
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+DEPLOY = ROOT / "deploy"
+UNIT = "pdps-companion.service"
+PYTHONS = ("3.11", "3.12", "3.13")
+GLIBCS = ("2_28", "2_27", "2_26", "2_24", "2_17")
+"""Wheels for these; Debian 12 has glibc 2.36."""
+MOST_EXPOSURE, MOST_MB = 3.0, 250
+
+
+def lint_scripts() -> str:
+    """What shellcheck complains of."""
+    beside = Path(sys.executable).parent / "shellcheck"
+    shellcheck = str(beside) if beside.exists() else "shellcheck"
+    scripts = [str(path) for path in sorted(DEPLOY.glob("*.sh"))]
+    ended = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
+    return ended.stdout + ended.stderr
+
+
+def _unit_here(folder: str) -> Path:
+    """The unit with a program that this machine has."""
+    unit = Path(folder) / UNIT
+    text = (DEPLOY / UNIT).read_text()
+    unit.write_text(re.sub(r"/opt/pdps/venv/bin/companion", "/bin/true", text))
+    return unit
+
+
+def verify_unit() -> str:
+    """What `systemd-analyze verify` complains of."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["systemd-analyze", "verify", str(_unit_here(folder))]
+        ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = (ended.stdout + ended.stderr).splitlines()
+    return "\n".join(line for line in lines if UNIT in line)
+
+
+def exposure() -> float:
+    """What `systemd-analyze security` makes of it: 0 is none, 10 all."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = ["systemd-analyze", "security", "--offline=true", str(_unit_here(folder))]
+        told = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    found = re.search(r"Overall exposure level.*: ([\d.]+)", told)
+    if found is None:
+        raise SystemExit(f"systemd-analyze said nothing of exposure: {told[-300:]}")
+    return float(found[1])
+
+
+def wheels_mb(python: str) -> float:
+    """Size of all dependencies on the drone, from aarch64 wheels alone.
+
+    Raises:
+        SystemExit: one has no wheel.
+    """
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    wanted = [text.split(";")[0] for text in project["dependencies"]]
+    platforms = [f"--platform=manylinux_{glibc}_aarch64" for glibc in GLIBCS]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [
+            *(sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"),
+            *("--no-compile", "--only-binary=:all:", f"--python-version={python}"),
+            *(*platforms, "--platform=manylinux2014_aarch64", f"--target={folder}", *wanted),
+        ]
+        if subprocess.run(command, check=False).returncode != 0:
+            raise SystemExit(f"Python {python}: not all of it has wheels for aarch64")
+        subprocess.run([str(DEPLOY / "slim.sh"), folder], check=True)
+        sizes = (path.stat().st_size for path in Path(folder).rglob("*") if path.is_file())
+        return sum(sizes) / 1e6
+
+
+def main() -> None:
+    arguments = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    arguments.add_argument("--python", action="append", choices=PYTHONS)
+    arguments.add_argument("--no-wheels", action="store_true")
+    options = arguments.parse_args()
+    print(f"shellcheck: {lint_scripts() or 'clean'}")
+    if shutil.which("systemd-analyze"):
+        print(f"systemd-analyze verify: {verify_unit() or 'clean'}")
+        print(f"systemd-analyze security: {exposure()} of {MOST_EXPOSURE} allowed")
+    for python in () if options.no_wheels else options.python or PYTHONS:
+        print(f"aarch64, Python {python}: {wheels_mb(python):.0f} MB of {MOST_MB} allowed")
+
+
+if __name__ == "__main__":
+    main()

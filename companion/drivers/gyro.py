@@ -1,0 +1,45 @@
+"""The gyro that the configuration names."""
+
+from typing import Protocol
+
+from companion.config import SensorsConfig
+from companion.drivers.autopilot import AutopilotGyro
+from companion.drivers.bus import Bus
+from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.messages import GyroSample
+
+
+class Gyro(Protocol):
+    """Yaw rate about the body's down axis."""
+
+    def read(self, time_s: float) -> list[GyroSample]:
+        """All samples since the last read; [] on a fault."""
+        ...
+
+
+class Calibrated:
+    """A gyro that reads `gain` times the rate."""
+
+    def __init__(self, gyro: Gyro, gain: float) -> None:
+        self._gyro = gyro
+        self._gain = gain
+
+    def read(self, time_s: float) -> list[GyroSample]:
+        return [
+            GyroSample(sample.time_s, sample.yaw_rate_rad_s / self._gain)
+            for sample in self._gyro.read(time_s)
+        ]
+
+
+def open_gyro(bus: Bus, config: SensorsConfig) -> Lsm9ds1 | AutopilotGyro:
+    """Ours, or the autopilot's, which is to be told of its messages; as it reads.
+
+    Raises:
+        SensorError: there is no gyro at the address.
+    """
+    return AutopilotGyro() if config.gyro == "autopilot" else Lsm9ds1(bus, config.gyro_address)
+
+
+def calibrated(gyro: Gyro, config: SensorsConfig) -> Gyro:
+    """As it would read with a gain of one."""
+    return gyro if config.gyro_gain == 1.0 else Calibrated(gyro, config.gyro_gain)

@@ -1,0 +1,41 @@
+"""What is known of each beam's sensor from its kind alone."""
+
+from companion.config import SensorsConfig
+from companion.drivers.autopilot import AutopilotRangeModel
+from companion.drivers.sharp import PROFILES
+from companion.drivers.time_of_flight import SERIAL_KINDS, VL53L1X
+from companion.messages import Beam, RangeModel
+from companion.range_config import (
+    AutopilotRange,
+    RangeSensor,
+    SharpOnAds1115,
+    SharpOnMcp3008,
+    TfminiSensor,
+    Vl53l1xSensor,
+)
+
+
+def range_models(config: SensorsConfig) -> dict[Beam, RangeModel]:
+    """Noise, bounds and age of each beam's readings."""
+    return {beam: model_of(sensor) for beam, sensor in config.beams.items()}
+
+
+def model_of(sensor: RangeSensor) -> RangeModel:
+    match sensor:
+        case SharpOnAds1115() | SharpOnMcp3008():
+            return PROFILES[sensor.curve]
+        case Vl53l1xSensor():
+            return VL53L1X
+        case TfminiSensor():
+            return SERIAL_KINDS[sensor.kind]
+        case AutopilotRange():
+            return AutopilotRangeModel(sensor.min_m, sensor.max_m, sensor.sigma_m)
+
+
+def folding_beams(config: SensorsConfig) -> list[Beam]:
+    """Those whose sensor reads metres when something is very near."""
+    return [
+        beam
+        for beam, sensor in config.beams.items()
+        if isinstance(sensor, SharpOnAds1115 | SharpOnMcp3008) and sensor.curve == "gp2y0a710k0f"
+    ]

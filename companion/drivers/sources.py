@@ -1,0 +1,98 @@
+"""Range sensors that are read together: those of one bus, of one chip, or one by itself."""
+
+from collections.abc import Mapping
+from typing import Protocol
+
+from companion.drivers import ads1115
+from companion.drivers.ads1115 import Channel, Sweep
+from companion.drivers.bus import Bus, Spi
+from companion.drivers.mcp3008 import Mcp3008
+from companion.drivers.sharp import PROFILES
+from companion.messages import Beam, RangeReading
+from companion.range_config import SharpOnAds1115, SharpOnMcp3008
+
+
+class Source(Protocol):
+    """Some of the drone's range sensors."""
+
+    def read(self, time_s: float) -> dict[Beam, RangeReading]:
+        """What its beams say; one that is left out does not answer."""
+        ...
+
+
+class RangeDriver(Protocol):
+    """One sensor."""
+
+    def read(self, time_s: float) -> RangeReading | None:
+        """The latest reading; None if it is silent."""
+        ...
+
+
+class OneByItself:
+    """A sensor with a driver of its own."""
+
+    def __init__(self, beam: Beam, driver: RangeDriver) -> None:
+        self._beam = beam
+        self._driver = driver
+
+    def read(self, time_s: float) -> dict[Beam, RangeReading]:
+        reading = self._driver.read(time_s)
+        return {} if reading is None else {self._beam: reading}
+
+
+class SharpsOnAds1115:
+    """Sharp sensors on the ADS1115 of one bus, all chips converting at the same time.
+
+    Raises:
+        SensorError: a chip is missing, or is none.
+    """
+
+    def __init__(self, bus: Bus, sensors: Mapping[Beam, SharpOnAds1115]) -> None:
+        self._bus = bus
+        self._beams = {(s.address, s.channel): beam for beam, s in sensors.items()}
+        self._profiles = {(s.address, s.channel): PROFILES[s.curve] for s in sensors.values()}
+        self._sweep = Sweep(list(self._beams))
+        addresses = sorted({address for address, _ in self._beams})
+        self._sweeps_alone = [Sweep([c for c in self._beams if c[0] == a]) for a in addresses]
+        """Of each chip by itself."""
+        for address in addresses:
+            ads1115.check(bus, address)
+
+    def read(self, time_s: float) -> dict[Beam, RangeReading]:
+        volts = self._volts(self._sweep)
+        if not volts:  # a chip is gone: the others are read one by one
+            for sweep in self._sweeps_alone:
+                volts |= self._volts(sweep)
+        return {
+            self._beams[channel]: self._profiles[channel].reading(v) for channel, v in volts.items()
+        }
+
+    def _volts(self, sweep: Sweep) -> dict[Channel, float]:
+        try:
+            return sweep.volts(self._bus)
+        except OSError:
+            return {}
+
+
+class SharpsOnMcp3008:
+    """Sharp sensors on one MCP3008.
+
+    Raises:
+        SensorError: no chip answers there.
+    """
+
+    def __init__(self, spi: Spi, sensors: Mapping[Beam, SharpOnMcp3008]) -> None:
+        self._sensors = sensors
+        self._channels = [sensor.channel for sensor in sensors.values()]
+        chip = next(iter(sensors.values()))
+        self._chip = Mcp3008(spi, chip.device, chip.reference_v)
+
+    def read(self, time_s: float) -> dict[Beam, RangeReading]:
+        try:
+            volts = self._chip.volts(self._channels)
+        except OSError:
+            return {}
+        return {
+            beam: PROFILES[sensor.curve].reading(volts[sensor.channel])
+            for beam, sensor in self._sensors.items()
+        }

@@ -1,0 +1,128 @@
+"""What the autopilot and its ground stations are told of us: ranges, phases, faults.
+
+Its own avoidance and terrain following work with the ranges: DISTANCE_SENSOR (132) of each beam by
+its orientation, or OBSTACLE_DISTANCE (330) for those around and DISTANCE_SENSOR for up and down.
+Stale and failed sensors are not told: it stops believing in 0.5 s what is not told again.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import LinkConfig
+from companion.link.transport import Message
+from companion.messages import Beam, RangeModel, RangeReading, RangeScan, RangeState
+
+PERIOD_S = 0.1
+ORIENTATIONS: dict[Beam, int] = {
+    Beam.FRONT: mavlink.MAV_SENSOR_ROTATION_NONE,
+    Beam.RIGHT: mavlink.MAV_SENSOR_ROTATION_YAW_90,
+    Beam.BACK: mavlink.MAV_SENSOR_ROTATION_YAW_180,
+    Beam.LEFT: mavlink.MAV_SENSOR_ROTATION_YAW_270,
+    Beam.UP: mavlink.MAV_SENSOR_ROTATION_PITCH_90,
+    Beam.DOWN: mavlink.MAV_SENSOR_ROTATION_PITCH_270,
+}
+SECTORS, SECTOR_DEG = 72, 5
+SECTOR_OF = {Beam.FRONT: 0, Beam.RIGHT: 18, Beam.BACK: 36, Beam.LEFT: 54}
+UNKNOWN_SECTOR = 65535
+MOST_COVARIANCE_CM2, UNKNOWN_COVARIANCE = 254, 255
+TEXT_BYTES = 50
+
+
+class Reports:
+    """Decides what is due; the link carries it."""
+
+    def __init__(self, config: LinkConfig, models: Mapping[Beam, RangeModel]) -> None:
+        self._config = config
+        self._models = models
+        self._told_s = -math.inf
+        self._activity = self._trouble = ""
+        self._text_id = 0
+
+    def due(self, now_s: float, scan: RangeScan, activity: str, trouble: str) -> list[Message]:
+        """Ranges ten times a second, and a text whenever there is something new."""
+        messages: list[Message] = []
+        if self._config.tell_ranges != "none" and now_s - self._told_s >= PERIOD_S - 1e-6:
+            self._told_s = now_s
+            messages += self._ranges(round(now_s * 1000), scan)
+        if self._config.tell_texts:
+            messages += self._texts(activity, trouble)
+        return messages
+
+    def _texts(self, activity: str, trouble: str) -> Iterator[Message]:
+        """STATUSTEXT (253): the phase, and a fault as a warning."""
+        if trouble and trouble != self._trouble:
+            yield from self._text(mavlink.MAV_SEVERITY_WARNING, f"PDPS: {activity}: {trouble}")
+        elif activity != self._activity:
+            yield from self._text(mavlink.MAV_SEVERITY_INFO, f"PDPS: {activity}")
+        self._activity, self._trouble = activity, trouble
+
+    def _text(self, severity: int, text: str) -> Iterator[Message]:
+        data = text.encode()
+        chunks = [data[at : at + TEXT_BYTES] for at in range(0, len(data), TEXT_BYTES)]
+        if len(chunks) > 1:
+            self._text_id = self._text_id % 65535 + 1
+            chunks += [b""] if len(chunks[-1]) == TEXT_BYTES else []  # a short chunk ends it
+        for sequence, chunk in enumerate(chunks):
+            text_id = self._text_id if len(chunks) > 1 else 0
+            yield mavlink.MAVLink_statustext_message(severity, chunk, text_id, sequence)
+
+    def _ranges(self, time_ms: int, scan: RangeScan) -> Iterator[Message]:
+        told = {beam: r for beam, r in scan.readings.items() if r.is_alive and beam in self._models}
+        if self._config.tell_ranges == "obstacle_distance":
+            around = {beam: r for beam, r in told.items() if beam in SECTOR_OF}
+            told = {beam: r for beam, r in told.items() if beam not in SECTOR_OF}
+            if around:
+                yield self._obstacles(time_ms, around)
+        for beam, reading in told.items():
+            yield self._distance(time_ms, beam, reading)
+
+    def _distance(self, time_ms: int, beam: Beam, reading: RangeReading) -> Message:
+        least_cm, most_cm = self._bounds_cm(beam)
+        covariance = UNKNOWN_COVARIANCE
+        if reading.is_distance and reading.variance_m2 * 1e4 <= MOST_COVARIANCE_CM2:
+            covariance = max(1, round(reading.variance_m2 * 1e4))
+        return mavlink.MAVLink_distance_sensor_message(
+            time_ms % 2**32,
+            *(least_cm, most_cm, _told_cm(reading, least_cm, most_cm)),
+            mavlink.MAV_DISTANCE_SENSOR_INFRARED,
+            list(ORIENTATIONS).index(beam),
+            ORIENTATIONS[beam],
+            covariance,
+        )
+
+    def _obstacles(self, time_ms: int, around: Mapping[Beam, RangeReading]) -> Message:
+        """One sector each; nothing is known of those between."""
+        bounds_cm = [self._bounds_cm(beam) for beam in around]
+        least_cm, most_cm = min(b[0] for b in bounds_cm), max(b[1] for b in bounds_cm)
+        sectors = [UNKNOWN_SECTOR] * SECTORS
+        for beam, reading in around.items():
+            told_cm = _told_cm(reading, least_cm, most_cm)
+            if reading.state is RangeState.TOO_NEAR:
+                told_cm = self._bounds_cm(beam)[0]  # what is below the least would be ignored
+            sectors[SECTOR_OF[beam]] = told_cm
+        return mavlink.MAVLink_obstacle_distance_message(
+            time_ms * 1000,
+            mavlink.MAV_DISTANCE_SENSOR_INFRARED,
+            sectors,
+            SECTOR_DEG,
+            least_cm,
+            most_cm,
+            float(SECTOR_DEG),
+            0.0,
+            mavlink.MAV_FRAME_BODY_FRD,
+        )
+
+    def _bounds_cm(self, beam: Beam) -> tuple[int, int]:
+        model = self._models[beam]
+        return round(100 * model.min_m), round(100 * model.max_m)
+
+
+def _told_cm(reading: RangeReading, least_cm: int, most_cm: int) -> int:
+    """Beyond the bounds: nothing is there, or something is too near."""
+    if reading.state is RangeState.TOO_NEAR:
+        return max(least_cm - 1, 0)
+    if reading.state is RangeState.NOTHING:
+        return most_cm + 1
+    return min(max(round(100 * reading.distance_m), least_cm), most_cm)

@@ -1,0 +1,103 @@
+#!/usr/bin/env bash
+# Installs, or upgrades, the companion on Raspberry Pi OS 64-bit (Debian 12 or 13). Run it again at will:
+# what is there already stays, above all /etc/pdps.
+#
+#   sudo deploy/install.sh                 from this checkout
+#   sudo deploy/install.sh --from WHEEL    from a wheel, or a name and version of the package index
+#   deploy/install.sh --root DIR           everything under DIR, to try it; no users, nothing started
+#
+# The program runs as the user pdps, who owns nothing but /var/lib/pdps.
+set -euo pipefail
+
+here=$(cd "$(dirname "$0")" && pwd)
+from=$(dirname "$here")
+root=
+python=python3
+
+fail() { echo "install.sh: $*" >&2; exit 2; }
+
+while [ $# -gt 0 ]; do
+    case $1 in
+        --from) from=${2:?--from needs a wheel, folder or name}; shift 2 ;;
+        --root) root=${2:?--root needs a folder}; shift 2 ;;
+        --python) python=${2:?--python needs a program}; shift 2 ;;
+        *) fail "$1: unknown; --from, --root, --python" ;;
+    esac
+done
+
+check_machine() {
+    "$python" -c 'import sys; sys.exit(not (3, 11) <= sys.version_info[:2] <= (3, 13))' ||
+        fail "$("$python" --version): Python 3.11 to 3.13 is needed"
+    [ -n "$root" ] && return
+    [ "$(id -u)" = 0 ] || fail "it needs root to install; it does not run as root: sudo $0"
+    case $(uname -m) in
+        aarch64 | x86_64) ;;
+        *) fail "$(uname -m): numpy and scipy have no wheels for it; use the 64-bit OS" ;;
+    esac
+    "$python" -c 'import ensurepip' 2>/dev/null || apt-get install -y -qq python3-venv
+}
+
+make_user() {
+    [ -n "$root" ] && return
+    id -u pdps >/dev/null 2>&1 ||
+        useradd --system --home-dir /var/lib/pdps --shell /usr/sbin/nologin pdps
+    for group in dialout i2c spi; do
+        getent group "$group" >/dev/null || groupadd --system "$group"
+        usermod --append --groups "$group" pdps
+    done
+}
+
+make_venv() {
+    venv=$root/opt/pdps/venv
+    [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
+        --no-compile --upgrade "$from"
+    "$here/slim.sh" "$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
+    # Compiles what a flight and its map load, and proves that it can be loaded.
+    "$venv/bin/python" "$here/self_test.py"
+}
+
+put_files() {
+    install -d -m 755 "$root/etc/pdps" "$root/etc/udev/rules.d" "$root/etc/systemd/system" \
+        "$root/opt/pdps/docs"
+    [ -e "$root/etc/pdps/drone.toml" ] ||
+        install -m 644 "$here/drone.toml" "$root/etc/pdps/drone.toml"
+    install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
+    install -m 644 "$here/pdps-companion.service" "$root/etc/systemd/system/"
+    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$root/opt/pdps/docs/"
+}
+
+# I2C at 400 kHz, SPI, and the full UART for the autopilot, without a login shell on it.
+set_up_buses() {
+    boot=$root/boot/firmware
+    [ -d "$boot" ] || { echo "no $boot: not a Raspberry Pi, its buses are left alone"; return; }
+    for line in dtparam=i2c_arm=on,i2c_arm_baudrate=400000 dtparam=spi=on enable_uart=1 \
+        dtoverlay=disable-bt; do
+        grep -qxF "$line" "$boot/config.txt" || echo "$line" >>"$boot/config.txt"
+    done
+    sed -i -E 's/console=(serial0|ttyAMA0|ttyS0),[0-9]+ ?//' "$boot/cmdline.txt"
+    install -d -m 755 "$root/etc/modules-load.d"
+    echo i2c-dev >"$root/etc/modules-load.d/pdps.conf"
+}
+
+start_using() {
+    [ -n "$root" ] && return
+    systemctl daemon-reload
+    systemctl disable --now --quiet serial-getty@ttyAMA0.service hciuart.service 2>/dev/null || true
+    udevadm control --reload && udevadm trigger
+}
+
+check_machine
+make_user
+make_venv
+put_files
+set_up_buses
+start_using
+
+cat <<END
+installed: $("$root/opt/pdps/venv/bin/python" -m pip --disable-pip-version-check freeze | grep -i '^pdps')
+  1. say how the sensors are wired in /etc/pdps/drone.toml
+  2. reboot, if this was the first time
+  3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml
+  4. sudo systemctl start pdps-companion    the drone takes off
+END

@@ -1,0 +1,79 @@
+"""The physics of sensors that time the flight of light: when they measure, and how well."""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from random import Random
+
+from companion.drivers.time_of_flight import TF_LUNA, TFMINI_S, VL53L1X
+from companion.messages import RangeModel
+
+TrueRange = Callable[[float], float | None]
+"""time_s -> true distance along the beam, m; None if nothing is there."""
+
+
+@dataclass(frozen=True, slots=True)
+class TofPhysics:
+    """How a unit differs from its datasheet, and how it is noisy."""
+
+    model: RangeModel
+    period_s: float
+    gathers_s: float
+    """It tells the mean over this time, which ends when it is told."""
+    gain_sigma: float
+    """Sigma of the units' gain."""
+    resolution_m: float
+    period_spread: float = 0.02
+    """Sigma of the units' clocks, relative."""
+
+    @property
+    def sees_to_m(self) -> float:
+        return 1.1 * self.model.max_m
+
+
+TOF_PHYSICS = {
+    "vl53l1x": TofPhysics(VL53L1X, VL53L1X.period_s, 0.033, VL53L1X.gain_sigma, 0.001),
+    "tfmini_s": TofPhysics(TFMINI_S, TFMINI_S.period_s, 0.0, TFMINI_S.gain_sigma, 0.01),
+    "tf_luna": TofPhysics(TF_LUNA, TF_LUNA.period_s, 0.0, TF_LUNA.gain_sigma, 0.01),
+}
+
+
+class TofUnit:
+    """One sensor, measuring by its own clock; evaluated only when somebody looks."""
+
+    def __init__(self, physics: TofPhysics, true_range: TrueRange, random: Random) -> None:
+        self._physics = physics
+        self._true_range = true_range
+        self._random = random
+        self._period_s = physics.period_s * (1 + random.gauss(0, physics.period_spread))
+        self._phase_s = random.uniform(0, self._period_s)
+        self.gain = 1 + random.gauss(0, physics.gain_sigma)
+        self._count = -1
+        self._distance_m: float | None = None
+        self.is_unplugged = False
+        """A fault for tests."""
+
+    def count(self, time_s: float) -> int:
+        """How many measurements have ended until then."""
+        return int((time_s + self._phase_s) / self._period_s)
+
+    def distance_m(self, time_s: float) -> float | None:
+        """The latest measurement that had ended by then; None: no light came back."""
+        count = self.count(time_s)
+        if count != self._count:
+            self._count = count
+            self._distance_m = self._measure(count * self._period_s - self._phase_s)
+        return self._distance_m
+
+    def _measure(self, ended_s: float) -> float | None:
+        physics = self._physics
+        true_m = self._true_range(ended_s - physics.gathers_s / 2)
+        noise = self._random.gauss(0, 1)
+        if true_m is None:
+            return None
+        model = physics.model
+        within_m = min(max(true_m, model.min_m), model.max_m)
+        sigma2_m2 = model.sigma_m(within_m) ** 2 - (model.gain_sigma * within_m) ** 2
+        told_m = true_m * self.gain + noise * math.sqrt(sigma2_m2)
+        steps = max(0, round(told_m / physics.resolution_m))
+        return steps * physics.resolution_m

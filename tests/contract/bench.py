@@ -1,0 +1,115 @@
+"""Sensors on a table, of any kind: distances and the yaw rate can be set, time passes when told."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from companion.config import SensorsConfig
+from companion.drivers.bus import Wires
+from companion.drivers.ranges import RangeSensors
+from companion.frames import Vector3
+from companion.link.transport import decode, make_codec
+from companion.messages import Beam, RangeScan
+from sitl.autopilot.own_sensors import rangefinder_messages
+from sitl.sensors.board import SensorBoard
+from sitl.truth import TrueState
+
+STILL = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+TICK_S = 0.05
+
+BEAM_DIRECTIONS: dict[Beam, Vector3] = {
+    Beam.FRONT: (1.0, 0.0, 0.0),
+    Beam.RIGHT: (0.0, 1.0, 0.0),
+    Beam.LEFT: (0.0, -1.0, 0.0),
+    Beam.UP: (0.0, 0.0, -1.0),
+    Beam.DOWN: (0.0, 0.0, 1.0),
+}
+FIVE = tuple(BEAM_DIRECTIONS)
+
+
+def five(sensor: Mapping[str, Any], **by_number: str) -> dict[str, Any]:
+    """The same sensor for each beam; what differs is a pattern of its number."""
+
+    def entry(number: int) -> dict[str, Any]:
+        own = {key: pattern.format(number) for key, pattern in by_number.items()}
+        return {**sensor, **own}
+
+    return {"ranges": {beam: entry(number) for number, beam in enumerate(FIVE)}}
+
+
+KINDS: dict[str, dict[str, Any]] = {
+    "gp2y0a710k0f": {"profile": "gp2y0a710k0f"},
+    "paper": {"profile": "paper"},
+    "mcp3008": five({"kind": "sharp_mcp3008"}, channel="{}"),
+    "vl53l1x": {"profile": "vl53l1x"},
+    "tfmini_s": {"profile": "tfmini_s"},
+    "tf_luna": {"profile": "tf_luna"},
+    "autopilot": five({"kind": "autopilot", "min_m": 0.2, "max_m": 5.0, "sigma_m": 0.03}),
+    "mixed": {
+        "ranges": {
+            "front": {"kind": "vl53l1x"},
+            "left": {"kind": "sharp_mcp3008", "channel": 3},
+            "right": {"kind": "tfmini_s", "port": "/dev/ttyUSB0"},
+            "up": {"kind": "sharp_ads1115", "address": 0x48, "channel": 0},
+            "down": {"kind": "autopilot", "sigma_m": 0.03},
+        }
+    },
+}
+
+
+@dataclass
+class Bench:
+    """The sensors' chips, and what is in front of them."""
+
+    bus: Wires
+    board: SensorBoard
+    config: SensorsConfig
+    distances_m: dict[Beam, float | None]
+    truth: TrueState = STILL
+    moving_away_m_s: float = 0.0
+    """Everything, since `time_s` was `from_s`."""
+    from_s: float = 0.0
+    time_s: float = 1.0
+    codec: Any = field(default_factory=lambda: make_codec(1, 1))
+
+    def passes(self, seconds: float) -> float:
+        self.time_s += seconds
+        self.board.bus.set_time(self.time_s)
+        return self.time_s
+
+    def distance_m(self, beam: Beam, time_s: float) -> float | None:
+        distance_m = self.distances_m[beam]
+        if distance_m is None:
+            return None
+        return distance_m + self.moving_away_m_s * (time_s - self.from_s)
+
+    def sweep(self, sensors: RangeSensors) -> RangeScan:
+        """One tick: what the autopilot says of its own sensors, then all beams."""
+        time_s = self.passes(TICK_S)
+        if sensors.from_autopilot is not None and not self.board.bus.is_broken:
+            told = rangefinder_messages(self.board.told_by_autopilot, round(1000 * time_s))
+            for message in decode(self.codec, b"".join(m.pack(self.codec) for m in told)):
+                sensors.from_autopilot.hear(message, time_s)
+        return sensors.read(time_s)
+
+
+def make_bench(kind: str) -> Bench:
+    config = SensorsConfig.model_validate({**KINDS[kind], "mount_offset_m": 0.0})
+    bench: Bench
+    looked_at_s = 0.0
+
+    def truth_at(time_s: float) -> TrueState:
+        nonlocal looked_at_s
+        looked_at_s = time_s
+        return replace(bench.truth, time_s=time_s)
+
+    def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
+        beam = min(FIVE, key=lambda b: math.dist(direction, BEAM_DIRECTIONS[b]))
+        distance_m = bench.distance_m(beam, looked_at_s)
+        return distance_m if distance_m is not None and distance_m <= most_m else None
+
+    board = SensorBoard(1, config, lambda beam: range_m, truth_at)
+    bench = Bench(board.bus, board, config, dict.fromkeys(FIVE, 2.0))
+    board.bus.set_time(bench.time_s)
+    return bench

@@ -1,0 +1,244 @@
+"""One suite for every range sensor, whatever its kind and whatever wires it is on."""
+
+import math
+import random
+import threading
+from collections.abc import Iterator, Sequence
+
+import pytest
+
+from companion.config import SensorsConfig
+from companion.drivers.bus import Transaction, open_bus
+from companion.drivers.models import model_of
+from companion.drivers.ranges import RangeSensors
+from companion.errors import SensorError
+from companion.messages import Beam, RangeReading, RangeScan, RangeState
+from tests.contract.bench import FIVE, KINDS, Bench, make_bench
+from tests.contract.serving import Served
+
+SETTLED_S = 0.6
+"""By then, whatever has happened, every sensor says what there is now."""
+
+
+@pytest.fixture(params=["in process", "served"])
+def transport(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture(params=KINDS)
+def bench(request: pytest.FixtureRequest, transport: str) -> Iterator[Bench]:
+    bench = make_bench(request.param)
+    if transport == "in process":
+        yield bench
+        return
+    with Served(bench.board.bus) as served:
+        bench.bus = open_bus(f"sitl://127.0.0.1:{served.port}")
+        yield bench
+        bench.bus.close()
+
+
+def sensors_of(bench: Bench) -> RangeSensors:
+    sensors = RangeSensors(bench.bus, bench.config)
+    settle(bench, sensors)
+    return sensors
+
+
+def settle(bench: Bench, sensors: RangeSensors) -> RangeScan:
+    return [bench.sweep(sensors) for _ in range(round(SETTLED_S / 0.05))][-1]
+
+
+def readings(bench: Bench, sensors: RangeSensors, beam: Beam, count: int) -> list[RangeReading]:
+    return [bench.sweep(sensors).readings[beam] for _ in range(count)]
+
+
+def test_every_beam_reads_its_own_distance_in_metres(bench: Bench) -> None:
+    for i, beam in enumerate(FIVE):
+        bench.distances_m[beam] = 1.3 + 0.3 * i
+    sensors = sensors_of(bench)
+    scans = [bench.sweep(sensors) for _ in range(40)]
+    for beam in FIVE:
+        told = [scan.readings[beam] for scan in scans]
+        assert all(reading.is_distance for reading in told)
+        mean_m = sum(reading.distance_m for reading in told) / len(told)
+        assert mean_m == pytest.approx(bench.distances_m[beam], abs=0.05)
+
+
+def test_a_scan_has_every_configured_beam(bench: Bench) -> None:
+    assert set(bench.sweep(RangeSensors(bench.bus, bench.config)).readings) == set(FIVE)
+
+
+def test_the_spread_is_what_the_variance_says(bench: Bench) -> None:
+    bench.distances_m[Beam.FRONT] = 3.0
+    told = readings(bench, sensors_of(bench), Beam.FRONT, 200)
+    values = [reading.distance_m for reading in told]
+    mean = sum(values) / len(values)
+    spread = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
+    of_gain = (model_of(bench.config.beams[Beam.FRONT]).gain_sigma * 3.0) ** 2
+    claimed = math.sqrt(sum(reading.variance_m2 - of_gain for reading in told) / len(told))
+    assert 0.7 < spread / claimed < 1.3
+
+
+def test_nothing_in_range_is_not_a_distance(bench: Bench) -> None:
+    for beam in FIVE:
+        bench.distances_m[beam] = None
+    scan = settle(bench, RangeSensors(bench.bus, bench.config))
+    assert {reading.state for reading in scan.readings.values()} == {RangeState.NOTHING}
+    assert all(math.isnan(reading.distance_m) for reading in scan.readings.values())
+
+
+def test_what_is_too_near_is_not_taken_for_far(bench: Bench) -> None:
+    for beam, sensor in bench.config.beams.items():
+        bench.distances_m[beam] = 0.8 if model_of(sensor).min_m == 1.0 else 0.0
+    sensors = sensors_of(bench)
+    for beam in FIVE:
+        told = readings(bench, sensors, beam, 20)
+        assert RangeState.TOO_NEAR in {reading.state for reading in told}
+        assert all(reading.distance_m < 0.3 for reading in told if reading.is_distance)
+
+
+def test_a_reading_is_as_old_as_the_model_says(bench: Bench) -> None:
+    """Something moves away at 2 m/s: what is told is where it was that much earlier."""
+    sensors = sensors_of(bench)
+    bench.moving_away_m_s = 2.0
+    lags_s: dict[Beam, list[float]] = {beam: [] for beam in FIVE}
+    for beam in FIVE:
+        bench.distances_m[beam] = 1.4
+    for _ in range(60):
+        bench.from_s = bench.time_s
+        for _ in range(10):
+            scan = bench.sweep(sensors)
+            for beam, reading in scan.readings.items():
+                true_m = bench.distance_m(beam, scan.time_s)
+                if reading.is_distance and true_m is not None and scan.time_s > bench.from_s + 0.2:
+                    lags_s[beam].append((true_m - reading.distance_m) / 2.0)
+    for beam, sensor in bench.config.beams.items():
+        model = model_of(sensor)
+        mean_s = sum(lags_s[beam]) / len(lags_s[beam])
+        gain_s = 3 * model.gain_sigma * 2.0 / 2.0
+        assert mean_s == pytest.approx(model.mean_age_s, abs=0.012 + gain_s)
+
+
+def test_an_unplugged_sensor_has_failed_alone_and_comes_back(bench: Bench) -> None:
+    sensors = sensors_of(bench)
+    bench.board.unplug("right")
+    scan = settle(bench, sensors)
+    assert scan.readings[Beam.RIGHT].state is RangeState.FAILED
+    assert scan.readings[Beam.LEFT].is_distance
+    bench.board.plug_in("right")
+    assert settle(bench, sensors).readings[Beam.RIGHT].is_distance
+
+
+def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> None:
+    sensors = sensors_of(bench)
+    bench.board.bus.is_broken = True
+    states = [reading.state for reading in readings(bench, sensors, Beam.FRONT, 12)]
+    first_stale = states.index(RangeState.STALE)
+    assert set(states[:first_stale]) <= {RangeState.DISTANCE}
+    assert states[-1] is RangeState.FAILED
+    assert states == sorted(states, key=[*RangeState].index)
+    bench.board.bus.is_broken = False
+    assert settle(bench, sensors).readings[Beam.FRONT].is_distance
+
+
+class Noisy:
+    """Wires on which every byte that comes in is random."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)
+
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        return [self._random.randbytes(t.count) for t in transactions]
+
+    def exchange(self, device: str, data: bytes) -> bytes:
+        return self._random.randbytes(len(data))
+
+    def receive(self, port: str, baud: int) -> bytes:
+        return self._random.randbytes(self._random.randrange(60))
+
+    def close(self) -> None: ...
+
+
+class Switched:
+    """Wires that can be exchanged while the drivers hold them."""
+
+    def __init__(self, wires: Noisy | Bench) -> None:
+        self.wires = wires.bus if isinstance(wires, Bench) else wires
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.wires, name)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_garbage_never_looks_like_an_impossible_distance_and_passes(
+    bench: Bench, seed: int
+) -> None:
+    wires = Switched(bench)
+    sensors = RangeSensors(wires, bench.config)  # type: ignore[arg-type]
+    settle(bench, sensors)
+    wires.wires = Noisy(seed)
+    for _ in range(50):
+        for beam, reading in bench.sweep(sensors).readings.items():
+            model = model_of(bench.config.beams[beam])
+            if reading.is_distance:
+                assert model.min_m - 1e-9 <= reading.distance_m <= model.max_m + 1e-9
+                assert reading.variance_m2 > 0
+            else:
+                assert math.isnan(reading.distance_m)
+    wires.wires = bench.bus
+    scan = settle(bench, sensors)
+    for reading in scan.readings.values():
+        assert reading.distance_m == pytest.approx(2.0, abs=0.25)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "named"),
+    [
+        ({"kind": "sharp_ads1115", "address": 0x4B, "channel": 0}, ("0x4b", "ADDR")),
+        ({"kind": "sharp_mcp3008", "device": "/dev/spidev1.1", "channel": 0}, ("/dev/spidev1.1",)),
+        ({"kind": "vl53l1x", "address": 0x30}, ("0x30", "XSHUT")),
+        ({"kind": "vl53l1x", "mux_address": 0x71, "mux_channel": 5}, ("0x71", "branch 5")),
+        ({"kind": "vl53l1x", "address": 0x6B}, ("0x6b", "no VL53L1X")),
+        ({"kind": "tfmini_s", "port": "/dev/ttyUSB7"}, ("/dev/ttyUSB7",)),
+    ],
+)
+def test_a_missing_or_wrong_sensor_stops_the_start_and_is_named(
+    transport: str, sensor: dict[str, object], named: tuple[str, ...]
+) -> None:
+    bench = make_bench("mixed")
+    config = SensorsConfig.model_validate({"ranges": {"front": sensor}})
+    with Served(bench.board.bus) as served:
+        wires = bench.bus
+        if transport == "served":
+            wires = open_bus(f"sitl://127.0.0.1:{served.port}")
+        with pytest.raises(SensorError) as refused:
+            RangeSensors(wires, config)
+        wires.close()
+    assert all(word in str(refused.value) for word in named)
+    assert "\n" not in str(refused.value)
+
+
+def test_served_wires_that_close_can_be_opened_again() -> None:
+    bench = make_bench("mixed")
+    served = Served(bench.board.bus)
+    with served:
+        bus = open_bus(f"sitl://127.0.0.1:{served.port}")
+        sensors = RangeSensors(bus, bench.config)
+        assert settle(bench, sensors).readings[Beam.FRONT].is_distance
+    bench.passes(1.0)
+    assert not bench.sweep(sensors).readings[Beam.FRONT].is_alive
+    with Served(bench.board.bus, served.port):
+        deadline = threading.Event()
+        for _ in range(30):
+            if all(r.is_distance for r in bench.sweep(sensors).readings.values()):
+                break
+            deadline.wait(0.1)
+        assert all(r.is_distance for r in bench.sweep(sensors).readings.values())
+    bus.close()
+
+
+def test_at_a_wrong_baud_rate_a_serial_sensor_is_silent() -> None:
+    bench = make_bench("tfmini_s")
+    ports = {b: {**s.model_dump(), "baud": 57600} for b, s in bench.config.beams.items()}
+    config = SensorsConfig.model_validate({"ranges": ports})
+    scan = settle(bench, RangeSensors(bench.bus, config))
+    assert {reading.state for reading in scan.readings.values()} == {RangeState.FAILED}

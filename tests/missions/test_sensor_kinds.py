@@ -1,0 +1,65 @@
+"""Whole flights with other sensors than five Sharps, and with a mix of them."""
+
+from pathlib import Path
+
+import pytest
+
+from sitl.testing import Sitl, at, unplug
+
+MIX = """
+[sensors]
+gyro = "autopilot"
+mount_offset_m = 0.08
+
+[sensors.ranges]
+front = { kind = "vl53l1x", mount_offset_m = 0.12 }
+left = { kind = "sharp_mcp3008", channel = 3 }
+right = { kind = "tfmini_s", port = "/dev/ttyUSB0", mount_offset_m = 0.05 }
+up = { kind = "sharp_ads1115", address = 0x48, channel = 0 }
+down = { kind = "autopilot" }
+"""
+FROM_AUTOPILOT = """
+[sensors]
+gyro = "autopilot"
+ranges = { front = { kind = "autopilot" }, left = { kind = "autopilot" }, \
+right = { kind = "autopilot" } }
+"""
+
+
+@pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s", "tf_luna"])
+def test_it_maps_the_room_with_other_sensors(sitl: Sitl, profile: str) -> None:
+    flight = sitl.fly("room_100", profile=profile)
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.coverage >= 0.95
+    assert flight.report.wall_error_aligned_cm <= 4
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("sensors", [MIX, FROM_AUTOPILOT], ids=["mix", "from the autopilot"])
+def test_it_maps_the_room_with_any_mix(
+    sitl: Sitl, tmp_path: Path, sensors: str, autopilot: str
+) -> None:
+    config = tmp_path / "drone.toml"
+    config.write_text(sensors)
+    flight = sitl.fly("room_100", config=str(config), autopilot=autopilot)
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.coverage >= 0.95
+    assert flight.report.wall_error_aligned_cm <= 12
+
+
+def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:
+    config = tmp_path / "drone.toml"
+    config.write_text(MIX)
+    first = sitl.fly("room_100", config=str(config), seed=5)
+    as_bytes = sitl.fly("room_100", config=str(config), seed=5, transport="bytes")
+    assert first.truth.path == as_bytes.truth.path
+    assert first.plan == as_bytes.plan
+
+
+@pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s"])
+def test_a_dead_sensor_of_any_kind_lands_the_drone(sitl: Sitl, profile: str) -> None:
+    flight = sitl.fly("room_100", profile=profile, script=[at(30, unplug("left"))])
+    assert flight.ending == "landed: range sensor failed: left"
+    assert flight.truth.collisions == 0

@@ -1,0 +1,238 @@
+"""`companion check` says of each part how it is, and what to do."""
+
+import math
+from dataclasses import replace
+from random import Random
+from typing import Any
+
+import pytest
+
+from companion.calibrate import readings_of, rest_bias_rad_s, turn_rad
+from companion.check import Examination, Finding, Verdict
+from companion.check_hands import changed_beam, verdict
+from companion.config import Config
+from companion.fly import Rig
+from companion.link.serial_transport import SerialTransport
+from companion.link.transport import direct_pair
+from companion.messages import Beam, RangeReading, RangeState
+from companion.rig import make_rig
+from sitl.simulation import Setup, Simulation
+from sitl.world.loading import load_world
+from tests.contract.bench import STILL, Bench, make_bench
+
+
+class Drone:
+    """A simulated drone on the floor, looked at for some seconds."""
+
+    def __init__(self, parameters: dict[str, float] | None = None, **wired_otherwise: Any) -> None:
+        usual = Config()
+        sitl_end, companion_end = direct_pair()
+        world = load_world("room_100")
+        setup = Setup(world, "room_100", 1, usual.sensors, parameters=parameters or {})
+        self.simulation = Simulation(setup, [sitl_end])
+        config = Config.model_validate({"sensors": wired_otherwise})
+        self.examination = Examination(config, companion_end, self.simulation.board.bus)
+
+    def looked_at(self, seconds: float = 6.0) -> dict[str, Finding]:
+        findings: list[Finding] = []
+        for _ in range(round(seconds / 0.05)):
+            self.simulation.advance(self.simulation.time_s + 0.05)
+            findings = self.examination.step(self.simulation.time_s)
+        return {finding.part: finding for finding in findings}
+
+
+def test_a_well_drone_is_good_in_every_part() -> None:
+    findings = Drone().looked_at()
+    assert set(findings) == {*Beam.__members__.values()} - {"back"} | {
+        *("gyro", "link", "autopilot", "avoidance")
+    }
+    assert {finding.verdict for finding in findings.values()} == {Verdict.GOOD}
+
+
+def test_a_wrong_address_is_told_with_those_that_answer() -> None:
+    front = {"kind": "sharp_ads1115", "address": 0x4A, "channel": 0}
+    left = {"kind": "sharp_ads1115", "address": 0x48, "channel": 1}
+    findings = Drone(ranges={"front": front, "left": left}).looked_at(1.0)
+    assert findings["front"].verdict is Verdict.BAD
+    assert "0x4a" in findings["front"].remedy
+    assert "something answers at 0x48, 0x49" in findings["front"].remedy
+    assert findings["left"].verdict is Verdict.GOOD
+
+
+def test_a_gyro_at_the_other_address_is_named() -> None:
+    findings = Drone(gyro_address=0x6A).looked_at(1.0)
+    assert findings["gyro"].verdict is Verdict.BAD
+    assert "0x6a" in findings["gyro"].remedy
+
+
+def test_an_unplugged_sensor_is_silent() -> None:
+    drone = Drone()
+    drone.simulation.board.unplug("left")
+    findings = drone.looked_at(1.0)
+    assert findings["left"].verdict is Verdict.BAD
+    assert "plug" in findings["left"].remedy
+    assert findings["right"].verdict is Verdict.GOOD
+
+
+def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
+    drone = Drone()
+    drone.simulation.is_link_down = True
+    link = drone.looked_at()["link"]
+    assert link.verdict is Verdict.BAD
+    assert "udpin:127.0.0.1:14550" in link.remedy
+
+
+@pytest.mark.parametrize(
+    ("parameters", "words"),
+    [
+        ({"FLOW_TYPE": 0}, "no velocity source"),
+        ({"EK3_SRC1_VELXY": 0}, "no velocity source"),
+    ],
+)
+def test_an_autopilot_without_velocity_is_told_what_it_needs(
+    parameters: dict[str, float], words: str
+) -> None:
+    autopilot = Drone(parameters).looked_at()["autopilot"]
+    assert autopilot.verdict is Verdict.WAIT
+    assert words in autopilot.seen
+    assert "optical flow" in autopilot.remedy
+
+
+def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
+    autopilot = Drone().looked_at(1.6)["autopilot"]
+    assert autopilot.verdict is Verdict.WAIT
+
+
+@pytest.mark.parametrize(
+    ("parameters", "good"),
+    [
+        ({"PRX1_TYPE": 2, "AVOID_MARGIN": 2}, False),
+        ({"PRX1_TYPE": 2, "AVOID_MARGIN": 1}, True),
+        ({"PRX1_TYPE": 2, "AVOID_MARGIN": 2, "AVOID_ENABLE": 1}, True),
+        ({"PRX1_TYPE": 0, "AVOID_MARGIN": 2}, True),
+    ],
+)
+def test_avoidance_that_keeps_it_from_its_stand_off_is_told(
+    parameters: dict[str, float], good: bool
+) -> None:
+    avoidance = Drone(parameters).looked_at()["avoidance"]
+    assert (avoidance.verdict is Verdict.GOOD) == good
+    assert good or "AVOID_MARGIN to 1" in avoidance.remedy
+
+
+class Port:
+    """A serial port at which always the same comes in."""
+
+    def __init__(self, data: bytes) -> None:
+        self._data = data
+        self.in_waiting = len(data)
+
+    def read(self, count: int) -> bytes:
+        return self._data
+
+    def write(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [(b"", ("swap TX and RX", "SERIALn_PROTOCOL")), (b"\x8f\xfe" * 20, ("another baud rate",))],
+)
+def test_a_silent_port_and_a_wrong_baud_rate_are_told_apart(
+    monkeypatch: pytest.MonkeyPatch, data: bytes, words: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(SerialTransport, "_open", lambda self: Port(data))
+    config = Config.model_validate({"link": {"url": "serial:/dev/ttyAMA0:921600"}})
+    transport = SerialTransport(config.link.url, 1, 191)
+    bench = make_bench("gp2y0a710k0f")
+    examination = Examination(config, transport, bench.bus)
+    findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
+    assert findings["link"].verdict is Verdict.BAD
+    assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
+
+
+def test_a_serial_sensor_at_a_wrong_baud_rate_is_told() -> None:
+    bench = make_bench("tfmini_s")
+    ports = {b: {**s.model_dump(), "baud": 57600} for b, s in bench.config.beams.items()}
+    config = Config.model_validate({"sensors": {"ranges": ports}})
+    examination = Examination(config, direct_pair()[1], bench.bus)
+    findings = [examination.step(bench.passes(0.05)) for _ in range(20)][-1]
+    front = next(finding for finding in findings if finding.part == "front")
+    assert front.verdict is Verdict.BAD
+    assert "baud rate is not 57600" in front.remedy
+
+
+# Swapped sensors
+
+
+def look(**distances_m: float | None) -> list[dict[Beam, RangeReading]]:
+    random = Random(1)
+
+    def reading(distance_m: float | None) -> RangeReading:
+        if distance_m is None:
+            return RangeReading(RangeState.TOO_NEAR)
+        return RangeReading(RangeState.DISTANCE, distance_m + random.gauss(0, 0.03), 0.03**2)
+
+    return [{Beam(b): reading(d) for b, d in distances_m.items()} for _ in range(30)]
+
+
+def test_the_hand_is_seen_by_the_sensor_it_is_held_before() -> None:
+    before, after = look(front=2.0, left=3.0), look(front=None, left=3.0)
+    assert changed_beam(before, after) is Beam.FRONT
+    assert verdict(Beam.FRONT, Beam.FRONT) == ""
+
+
+def test_swapped_sensors_are_named() -> None:
+    before, after = look(front=2.0, left=3.0), look(front=2.0, left=1.2)
+    changed = changed_beam(before, after)
+    assert "front and left are swapped" in verdict(Beam.FRONT, changed)
+
+
+def test_no_hand_is_no_sensor() -> None:
+    assert changed_beam(look(front=2.0), look(front=2.0)) is None
+    assert "no sensor has noticed" in verdict(Beam.FRONT, None)
+
+
+# Measuring for a calibration
+
+
+class BenchClock:
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+
+    def wait_until(self, time_s: float) -> float:
+        return self._bench.passes(max(0.0, time_s - self._bench.time_s))
+
+
+def rig_on(bench: Bench) -> Rig:
+    config = Config(sensors=bench.config)
+    return make_rig(config, direct_pair()[1], bench.bus, BenchClock(bench))
+
+
+def test_what_is_read_at_a_distance_is_of_that_distance_only() -> None:
+    bench = make_bench("tfmini_s")
+    rig = rig_on(bench)
+    for distance_m in (1.0, 2.0):
+        bench.distances_m[Beam.LEFT] = distance_m
+        told = readings_of(rig, Beam.LEFT, 2.0)
+        assert len(told) == 40
+        assert all(r.distance_m == pytest.approx(distance_m, abs=0.1) for r in told)
+
+
+def test_a_turn_by_hand_is_measured_until_it_rests() -> None:
+    bench = make_bench("gp2y0a710k0f")
+    rig = rig_on(bench)
+    bias = rest_bias_rad_s(rig, 3.0)
+    began_s = bench.time_s
+
+    class Turning(BenchClock):
+        def wait_until(self, time_s: float) -> float:
+            now_s = super().wait_until(time_s)
+            turns = 1.0 < now_s - began_s < 9.0
+            rate = math.radians(45.0) if turns else 0.0
+            bench.truth = replace(STILL, yaw_rate_rad_s=rate)
+            return now_s
+
+    turning = replace(rig, clock=Turning(bench))
+    assert math.degrees(turn_rad(turning, bias)) == pytest.approx(360, rel=0.06)

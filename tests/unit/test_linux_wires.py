@@ -1,0 +1,100 @@
+"""SPI and serial ports of a Linux machine, on made-up devices: opened late, and again."""
+
+import sys
+from types import SimpleNamespace
+from typing import Any, ClassVar
+
+import pytest
+import serial
+
+from companion.drivers.bus import open_bus
+from companion.errors import SensorError
+
+
+class SpiError(OSError):
+    """Stands for periphery's."""
+
+
+class Spi:
+    """Stands for periphery's; adds one to every byte."""
+
+    def __init__(self, device: str, mode: int, clock_hz: float) -> None:
+        if device != "/dev/spidev0.1":
+            raise SpiError(2, "No such file or directory")
+
+    def transfer(self, data: bytes) -> bytes:
+        return bytes(value + 1 for value in data)
+
+    def close(self) -> None: ...
+
+
+class Port:
+    """Stands for a serial port that can be pulled out."""
+
+    is_there = True
+    opened: ClassVar[list[tuple[str, int]]] = []
+
+    def __init__(self, port: str, baud: int, **kwargs: Any) -> None:
+        if not Port.is_there:
+            raise serial.SerialException("could not open port")
+        Port.opened.append((port, baud))
+
+    @property
+    def in_waiting(self) -> int:
+        if not Port.is_there:
+            raise OSError(5, "Input/output error")
+        return 3
+
+    def read(self, count: int) -> bytes:
+        return b"abc"[:count]
+
+    def close(self) -> None: ...
+
+
+@pytest.fixture(autouse=True)
+def _made_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    made_up = SimpleNamespace(SPI=Spi, SPIError=SpiError)
+    monkeypatch.setitem(sys.modules, "periphery", made_up)
+    monkeypatch.setattr(serial, "Serial", Port)
+    monkeypatch.setattr(Port, "is_there", True)
+    monkeypatch.setattr(Port, "opened", [])
+
+
+def test_nothing_is_opened_before_it_is_used() -> None:
+    open_bus("/dev/i2c-99").close()
+
+
+def test_an_exchange_goes_to_the_device_that_is_named() -> None:
+    wires = open_bus("/dev/i2c-99")
+    assert wires.exchange("/dev/spidev0.1", b"\x01\x02") == b"\x02\x03"
+    with pytest.raises(SensorError, match=r"/dev/spidev1\.0.*enable SPI"):
+        wires.exchange("/dev/spidev1.0", b"\x01")
+
+
+def test_a_port_that_is_pulled_out_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    now_s = [0.0]
+    monkeypatch.setattr("companion.drivers.linux_wires.time.monotonic", lambda: now_s[0])
+    wires = open_bus("/dev/i2c-99")
+    assert wires.receive("/dev/ttyUSB0", 115200) == b"abc"
+    Port.is_there = False
+    for _ in range(3):
+        now_s[0] += 0.4
+        with pytest.raises(OSError, match=r"ttyUSB0|Input/output"):
+            wires.receive("/dev/ttyUSB0", 115200)
+    Port.is_there = True
+    now_s[0] += 1.5
+    assert wires.receive("/dev/ttyUSB0", 115200) == b"abc"
+    assert Port.opened == [("/dev/ttyUSB0", 115200)] * 2
+
+
+def test_a_missing_port_is_told_with_the_remedy() -> None:
+    Port.is_there = False
+    with pytest.raises(SensorError, match="dialout"):
+        open_bus("/dev/i2c-99").receive("/dev/ttyUSB0", 115200)
+
+
+def test_a_missing_i2c_adapter_is_told_with_the_remedy() -> None:
+    from companion.drivers.bus import Transaction  # noqa: PLC0415 - only here
+
+    with pytest.raises(SensorError, match="raspi-config"):
+        open_bus("/dev/i2c-99").transfer([Transaction(0x48, b"\x00")])

@@ -1,0 +1,112 @@
+"""What the autopilot and ground stations are told of us."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import LinkConfig
+from companion.drivers.autopilot import ORIENTATIONS
+from companion.drivers.sharp import GP2Y0A710K0F, PAPER
+from companion.link.reports import UNKNOWN_SECTOR, Reports
+from companion.link.transport import Message, decode, make_codec
+from companion.messages import Beam, RangeReading, RangeScan, RangeState
+
+ALL = dict.fromkeys(Beam, GP2Y0A710K0F)
+
+
+def distance(metres: float, sigma_m: float = 0.03) -> RangeReading:
+    return RangeReading(RangeState.DISTANCE, metres, sigma_m**2)
+
+
+def told(kind: str, **readings: RangeReading) -> list[Message]:
+    config = LinkConfig.model_validate({"tell_ranges": kind, "tell_texts": False})
+    scan = RangeScan(1.0, {Beam(name): reading for name, reading in readings.items()})
+    return Reports(config, ALL).due(1.0, scan, "scanning", "")
+
+
+def texts(activity: str, trouble: str, reports: Reports) -> list[Message]:
+    return reports.due(1.0, RangeScan(1.0, {}), activity, trouble)
+
+
+def test_nothing_is_told_of_ranges_unless_it_is_asked_for() -> None:
+    assert told("none", front=distance(2.0)) == []
+
+
+@pytest.mark.parametrize("beam", list(Beam))
+def test_each_beam_is_told_with_its_orientation(beam: Beam) -> None:
+    (message,) = told("distance_sensor", **{beam.value: distance(2.34)})
+    assert ORIENTATIONS[message.orientation] is beam
+    assert (message.current_distance, message.covariance) == (234, 9)
+    assert (message.min_distance, message.max_distance) == (100, 550)
+
+
+@pytest.mark.parametrize(
+    ("reading", "told_cm"),
+    [
+        (RangeReading(RangeState.NOTHING), 551),
+        (RangeReading(RangeState.TOO_NEAR), 99),
+        (distance(5.6), 550),
+    ],
+)
+def test_what_is_no_distance_is_told_out_of_bounds(reading: RangeReading, told_cm: int) -> None:
+    (message,) = told("distance_sensor", front=reading)
+    assert message.current_distance == told_cm
+
+
+@pytest.mark.parametrize("state", [RangeState.STALE, RangeState.FAILED])
+@pytest.mark.parametrize("kind", ["distance_sensor", "obstacle_distance"])
+def test_a_silent_sensor_is_not_told(kind: str, state: RangeState) -> None:
+    assert told(kind, front=RangeReading(state), down=RangeReading(state)) == []
+
+
+def test_a_variance_beyond_the_field_is_unknown() -> None:
+    (message,) = told("distance_sensor", front=distance(5.0, 0.30))
+    assert message.covariance == 255
+
+
+def test_around_are_sectors_of_the_body_and_the_rest_is_unknown() -> None:
+    around, down = told(
+        "obstacle_distance",
+        front=distance(2.0),
+        right=RangeReading(RangeState.NOTHING),
+        left=RangeReading(RangeState.TOO_NEAR),
+        down=distance(1.2),
+    )
+    assert around.frame == mavlink.MAV_FRAME_BODY_FRD
+    known = {i: cm for i, cm in enumerate(around.distances) if cm != UNKNOWN_SECTOR}
+    assert known == {0: 200, 18: 551, 54: 100}
+    assert down.get_type() == "DISTANCE_SENSOR"
+    assert down.orientation == mavlink.MAV_SENSOR_ROTATION_PITCH_270
+
+
+def test_ranges_go_out_ten_times_a_second() -> None:
+    config = LinkConfig(tell_ranges="distance_sensor", tell_texts=False)
+    reports = Reports(config, {Beam.FRONT: PAPER})
+    scan = RangeScan(0.0, {Beam.FRONT: distance(1.0)})
+    assert sum(len(reports.due(0.05 * tick, scan, "", "")) for tick in range(200)) == 100
+
+
+def test_phases_and_faults_are_told_once() -> None:
+    reports = Reports(LinkConfig(), {})
+    first = texts("taking off", "", reports)
+    assert [(m.severity, m.text) for m in first] == [(6, "PDPS: taking off")]
+    assert texts("taking off", "", reports) == []
+    (fault,) = texts("holding", "the gyro is silent", reports)
+    assert (fault.severity, fault.text) == (4, "PDPS: holding: the gyro is silent")
+    assert texts("holding", "the gyro is silent", reports) == []
+    (well,) = texts("taking off", "", reports)
+    assert well.severity == 6
+
+
+@given(st.text(st.characters(codec="ascii", exclude_characters="\0"), min_size=1, max_size=300))
+def test_long_texts_can_be_put_together_again(trouble: str) -> None:
+    messages = texts("holding", trouble, Reports(LinkConfig(), {}))
+    codec = make_codec(1, 191)
+    heard = decode(codec, b"".join(m.pack(codec) for m in messages))
+    assert "".join(m.text for m in heard) == f"PDPS: holding: {trouble}"
+    assert [m.chunk_seq for m in heard] == list(range(len(heard)))
+    assert len({m.id for m in heard}) == 1
+    assert all(math.isclose(len(m.text), 50) for m in heard[:-1])

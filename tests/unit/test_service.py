@@ -1,0 +1,66 @@
+"""What systemd hears of a flight."""
+
+import socket
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from companion.service import Service
+
+
+@pytest.fixture
+def systemd(tmp_path: Path) -> Iterator[socket.socket]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.setblocking(False)
+        yield listening
+
+
+def heard(systemd: socket.socket) -> list[str]:
+    lines: list[str] = []
+    while True:
+        try:
+            lines += systemd.recv(4096).decode().splitlines()
+        except BlockingIOError:
+            return lines
+
+
+def test_it_is_ready_with_the_first_tick_and_tells_each_phase_once(
+    systemd: socket.socket,
+) -> None:
+    service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
+    for activity in ("waiting", "waiting", "taking off", "taking off"):
+        service.alive(activity)
+    assert heard(systemd) == ["READY=1", "STATUS=waiting", "STATUS=taking off"]
+
+
+def test_the_watchdog_is_fed_several_times_within_its_timeout(systemd: socket.socket) -> None:
+    now_s = [0.0]
+    environment = {"NOTIFY_SOCKET": systemd.getsockname(), "WATCHDOG_USEC": "2000000"}
+    service = Service(environment, lambda: now_s[0])
+    fed = 0
+    for _ in range(200):
+        now_s[0] += 0.05
+        service.alive("scanning")
+        fed += heard(systemd).count("WATCHDOG=1")
+    assert 18 <= fed <= 22
+
+
+def test_a_systemd_that_does_not_listen_does_not_hold_up_the_loop(
+    systemd: socket.socket,
+) -> None:
+    service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
+    for number in range(2000):
+        service.alive(f"phase {number}")
+    assert heard(systemd)[0] == "READY=1"
+
+
+def test_the_last_smoothing_has_time(systemd: socket.socket) -> None:
+    Service({"NOTIFY_SOCKET": systemd.getsockname()}).landed()
+    assert "WATCHDOG_USEC=120000000" in heard(systemd)
+
+
+def test_without_systemd_and_with_a_dead_one_it_flies_on(tmp_path: Path) -> None:
+    for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "nobody")}):
+        Service(environment).alive("scanning")

@@ -1,0 +1,82 @@
+"""Frames of the TFmini-S out of whatever stands around them."""
+
+from itertools import pairwise
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.drivers.tfmini import FRAME, HEADER, Tfmini, checksum, latest_frame
+from companion.drivers.time_of_flight import TFMINI_S
+from companion.messages import RangeState
+from sitl.sensors.tfmini import frame
+
+
+def raw(distance_cm: int, strength: int) -> bytes:
+    body = FRAME.pack(HEADER, distance_cm, strength, 2400, 0)[:-1]
+    return body + bytes([checksum(body)])
+
+
+class Port:
+    """Hands over what the test has put there."""
+
+    def __init__(self) -> None:
+        self.data = b""
+
+    def receive(self, port: str, baud: int) -> bytes:
+        data, self.data = self.data, b""
+        return data
+
+
+@given(st.integers(0, 1200), st.integers(100, 65534), st.lists(st.integers(1, 8), max_size=4))
+def test_a_frame_is_found_however_it_is_cut(
+    distance_cm: int, strength: int, cuts: list[int]
+) -> None:
+    data, rest, found = raw(distance_cm, strength), b"", None
+    edges = sorted({0, len(data), *cuts})
+    for start, end in pairwise(edges):
+        new, rest = latest_frame(rest + data[start:end])
+        found = new or found
+    assert found == (distance_cm, strength)
+
+
+@given(st.binary(max_size=40), st.integers(0, 1200))
+def test_after_any_garbage_the_next_two_frames_are_found(garbage: bytes, cm: int) -> None:
+    found, _ = latest_frame(garbage + raw(cm, 500) + raw(cm, 500))
+    assert found == (cm, 500)
+
+
+def test_the_latest_of_many_counts() -> None:
+    found, rest = latest_frame(frame(1.0) + frame(2.0) + frame(3.0)[:5])
+    assert found == (200, 2000)
+    assert latest_frame(rest + frame(3.0)[5:])[0] == (300, 2000)
+
+
+@pytest.mark.parametrize(
+    ("distance_cm", "strength", "state"),
+    [
+        (200, 500, RangeState.DISTANCE),
+        (5, 500, RangeState.TOO_NEAR),
+        (1300, 500, RangeState.NOTHING),
+        (200, 99, RangeState.NOTHING),
+        (0xFFFF, 30, RangeState.NOTHING),
+        (0, 20, RangeState.NOTHING),
+    ],
+)
+def test_what_distance_and_strength_mean(
+    distance_cm: int, strength: int, state: RangeState
+) -> None:
+    port = Port()
+    sensor = Tfmini(port, "/dev/ttyAMA1", 115200, TFMINI_S)
+    port.data = raw(distance_cm, strength)
+    reading = sensor.read(0.0)
+    assert reading is not None
+    assert reading.state is state
+
+
+@pytest.mark.parametrize("told", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF)])
+def test_blinded_it_says_nothing_rather_than_something(told: tuple[int, int]) -> None:
+    port = Port()
+    sensor = Tfmini(port, "/dev/ttyAMA1", 115200, TFMINI_S)
+    port.data = raw(*told)
+    assert sensor.read(0.0) is None

@@ -1,0 +1,57 @@
+"""The VL53L1X beyond what all range sensors have in common."""
+
+from random import Random
+
+import pytest
+
+from companion.drivers.vl53l1x import MEANINGS, REG_MODE_START, TIMED, Vl53l1x
+from companion.messages import RangeState
+from sitl.sensors.i2c import DeviceBus, Multiplexer
+from sitl.sensors.time_of_flight import TOF_PHYSICS, TofUnit
+from sitl.sensors.vl53l1x import Vl53l1xDevice
+
+ADDRESS = 0x29
+
+
+def device(distance_m: float | None) -> Vl53l1xDevice:
+    return Vl53l1xDevice(TofUnit(TOF_PHYSICS["vl53l1x"], lambda time_s: distance_m, Random(1)))
+
+
+def read_for(sensor: Vl53l1x, bus: DeviceBus, from_s: float, seconds: float) -> list[float]:
+    distances = []
+    for tick in range(round(seconds / 0.05)):
+        time_s = from_s + 0.05 * tick
+        bus.set_time(time_s)
+        reading = sensor.read(time_s)
+        if reading is not None and reading.is_distance:
+            distances.append(reading.distance_m)
+    return distances
+
+
+def test_two_of_the_same_address_are_told_apart_by_their_branch() -> None:
+    bus = DeviceBus({0x70: Multiplexer({0: {ADDRESS: device(1.0)}, 5: {ADDRESS: device(3.0)}})})
+    near, far = (Vl53l1x(bus, ADDRESS, (0x70, branch)) for branch in (0, 5))
+    for tick in range(40):
+        bus.set_time(0.05 * tick)
+        told = near.read(0.05 * tick), far.read(0.05 * tick)
+    assert told[0] is not None
+    assert told[1] is not None
+    assert told[0].distance_m == pytest.approx(1.0, abs=0.05)
+    assert told[1].distance_m == pytest.approx(3.0, abs=0.05)
+
+
+def test_after_a_brown_out_it_is_configured_again() -> None:
+    chip = device(2.0)
+    bus = DeviceBus({ADDRESS: chip})
+    sensor = Vl53l1x(bus, ADDRESS, None)
+    assert read_for(sensor, bus, 0.0, 1.0)
+    chip.power_cycle(1.0)
+    assert len(read_for(sensor, bus, 1.0, 1.0)) < 18
+    assert len(read_for(sensor, bus, 2.0, 1.0)) == 20
+    assert chip._registers[REG_MODE_START] == TIMED
+
+
+@pytest.mark.parametrize("status", range(32))
+def test_only_a_valid_status_is_a_distance(status: int) -> None:
+    reading = MEANINGS.get(status)
+    assert reading is None or reading.state in (RangeState.NOTHING, RangeState.TOO_NEAR)
