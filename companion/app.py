@@ -16,6 +16,8 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.rays import rays
 from companion.messages import (
     Command,
     FloorPlan,
@@ -29,7 +31,7 @@ from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
 
-MAPPING_PHASES = frozenset({Phase.ROOM, Phase.HOME, Phase.HOLD})
+MAPPING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
@@ -75,6 +77,8 @@ class App:
         self._rest = RestCalibration(config.sensors.rest_s)
         self._estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
+        self.space = Occupancy()
+        """What is known of the space around, as the flight uses it."""
         self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", 0.0, 0.0)
@@ -119,10 +123,16 @@ class App:
         if self.flight.phase in MAPPING_PHASES:
             self._estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self._estimator.pose(now_s).height_m)
+            self._clear_space(self._estimator.pose(now_s), inputs.scan)
         pose = self._estimator.pose(now_s)
         if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
             self._path.append(pose)
         return pose
+
+    def _clear_space(self, pose: Pose, scan: RangeScan) -> None:
+        sensors = self._config.sensors
+        for ray in rays(pose, scan, PROFILES[sensors.profile], sensors.mount_offset_m):
+            self.space.add(ray)
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
         wall = self._estimator.wall_ahead(pose.yaw_rad) if self._estimator else None
@@ -130,6 +140,7 @@ class App:
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
             sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
+            space=self.space,
             gyro_at_rest=self._estimator is not None,
             gyro_age_s=now_s - self._last_gyro_s,
             scan_age_s=now_s - self._last_scan_s,

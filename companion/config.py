@@ -66,11 +66,14 @@ class SensorsConfig(_Group):
 class MissionConfig(_Group):
     """How the room is flown."""
 
-    kind: Literal["room"] = "room"
+    kind: Literal["room", "building"] = "room"
+    """room: trace the walls of one room; building: see everything that can be reached."""
     height_m: float = Field(1.2, ge=0.5, le=10)
     standoff_m: float = Field(1.5, ge=0.6, le=5)
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
     turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
+    clearance_m: float = Field(0.3, ge=0.1, le=2)
+    """Between the drone's body and anything, as far as the mission plans it."""
     time_limit_s: float = Field(600.0, gt=0, le=3600)
 
 

@@ -26,6 +26,7 @@ from dataclasses import dataclass, field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
+from companion.mapping.occupancy import Occupancy
 from companion.messages import (
     HOLD,
     Beam,
@@ -36,8 +37,11 @@ from companion.messages import (
     Setpoint,
     VehicleState,
 )
-from companion.pdps import homing, room_scan
+from companion.pdps import explore, room_scan
+from companion.pdps.explore import BODY_RADIUS_M, Explore, ExplorePhase
+from companion.pdps.follow import Way, follow, is_blocked
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.pdps.route import find_ways
 
 LINK_SILENT_S = 1.0
 SENSOR_SILENT_S = 0.5
@@ -64,6 +68,7 @@ class Phase(enum.Enum):
     ARM = "arming"
     TAKE_OFF = "taking off"
     ROOM = "scanning the room"
+    BUILDING = "exploring the building"
     HOME = "returning to the start"
     HOLD = "holding"
     LAND = "landing"
@@ -72,8 +77,9 @@ class Phase(enum.Enum):
     FAILED = "failed"
 
 
+MISSION_PHASES = {"room": Phase.ROOM, "building": Phase.BUILDING}
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
-FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD})
+FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,7 @@ class View:
     time_s: float
     vehicle: VehicleState
     sight: Sight
+    space: Occupancy
     gyro_at_rest: bool
     """The gyro's bias has been averaged."""
     gyro_age_s: float
@@ -99,6 +106,9 @@ class Flight:
     since_s: float = 0.0
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
+    building: Explore = field(default_factory=Explore)
+    way_home: Way | None = None
+    """Through known free space; None: not planned yet, or there is no need."""
     held_from: Phase = Phase.CONNECT
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
@@ -122,7 +132,12 @@ class Flight:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        return self.room.phase.value if self.phase is Phase.ROOM else self.phase.value
+        match self.phase:
+            case Phase.ROOM:
+                return self.room.phase.value
+            case Phase.BUILDING:
+                return self.building.phase.value
+        return self.phase.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,7 +212,7 @@ def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
 def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     height_m = view.sight.pose.height_m
     if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
-        return _go(flight, Phase.ROOM, view), Action(HOLD)
+        return _go(flight, MISSION_PHASES[plan.kind], view), Action(HOLD)
     if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
         return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
     if view.vehicle.takes_off_by_setpoint:
@@ -231,10 +246,29 @@ def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     return flight, Action(setpoint)
 
 
+def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
+    flight = replace(flight, building=building)
+    if building.phase is ExplorePhase.DONE:
+        flight = _go(flight, Phase.HOME, view)
+    return flight, Action(setpoint)
+
+
 def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    if homing.arrived(view.sight, HOME_NE_M):
+    way = flight.way_home
+    if way is None or is_blocked(way, view.sight):
+        way = _way_home(view, plan)
+    way, setpoint = follow(way, view.sight, plan)
+    if not way:
         return _go(flight, Phase.LAND, view), Action(HOLD)
-    return flight, Action(homing.step(view.sight, HOME_NE_M, plan))
+    return replace(flight, way_home=way), Action(setpoint)
+
+
+def _way_home(view: View, plan: MissionConfig) -> Way:
+    """Through known free space if there is a way; else straight, as far as the front beam lets."""
+    here = view.sight.pose.north_m, view.sight.pose.east_m
+    ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
+    return ways.to(HOME_NE_M) if ways.reaches(HOME_NE_M) else (HOME_NE_M,)
 
 
 def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -313,6 +347,7 @@ _STEPS = {
     Phase.ARM: _arm,
     Phase.TAKE_OFF: _take_off,
     Phase.ROOM: _room,
+    Phase.BUILDING: _building,
     Phase.HOME: _home,
     Phase.HOLD: _hold,
     Phase.LAND: _land,

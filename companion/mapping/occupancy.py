@@ -1,0 +1,132 @@
+"""What is known of the space at flight height: free, occupied or unknown, in cells.
+
+Every reading frees the cells along its beam and fills the one where it ended; a beam that met
+nothing frees them too, but nothing is filled. Each cell holds the log-odds that it is occupied
+(Moravec and Elfes 1985), so that later, surer or closer readings overrule earlier ones, and a
+person who has walked on is forgotten. Free space and ignorance never look alike.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import Vector2
+
+CELL_M = 0.1
+CHUNK_CELLS = 64
+"""The grid grows by so much at a time."""
+HIT, MISS = 1.2, -0.5
+MOST_LOG_ODDS = 4.0
+OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
+SURE_SIGMA_M = 0.12
+"""A reading less exact than this fills no cell: its wall would be smeared."""
+FREE_TO_SIGMAS = 2.0
+"""Cells are freed up to so many sigmas before where the beam ended."""
+
+Cells = NDArray[np.bool_]
+LogOdds = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Ray:
+    """One reading from one place, local NED; `end_m` is from the drone's centre."""
+
+    origin_ne_m: Vector2
+    bearing_rad: float
+    end_m: float
+    sigma_m: float
+    is_hit: bool
+    """False: nothing was met up to `end_m`."""
+
+
+class Occupancy:
+    """A grid that grows with what is seen. Rows go north, columns east."""
+
+    def __init__(self) -> None:
+        half = CHUNK_CELLS // 2
+        self._low = (-half, -half)
+        self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        rows, columns = self._log_odds.shape
+        return rows, columns
+
+    @property
+    def free(self) -> Cells:
+        return self._log_odds < FREE_BELOW
+
+    @property
+    def occupied(self) -> Cells:
+        return self._log_odds > OCCUPIED_ABOVE
+
+    def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
+        """Row and column; may lie outside the grid."""
+        return (
+            math.floor(place_ne_m[0] / CELL_M) - self._low[0],
+            math.floor(place_ne_m[1] / CELL_M) - self._low[1],
+        )
+
+    def place(self, cell: tuple[int, int]) -> Vector2:
+        """The middle of a cell."""
+        return (
+            (cell[0] + self._low[0] + 0.5) * CELL_M,
+            (cell[1] + self._low[1] + 0.5) * CELL_M,
+        )
+
+    def add(self, ray: Ray) -> None:
+        """Take in one reading."""
+        free_to_m = ray.end_m - (FREE_TO_SIGMAS * ray.sigma_m + CELL_M if ray.is_hit else 0.0)
+        steps = np.arange(0.0, max(free_to_m, CELL_M), 0.5 * CELL_M)
+        cos_b, sin_b = math.cos(ray.bearing_rad), math.sin(ray.bearing_rad)
+        end = ray.origin_ne_m[0] + ray.end_m * cos_b, ray.origin_ne_m[1] + ray.end_m * sin_b
+        self._reach(ray.origin_ne_m)
+        self._reach(end)
+        rows = self._indices(ray.origin_ne_m[0] + steps * cos_b, 0)
+        columns = self._indices(ray.origin_ne_m[1] + steps * sin_b, 1)
+        cells = np.unique(rows * self.shape[1] + columns)
+        flat = self._log_odds.reshape(-1)
+        flat[cells] = np.maximum(flat[cells] + MISS, -MOST_LOG_ODDS)
+        if ray.is_hit and ray.sigma_m <= SURE_SIGMA_M:
+            row, column = self.cell(end)
+            self._log_odds[row, column] = min(self._log_odds[row, column] + HIT, MOST_LOG_ODDS)
+
+    def block(self, place_ne_m: Vector2, radius_m: float) -> None:
+        """Something is there, whatever the beams have said."""
+        self._reach(place_ne_m)
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(radius_m / CELL_M)
+        near = self._log_odds[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ]
+        near[:] = MOST_LOG_ODDS
+
+    def clear(self, place_ne_m: Vector2, radius_m: float) -> None:
+        """The drone itself is there, so nothing else is."""
+        self._reach(place_ne_m)
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(radius_m / CELL_M)
+        near = self._log_odds[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ]
+        near[:] = np.minimum(near, 2 * FREE_BELOW)
+
+    def _indices(self, metres: NDArray[np.float64], axis: int) -> NDArray[np.int64]:
+        return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]
+
+    def _reach(self, place_ne_m: Vector2) -> None:
+        """Grow until the place, and two cells around it, are inside."""
+        for axis in (0, 1):
+            index = self.cell(place_ne_m)[axis]
+            before = CHUNK_CELLS * max(0, math.ceil((2 - index) / CHUNK_CELLS))
+            beyond = index + 3 - self.shape[axis]
+            after = CHUNK_CELLS * max(0, math.ceil(beyond / CHUNK_CELLS))
+            if before or after:
+                widths = [(0, 0), (0, 0)]
+                widths[axis] = (before, after)
+                self._log_odds = np.pad(self._log_odds, widths)
+                low = list(self._low)
+                low[axis] -= before
+                self._low = (low[0], low[1])

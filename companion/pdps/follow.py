@@ -1,0 +1,76 @@
+"""Along a way, nose first, so that the front beam looks where the drone goes.
+
+TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
+"""
+
+import math
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, ned_to_frd, wrap_rad
+from companion.messages import Beam, Setpoint
+from companion.pdps.control import approach_speed, clamp, climb_to, turn_towards
+from companion.pdps.room_scan import FULL_STOP_BEFORE_M, Sight
+
+ARRIVED_M = 0.10
+CORNER_M = 0.25
+"""A corner of the way counts as passed within this."""
+CLOSE_M = 0.4
+"""Within this the drone trims its position without turning: it hovers in space it came through."""
+NOSE_ON_RAD = math.radians(12)
+TRIM_GAIN_1_S = 0.8
+SIDE_GAIN_1_S = 0.8
+MOST_SIDE_M_S = 0.2
+
+Way = tuple[Vector2, ...]
+
+
+def follow(way: Way, sight: Sight, plan: MissionConfig) -> tuple[Way, Setpoint]:
+    """What is left of the way, and the velocity that flies it; arrived when nothing is left."""
+    here = sight.pose.north_m, sight.pose.east_m
+    while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
+        way = way[1:]
+    if not way or (len(way) == 1 and math.dist(here, way[0]) < ARRIVED_M):
+        return (), _level(sight, plan)
+    return way, _towards(way, sight, plan)
+
+
+def is_blocked(way: Way, sight: Sight) -> bool:
+    """Something stands where the nose points to and the way leads."""
+    if not way:
+        return False
+    here = sight.pose.north_m, sight.pose.east_m
+    to_go_m = math.dist(here, way[0])
+    bearing_rad = math.atan2(way[0][1] - here[1], way[0][0] - here[0])
+    faces = abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) < NOSE_ON_RAD
+    room_m = sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M
+    return faces and to_go_m > CLOSE_M and room_m <= 0
+
+
+def _towards(way: Way, sight: Sight, plan: MissionConfig) -> Setpoint:
+    north_m = way[0][0] - sight.pose.north_m
+    east_m = way[0][1] - sight.pose.east_m
+    distance_m = math.hypot(north_m, east_m)
+    level = _level(sight, plan)
+    forward_m, right_m = ned_to_frd(north_m, east_m, sight.pose.yaw_rad)
+    if distance_m < CLOSE_M and len(way) == 1:
+        return Setpoint(
+            clamp(TRIM_GAIN_1_S * forward_m, 0.3),
+            clamp(TRIM_GAIN_1_S * right_m, 0.3),
+            level.down_m_s,
+        )
+    bearing_rad = math.atan2(east_m, north_m)
+    most_rad_s = math.radians(plan.turn_rate_deg_s)
+    yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
+    if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) > NOSE_ON_RAD:
+        return Setpoint(down_m_s=level.down_m_s, yaw_rate_rad_s=yaw_rate_rad_s)
+    room_m = min(sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M, distance_m)
+    return Setpoint(
+        approach_speed(room_m, plan.speed_m_s),
+        clamp(SIDE_GAIN_1_S * right_m, MOST_SIDE_M_S),
+        level.down_m_s,
+        yaw_rate_rad_s,
+    )
+
+
+def _level(sight: Sight, plan: MissionConfig) -> Setpoint:
+    return Setpoint(down_m_s=climb_to(plan.height_m, sight.pose.height_m))

@@ -1,0 +1,88 @@
+"""What is still unseen, and from where to look at it.
+
+A frontier is known free space next to unknown space (Yamauchi 1997). It is worth a look if it is
+wide enough to be more than the gap between two beams, and if the drone can come near enough.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import binary_dilation, label
+
+from companion.frames import Vector2
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.route import Ways, is_straight
+
+LEAST_FRONTIER_CELLS = 5
+"""Half a metre: no drone fits through less."""
+LOOK_FROM_M = (0.0, 2.5)
+"""A frontier is looked at from within this."""
+GAIN_M = 6.0
+"""How much farther than another a look may be that shows one frontier metre more, as a cap."""
+PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
+SQUARE = np.ones((3, 3), dtype=bool)
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A place to look from, and what for."""
+
+    from_ne_m: Vector2
+    at_ne_m: Vector2
+    """The middle of the frontier."""
+    width_m: float
+
+
+def frontiers(grid: Occupancy) -> Cells:
+    """Free cells with an unknown neighbour that is not beside something occupied."""
+    unknown = ~(grid.free | grid.occupied)
+    beside_wall = binary_dilation(grid.occupied, SQUARE)
+    return grid.free & binary_dilation(unknown, PLUS) & ~beside_wall
+
+
+def next_look(grid: Occupancy, ways: Ways, given_up: tuple[Vector2, ...] = ()) -> Look | None:
+    """The best place to go to next; None when nothing unseen can be reached.
+
+    Wide and near frontiers come first; those in `given_up` were looked at in vain.
+    """
+    numbers, count = label(frontiers(grid), SQUARE)
+    looks = []
+    for number in range(1, count + 1):
+        rows, columns = np.nonzero(numbers == number)
+        if len(rows) < LEAST_FRONTIER_CELLS:
+            continue
+        look = _look_at(grid, ways, rows, columns)
+        if look is not None and not _is_near_any(look.at_ne_m, given_up):
+            looks.append(look)
+    return min(looks, key=lambda look: _cost_m(look, ways), default=None)
+
+
+def _look_at(grid: Occupancy, ways: Ways, rows: np.ndarray, columns: np.ndarray) -> Look | None:
+    """From the cheapest reachable cell near the frontier's middle that sees it."""
+    middle = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
+    target = int(rows[middle]), int(columns[middle])
+    reach = round(LOOK_FROM_M[1] / CELL_M)
+    low_row, low_column = max(target[0] - reach, 0), max(target[1] - reach, 0)
+    window = ways.metres[low_row : target[0] + reach + 1, low_column : target[1] + reach + 1]
+    candidates = np.argwhere(np.isfinite(window))
+    if not len(candidates):
+        return None
+    candidates += (low_row, low_column)
+    away = np.hypot(*(candidates - target).T) * CELL_M
+    order = np.argsort(ways.metres[tuple(candidates.T)] + away, kind="stable")
+    seen_through = grid.free
+    for index in order[:200]:
+        cell = int(candidates[index][0]), int(candidates[index][1])
+        if away[index] <= LOOK_FROM_M[1] and is_straight(cell, target, seen_through):
+            return Look(grid.place(cell), grid.place(target), len(rows) * CELL_M)
+    return None
+
+
+def _cost_m(look: Look, ways: Ways) -> float:
+    row, column = ways.grid.cell(look.from_ne_m)
+    return float(ways.metres[row, column]) - min(look.width_m, GAIN_M)
+
+
+def _is_near_any(place: Vector2, others: tuple[Vector2, ...]) -> bool:
+    return any(math.dist(place, other) < 0.4 for other in others)

@@ -1,0 +1,115 @@
+"""Ways through known free space: where the drone fits, how far it is, and along what line.
+
+The drone is a disc. It fits where everything within its radius and clearance is known, and free.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
+from companion.frames import Vector2
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+
+UNKNOWN_SHARE = 0.6
+"""How near to unseen space the drone may come, as a share of its distance from what is there."""
+NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
+CLOSE_COST = 2.0
+"""A way along the edge of what is allowed counts as so much longer than one in the open."""
+OPEN_M = 0.4
+"""So far beyond its clearance the drone is in the open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """All ways from one place."""
+
+    grid: Occupancy
+    passable: Cells
+    metres: NDArray[np.float64]
+    """Cost of the way to each cell, infinite where there is none; in metres in the open."""
+    came_from: NDArray[np.int32]
+
+    def reaches(self, place_ne_m: Vector2) -> bool:
+        row, column = self.grid.cell(place_ne_m)
+        inside = 0 <= row < self.metres.shape[0] and 0 <= column < self.metres.shape[1]
+        return inside and bool(np.isfinite(self.metres[row, column]))
+
+    def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
+        """Corner points of the way there, the place last; straight where it can be."""
+        row, column = self.grid.cell(place_ne_m)
+        cells = [(row, column)]
+        flat = row * self.metres.shape[1] + column
+        while (before := int(self.came_from[flat])) >= 0:
+            flat = before
+            cells.append(divmod(flat, self.metres.shape[1]))
+        cells.reverse()
+        return (*(self.grid.place(c) for c in _straightened(cells, self.passable)[:-1]), place_ne_m)
+
+
+def distance_to_blocked_m(grid: Occupancy) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Of every cell: to what is occupied, and to what is not known to be free."""
+    to_occupied = distance_transform_edt(~grid.occupied) * CELL_M
+    to_unknown = distance_transform_edt(grid.free) * CELL_M
+    return to_occupied, to_unknown
+
+
+def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
+    """Dijkstra over the cells where the drone fits; the one it is in always counts as such.
+
+    `clear_m` is from the drone's centre to anything.
+    """
+    to_occupied, to_unknown = distance_to_blocked_m(grid)
+    passable: Cells = (to_occupied >= clear_m) & (to_unknown >= UNKNOWN_SHARE * clear_m)
+    row, column = grid.cell(from_ne_m)
+    reach = math.ceil(0.5 * clear_m / CELL_M)
+    around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
+    passable[around] |= grid.free[around] | ~grid.occupied[around]
+    crowding = np.clip((clear_m + OPEN_M - to_occupied) / OPEN_M, 0, 1)
+    graph = _graph(passable, 1 + (CLOSE_COST - 1) * crowding)
+    start = row * passable.shape[1] + column
+    metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
+    return Ways(grid, passable, metres.reshape(passable.shape), came_from)
+
+
+def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
+    """Each passable cell with its eight neighbours."""
+    rows, columns = passable.shape
+    number = np.arange(rows * columns).reshape(rows, columns)
+    starts, ends, lengths = [], [], []
+    for down, right, cells in NEIGHBOURS:
+        a = np.s_[: rows - down, max(-right, 0) : columns - max(right, 0)]
+        b = np.s_[down:, max(right, 0) : columns - max(-right, 0)]
+        both = passable[a] & passable[b]
+        starts.append(number[a][both])
+        ends.append(number[b][both])
+        lengths.append(cells * CELL_M * 0.5 * (cost[a][both] + cost[b][both]))
+    size = rows * columns
+    entries = np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))
+    return coo_array(entries, shape=(size, size)).tocsr()
+
+
+def _straightened(cells: Sequence[tuple[int, int]], passable: Cells) -> list[tuple[int, int]]:
+    """Leave out every corner that can be cut through passable cells."""
+    kept = [cells[0]]
+    last = 0
+    while last < len(cells) - 1:
+        ahead = len(cells) - 1
+        while ahead > last + 1 and not is_straight(cells[last], cells[ahead], passable):
+            ahead -= max(1, (ahead - last) // 8)
+        last = max(ahead, last + 1)
+        kept.append(cells[last])
+    return kept
+
+
+def is_straight(a: tuple[int, int], b: tuple[int, int], passable: Cells) -> bool:
+    """Every cell on the line between two cells is passable."""
+    steps = 2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])) + 1
+    rows = np.linspace(a[0], b[0], steps).round().astype(int)
+    columns = np.linspace(a[1], b[1], steps).round().astype(int)
+    return bool(passable[rows, columns].all())
