@@ -76,6 +76,18 @@ class Occupancy:
             (cell[1] + self._low[1] + 0.5) * CELL_M,
         )
 
+    def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
+        """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(within_m / CELL_M)
+        top, left = max(row - reach, 0), max(column - reach, 0)
+        window = self._log_odds[top : row + reach + 1, left : column + reach + 1]
+        rows, columns = np.nonzero(window > OCCUPIED_ABOVE)
+        if not len(rows):
+            return within_m
+        nearest = np.hypot(rows + top - row, columns + left - column).min() * CELL_M
+        return min(float(nearest), within_m)
+
     def add(self, ray: Ray) -> None:
         """Take in one reading."""
         free_to_m = ray.end_m - (FREE_TO_SIGMAS * ray.sigma_m + CELL_M if ray.is_hit else 0.0)

@@ -21,8 +21,8 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import Setpoint
 from companion.pdps.control import climb_to
-from companion.pdps.follow import Way, follow, is_blocked
-from companion.pdps.gaps import next_look
+from companion.pdps.follow import Way, follow, is_blocked, stay
+from companion.pdps.gaps import is_unseen, next_look
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import find_ways
 
@@ -30,6 +30,8 @@ FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
 BLOCKED_S = 3.0
 """How long somebody in the way is waited for."""
+CHECK_S = 1.0
+"""So often it is asked whether the place that it goes for has been seen on the way."""
 BODY_RADIUS_M = 0.2
 
 
@@ -52,6 +54,9 @@ class Explore:
     goal_ne_m: Vector2 = (0.0, 0.0)
     """The frontier that the next look is for."""
     looked_at: tuple[Vector2, ...] = ()
+    here_ne_m: Vector2 | None = None
+    """Where it turns round."""
+    checked_s: float = 0.0
     blocked_since_s: float | None = None
 
 
@@ -74,10 +79,12 @@ def _look(
     yaw_rad = sight.pose.yaw_rad
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
     left_rad = explore.to_turn_rad - wrap_rad(yaw_rad - last_rad)
-    if left_rad > 0:
-        turning = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad)
-        level = _level(sight, plan)
-        return turning, replace(level, yaw_rate_rad_s=math.radians(plan.turn_rate_deg_s))
+    here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
+    is_first = not explore.looked_at
+    if left_rad > 0 and (is_first or is_unseen(space, explore.goal_ne_m)):
+        turning = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
+        rate_rad_s = math.radians(plan.turn_rate_deg_s)
+        return turning, replace(stay(here, sight, plan), yaw_rate_rad_s=rate_rad_s)
     return _chosen(explore, sight, space, plan), _level(sight, plan)
 
 
@@ -94,6 +101,8 @@ def _chosen(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
         way=ways.to(look.from_ne_m),
         goal_ne_m=look.at_ne_m,
         looked_at=(*explore.looked_at, look.at_ne_m),
+        here_ne_m=None,
+        checked_s=sight.pose.time_s,
         blocked_since_s=None,
     )
 
@@ -105,7 +114,11 @@ def _go(
         return _wait(explore, sight, lambda: _chosen(explore, sight, space, plan)), _level(
             sight, plan
         )
-    way, setpoint = follow(explore.way, sight, plan)
+    if sight.pose.time_s - explore.checked_s > CHECK_S:
+        explore = replace(explore, checked_s=sight.pose.time_s)
+        if not is_unseen(space, explore.goal_ne_m):
+            explore = _chosen(explore, sight, space, plan)
+    way, setpoint = follow(explore.way, sight, space, plan)
     if not way:
         looking = replace(
             explore, phase=ExplorePhase.LOOK, to_turn_rad=LOOK_RAD, last_yaw_rad=None, way=()

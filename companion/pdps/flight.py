@@ -258,7 +258,7 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     way = flight.way_home
     if way is None or is_blocked(way, view.sight):
         way = _way_home(view, plan)
-    way, setpoint = follow(way, view.sight, plan)
+    way, setpoint = follow(way, view.sight, view.space, plan)
     if not way:
         return _go(flight, Phase.LAND, view), Action(HOLD)
     return replace(flight, way_home=way), Action(setpoint)

@@ -12,12 +12,15 @@ from scipy.ndimage import binary_dilation, label
 
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.route import Ways, is_straight
+from companion.pdps.route import Ways, least_along
 
 LEAST_FRONTIER_CELLS = 5
 """Half a metre: no drone fits through less."""
 LOOK_FROM_M = (0.0, 2.5)
 """A frontier is looked at from within this."""
+ROOM_TO_TURN_M = 0.9
+"""A place to turn round in has so much room; where it has less, it counts as farther off."""
+CROWDED_COST = 10.0
 GAIN_M = 6.0
 """How much farther than another a look may be that shows one frontier metre more, as a cap."""
 PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
@@ -70,11 +73,12 @@ def _look_at(grid: Occupancy, ways: Ways, rows: np.ndarray, columns: np.ndarray)
         return None
     candidates += (low_row, low_column)
     away = np.hypot(*(candidates - target).T) * CELL_M
-    order = np.argsort(ways.metres[tuple(candidates.T)] + away, kind="stable")
-    seen_through = grid.free
+    crowded = np.maximum(ROOM_TO_TURN_M - ways.to_occupied_m[tuple(candidates.T)], 0)
+    cost = ways.metres[tuple(candidates.T)] + away + CROWDED_COST * crowded
+    order = np.argsort(cost, kind="stable")
     for index in order[:200]:
         cell = int(candidates[index][0]), int(candidates[index][1])
-        if away[index] <= LOOK_FROM_M[1] and is_straight(cell, target, seen_through):
+        if away[index] <= LOOK_FROM_M[1] and least_along(cell, target, grid.free):
             return Look(grid.place(cell), grid.place(target), len(rows) * CELL_M)
     return None
 
@@ -86,3 +90,10 @@ def _cost_m(look: Look, ways: Ways) -> float:
 
 def _is_near_any(place: Vector2, others: tuple[Vector2, ...]) -> bool:
     return any(math.dist(place, other) < 0.4 for other in others)
+
+
+def is_unseen(grid: Occupancy, place_ne_m: Vector2) -> bool:
+    """There is still something unknown about a place."""
+    row, column = grid.cell(place_ne_m)
+    around = np.s_[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
+    return bool((~grid.free[around] & ~grid.occupied[around]).any())

@@ -19,9 +19,11 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 UNKNOWN_SHARE = 0.6
 """How near to unseen space the drone may come, as a share of its distance from what is there."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
-CLOSE_COST = 2.0
+CLOSE_COST = 4.0
 """A way along the edge of what is allowed counts as so much longer than one in the open."""
-OPEN_M = 0.4
+AMPLE_M = 0.9
+"""More room than this is no reason for a detour."""
+OPEN_M = 0.5
 """So far beyond its clearance the drone is in the open."""
 
 
@@ -31,6 +33,7 @@ class Ways:
 
     grid: Occupancy
     passable: Cells
+    to_occupied_m: NDArray[np.float64]
     metres: NDArray[np.float64]
     """Cost of the way to each cell, infinite where there is none; in metres in the open."""
     came_from: NDArray[np.int32]
@@ -49,7 +52,13 @@ class Ways:
             flat = before
             cells.append(divmod(flat, self.metres.shape[1]))
         cells.reverse()
-        return (*(self.grid.place(c) for c in _straightened(cells, self.passable)[:-1]), place_ne_m)
+        corners = _straightened(cells, np.where(self.passable, self.to_occupied_m, 0.0))
+        return (*(self.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
+
+    def clear_m(self, place_ne_m: Vector2) -> float:
+        """Distance to anything that is known to be there."""
+        row, column = self.grid.cell(place_ne_m)
+        return float(self.to_occupied_m[row, column])
 
 
 def distance_to_blocked_m(grid: Occupancy) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -74,7 +83,7 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     graph = _graph(passable, 1 + (CLOSE_COST - 1) * crowding)
     start = row * passable.shape[1] + column
     metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return Ways(grid, passable, metres.reshape(passable.shape), came_from)
+    return Ways(grid, passable, to_occupied, metres.reshape(passable.shape), came_from)
 
 
 def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
@@ -94,22 +103,34 @@ def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
     return coo_array(entries, shape=(size, size)).tocsr()
 
 
-def _straightened(cells: Sequence[tuple[int, int]], passable: Cells) -> list[tuple[int, int]]:
-    """Leave out every corner that can be cut through passable cells."""
+def _straightened(
+    cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]
+) -> list[tuple[int, int]]:
+    """Leave out every corner that can be cut without coming nearer to anything.
+
+    `room_m` is each cell's distance to what is there, 0 where the drone does not fit.
+    """
     kept = [cells[0]]
     last = 0
     while last < len(cells) - 1:
         ahead = len(cells) - 1
-        while ahead > last + 1 and not is_straight(cells[last], cells[ahead], passable):
+        while ahead > last + 1 and not _may_cut(cells[last : ahead + 1], room_m):
             ahead -= max(1, (ahead - last) // 8)
         last = max(ahead, last + 1)
         kept.append(cells[last])
     return kept
 
 
-def is_straight(a: tuple[int, int], b: tuple[int, int], passable: Cells) -> bool:
-    """Every cell on the line between two cells is passable."""
+def _may_cut(cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]) -> bool:
+    along = min(room_m[cell] for cell in cells[1:])
+    return bool(least_along(cells[0], cells[-1], room_m) >= min(along, AMPLE_M))
+
+
+def least_along(
+    a: tuple[int, int], b: tuple[int, int], values: NDArray[np.float64] | Cells
+) -> float:
+    """The least value of the cells on the line between two, the first one left out."""
     steps = 2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])) + 1
     rows = np.linspace(a[0], b[0], steps).round().astype(int)
     columns = np.linspace(a[1], b[1], steps).round().astype(int)
-    return bool(passable[rows, columns].all())
+    return float(values[rows[1:], columns[1:]].min()) if steps > 1 else math.inf
