@@ -20,8 +20,9 @@ CHUNK_CELLS = 64
 HIT, MISS = 1.2, -0.5
 MOST_LOG_ODDS = 4.0
 OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
-SURE_SIGMA_M = 0.12
-"""A reading less exact than this fills no cell: its wall would be smeared."""
+EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
+"""A reading as exact as this fills its cell at once; one less exact counts for less, one less
+exact than the other for nothing: its wall would be smeared."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to so many sigmas before where the beam ended."""
 
@@ -101,9 +102,10 @@ class Occupancy:
         cells = np.unique(rows * self.shape[1] + columns)
         flat = self._log_odds.reshape(-1)
         flat[cells] = np.maximum(flat[cells] + MISS, -MOST_LOG_ODDS)
-        if ray.is_hit and ray.sigma_m <= SURE_SIGMA_M:
+        if ray.is_hit and ray.sigma_m <= LEAST_EXACT_SIGMA_M:
             row, column = self.cell(end)
-            self._log_odds[row, column] = min(self._log_odds[row, column] + HIT, MOST_LOG_ODDS)
+            weight = HIT * min(1.0, EXACT_SIGMA_M / max(ray.sigma_m, 1e-3))
+            self._log_odds[row, column] = min(self._log_odds[row, column] + weight, MOST_LOG_ODDS)
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
         """Something is there, whatever the beams have said."""

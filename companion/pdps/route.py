@@ -76,9 +76,9 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     to_occupied, to_unknown = distance_to_blocked_m(grid)
     passable: Cells = (to_occupied >= clear_m) & (to_unknown >= UNKNOWN_SHARE * clear_m)
     row, column = grid.cell(from_ne_m)
-    reach = math.ceil(0.5 * clear_m / CELL_M)
+    reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-    passable[around] |= grid.free[around] | ~grid.occupied[around]
+    passable[around] |= to_occupied[around] >= min(to_occupied[row, column], clear_m)
     crowding = np.clip((clear_m + OPEN_M - to_occupied) / OPEN_M, 0, 1)
     graph = _graph(passable, 1 + (CLOSE_COST - 1) * crowding)
     start = row * passable.shape[1] + column
