@@ -6,8 +6,9 @@
 No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from companion.config import Config
 from companion.drivers.sharp import PROFILES
@@ -30,13 +31,14 @@ from companion.messages import (
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
+from companion.values import value
 
 MAPPING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Inputs:
     """Everything that has arrived since the last tick."""
 
@@ -46,20 +48,31 @@ class Inputs:
     land_requested: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Progress:
-    """How the flight is going, for people."""
+    """How the flight is going, for people; the map is drawn up only if somebody looks."""
 
     time_s: float
     activity: str
     trouble: str
-    outline: float
-    """Share of all directions from the start in which the map has a wall, 0 to 1."""
-    walls_m: float
-    """Length of wall mapped."""
+    map_walls: Callable[[], tuple[WallSegment, ...]]
+
+    @cached_property
+    def _walls(self) -> tuple[WallSegment, ...]:
+        return self.map_walls()
+
+    @property
+    def outline(self) -> float:
+        """Share of all directions from the start in which the map has a wall, 0 to 1."""
+        return outline_closed(self._walls, (0.0, 0.0))
+
+    @property
+    def walls_m(self) -> float:
+        """Length of wall mapped."""
+        return sum(wall.length_m for wall in self._walls)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Outputs:
     """What this tick asks for."""
 
@@ -81,7 +94,7 @@ class App:
         """What is known of the space around, as the flight uses it."""
         self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
-        self._progress = Progress(-PROGRESS_PERIOD_S, "", "", 0.0, 0.0)
+        self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = Flight()
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
@@ -122,7 +135,7 @@ class App:
             self._estimator.move(inputs.telemetry.odometry)
         if self.flight.phase in MAPPING_PHASES:
             self._estimator.see(inputs.scan)
-            self._ceiling.see(inputs.scan, self._estimator.pose(now_s).height_m)
+            self._ceiling.see(inputs.scan, self._estimator.height_m)
             self._clear_space(self._estimator.pose(now_s), inputs.scan)
         pose = self._estimator.pose(now_s)
         if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
@@ -150,16 +163,9 @@ class App:
         return action
 
     def _report(self, now_s: float) -> Progress:
-        if now_s - self._progress.time_s < PROGRESS_PERIOD_S:
-            return self._progress
-        walls = self._walls()
-        self._progress = Progress(
-            now_s,
-            self.flight.activity,
-            self.flight.trouble,
-            outline_closed(walls, (0.0, 0.0)),
-            sum(wall.length_m for wall in walls),
-        )
+        if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:
+            flight = self.flight
+            self._progress = Progress(now_s, flight.activity, flight.trouble, self._walls)
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:

@@ -19,6 +19,7 @@ class ProgressLine:
     def __init__(self, console: Console) -> None:
         self._console = console
         self._live = Live(console=console, refresh_per_second=8, transient=True)
+        self._shown: Progress | None = None
         self._activity = ""
 
     def __enter__(self) -> "ProgressLine":
@@ -35,12 +36,14 @@ class ProgressLine:
         self._live.stop()
 
     def show(self, progress: Progress) -> None:
-        line = _line(progress)
+        if progress is self._shown:
+            return
+        self._shown = progress
         if self._console.is_terminal:
-            self._live.update(Text(line))
+            self._live.update(Text(_line(progress)))
         if progress.activity != self._activity:
             self._activity = progress.activity
-            self._console.print(line)
+            self._console.print(_line(progress))
 
 
 def _line(progress: Progress) -> str:

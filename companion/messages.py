@@ -7,10 +7,10 @@ own clock, which may be virtual.
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion.frames import Vector2, Vector3
+from companion.values import value
 
 
 class Beam(enum.StrEnum):
@@ -23,6 +23,9 @@ class Beam(enum.StrEnum):
     UP = "up"
     DOWN = "down"
 
+    __hash__ = str.__hash__
+    """Readings are looked up by beam all the time, and an enum's own hash is slow."""
+
 
 class RangeState(enum.Enum):
     """What a range sensor has to say; the five never look alike."""
@@ -34,7 +37,7 @@ class RangeState(enum.Enum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RangeReading:
     """One range: a distance with its variance, or the reason why there is none.
 
@@ -69,7 +72,7 @@ class RangeModel(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RangeScan:
     """One sweep over all range sensors."""
 
@@ -77,7 +80,7 @@ class RangeScan:
     readings: Mapping[Beam, RangeReading]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class GyroSample:
     """Body rate about the down axis, clockwise positive, bias not removed."""
 
@@ -85,7 +88,7 @@ class GyroSample:
     yaw_rate_rad_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Odometry:
     """The autopilot's own estimate in its own drifting local NED frame.
 
@@ -108,7 +111,7 @@ class LandedState(enum.Enum):
     LANDING = 4
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class VehicleState:
     """What the link knows of the autopilot at this moment."""
 
@@ -128,7 +131,7 @@ class VehicleState:
     """The latest reason why a command was refused, in the autopilot's own words."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Pose:
     """The companion's own estimate, local NED."""
 
@@ -146,7 +149,7 @@ class Pose:
         return -self.down_m
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Setpoint:
     """Velocity in body FRD and yaw rate; what the drone is asked to do until the next one."""
 
@@ -169,14 +172,14 @@ class CommandKind(enum.Enum):
     DISARM = "disarm"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Command:
     kind: CommandKind
     height_m: float = 0.0
     """For TAKE_OFF: above the ground."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Hit:
     """A point where a beam met something, local NED, with the variance along the beam."""
 
@@ -186,7 +189,7 @@ class Hit:
     variance_m2: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WallLine:
     """A wall as the estimator knows it, local NED: {p : p·n = offset}, n = (cos, sin)(normal)."""
 
@@ -196,7 +199,7 @@ class WallLine:
     """Of the offset."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WallSegment:
     """A straight piece of wall seen from above, local NED (north, east)."""
 
@@ -211,7 +214,7 @@ class WallSegment:
         return math.dist(self.start_ne_m, self.end_ne_m)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class FloorPlan:
     """The map: walls, the points they were fitted to, and the path flown.
 

@@ -113,7 +113,9 @@ class Simulation:
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)
         clearance_m = self._model.body_clearance_m(state.position_ned_m)
-        clearance_m = min(clearance_m, clearance_to_others_m(state.position_ned_m, self._others()))
+        if others := self._others():
+            to_others_m = clearance_to_others_m(state.position_ned_m, others)
+            clearance_m = min(clearance_m, to_others_m)
         if self.record.observe(state, clearance_m):
             self.autopilot.crash("hit an obstacle")
 

@@ -1,12 +1,12 @@
 """What really happens. Only the simulation's own parts, the scorer and the viewer may read it."""
 
 from collections import deque
-from dataclasses import dataclass
 
 from companion.frames import Vector3
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class TrueState:
     """The vehicle in the world's frame: NED, origin and axes of the world file, floor at down = 0.
 

@@ -21,6 +21,8 @@ CONVERSION_S = 1 / 860 * 1.1
 """The chip's own clock may be 10 % slow."""
 VOLTS_PER_COUNT = 4.096 / 32768
 READ_BACK_BITS = 0x7FFF
+Channel = tuple[int, int]
+"""I2C address of the chip, and its input."""
 
 
 def config_word(channel: int) -> int:
@@ -29,9 +31,10 @@ def config_word(channel: int) -> int:
     return START | mux | PGA_4_096_V | SINGLE_SHOT | RATE_860_SPS | COMPARATOR_OFF
 
 
-def start(address: int, channel: int) -> Transaction:
+def start(address: int, channel: int, wait_s: float = 0.0) -> Transaction:
     """Start a conversion; its result can be read `CONVERSION_S` later."""
-    return Transaction(address, bytes([REG_CONFIG]) + config_word(channel).to_bytes(2, "big"))
+    data = bytes([REG_CONFIG]) + config_word(channel).to_bytes(2, "big")
+    return Transaction(address, data, wait_s=wait_s)
 
 
 def read(address: int) -> Transaction:
@@ -65,14 +68,39 @@ def check(bus: Bus, address: int) -> None:
         )
 
 
-def rounds(channels: Sequence[tuple[int, int]]) -> list[list[tuple[int, int]]]:
-    """Order (address, channel) pairs so that in each round every chip converts one channel."""
+class Sweep:
+    """One conversion of every channel in one transfer, all chips converting at the same time."""
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._transactions: list[Transaction] = []
+        self._read_at: dict[Channel, int] = {}
+        """Which transaction reads a channel."""
+        for round_ in rounds(channels):
+            *others, last = round_
+            self._transactions += [start(*channel) for channel in others]
+            self._transactions.append(start(*last, wait_s=CONVERSION_S))
+            for channel in round_:
+                self._read_at[channel] = len(self._transactions)
+                self._transactions.append(read(channel[0]))
+
+    def volts(self, bus: Bus) -> dict[Channel, float]:
+        """What stands at each input.
+
+        Raises:
+            OSError: a chip does not answer.
+        """
+        answers = bus.transfer(self._transactions)
+        return {channel: volts(answers[at]) for channel, at in self._read_at.items()}
+
+
+def rounds(channels: Sequence[Channel]) -> list[list[Channel]]:
+    """Order channels so that in each round every chip converts one."""
     waiting = list(channels)
-    ordered: list[list[tuple[int, int]]] = []
+    ordered: list[list[Channel]] = []
     while waiting:
-        now: dict[int, tuple[int, int]] = {}
-        for pair in waiting:
-            now.setdefault(pair[0], pair)
+        now: dict[int, Channel] = {}
+        for channel in waiting:
+            now.setdefault(channel[0], channel)
         ordered.append(list(now.values()))
-        waiting = [pair for pair in waiting if pair not in ordered[-1]]
+        waiting = [channel for channel in waiting if channel not in ordered[-1]]
     return ordered

@@ -6,19 +6,21 @@ serves; nothing above this file can tell them apart.
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion.errors import SensorError
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Transaction:
-    """Write `data` to the device at `address`, then read `count` bytes (repeated start)."""
+    """Write `data` to the device at `address`, read `count` bytes (repeated start), then wait."""
 
     address: int
     data: bytes
     count: int = 0
+    wait_s: float = 0.0
+    """For a conversion to finish, before the next transaction; on SITL's bus virtual time."""
 
 
 class Bus(Protocol):
@@ -31,10 +33,6 @@ class Bus(Protocol):
             OSError: a device did not acknowledge, and what came after it was not done; or the
                 bus is gone.
         """
-        ...
-
-    def wait(self, duration_s: float) -> None:
-        """Let a conversion finish; on SITL's bus this is virtual time."""
         ...
 
     def close(self) -> None: ...
@@ -61,9 +59,14 @@ class LinuxI2cBus:
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         answers: list[bytes] = []
-        for first in range(0, len(transactions), MOST_TRANSACTIONS):
-            answers += self._transfer(transactions[first : first + MOST_TRANSACTIONS])
-        return answers
+        batch: list[Transaction] = []
+        for transaction in transactions:
+            batch.append(transaction)
+            if transaction.wait_s > 0 or len(batch) == MOST_TRANSACTIONS:
+                answers += self._transfer(batch)
+                batch.clear()
+                time.sleep(transaction.wait_s)
+        return answers + (self._transfer(batch) if batch else [])
 
     def _transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         writes = [self._i2c_msg.write(t.address, t.data) for t in transactions]
@@ -71,9 +74,6 @@ class LinuxI2cBus:
         pairs = zip(writes, reads, strict=True)
         self._bus.i2c_rdwr(*[message for pair in pairs for message in pair if message is not None])
         return [b"" if read is None else bytes(read) for read in reads]
-
-    def wait(self, duration_s: float) -> None:
-        time.sleep(duration_s)
 
     def close(self) -> None:
         self._bus.close()

@@ -5,6 +5,7 @@ positive rate is counter-clockwise seen from above; FRD yaw is clockwise, hence 
 """
 
 import math
+import struct
 
 from companion.drivers.bus import Bus, Transaction
 from companion.errors import SensorError
@@ -27,7 +28,9 @@ FIFO_ENABLE = 0x02
 FIFO_CONTINUOUS = 0xC0
 FIFO_COUNT_BITS = 0x3F
 RAD_S_PER_COUNT = math.radians(8.75e-3)
-SAMPLE_BYTES = 6
+SAMPLE = struct.Struct("<hhh")
+"""OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
+of these registers to the first, to the FIFO's next sample."""
 
 
 class Lsm9ds1:
@@ -40,6 +43,7 @@ class Lsm9ds1:
     def __init__(self, bus: Bus, address: int) -> None:
         self._bus = bus
         self._address = address
+        self._ask_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
         self._last_s: float | None = None
         self._configured = False
         try:
@@ -82,17 +86,19 @@ class Lsm9ds1:
         if self._last_s is None or not counts:
             self._last_s = self._last_s if self._last_s is not None else time_s
             return []
-        step_s = (time_s - self._last_s) / len(counts)
-        samples = [
-            GyroSample(self._last_s + (i + 1) * step_s, -count * RAD_S_PER_COUNT)
-            for i, count in enumerate(counts)
+        last_s, self._last_s = self._last_s, time_s
+        step_s = (time_s - last_s) / len(counts)
+        return [
+            GyroSample(last_s + i * step_s, -count * RAD_S_PER_COUNT)
+            for i, count in enumerate(counts, 1)
         ]
-        self._last_s = time_s
-        return samples
 
     def _drain(self) -> list[int]:
-        ((source,),) = self._bus.transfer([Transaction(self._address, bytes([REG_FIFO_SRC]), 1)])
-        sample = Transaction(self._address, bytes([REG_OUT_X_G]), SAMPLE_BYTES)
+        """The z axis of all that the FIFO holds, in one burst."""
+        ((source,),) = self._bus.transfer([self._ask_level])
         count = source & FIFO_COUNT_BITS
-        answers = self._bus.transfer([sample] * count) if count else []
-        return [int.from_bytes(answer[4:6], "little", signed=True) for answer in answers]
+        if not count:
+            return []
+        burst = Transaction(self._address, bytes([REG_OUT_X_G]), count * SAMPLE.size)
+        (answer,) = self._bus.transfer([burst])
+        return [z for _, _, z in SAMPLE.iter_unpack(answer)]

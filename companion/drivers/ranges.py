@@ -2,12 +2,11 @@
 
 from companion.config import SensorsConfig
 from companion.drivers import ads1115
+from companion.drivers.ads1115 import Channel, Sweep
 from companion.drivers.bus import Bus
 from companion.drivers.sharp import PROFILES
 from companion.messages import RangeReading, RangeScan, RangeState
 
-Channel = tuple[int, int]
-"""I2C address of the ADC, and its input."""
 STALE_FOR_S = 0.25
 """A sensor that was well this recently is called stale; after that it has failed."""
 
@@ -24,39 +23,32 @@ class RangeSensors:
         self._bus = bus
         self._profile = PROFILES[config.profile]
         self._beams = {(c.address, c.channel): beam for beam, c in config.channels.items()}
-        self._rounds = ads1115.rounds(list(self._beams))
         self._good_s = dict.fromkeys(self._beams, float("-inf"))
-        for address in sorted({address for address, _ in self._beams}):
+        self._sweep = Sweep(list(self._beams))
+        addresses = sorted({address for address, _ in self._beams})
+        self._sweeps_alone = [Sweep([c for c in self._beams if c[0] == a]) for a in addresses]
+        """Of each chip by itself."""
+        for address in addresses:
             ads1115.check(bus, address)
 
     def read(self, time_s: float) -> RangeScan:
         """One sweep, all chips converting at the same time."""
-        volts = self._sweep(self._rounds)
-        if len(volts) < len(self._beams):  # a chip is gone: the others are read one by one
-            volts = {}
-            for address in {address for address, _ in self._beams}:
-                mine = [[p for p in pairs if p[0] == address] for pairs in self._rounds]
-                volts |= self._sweep([pairs for pairs in mine if pairs])
+        volts = self._volts(self._sweep)
+        if not volts:  # a chip is gone: the others are read one by one
+            for sweep in self._sweeps_alone:
+                volts |= self._volts(sweep)
         readings = {}
-        for pair, beam in self._beams.items():
-            if pair in volts:
-                self._good_s[pair] = time_s
-                readings[beam] = self._profile.reading(volts[pair])
+        for channel, beam in self._beams.items():
+            if channel in volts:
+                self._good_s[channel] = time_s
+                readings[beam] = self._profile.reading(volts[channel])
             else:
-                stale = time_s - self._good_s[pair] <= STALE_FOR_S
+                stale = time_s - self._good_s[channel] <= STALE_FOR_S
                 readings[beam] = RangeReading(RangeState.STALE if stale else RangeState.FAILED)
         return RangeScan(time_s, readings)
 
-    def _sweep(self, rounds: list[list[Channel]]) -> dict[Channel, float]:
-        """Volts by channel: each round is started by the transfer that reads the one before."""
-        volts: dict[Channel, float] = {}
+    def _volts(self, sweep: Sweep) -> dict[Channel, float]:
         try:
-            for before, pairs in zip([[], *rounds], [*rounds, []], strict=True):
-                reads = [ads1115.read(address) for address, _ in before]
-                answers = self._bus.transfer(reads + [ads1115.start(*pair) for pair in pairs])
-                volts |= dict(zip(before, map(ads1115.volts, answers), strict=False))
-                if pairs:
-                    self._bus.wait(ads1115.CONVERSION_S)
+            return sweep.volts(self._bus)
         except OSError:
             return {}
-        return volts

@@ -1,8 +1,8 @@
 """Client of the bus and of the virtual clock that SITL serves over TCP.
 
 Little-endian frames. Request: op, length, payload; reply: status, length, payload. A TRANSFER's
-payload is a row of transactions (device address, length to write, length to read, data to write);
-its reply is all bytes read, in order. A WAIT has no reply: waiting costs no round trip.
+payload is a row of transactions (device address, length to write, length to read, seconds to wait
+afterwards, data to write); its reply is all bytes read, in order.
 """
 
 import errno
@@ -17,14 +17,13 @@ from companion.errors import SensorError
 
 REQUEST = struct.Struct("<BH")
 REPLY = struct.Struct("<BH")
-TRANSACTION = struct.Struct("<BBB")
-WAIT_S = struct.Struct("<d")
+TRANSACTION = struct.Struct("<BBBd")
 CLOCK_REQUEST = struct.Struct("<dHQ")
 """Time to reach, s; the client's UDP port; MAVLink datagrams that it has sent."""
 CLOCK_REPLY = struct.Struct("<dQ")
 """Time reached, s; MAVLink datagrams that SITL has sent."""
 
-OP_TRANSFER, OP_WAIT, OP_CLOCK = 1, 2, 3
+OP_TRANSFER, OP_CLOCK = 1, 2
 STATUS_OK, STATUS_NO_ACKNOWLEDGE, STATUS_MALFORMED = 0, 1, 2
 
 REPLY_TIMEOUT_S = 5.0
@@ -82,7 +81,8 @@ class ServedBus:
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         request = b"".join(
-            TRANSACTION.pack(t.address, len(t.data), t.count) + t.data for t in transactions
+            TRANSACTION.pack(t.address, len(t.data), t.count, t.wait_s) + t.data
+            for t in transactions
         )
         connection = self._connected()
         try:
@@ -95,14 +95,6 @@ class ServedBus:
             raise OSError(errno.EREMOTEIO, f"no acknowledge from {_addresses(transactions)}")
         ends = accumulate(t.count for t in transactions)
         return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
-
-    def wait(self, duration_s: float) -> None:
-        connection = self._connected()
-        try:
-            connection.post(OP_WAIT, WAIT_S.pack(duration_s))
-        except OSError:
-            self._drop()
-            raise
 
     def _connected(self) -> _Connection:
         if self._connection is None:

@@ -40,7 +40,7 @@ class Curve:
 
     def at(self, x: float) -> tuple[float, float]:
         """Y and the slope dy/dx."""
-        i = min(max(bisect_right(self.x, x) - 1, 0), len(self.x) - 2)
+        i = bisect_right(self.x, x, 1, len(self.x) - 1) - 1
         slope = (self.y[i + 1] - self.y[i]) / (self.x[i + 1] - self.x[i])
         return self.y[i] + slope * (x - self.x[i]), slope
 
@@ -81,13 +81,17 @@ class SharpProfile:
             return TOO_NEAR
         if volts < self.inverse_m_by_volts.x[0]:
             return NOTHING
-        distance_m = 1 / self.inverse_m_by_volts.at(volts)[0]
-        return RangeReading(RangeState.DISTANCE, distance_m, self.sigma_m(distance_m) ** 2)
+        inverse_m, inverse_m_per_volt = self.inverse_m_by_volts.at(volts)
+        sigma_m = self._sigma_m(1 / inverse_m, inverse_m_per_volt)
+        return RangeReading(RangeState.DISTANCE, 1 / inverse_m, sigma_m**2)
 
     def sigma_m(self, distance_m: float) -> float:
-        """Output noise through the curve's slope, dV/d(1/d), and what calibration leaves."""
         _, volts_per_inverse_m = self.volts_by_inverse_m.at(1 / distance_m)
-        noise_m = self.noise_v / volts_per_inverse_m * distance_m**2
+        return self._sigma_m(distance_m, 1 / volts_per_inverse_m)
+
+    def _sigma_m(self, distance_m: float, inverse_m_per_volt: float) -> float:
+        """Output noise through the curve's slope, d(1/d)/dV, and what calibration leaves."""
+        noise_m = self.noise_v * inverse_m_per_volt * distance_m**2
         return math.hypot(noise_m, self.gain_sigma * distance_m)
 
     def volts(self, distance_m: float | None) -> float:

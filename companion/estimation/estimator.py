@@ -71,6 +71,11 @@ class Estimator:
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
         )
 
+    @property
+    def height_m(self) -> float:
+        """Above the take-off point."""
+        return self._height_m
+
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
         corrected_rad, raw_rad = self.heading.predict(samples)
@@ -83,11 +88,9 @@ class Estimator:
         if last is None or odometry.time_s <= last.time_s:
             return
         dt_s = odometry.time_s - last.time_s
-        north_m, east_m, down_m = (
-            now - then
-            for now, then in zip(odometry.position_ned_m, last.position_ned_m, strict=True)
-        )
-        self._height_m -= down_m
+        (x, y, z), (last_x, last_y, last_z) = odometry.position_ned_m, last.position_ned_m
+        north_m, east_m = x - last_x, y - last_y
+        self._height_m -= z - last_z
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
@@ -113,8 +116,7 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
-            raw = self._raw_ne_m, self._raw_yaw_rad
-            self._keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
+            self._keyframes.add_hit(pose, beam, bearing_frd_rad, range_m)
             bearing_rad = self.heading.yaw_rad + bearing_frd_rad
             self.slam.see_range(bearing_rad, range_m, self._mount_offset_m)
             north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
@@ -188,10 +190,10 @@ class Estimator:
         north_m, east_m = self.slam.position_ne_m
         nearest: tuple[float, float] | None = None
         for wall in self.slam.walls:
-            normal_rad, offset_m = self.slam.line(wall)
-            incidence_rad = wrap_rad(bearing_rad - normal_rad)
+            incidence_rad = wrap_rad(bearing_rad - self.heading.normal_rad(wall.index))
             if abs(incidence_rad) > MOST_OBLIQUE_RAD:
                 continue
+            normal_rad, offset_m = self.slam.line(wall)
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             distance_m = offset_m - north_m * cos_n - east_m * sin_n
             north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]

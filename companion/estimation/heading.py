@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 
 from companion.frames import wrap_rad
 from companion.messages import GyroSample
+from companion.values import value
 
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
 _UNKNOWN_SIGMA_RAD = 10.0
@@ -42,7 +43,7 @@ class GyroModel:
     scale_sigma: float = 0.02
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class WallBearing:
     """A wall's normal, seen `bearing_frd_rad` off the nose some time ago.
 
@@ -67,6 +68,7 @@ class HeadingFilter:
             np.array([0.0, rest_bias_rad_s, 0.0]),
             np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2]),
         )
+        self._note()
 
     @staticmethod
     def _grown(x: NDArray[np.float64], p: NDArray[np.float64]) -> KalmanFilter:
@@ -75,15 +77,16 @@ class HeadingFilter:
         kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
         return kalman
 
-    def _value(self, index: int) -> float:
-        return float(self._filter.x[index, 0])
+    def _note(self) -> None:
+        """The state as plain floats, which are asked for many times a tick."""
+        self._values: list[float] = self._filter.x[:, 0].tolist()
 
     def _sigma(self, index: int) -> float:
-        return math.sqrt(float(self._filter.P[index, index]))
+        return math.sqrt(self._filter.P.item(index, index))
 
     @property
     def yaw_rad(self) -> float:
-        return wrap_rad(self._value(_YAW))
+        return wrap_rad(self._values[_YAW])
 
     @property
     def yaw_sigma_rad(self) -> float:
@@ -91,23 +94,24 @@ class HeadingFilter:
 
     @property
     def bias_rad_s(self) -> float:
-        return self._value(_BIAS)
+        return self._values[_BIAS]
 
     @property
     def scale_error(self) -> float:
-        return self._value(_SCALE)
+        return self._values[_SCALE]
 
     def normal_rad(self, wall: int) -> float:
         """Direction of a wall's normal, from the drone to the wall, local NED."""
-        return wrap_rad(self._value(_WALLS + wall))
+        return wrap_rad(self._values[_WALLS + wall])
 
     def normal_sigma_rad(self, wall: int) -> float:
         return self._sigma(_WALLS + wall)
 
     def relative_sigma_rad(self, wall: int) -> float:
         """Sigma of the angle between the nose and a wall's normal."""
-        difference = self._difference(_WALLS + wall, _YAW)
-        return math.sqrt(max(float(difference @ self._filter.P @ difference), 0.0))
+        at, covariance = _WALLS + wall, self._filter.P.item
+        variance = covariance(at, at) + covariance(_YAW, _YAW) - 2 * covariance(at, _YAW)
+        return math.sqrt(max(variance, 0.0))
 
     def predict(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
         """Integrate the samples since the last call.
@@ -118,14 +122,15 @@ class HeadingFilter:
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model
-        before = self._value(_YAW)
+        before = self._values[_YAW]
         kalman.F[_YAW, _BIAS] = -duration_s
         kalman.F[_YAW, _SCALE] = -turned_rad
         kalman.x[_YAW, 0] += turned_rad
         kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s
         kalman.Q[_BIAS, _BIAS] = model.bias_walk_rad_s_sqrt_s**2 * duration_s
         kalman.predict()
-        return self._value(_YAW) - before, turned_rad
+        self._note()
+        return self._values[_YAW] - before, turned_rad
 
     def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
         turned_rad = duration_s = 0.0
@@ -143,8 +148,9 @@ class HeadingFilter:
         covariance = np.zeros((size + 1, size + 1))
         covariance[:size, :size] = self._filter.P
         covariance[size, size] = _UNKNOWN_SIGMA_RAD**2
-        direction = seen.bearing_frd_rad - seen.turned_rad + self._value(_YAW)
+        direction = seen.bearing_frd_rad - seen.turned_rad + self._values[_YAW]
         self._filter = self._grown(np.append(self._filter.x, direction), covariance)
+        self._note()
         wall = size - _WALLS
         self.see_wall(wall, seen)
         return wall
@@ -175,4 +181,5 @@ class HeadingFilter:
             return False
         measured = float(h @ kalman.x[:, 0]) + innovation
         kalman.update(np.array([[measured]]), R=np.array([[sigma**2]]), H=h.reshape(1, -1))
+        self._note()
         return True

@@ -20,8 +20,9 @@ from numpy.typing import NDArray
 
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.wall_runs import Line
-from companion.frames import Vector2, wrap_rad
+from companion.frames import Vector2, Vector3, wrap_rad
 from companion.messages import RangeModel
+from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
 Row = NDArray[np.float64]
@@ -56,13 +57,15 @@ class OdometryModel:
     """Random walk on each axis: 5 mm a step at 10 Hz."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class _Match:
     wall: Wall
     along_m: float
     innovation_m: float
-    gradient: Row
-    variance_m2: float
+    gradient: Vector3
+    """Of the range, by north, east and the wall's offset."""
+    spread_m2: float
+    """Variance of the innovation, gᵀ P g + r."""
 
 
 class LineSlam:
@@ -84,32 +87,32 @@ class LineSlam:
         self._heading = heading
         self._sensor = sensor
         self._odometry = odometry
-        self._x: Row = np.zeros(_WALLS)
+        self._x = [0.0] * _WALLS
         self._p: Row = np.diag([0.0, 0.0, odometry.scale_sigma**2])
         self.walls: list[Wall] = []
 
     @property
     def position_ne_m(self) -> Vector2:
-        return float(self._x[_NORTH]), float(self._x[_EAST])
+        return self._x[_NORTH], self._x[_EAST]
 
     @property
     def position_sigma_m(self) -> float:
-        return math.sqrt(float(max(self._p[_NORTH, _NORTH], self._p[_EAST, _EAST])))
+        return math.sqrt(max(self._p.item(_NORTH, _NORTH), self._p.item(_EAST, _EAST)))
 
     @property
     def scale_error(self) -> float:
-        return float(self._x[_SCALE])
+        return self._x[_SCALE]
 
     def line(self, wall: Wall) -> tuple[float, float]:
         """(normal_rad, offset_m) of a wall as {p : p·n = offset}."""
         normal_rad = self._heading.normal_rad(wall.index)
         north, east = wall.anchor_ne_m
         offset_m = north * math.cos(normal_rad) + east * math.sin(normal_rad)
-        return normal_rad, offset_m + float(self._x[_WALLS + wall.index])
+        return normal_rad, offset_m + self._x[_WALLS + wall.index]
 
     def offset_sigma_m(self, wall: Wall) -> float:
         at = _WALLS + wall.index
-        return math.sqrt(float(self._p[at, at]))
+        return math.sqrt(self._p.item(at, at))
 
     def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
         """Predict: the odometry's displacement, turned into local NED, scale not yet applied."""
@@ -134,8 +137,7 @@ class LineSlam:
             match = self._match(wall, bearing_rad, range_m, mount_offset_m)
             if match is None:
                 continue
-            spread = float(match.gradient @ self._p @ match.gradient) + match.variance_m2
-            misfit = abs(match.innovation_m) / math.sqrt(spread)
+            misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
         if best is not None:
@@ -152,16 +154,15 @@ class LineSlam:
         of the sensor's range, where long readings are missing.
         """
         normal_rad = self._heading.normal_rad(wall.index)
-        incidence_rad = wrap_rad(bearing_rad - normal_rad)
+        incidence_rad = bearing_rad - normal_rad
         cos_incidence = math.cos(incidence_rad)
         if cos_incidence < self.LEAST_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
-        north = float(self._x[_NORTH]) - wall.anchor_ne_m[0]
-        east = float(self._x[_EAST]) - wall.anchor_ne_m[1]
+        north = self._x[_NORTH] - wall.anchor_ne_m[0]
+        east = self._x[_EAST] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
-        at = _WALLS + wall.index
-        distance_m = float(self._x[at]) - north * cos_n - east * sin_n
+        distance_m = self._x[_WALLS + wall.index] - north * cos_n - east * sin_n
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
             return None
         predicted_m = distance_m / cos_incidence
@@ -170,21 +171,30 @@ class LineSlam:
             return None
         # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
-        gradient = np.zeros(len(self._x))
-        gradient[_NORTH] = -cos_n / cos_incidence
-        gradient[_EAST] = -sin_n / cos_incidence
-        gradient[at] = 1 / cos_incidence
+        gradient = -cos_n / cos_incidence, -sin_n / cos_incidence, 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
-        variance_m2 = sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
-        return _Match(wall, along_m, range_m - predicted_m, gradient, variance_m2)
+        spread_m2 = self._variance(_WALLS + wall.index, gradient)
+        spread_m2 += sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
+        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2)
+
+    def _variance(self, at: int, gradient: Vector3) -> float:
+        """gᵀ P g of a gradient that is zero but for north, east and the offset at `at`."""
+        north, east, offset = gradient
+        p = self._p.item
+        squares = north**2 * p(_NORTH, _NORTH) + east**2 * p(_EAST, _EAST) + offset**2 * p(at, at)
+        mixed = north * east * p(_NORTH, _EAST)
+        mixed += offset * (north * p(_NORTH, at) + east * p(_EAST, at))
+        return squares + 2 * mixed
 
     def _correct(self, match: _Match) -> None:
-        """Scalar Kalman update in Joseph form."""
-        ph = self._p @ match.gradient
-        gain = ph / (float(match.gradient @ ph) + match.variance_m2)
-        self._x += gain * match.innovation_m
-        keep = np.eye(len(self._x)) - np.outer(gain, match.gradient)
-        self._p = keep @ self._p @ keep.T + match.variance_m2 * np.outer(gain, gain)
+        """Scalar Kalman update in Joseph form, multiplied out: P - k·(Ph)ᵀ - Ph·kᵀ + s·k·kᵀ."""
+        north, east, offset = match.gradient
+        p = self._p
+        ph = north * p[_NORTH] + east * p[_EAST] + offset * p[_WALLS + match.wall.index]
+        gain = ph / match.spread_m2
+        self._x = [x + k * match.innovation_m for x, k in zip(self._x, gain.tolist(), strict=True)]
+        told = gain[:, None] * ph
+        p += match.spread_m2 * gain[:, None] * gain - told - told.T
 
     def find(self, line: Line) -> Wall | None:
         """The known wall of the same direction whose line passes through a run's centre."""
@@ -197,12 +207,10 @@ class LineSlam:
             east = line.centre[1] - wall.anchor_ne_m[1]
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             along_m = cos_n * east - sin_n * north
-            gradient = np.zeros(len(self._x))
             at = _WALLS + wall.index
-            gradient[[_NORTH, _EAST, at]] = cos_n, sin_n, -1.0
             lever = along_m * self._heading.relative_sigma_rad(wall.index)
-            spread = float(gradient @ self._p @ gradient) + line.offset_sigma_m**2 + lever**2
-            across_m = north * cos_n + east * sin_n - float(self._x[at])
+            spread = self._variance(at, (cos_n, sin_n, -1.0)) + line.offset_sigma_m**2 + lever**2
+            across_m = north * cos_n + east * sin_n - self._x[at]
             misfit = abs(across_m) / math.sqrt(spread)
             reached = wall.reaches(along_m, self.EXTENT_MARGIN_M + line.length_m / 2)
             if reached and misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
@@ -220,6 +228,6 @@ class LineSlam:
         grown[size, [_NORTH, _EAST]] = math.cos(normal_rad), math.sin(normal_rad)
         self._p = grown @ self._p @ grown.T
         self._p[size, size] += line.offset_sigma_m**2
-        self._x = np.append(self._x, 0.0)
+        self._x.append(0.0)
         self.walls.append(wall)
         return wall

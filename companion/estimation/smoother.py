@@ -271,7 +271,13 @@ class _System:
         places = np.concatenate(self._rows), np.concatenate(self._columns)
         jacobian = coo_matrix((np.concatenate(self._values), places), shape=shape).tocsc()
         information = (jacobian.T @ jacobian).tocsc()
-        factor = splu(information, permc_spec="NATURAL", options={"SymmetricMode": True})
+        # Positive definite: pivots stay on the diagonal, or the band of the poses would be lost.
+        factor = splu(
+            information,
+            permc_spec="NATURAL",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )
         step: Array = -factor.solve(jacobian.T @ np.concatenate(self._residuals))
         return step, factor
 

@@ -7,12 +7,12 @@ but never jumps, so that a correction of the pose cannot bend a run.
 """
 
 import math
-from dataclasses import dataclass
 
 from companion.frames import Vector2, wrap_rad
+from companion.values import value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Line:
     """A straight piece of wall: {p : p·n = offset}, n = (cos, sin) of `normal_rad`.
 
@@ -33,7 +33,7 @@ class Line:
     """Heading of the drone, in the frame of the hits, when it saw the middle of the run."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RunHit:
     """One hit of a beam, and from where and with which heading it was seen; one frame for all."""
 
@@ -44,7 +44,7 @@ class RunHit:
     yaw_rad: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class _Moments:
     """Weighted sums over hits; adding one hit costs the same however long the run."""
 
@@ -71,6 +71,9 @@ class _Moments:
             self.yaw + weight * hit.yaw_rad,
             self.hits + 1,
         )
+
+
+NO_HITS = _Moments()
 
 
 def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
@@ -117,7 +120,7 @@ class WallRun:
     MISFITS_TO_END = 2
 
     def __init__(self) -> None:
-        self._moments = _Moments()
+        self._moments = NO_HITS
         self._line: Line | None = None
         self._viewpoint: Vector2 = (0.0, 0.0)
         self._misfits: list[RunHit] = []
@@ -135,7 +138,7 @@ class WallRun:
 
     def end(self) -> Line | None:
         """Give up the run, as when the beam returns nothing: its line, if it is worth one."""
-        line, self._line, self._moments = self._line, None, _Moments()
+        line, self._line, self._moments = self._line, None, NO_HITS
         self._misfits.clear()
         if line is None or line.length_m < self.LEAST_LENGTH_M:
             return None

@@ -7,7 +7,6 @@ Heartbeats go out from `send`, that is from the control loop: a companion that h
 """
 
 import math
-from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -17,6 +16,7 @@ from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.requests import CommandSender, Stream
 from companion.link.transport import Message, Transport
 from companion.messages import Command, LandedState, Odometry, Setpoint, VehicleState
+from companion.values import value
 
 CONNECTED_S = 3.0
 """A vehicle is gone after this long without any message."""
@@ -27,7 +27,7 @@ VELOCITY_AND_YAW_RATE = 0x05C7
 """SET_POSITION_TARGET_LOCAL_NED type_mask: only velocity and yaw rate count."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Telemetry:
     """What the autopilot has told since the last poll."""
 
@@ -52,7 +52,8 @@ class Link:
         self._odometry = OdometryReader()
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
-        self._streams: tuple[Stream, ...] = ()
+        self._streams: dict[int, Stream] = {}
+        """By message id."""
         self._parameters_set: dict[str, bool] = {}
         self._asked_s = self._heartbeat_s = float("-inf")
 
@@ -71,9 +72,8 @@ class Link:
                 odometry = self._odometry.read(message, now_s) or odometry
             else:
                 self._note(kind, message)
-            for stream in self._streams:
-                if stream.message_id == message.get_msgId():
-                    stream.seen_s = now_s
+            if stream := self._streams.get(message.get_msgId()):
+                stream.seen_s = now_s
         for text in texts:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
@@ -100,12 +100,13 @@ class Link:
     def _meet(self, autopilot: int) -> Dialect | None:
         dialect = dialect_of(autopilot)
         if dialect is not None:
-            self._streams = (
-                Stream(mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED, POSITION_HZ),
-                Stream(mavlink.MAVLINK_MSG_ID_ATTITUDE, ATTITUDE_HZ),
-                Stream(mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, SLOW_HZ),
-                Stream(dialect.estimator_message, SLOW_HZ),
-            )
+            rates_hz = {
+                mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
+                mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
+                mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
+                dialect.estimator_message: SLOW_HZ,
+            }
+            self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 
     def _text(self, message: Message) -> list[str]:
@@ -159,7 +160,7 @@ class Link:
         return messages
 
     def _requests(self, now_s: float, dialect: Dialect) -> list[Message]:
-        messages = [m for s in self._streams for m in s.requests(now_s, self._target)]
+        messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
         if not self._odometry.has_position:
             messages.append(self._origin)
         messages += [

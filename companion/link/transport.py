@@ -11,6 +11,7 @@ import socket
 import struct
 import time
 from collections import deque
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -205,27 +206,34 @@ class _DirectEnd:
         self._outbox.clear()
 
 
-_float_fields: dict[type, tuple[tuple[str, ...], struct.Struct, tuple[str, ...]]] = {}
-"""By message class: its single float fields and their packer, and its arrays of floats."""
+@dataclass(frozen=True, slots=True)
+class _FloatFields:
+    """What of a kind of message travels as float32."""
+
+    singles: tuple[str, ...]
+    packer: struct.Struct
+    arrays: tuple[str, ...]
+
+    @classmethod
+    def of(cls, message: Message) -> "_FloatFields":
+        types = zip(message.fieldnames, message.fieldtypes, strict=True)
+        floats = [name for name, type_ in types if type_ == "float"]
+        arrays = tuple(name for name in floats if isinstance(getattr(message, name), list | tuple))
+        singles = tuple(name for name in floats if name not in arrays)
+        return cls(singles, struct.Struct(f"<{len(singles)}f"), arrays)
+
+
+_float_fields: dict[type, _FloatFields] = {}
 
 
 def _round_floats(message: Message) -> None:
     """Give every float32 field the value that it has on the wire."""
-    kind = type(message)
-    if kind not in _float_fields:
-        floats = [
-            name
-            for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True)
-            if type_ == "float"
-        ]
-        arrays = tuple(name for name in floats if isinstance(getattr(message, name), list | tuple))
-        singles = tuple(name for name in floats if name not in arrays)
-        _float_fields[kind] = singles, struct.Struct(f"<{len(singles)}f"), arrays
-    singles, packer, arrays = _float_fields[kind]
-    values = packer.unpack(packer.pack(*[getattr(message, name) for name in singles]))
-    for name, value in zip(singles, values, strict=True):
-        setattr(message, name, value)
-    for name in arrays:
+    kind, fields = type(message), message.__dict__
+    floats = _float_fields.get(kind) or _float_fields.setdefault(kind, _FloatFields.of(message))
+    packer = floats.packer
+    rounded = packer.unpack(packer.pack(*[fields[name] for name in floats.singles]))
+    fields.update(zip(floats.singles, rounded, strict=True))
+    for name in floats.arrays:
         array = getattr(message, name)
         setattr(
             message,

@@ -22,7 +22,7 @@ FAILED are final.
 """
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -42,6 +42,7 @@ from companion.pdps.explore import BODY_RADIUS_M, Explore, ExplorePhase
 from companion.pdps.follow import Way, follow, is_blocked
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
 from companion.pdps.route import find_ways
+from companion.values import value
 
 LINK_SILENT_S = 1.0
 SENSOR_SILENT_S = 0.5
@@ -82,7 +83,7 @@ FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class View:
     """What the flight knows at one tick."""
 
@@ -98,7 +99,7 @@ class View:
     """The user or the operating system asks the program to end."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Flight:
     """The flight's whole memory."""
 
@@ -140,7 +141,7 @@ class Flight:
         return self.phase.value
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Action:
     """What to ask of the autopilot at this tick."""
 
@@ -240,7 +241,8 @@ def _insist(
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     room, setpoint = room_scan.step(flight.room, view.sight, plan)
-    flight = replace(flight, room=room)
+    if room is not flight.room:
+        flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)

@@ -11,11 +11,11 @@ better than the single smallest range, which noise picks.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from companion.frames import wrap_rad
+from companion.values import value
 
 HALF_WINDOW_RAD = math.radians(20)
 LEAST_RETURNS = 8
@@ -24,7 +24,7 @@ MOST_OFF_CENTRE_RAD = math.radians(10)
 """The foot of the perpendicular must lie inside the window that was fitted."""
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Ray:
     """One return of the turn: bearing in local NED, range from the drone's centre."""
 
@@ -33,7 +33,7 @@ class Ray:
     sigma_m: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Perpendicular:
     """Where the nearest wall is."""
 

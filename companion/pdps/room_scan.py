@@ -21,13 +21,14 @@ than the first turn has shown free; a beam that fails stops the movement along i
 import enum
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, frd_to_ned, wrap_rad
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps.control import approach_speed, climb_to, keep_distance, turn_towards
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+from companion.values import value
 
 QUARTER_TURN_RAD = math.pi / 2
 ON_HEADING_RAD = math.radians(2.5)
@@ -58,7 +59,7 @@ class ScanPhase(enum.Enum):
     CLOSED = "all walls traced"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Sight:
     """What the room scan knows at one tick."""
 
@@ -79,7 +80,7 @@ class Sight:
         return math.inf if reading.state is RangeState.NOTHING else 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class RoomScan:
     """The scan's whole memory."""
 
@@ -103,8 +104,12 @@ def step(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, S
     """One tick: the next state and the velocity to fly."""
     move = _MOVES[scan.phase]
     scan, setpoint = move(scan, sight, plan)
-    height = climb_to(plan.height_m, sight.pose.height_m)
-    return scan, replace(_guarded(setpoint, sight), down_m_s=height)
+    return scan, Setpoint(
+        _guarded(setpoint.forward_m_s, Beam.FRONT, sight),
+        _guarded(setpoint.right_m_s, Beam.RIGHT, sight),
+        climb_to(plan.height_m, sight.pose.height_m),
+        setpoint.yaw_rate_rad_s,
+    )
 
 
 def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
@@ -179,7 +184,9 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
         return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
     gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
     met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
-    scan = replace(scan, corner_readings=scan.corner_readings + 1 if met else 0)
+    corner_readings = scan.corner_readings + 1 if met else 0
+    if corner_readings != scan.corner_readings:
+        scan = replace(scan, corner_readings=corner_readings)
     if scan.corner_readings >= CORNER_READINGS:
         turned = replace(
             scan,
@@ -260,15 +267,8 @@ def _is_closed(scan: RoomScan, sight: Sight) -> bool:
     return north_m * along[0] + east_m * along[1] > CLOSING_OVERLAP_M
 
 
-def _guarded(setpoint: Setpoint, sight: Sight) -> Setpoint:
+def _guarded(speed_m_s: float, beam: Beam, sight: Sight) -> float:
     """Never on towards something near: the last word on every phase."""
-    forward, right = setpoint.forward_m_s, setpoint.right_m_s
-    if forward > 0:
-        forward = min(forward, approach_speed(_room_m(sight, Beam.FRONT), forward))
-    if right > 0:
-        right = min(right, approach_speed(_room_m(sight, Beam.RIGHT), right))
-    return replace(setpoint, forward_m_s=forward, right_m_s=right)
-
-
-def _room_m(sight: Sight, beam: Beam) -> float:
-    return sight.clear_m(beam) - FULL_STOP_BEFORE_M
+    if speed_m_s <= 0:
+        return speed_m_s
+    return approach_speed(sight.clear_m(beam) - FULL_STOP_BEFORE_M, speed_m_s)

@@ -59,6 +59,7 @@ class Autopilot:
         tells_truth: bool = False,
     ) -> None:
         self._is = PERSONALITIES[personality]()
+        self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
         values = boot_values(self._is, parameters)
         self._navigation = Navigation(start, seed, self._is, values)
@@ -103,8 +104,8 @@ class Autopilot:
             self._fly()
         else:
             self._vehicle.rest()
-        self._telemetry.truth = self._vehicle.state
-        self._navigation.update(self._vehicle.state)
+        self._telemetry.truth = truth = self._vehicle.state
+        self._navigation.update(truth)
         status.manoeuvre = self._commander.control.manoeuvre
         self._speak()
 
@@ -129,10 +130,11 @@ class Autopilot:
         if step % HEARTBEAT_STEPS == 0:
             self._status.is_armable = not self._commander.complaint()
             self._broadcast.add(self._telemetry.heartbeat())
-        if step % round(self._is.timesync_period_s / STEP_S) == 0:
+        if step % self._timesync_steps == 0:
             self._broadcast.add(self._protocol.timesync())
         for channel in self._channels:
-            channel.outbox.extend(channel.streams.due(step))
+            if due := channel.streams.due(step):
+                channel.outbox.extend(due)
         self._protocol.list_parameters()
 
     def receive(self, message: Message, link: int = 0) -> None:

@@ -106,15 +106,17 @@ class Estimator:
     def _flow(self, truth: TrueState) -> tuple[float, float]:
         if self._flow_held is not None:
             return self._flow_held
-        north, east, _ = truth.velocity_ned_m_s
-        forward, right = ned_to_frd(north, east, truth.yaw_rad)
-        return frd_to_ned(forward * self._flow_scale, right * self._flow_scale, self.yaw_rad)
+        north, east = self._as_turned(truth)
+        return north * self._flow_scale, east * self._flow_scale
 
     def _inertial(self, truth: TrueState) -> tuple[float, float]:
-        north, east, _ = truth.velocity_ned_m_s
-        forward, right = ned_to_frd(north, east, truth.yaw_rad)
-        north, east = frd_to_ned(forward, right, self.yaw_rad)
+        north, east = self._as_turned(truth)
         return north + self._inertial_error[0], east + self._inertial_error[1]
+
+    def _as_turned(self, truth: TrueState) -> tuple[float, float]:
+        """The true velocity in the estimated NED: to the body by one yaw, back by the other."""
+        north, east, _ = truth.velocity_ned_m_s
+        return frd_to_ned(north, east, self.yaw_rad - truth.yaw_rad)
 
     def _wander(self, truth: TrueState, *, moving: bool) -> None:
         """What goes wrong ten times a second."""
@@ -174,9 +176,8 @@ class Estimator:
         if not self._sources.flow:
             scale = 1.0
             north, east = north - self._inertial_error[0], east - self._inertial_error[1]
-        forward, right = ned_to_frd(north, east, self.yaw_rad)
-        north, east = frd_to_ned(forward / scale, right / scale, self._truth.yaw_rad)
-        return north, east, down
+        north, east = ned_to_frd(north, east, self.yaw_rad - self._truth.yaw_rad)
+        return north / scale, east / scale, down
 
     def to_true_rate(self, yaw_rate_rad_s: float) -> float:
         return (yaw_rate_rad_s - self._gyro_bias) / self._gyro_scale

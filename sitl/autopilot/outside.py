@@ -6,11 +6,12 @@ HEARTBEAT ───────────────────────�
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector3, frd_to_ned
+from companion.values import value
 from sitl.autopilot.streams import Message
 
 RANGE_TIMEOUT_S = 0.5
@@ -21,7 +22,7 @@ NEVER = -math.inf
 FARTHEST = 1e5
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class OutsidePose:
     """Where somebody else thinks the vehicle is; None: not told. NED, m, m/s, yaw from north."""
 

@@ -2,10 +2,10 @@
 
 import enum
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Protocol
 
 from companion.frames import Vector3
+from companion.values import value
 from sitl.autopilot.ground_truth import Place
 from sitl.autopilot.outside import Outside
 from sitl.autopilot.parameters.protocol import Parameters
@@ -23,7 +23,7 @@ class Behaviour(enum.Enum):
     LAND = "descends and disarms"
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class VelocityTarget:
     """An accepted velocity setpoint, in the autopilot's estimated NED.
 
@@ -35,7 +35,7 @@ class VelocityTarget:
     yaw_rad: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class PositionTarget:
     """An accepted position setpoint, in the autopilot's estimated NED; it turns towards it."""
 
@@ -45,7 +45,7 @@ class PositionTarget:
 Target = VelocityTarget | PositionTarget
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Refusal:
     """A setpoint that is not flown; ArduPilot stops without a word, PX4 goes on and complains."""
 
@@ -53,7 +53,7 @@ class Refusal:
     stops: bool = False
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Sources:
     """What the estimator is built on, as the parameters choose."""
 
@@ -70,7 +70,7 @@ class Sources:
         return not self.flow and (self.outside_position or self.outside_velocity)
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Condition:
     """What failsafes look at; ages in seconds, infinite for what was never heard."""
 
@@ -84,7 +84,7 @@ class Condition:
     onboard_computer_age_s: float
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class EstimatorHealth:
     """What the estimator's status messages tell."""
 
@@ -98,7 +98,7 @@ class EstimatorHealth:
 ParameterValues = Mapping[str, float]
 
 
-@dataclass(frozen=True, slots=True)
+@value
 class Failsafe:
     """Something that may go wrong in flight, and what the autopilot then says and does."""
 

@@ -110,8 +110,10 @@ class Protocol:
 
     def list_parameters(self) -> None:
         """Once a step: some more of a list that is under way."""
+        if not self._parameters.is_listing:
+            return
         told = self._parameters.due()
-        for channel in self._listening if told else ():
+        for channel in self._listening:
             channel.outbox.extend(told)
 
     # Commands

@@ -24,6 +24,8 @@ class Streams:
     def __init__(self, makers: dict[int, Maker], unasked_hz: dict[int, float]) -> None:
         self._makers = makers
         self._every: dict[int, int] = {}
+        self._timetable: list[tuple[int, int, Maker]] = []
+        """Of what is asked for: every how many steps, at which of them, and how it is made."""
         for message_id, rate_hz in unasked_hz.items():
             self.set_interval(message_id, 1e6 / rate_hz)
 
@@ -40,6 +42,10 @@ class Streams:
             self._every.pop(message_id, None)
         else:
             self._every[message_id] = max(1, round(interval_us * STEPS_PER_S / 1e6))
+        self._timetable = [
+            (every, -PHASE_STEPS * message_id % every, self._makers[message_id])
+            for message_id, every in self._every.items()
+        ]
         return ACCEPTED
 
     def interval_us(self, message_id: int) -> int:
@@ -56,9 +62,8 @@ class Streams:
 
     def due(self, step: int) -> list[Message]:
         """What this step sends."""
-        return [
-            message
-            for message_id, every in self._every.items()
-            if (step + PHASE_STEPS * message_id) % every == 0
-            for message in self._makers[message_id]()
-        ]
+        messages: list[Message] = []
+        for every, phase, make in self._timetable:
+            if step % every == phase:
+                messages += make()
+        return messages

@@ -33,6 +33,8 @@ class Ads1115Device:
             self._pointer = data[0] & 0x03
         if len(data) >= 3 and self._pointer == REG_CONFIG:
             self._configure(int.from_bytes(data[1:3], "big"), time_s)
+        if not count:
+            return b""
         return self._register(time_s).to_bytes(2, "big")[:count].ljust(count, b"\xff")
 
     def _configure(self, word: int, time_s: float) -> None:

@@ -6,9 +6,9 @@ from typing import Protocol
 
 from companion.drivers.bus import Transaction
 
-BITS_PER_BYTE = 9
-"""Eight and the acknowledge."""
 CLOCK_HZ = 400_000
+BYTE_S = 9 / CLOCK_HZ
+"""Eight bits and the acknowledge."""
 
 
 class Device(Protocol):
@@ -18,7 +18,7 @@ class Device(Protocol):
 
 
 class DeviceBus:
-    """The companion's `Bus` in this process. Transfers and waits take bus time, as on copper."""
+    """The companion's `Bus` in this process. Transfers take bus time, as on copper."""
 
     def __init__(self, devices: Mapping[int, Device]) -> None:
         self._devices = devices
@@ -33,18 +33,15 @@ class DeviceBus:
         self._time_s = max(self._time_s, time_s)
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        return [self._carry_out(transaction) for transaction in transactions]
-
-    def _carry_out(self, transaction: Transaction) -> bytes:
-        address, data, count = transaction.address, transaction.data, transaction.count
-        self._time_s += (2 + len(data) + count) * BITS_PER_BYTE / CLOCK_HZ
-        device = self._devices.get(address)
-        if device is None or self.is_broken or address in self.dead_addresses:
-            raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{address:02x}")
-        return device.write_read(data, count, self._time_s)
-
-    def wait(self, duration_s: float) -> None:
-        self._time_s += duration_s
+        answers = []
+        for t in transactions:
+            self._time_s += (2 + len(t.data) + t.count) * BYTE_S
+            device = self._devices.get(t.address)
+            if device is None or self.is_broken or t.address in self.dead_addresses:
+                raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{t.address:02x}")
+            answers.append(device.write_read(t.data, t.count, self._time_s))
+            self._time_s += t.wait_s
+        return answers
 
     def close(self) -> None:
         """Nothing to give back."""

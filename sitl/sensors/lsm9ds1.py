@@ -18,6 +18,7 @@ from companion.drivers.lsm9ds1 import (
     REG_FIFO_SRC,
     REG_OUT_X_G,
     REG_WHO_AM_I,
+    SAMPLE,
     WHO_AM_I,
 )
 
@@ -98,6 +99,7 @@ class Lsm9ds1Device:
         self._scale = 1 + random.gauss(0, noise.scale)
         self._period_s = 1 / (NOMINAL_ODR_HZ * (1 + random.gauss(0, noise.clock)))
         self._walk = 0.0
+        self._bias = self._turn_on_bias
         self._walk_kick = noise.bias_walk_rad_s_sqrt_s * math.sqrt(WALK_SAMPLES * self._period_s)
         self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
         self._sampled = 0
@@ -119,14 +121,17 @@ class Lsm9ds1Device:
             self._registers[REG_FIFO_SRC] = len(self._fifo) | (OVERRUN if self._overrun else 0)
             self._overrun = False
         elif register == REG_OUT_X_G:
-            sample = self._fifo.popleft() if self._fifo else 0
-            self._registers[REG_OUT_X_G : REG_OUT_X_G + 6] = bytes(4) + sample.to_bytes(
-                2, "little", signed=True
-            )
+            return self._samples(count)
         elif register <= REG_OUT_TEMP + 1:
             self._measure_temperature(time_s)
         end = register + count
         return bytes(self._registers[register:end]).ljust(count, b"\x00")
+
+    def _samples(self, count: int) -> bytes:
+        """The oldest first: after OUT_Z_H_G the address goes back to OUT_X_L_G, the next sample."""
+        rows = range(-(-count // SAMPLE.size))
+        z_axis = (self._fifo.popleft() if self._fifo else 0 for _ in rows)
+        return b"".join(SAMPLE.pack(0, 0, z) for z in z_axis)[:count]
 
     def _measure_temperature(self, time_s: float) -> None:
         above_deg_c = self._warming.temperature_deg_c(time_s) - ZERO_COUNT_DEG_C
@@ -152,14 +157,18 @@ class Lsm9ds1Device:
             self._fifo.append(self._sample(self._sampled * self._period_s))
 
     def _sample(self, time_s: float) -> int:
-        noise = self._noise
         if self._sampled % WALK_SAMPLES == 0:
-            self._walk += self._random.gauss(0, self._walk_kick)
-        warm_s = max(time_s - noise.flight_bias_after_s, 0.0)
-        warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
-        white = self._random.gauss(0, self._white)
-        rate = self._yaw_rate(time_s) * self._scale
-        rate += self._turn_on_bias + self._flight_bias * warm + self._warming.bias_rad_s(time_s)
-        rate += self._walk + white
+            self._drift(time_s)
+        rate = self._yaw_rate(time_s) * self._scale + self._bias
+        rate += self._random.gauss(0, self._white)
         # The chip's z axis points up: its positive rate is counter-clockwise.
         return max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT)))
+
+    def _drift(self, time_s: float) -> None:
+        """The bias, which moves too slowly to be worked out for every sample."""
+        noise = self._noise
+        self._walk += self._random.gauss(0, self._walk_kick)
+        warm_s = max(time_s - noise.flight_bias_after_s, 0.0)
+        warm = 1 - math.exp(-warm_s / noise.flight_bias_time_constant_s)
+        gained = self._flight_bias * warm + self._warming.bias_rad_s(time_s)
+        self._bias = self._turn_on_bias + gained + self._walk

@@ -9,14 +9,12 @@ from companion.drivers.served_bus import (
     CLOCK_REQUEST,
     OP_CLOCK,
     OP_TRANSFER,
-    OP_WAIT,
     REPLY,
     REQUEST,
     STATUS_MALFORMED,
     STATUS_NO_ACKNOWLEDGE,
     STATUS_OK,
     TRANSACTION,
-    WAIT_S,
 )
 from sitl.sensors.i2c import DeviceBus
 
@@ -75,11 +73,6 @@ class BusConnection:
     def _serve(self, op: int, payload: bytes) -> bytes:
         if op == OP_TRANSFER:
             return self._transfer(payload)
-        if op == OP_WAIT and len(payload) == WAIT_S.size:
-            (duration_s,) = WAIT_S.unpack(payload)
-            if 0 <= duration_s <= LONGEST_WAIT_S:
-                self._bus.wait(duration_s)
-                return b""
         if op == OP_CLOCK and len(payload) == CLOCK_REQUEST.size:
             request = ClockRequest(*CLOCK_REQUEST.unpack(payload))
             if request.target_s - self._now_s() <= LONGEST_CLOCK_STEP_S:  # false for NaN too
@@ -103,16 +96,16 @@ class BusConnection:
 
 
 def _decoded(payload: bytes) -> list[Transaction] | None:
-    """The transactions of a TRANSFER; None if they do not fill it exactly."""
+    """The transactions of a TRANSFER; None if they do not fill it exactly or wait too long."""
     transactions = []
     at = 0
     while at < len(payload):
         if len(payload) - at < TRANSACTION.size:
             return None
-        address, length, count = TRANSACTION.unpack_from(payload, at)
+        address, length, count, wait_s = TRANSACTION.unpack_from(payload, at)
         at += TRANSACTION.size
-        if len(payload) - at < length:
+        if len(payload) - at < length or not 0 <= wait_s <= LONGEST_WAIT_S:  # false for NaN too
             return None
-        transactions.append(Transaction(address, payload[at : at + length], count))
+        transactions.append(Transaction(address, payload[at : at + length], count, wait_s))
         at += length
     return transactions

@@ -74,13 +74,13 @@ class WorldModel:
         self, origin: Vector3, direction: Vector3, most_m: float, width_m: float
     ) -> list[Triangle]:
         """The triangles that a box about the ray touches."""
-        _check_finite((*origin, *direction))
+        (x, y, z), (dx, dy, dz) = origin, direction
+        _check_finite(x + y + z + dx + dy + dz, origin)
         probe = self._probes.get((most_m, width_m))
         if probe is None:
             probe = fcl.CollisionObject(fcl.Box(width_m, width_m, most_m))
             self._probes[most_m, width_m] = probe
         half_m = 0.5 * most_m
-        (x, y, z), (dx, dy, dz) = origin, direction
         probe.setQuatRotation(_rotation_to(direction))
         probe.setTranslation(np.array((x + half_m * dx, y + half_m * dy, z + half_m * dz)))
         result = fcl.CollisionResult()
@@ -108,7 +108,7 @@ class WorldModel:
         return self._clearance_m
 
     def _body_distance(self, position: Vector3) -> float:
-        _check_finite(position)
+        _check_finite(sum(position), position)
         self._body.setTranslation(np.array(position))
         result = fcl.DistanceResult()
         return float(fcl.distance(self._obstacles, self._body, fcl.DistanceRequest(), result))
@@ -129,10 +129,10 @@ def _collision_object(mesh: Mesh) -> fcl.CollisionObject:
     return fcl.CollisionObject(bvh)
 
 
-def _check_finite(values: tuple[float, ...]) -> None:
+def _check_finite(sum_of_pose: float, position: Vector3) -> None:
     """FCL answers nonsense to NaN without a word."""
-    if not math.isfinite(sum(values)):
-        raise ValueError(f"not a finite pose: {values}")
+    if not math.isfinite(sum_of_pose):
+        raise ValueError(f"not a finite pose, at {position}")
 
 
 def _rotation_to(direction: Vector3) -> tuple[float, float, float, float]:
