@@ -8,21 +8,22 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.ndimage import binary_dilation, label
+from scipy.ndimage import binary_closing, binary_dilation, label
 
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.route import Ways, least_along
 
-LEAST_FRONTIER_CELLS = 5
-"""Half a metre: no drone fits through less."""
+LEAST_FRONTIER_CELLS = 6
+"""Six tenths of a metre: no drone fits through less."""
 LOOK_FROM_M = (0.0, 2.5)
 """A frontier is looked at from within this."""
 ROOM_TO_TURN_M = 0.9
 """A place to turn round in has so much room; where it has less, it counts as farther off."""
 CROWDED_COST = 10.0
-GAIN_M = 6.0
-"""How much farther than another a look may be that shows one frontier metre more, as a cap."""
+BEAM_GAP_CELLS = 2
+GAIN, MOST_GAIN_M = 3.0, 9.0
+"""How much farther a frontier may be that is one metre wider; and at most."""
 PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 SQUARE = np.ones((3, 3), dtype=bool)
 
@@ -38,10 +39,16 @@ class Look:
 
 
 def frontiers(grid: Occupancy) -> Cells:
-    """Free cells with an unknown neighbour that is not beside something occupied."""
-    unknown = ~(grid.free | grid.occupied)
+    """Free cells with an unknown neighbour that is not beside something occupied.
+
+    Gaps between two beams that are narrower than the drone count as seen.
+    """
+    seen: Cells = binary_closing(np.pad(grid.free, BEAM_GAP_CELLS), SQUARE, BEAM_GAP_CELLS)
+    seen = seen[BEAM_GAP_CELLS:-BEAM_GAP_CELLS, BEAM_GAP_CELLS:-BEAM_GAP_CELLS]
+    unknown = ~(seen | grid.occupied)
     beside_wall = binary_dilation(grid.occupied, SQUARE)
-    return grid.free & binary_dilation(unknown, PLUS) & ~beside_wall
+    edge: Cells = grid.free & binary_dilation(unknown, PLUS) & ~beside_wall
+    return edge
 
 
 def next_look(grid: Occupancy, ways: Ways, given_up: tuple[Vector2, ...] = ()) -> Look | None:
@@ -85,7 +92,7 @@ def _look_at(grid: Occupancy, ways: Ways, rows: np.ndarray, columns: np.ndarray)
 
 def _cost_m(look: Look, ways: Ways) -> float:
     row, column = ways.grid.cell(look.from_ne_m)
-    return float(ways.metres[row, column]) - min(look.width_m, GAIN_M)
+    return float(ways.metres[row, column]) - min(GAIN * look.width_m, MOST_GAIN_M)
 
 
 def _is_near_any(place: Vector2, others: tuple[Vector2, ...]) -> bool:

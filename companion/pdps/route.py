@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
-UNKNOWN_SHARE = 0.6
+UNKNOWN_SHARE = 0.8
 """How near to unseen space the drone may come, as a share of its distance from what is there."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
 CLOSE_COST = 4.0
