@@ -117,7 +117,7 @@ def _go(
     if sight.pose.time_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=sight.pose.time_s)
         if not is_unseen(space, explore.goal_ne_m):
-            explore = _chosen(explore, sight, space, plan)
+            return _chosen(explore, sight, space, plan), _level(sight, plan)
     way, setpoint = follow(explore.way, sight, space, plan)
     if not way:
         looking = replace(

@@ -1,12 +1,13 @@
 """The whole flight, from the first heartbeat to the last.
 
-    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF ─► ROOM ─► HOME ─► LAND ─► DONE
-                                                 │        │       │        ▲
-                                                 └────────┴───┬───┘        │
-                                                fault         ▼            │ fault lasts,
-                                                            HOLD ──────────┘ time is up
-                                                              │ fault gone: back to where it was
-                                                              ▼
+                                                  ┌─► ROOM ─────┐
+    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► LAND ─► DONE
+                                                 │└─► BUILDING ─┘    │        ▲
+                                                 └────────┬──────────┘        │
+                                                fault     ▼                   │ fault lasts,
+                                                         HOLD ────────────────┘ time is up
+                                                          │ fault gone: back to where it was
+                                                          ▼
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
@@ -133,12 +134,8 @@ class Flight:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        match self.phase:
-            case Phase.ROOM:
-                return self.room.phase.value
-            case Phase.BUILDING:
-                return self.building.phase.value
-        return self.phase.value
+        parts = {Phase.ROOM: self.room.phase.value, Phase.BUILDING: self.building.phase.value}
+        return str(parts.get(self.phase, self.phase.value))
 
 
 @value

@@ -5,9 +5,11 @@ wide enough to be more than the gap between two beams, and if the drone can come
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, label
 
 from companion.frames import Vector2
@@ -24,6 +26,8 @@ CROWDED_COST = 10.0
 BEAM_GAP_CELLS = 2
 GAIN, MOST_GAIN_M = 3.0, 9.0
 """How much farther a frontier may be that is one metre wider; and at most."""
+PIECE_CELLS = 20
+Indices = NDArray[np.int64]
 PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 SQUARE = np.ones((3, 3), dtype=bool)
 
@@ -47,7 +51,7 @@ def frontiers(grid: Occupancy) -> Cells:
     seen = seen[BEAM_GAP_CELLS:-BEAM_GAP_CELLS, BEAM_GAP_CELLS:-BEAM_GAP_CELLS]
     unknown = ~(seen | grid.occupied)
     beside_wall = binary_dilation(grid.occupied, SQUARE)
-    edge: Cells = grid.free & binary_dilation(unknown, PLUS) & ~beside_wall
+    edge: Cells = np.logical_and(grid.free & ~beside_wall, binary_dilation(unknown, PLUS))
     return edge
 
 
@@ -56,19 +60,27 @@ def next_look(grid: Occupancy, ways: Ways, given_up: tuple[Vector2, ...] = ()) -
 
     Wide and near frontiers come first; those in `given_up` were looked at in vain.
     """
-    numbers, count = label(frontiers(grid), SQUARE)
     looks = []
-    for number in range(1, count + 1):
-        rows, columns = np.nonzero(numbers == number)
-        if len(rows) < LEAST_FRONTIER_CELLS:
-            continue
+    for rows, columns in _pieces(frontiers(grid)):
         look = _look_at(grid, ways, rows, columns)
         if look is not None and not _is_near_any(look.at_ne_m, given_up):
             looks.append(look)
     return min(looks, key=lambda look: _cost_m(look, ways), default=None)
 
 
-def _look_at(grid: Occupancy, ways: Ways, rows: np.ndarray, columns: np.ndarray) -> Look | None:
+def _pieces(edge: Cells) -> Iterator[tuple[Indices, Indices]]:
+    """Connected frontiers, long ones cut into pieces of about two metres."""
+    numbers, _ = label(edge, SQUARE)
+    rows, columns = np.nonzero(numbers)
+    tiles = rows // PIECE_CELLS * edge.shape[1] + columns // PIECE_CELLS
+    keys = numbers[rows, columns] * edge.size + tiles
+    for key in np.unique(keys):
+        mine = keys == key
+        if mine.sum() >= LEAST_FRONTIER_CELLS:
+            yield rows[mine], columns[mine]
+
+
+def _look_at(grid: Occupancy, ways: Ways, rows: Indices, columns: Indices) -> Look | None:
     """From the cheapest reachable cell near the frontier's middle that sees it."""
     middle = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
     target = int(rows[middle]), int(columns[middle])

@@ -6,6 +6,7 @@ from dataclasses import replace
 import pytest
 
 from companion.config import MissionConfig
+from companion.mapping.occupancy import Occupancy
 from companion.messages import (
     HOLD,
     Beam,
@@ -31,6 +32,7 @@ FLYING = replace(
     ON_GROUND, mode="GUIDED", in_offboard_mode=True, armed=True, landed_state=LandedState.IN_AIR
 )
 CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
+SPACE = Occupancy()
 
 
 def view(
@@ -47,7 +49,7 @@ def view(
 ) -> View:
     ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR}
     sight = Sight(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
-    return View(time_s, vehicle, sight, gyro_at_rest, gyro_age_s, scan_age_s, land_requested)
+    return View(time_s, vehicle, sight, SPACE, gyro_at_rest, gyro_age_s, scan_age_s, land_requested)
 
 
 def flying(phase: Phase) -> Flight:
