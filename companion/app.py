@@ -17,8 +17,8 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
-from companion.mapping.occupancy import Occupancy
 from companion.mapping.rays import rays
+from companion.mapping.space import Space
 from companion.messages import (
     Command,
     FloorPlan,
@@ -33,7 +33,15 @@ from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
 from companion.values import value
 
-MAPPING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
+SEEING_PHASES = frozenset(
+    {
+        *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
+        *(Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD),
+    }
+)
+"""What the beams meet on the ground already ties the walls to the origin."""
+EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
+"""In these the space around is drawn."""
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
@@ -88,10 +96,11 @@ class App:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._rest = RestCalibration(config.sensors.rest_s)
-        self._estimator: Estimator | None = None
+        self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
-        self.space = Occupancy()
+        self.space = Space()
         """What is known of the space around, as the flight uses it."""
+        self._resets = 0
         self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
@@ -118,43 +127,51 @@ class App:
 
     def _calibrate(self, inputs: Inputs) -> None:
         """The gyro's bias while the drone stands; origin and heading are where it ends."""
-        if self._estimator is not None or inputs.telemetry.vehicle.armed:
+        if self.estimator is not None or inputs.telemetry.vehicle.armed:
             return
         self._rest.add(inputs.gyro)
         if self._rest.bias_rad_s is not None:
             sensors = self._config.sensors
-            self._estimator = Estimator(
+            self.estimator = Estimator(
                 self._rest.bias_rad_s, PROFILES[sensors.profile], sensors.mount_offset_m
             )
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
-        if self._estimator is None:
+        if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
-        self._estimator.turn(inputs.gyro)
+        self.estimator.turn(inputs.gyro)
         if inputs.telemetry.odometry is not None:
-            self._estimator.move(inputs.telemetry.odometry)
-        if self.flight.phase in MAPPING_PHASES:
-            self._estimator.see(inputs.scan)
-            self._ceiling.see(inputs.scan, self._estimator.height_m)
-            self._clear_space(self._estimator.pose(now_s), inputs.scan)
-        pose = self._estimator.pose(now_s)
+            self.estimator.move(inputs.telemetry.odometry)
+        if self.flight.phase in SEEING_PHASES:
+            self.estimator.see(inputs.scan)
+            self._ceiling.see(inputs.scan, self.estimator.height_m)
+            self._draw_space(self.estimator, inputs.scan)
+            self.estimator.improve(now_s)
+        pose = self.estimator.pose(now_s)
         if not self._path or now_s - self._path[-1].time_s >= PATH_PERIOD_S:
             self._path.append(pose)
         return pose
 
-    def _clear_space(self, pose: Pose, scan: RangeScan) -> None:
-        sensors = self._config.sensors
-        for ray in rays(pose, scan, PROFILES[sensors.profile], sensors.mount_offset_m):
-            self.space.add(ray)
+    def _draw_space(self, estimator: Estimator, scan: RangeScan) -> None:
+        """Free and occupied cells, drawn anew whenever the trajectory has been set right."""
+        sensors, pose = self._config.sensors, estimator.pose(scan.time_s)
+        keyframes = [frame.guess for frame in estimator.keyframes.frames]
+        if pose.reset_counter != self._resets:
+            self._resets = pose.reset_counter
+            self.space.redraw(keyframes)
+        if self.flight.phase in EXPLORING_PHASES:
+            seen = rays(pose, scan, PROFILES[sensors.profile], sensors.mount_offset_m)
+            self.space.add(seen, keyframes)
+        self.space.advance()
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
-        wall = self._estimator.wall_ahead(pose.yaw_rad) if self._estimator else None
+        wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
             sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
-            space=self.space,
-            gyro_at_rest=self._estimator is not None,
+            space=self.space.grid,
+            gyro_at_rest=self.estimator is not None,
             gyro_age_s=now_s - self._last_gyro_s,
             scan_age_s=now_s - self._last_scan_s,
             land_requested=inputs.land_requested,
@@ -170,7 +187,7 @@ class App:
 
     def final_floor_plan(self) -> FloorPlan:
         """The map with the whole flight smoothed; takes a second or so."""
-        smoothed = self._estimator.smoothed() if self._estimator else None
+        smoothed = self.estimator.smoothed() if self.estimator else None
         if smoothed is None:
             return self.floor_plan()
         walls = wall_segments(smoothed.walls, smoothed.hits)
@@ -178,16 +195,16 @@ class App:
 
     def floor_plan(self) -> FloorPlan:
         """The map so far, as the flight uses it."""
-        if self._estimator is None:
+        if self.estimator is None:
             return FloorPlan()
         return FloorPlan(
             self._walls(),
-            tuple(self._estimator.hits),
+            tuple(self.estimator.hits),
             tuple(self._path),
             self._ceiling.height_m,
         )
 
     def _walls(self) -> tuple[WallSegment, ...]:
-        if self._estimator is None:
+        if self.estimator is None:
             return ()
-        return wall_segments(self._estimator.wall_lines(), self._estimator.hits)
+        return wall_segments(self.estimator.wall_lines(), self.estimator.hits)

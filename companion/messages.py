@@ -67,6 +67,16 @@ class RangeModel(Protocol):
     @property
     def max_m(self) -> float: ...
 
+    @property
+    def gain_sigma(self) -> float:
+        """What calibration leaves of the unit's gain error, relative; part of `sigma_m`."""
+        ...
+
+    @property
+    def mean_age_s(self) -> float:
+        """How old a reading is on average: half the time between two fresh ones."""
+        ...
+
     def sigma_m(self, distance_m: float) -> float:
         """Standard deviation of a reading at a true distance."""
         ...
@@ -142,6 +152,8 @@ class Pose:
     yaw_rad: float
     position_sigma_m: float = 0.0
     yaw_sigma_rad: float = 0.0
+    reset_counter: int = 0
+    """One more each time that the pose has been set right by a step."""
 
     @property
     def height_m(self) -> float:
@@ -187,6 +199,8 @@ class Hit:
     beam: Beam
     position_ned_m: Vector3
     variance_m2: float
+    wall: int | None = None
+    """Which of the map's wall lines it is on, if any."""
 
 
 @value
@@ -196,7 +210,14 @@ class WallLine:
     normal_rad: float
     offset_m: float
     sigma_m: float
-    """Of the offset."""
+    """Of the offset, `anchor_m` along the wall, that is at p·t = anchor_m, t = (-sin, cos)(normal).
+    There it does not depend on the error of the direction."""
+    normal_sigma_rad: float = 0.0
+    anchor_m: float = 0.0
+
+    def sigma_at_m(self, along_m: float) -> float:
+        """Across the wall, at a place along it."""
+        return math.hypot(self.sigma_m, (along_m - self.anchor_m) * self.normal_sigma_rad)
 
 
 @value
@@ -206,8 +227,10 @@ class WallSegment:
     start_ne_m: Vector2
     end_ne_m: Vector2
     sigma_m: float
-    """Standard deviation of the wall's offset along its normal."""
+    """Standard deviation across the wall, at its middle."""
     hits: int
+    normal_sigma_rad: float = 0.0
+    """Of its direction."""
 
     @property
     def length_m(self) -> float:

@@ -1,7 +1,6 @@
 """The simulator's commands."""
 
 import signal
-import time
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -10,17 +9,14 @@ import typer
 from rich.console import Console
 
 from companion import config as configuration
-from companion.config import Config
-from companion.console import ProgressLine
 from companion.errors import CompanionError
-from companion.mapping.files import save
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
-from sitl.lockstep import fly_in_lockstep
 from sitl.options import (
     Autopilot,
     BeamFile,
+    Crop,
     FlightOptions,
     Param,
     Params,
@@ -29,19 +25,17 @@ from sitl.options import (
     Start,
     WorldName,
 )
-from sitl.processes import fly_in_two_processes
 from sitl.record import TruthRecord
-from sitl.report import Report, make_report, report_table, save_report
 from sitl.run import Door, Server
 from sitl.serving import external_door, fleet_doors
-from sitl.testing.mission_file import MissionFile, load_mission
-from sitl.testing.script import play
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
+MOST_SPEED = 1000.0
+EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--lockstep")
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -89,6 +83,7 @@ def run(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
     ] = 1,
@@ -97,7 +92,10 @@ def run(
         str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
     ] = "udpin:127.0.0.1:14551",
     bus_port: BusPort = 5790,
-    speed: Annotated[float, typer.Option(help="Most times real time.", min=0.1, max=1000)] = 1.0,
+    speed: Annotated[
+        float,
+        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MOST_SPEED),
+    ] = 1.0,
     lockstep: Annotated[
         bool, typer.Option(help="Time stands still until every companion asks for it.")
     ] = False,
@@ -106,10 +104,15 @@ def run(
     """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     if autopilot is RunAutopilot.EXTERNAL:
-        options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam)
-        _run_external(options, connect, bus_port, speed, truth)
+        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, lockstep)
+        options = FlightOptions(
+            world, seed, profile, Autopilot.ARDUPILOT, start, beam=beam, crop_m=crop
+        )
+        _run_external(options, connect, bus_port, truth)
         return
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     setup, watch = options.setup()
     fleet, doors = fleet_doors(setup, watch, vehicles, mavlink or [DEFAULT_MAVLINK], bus_port)
     for number, door in enumerate(doors):
@@ -118,13 +121,18 @@ def run(
     _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
 
 
-def _run_external(
-    options: FlightOptions, connect: str, bus_port: int, speed: float, truth: Path | None
-) -> None:
-    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, speed, _say)
+def _refuse_what_is_set_there(*given: object) -> None:
+    """An external autopilot has its own links and parameters, and flies alone in its own time."""
+    for name, value in zip(EMULATED_ONLY, given, strict=True):
+        if value:
+            raise SitlError(f"{name} is for emulated autopilots, not for an external one")
+
+
+def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
+    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
     print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=speed))
+    _serve(Server(vehicle, [door], speed=MOST_SPEED))
     _save_truth([vehicle.record], truth)
 
 
@@ -184,6 +192,7 @@ def fly(
     params: Params = None,
     param: Param = None,
     beam: BeamFile = None,
+    crop: Crop = None,
     mission: Annotated[
         str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
     ] = "room",
@@ -192,81 +201,33 @@ def fly(
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
     ] = Transport.DIRECT,
     speed: Annotated[
-        float, typer.Option(help="With udp: most times real time.", min=0.1, max=1000)
-    ] = 1000.0,
+        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MOST_SPEED)
+    ] = MOST_SPEED,
     report: Annotated[Path | None, typer.Option(help="Write the report here as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:
     """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    options = FlightOptions(world, seed, profile, autopilot.value, start, params, param or (), beam)
+    # They load the companion, its filters and the scorer, which a mere server does without.
+    from sitl.flying import fly_in_one_process, fly_in_two  # noqa: PLC0415
+    from sitl.report import report_table, save_report  # noqa: PLC0415
+    from sitl.testing.mission_file import load_mission  # noqa: PLC0415
+
+    options = FlightOptions(
+        world, seed, profile, autopilot.value, start, params, param or (), beam, crop
+    )
     flown = load_mission(mission)
     settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
     console = Console(highlight=False)
     if transport is Transport.UDP:
-        result = _fly_udp(options, flown, settings, speed, out or Path("out"))
+        result = fly_in_two(options, flown, settings, speed, out or Path("out"))
     else:
-        result = _fly_lockstep(options, flown, settings, transport, out, console)
+        result = fly_in_one_process(
+            options, flown, settings, transport.value, out=out, console=console
+        )
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
         save_report(result, path)
     raise typer.Exit(0 if result["completed"] else EXIT_NOT_COMPLETED)
-
-
-def _fly_lockstep(
-    options: FlightOptions,
-    mission: MissionFile,
-    settings: Config,
-    transport: Transport,
-    out: Path | None,
-    console: Console,
-) -> Report:
-    began_s = time.monotonic()
-    setup, watch = options.setup()
-    with ProgressLine(console) as progress:
-        app, simulation = fly_in_lockstep(
-            setup,
-            settings,
-            progress.show,
-            transport.value,
-            play(mission.events),
-            parameter_watch=watch,
-        )
-    waited_s = time.monotonic() - began_s
-    plan = app.final_floor_plan()
-    if out is not None:
-        save(plan, out)
-    return make_report(
-        setup,
-        settings,
-        plan,
-        simulation.record,
-        completed=app.flight.completed,
-        ending=app.flight.ending,
-        waited_s=waited_s,
-    )
-
-
-def _fly_udp(
-    options: FlightOptions,
-    mission: MissionFile,
-    settings: Config,
-    speed: float,
-    out: Path,
-) -> Report:
-    if mission.events:
-        raise SitlError("a mission with events needs --transport direct or bytes")
-    began_s = time.monotonic()
-    setup, _ = options.setup()
-    flight = fly_in_two_processes([*options.arguments(), f"--speed={speed}"], settings, out)
-    return make_report(
-        setup,
-        settings,
-        flight.plan,
-        flight.truth,
-        completed=flight.completed,
-        ending="mission complete" if flight.completed else "mission not completed",
-        waited_s=time.monotonic() - began_s,
-    )
 
 
 def main() -> None:

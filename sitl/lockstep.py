@@ -45,11 +45,12 @@ def fly_in_lockstep(
     script: Script = no_script,
     *,
     parameter_watch: ParameterWatch = keep_nothing,
+    make_app: Callable[[Config], App] = App,
 ) -> tuple[App, Simulation]:
-    """Fly one mission to its end."""
+    """Fly one mission to its end; `make_app` is for those who want to look into it."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
     simulation = Simulation(setup, [sitl_end], parameter_watch)
-    app = App(config)
+    app = make_app(config)
     bus = simulation.board.bus
     rig = Rig(
         Link(companion_end, config.link),

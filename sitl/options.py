@@ -16,6 +16,7 @@ from sitl.errors import SitlError
 from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
 from sitl.sensors.beam import RAY, load_beam_physics
 from sitl.simulation import Setup
+from sitl.world.cropping import cropped
 from sitl.world.format import World
 from sitl.world.loading import load_world
 
@@ -27,7 +28,7 @@ class Autopilot(StrEnum):
     PX4 = "px4"
 
 
-WorldName = Annotated[str, typer.Argument(help="A built-in world, or a world file.")]
+WorldName = Annotated[str, typer.Argument(help="A built-in world, random_SEED, or a world file.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
 Profile = Annotated[str, typer.Option(help="Range sensors: gp2y0a710k0f or paper.")]
 Start = Annotated[
@@ -43,6 +44,10 @@ Param = Annotated[
 BeamFile = Annotated[
     Path | None, typer.Option(help="TOML file of beam physics; docs/sensors.md has its keys.")
 ]
+Crop = Annotated[
+    float | None,
+    typer.Option(help="Only the square of so many metres about the start, walled in.", min=4),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +62,7 @@ class FlightOptions:
     params: Path | None = None
     param: Sequence[str] = ()
     beam: Path | None = None
+    crop_m: float | None = None
 
     def setup(self) -> tuple[Setup, ParameterWatch]:
         """The setup, and who keeps the parameters that are set.
@@ -65,6 +71,9 @@ class FlightOptions:
             SitlError, CompanionError: one line that says what to mend.
         """
         world = load_world(self.world)
+        start = _start_number(world, self.start)
+        if self.crop_m is not None:
+            world, start = cropped(world, self.crop_m, start), 0
         sensors = configuration.load(None, {"sensors.profile": self.profile}).sensors
         parameters, watch = read_parameters(self.autopilot, self.params, self.param)
         setup = Setup(
@@ -75,7 +84,7 @@ class FlightOptions:
             self.autopilot,
             parameters,
             load_beam_physics(self.beam) if self.beam else RAY,
-            _start_number(world, self.start),
+            start,
         )
         return setup, watch
 
@@ -88,6 +97,7 @@ class FlightOptions:
             "start": self.start,
             "params": self.params,
             "beam": self.beam,
+            "crop": self.crop_m,
         }
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         return [self.world, *options, *(f"--param={assignment}" for assignment in self.param)]

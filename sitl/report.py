@@ -47,6 +47,7 @@ def make_report(
     report |= {
         "collisions": truth.collisions,
         "clearance_m": truth.clearance_m,
+        "return_m": math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2]),
         "flight_time_s": truth.air_time_s,
         "least_time_s": least_time_s(surfaces, config.mission.standoff_m, config.mission.speed_m_s),
         "waited_s": waited_s,
@@ -70,11 +71,13 @@ def save_report(report: Report, path: Path) -> None:
 _ROWS = (
     ("walls, in the take-off frame", "wall_error_cm", "{:.1f} cm"),
     ("walls, aligned", "wall_error_aligned_cm", "{:.1f} cm"),
+    ("walls, sigma that the map claims", "wall_sigma_cm", "{:.1f} cm"),
     ("coverage", "coverage", "{:.1%}"),
     ("false walls", "false_walls", "{:.1%}"),
     ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),
     ("least clearance", "clearance_m", "{:.2f} m"),
     ("collisions", "collisions", "{}"),
+    ("landed off its start", "return_m", "{:.2f} m"),
     ("time in the air", "flight_time_s", "{:.0f} s"),
     ("least time to trace", "least_time_s", "{:.0f} s"),
     ("speed", "speed_factor", "{:.0f} × real time"),

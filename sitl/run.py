@@ -124,7 +124,10 @@ class Server:
             self._selector.close()
 
     def _accept(self, door: Door) -> None:
-        client_socket, _ = door.listener.accept()
+        try:
+            client_socket, _ = door.listener.accept()
+        except OSError:  # it has hung up already
+            return
         client_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         connection = BusConnection(door.bus, lambda: self._served.time_s)
         client = _Client(client_socket, connection, door)
@@ -203,7 +206,9 @@ class Server:
             self._pace.resume(self._served.time_s)
             return
         behind_s = self._pace.due_s(speed=1.0) - self._served.time_s
-        if behind_s >= FREE_RUN_STEP_S:
+        if behind_s <= -FREE_RUN_STEP_S:  # what is served has a time of its own
+            self._pace.resume(self._served.time_s)
+        elif behind_s >= FREE_RUN_STEP_S:
             self._served.advance(self._served.time_s + behind_s)
 
 

@@ -7,12 +7,13 @@ best, which takes out the error of that first pose and leaves the error of the m
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from companion.messages import FloorPlan, Pose
 from sitl.truth import TrueState
@@ -40,6 +41,11 @@ class MapScore:
     """Share of the true wall that could be seen with a mapped one within 10 cm, aligned."""
     false_walls: float
     """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
+    wall_sigma_cm: float
+    """What the map claims: its walls' standard deviation at their middles, mean by length."""
+    wall_error_sigmas: float
+    """RMS of how far the middles are from the nearest true wall, take-off frame, in their sigmas;
+    about 1 if the map knows how exact it is. False walls do not count."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +66,7 @@ def score_map(
     true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
     mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
     if not len(mapped):
-        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0)
+        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
     error_m, _ = _nearest(mapped, true_walls)
     aligned = align(mapped, true_walls)
     aligned_error_m, _ = _nearest(aligned, true_walls)
@@ -72,13 +78,34 @@ def score_map(
         wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
         coverage=float((to_mapped_m <= COVERED_WITHIN_M).mean()),
         false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
+        wall_sigma_cm=100
+        * float(
+            np.average([w.sigma_m for w in plan.walls], weights=[w.length_m for w in plan.walls])
+        ),
+        wall_error_sigmas=_error_in_sigmas(plan, true_walls, take_off),
+    )
+
+
+def _mean_sigma_m(plan: FloorPlan) -> float:
+    lengths_m = [wall.length_m for wall in plan.walls]
+    return float(np.average([wall.sigma_m for wall in plan.walls], weights=lengths_m))
+
+
+def _error_in_sigmas(plan: FloorPlan, true_walls: Points, take_off: TrueState) -> float:
+    middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
+    error_m, _ = _nearest(_to_world(middles, take_off), true_walls)
+    sigma_m = np.array([wall.sigma_m for wall in plan.walls])
+    counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
+    return (
+        float(np.sqrt(np.mean((error_m[counts] / sigma_m[counts]) ** 2))) if counts.any() else 0.0
     )
 
 
 def score_trajectory(
     path: Sequence[Pose], truth: Sequence[TrueState], take_off: TrueState
 ) -> TrajectoryScore:
-    """ATE by evo; poses are matched to the truth by time."""
+    """ATE by evo, against the truth interpolated to the times of the poses."""
+    truth = _at_times(truth, [pose.time_s for pose in path])
     estimated = _trajectory(
         [pose.time_s for pose in path],
         _to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
@@ -89,7 +116,7 @@ def score_trajectory(
         np.array([state.position_ned_m[:2] for state in truth]),
         [state.yaw_rad for state in truth],
     )
-    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.06)
+    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.001)
     as_is_cm = _rmse_cm(true, estimated)
     estimated.align(true)
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
@@ -145,9 +172,31 @@ def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
 
 
 def _distance_to_points(points: Points, others: Points) -> Points:
-    squared = ((points[:, None] - others) ** 2).sum(axis=2)
-    nearest: Points = np.sqrt(squared.min(axis=1))
+    nearest: Points = cKDTree(others).query(points)[0]
     return nearest
+
+
+def _at_times(truth: Sequence[TrueState], times_s: Sequence[float]) -> list[TrueState]:
+    """The true states at these times, linearly between those recorded; none outside them.
+
+    Taking the nearest instead would add what the vehicle flies in half a record's period.
+    """
+    known_s = [state.time_s for state in truth]
+    within = [time_s for time_s in times_s if known_s[0] <= time_s <= known_s[-1]]
+    north, east, down = (
+        np.interp(within, known_s, [state.position_ned_m[axis] for state in truth])
+        for axis in range(3)
+    )
+    yaw = np.interp(within, known_s, np.unwrap([state.yaw_rad for state in truth]))
+    return [
+        replace(
+            truth[0],
+            time_s=time_s,
+            position_ned_m=(float(north[i]), float(east[i]), float(down[i])),
+            yaw_rad=float(yaw[i]),
+        )
+        for i, time_s in enumerate(within)
+    ]
 
 
 def _trajectory(time_s: Sequence[float], xy: Points, yaw_rad: Sequence[float]) -> PoseTrajectory3D:

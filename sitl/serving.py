@@ -37,7 +37,7 @@ def fleet_doors(
 
 
 def external_door(
-    setup: Setup, connect: str, bus_port: int, speed: float, tell: Callable[[str], None]
+    setup: Setup, connect: str, bus_port: int, tell: Callable[[str], None]
 ) -> tuple[ExternalVehicle, Door, str]:
     """Somebody else's autopilot in our world, and where its MAVLink is awaited.
 
@@ -47,7 +47,7 @@ def external_door(
         SitlError, LinkError: one line that says what to mend.
     """
     transport = UdpTransport(connect, setup.system_id, COMPONENT)
-    vehicle = ExternalVehicle(setup, transport, speed, tell)
+    vehicle = ExternalVehicle(setup, transport, tell)
     return vehicle, Door(vehicle.board.bus, listen(bus_port), ()), transport.address
 
 

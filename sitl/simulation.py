@@ -17,6 +17,7 @@ from companion.config import SensorsConfig
 from companion.link.transport import Transport
 from companion.messages import Beam
 from sitl.autopilot.core import PERSONALITIES, Autopilot, keep_nothing
+from sitl.autopilot.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.personality import boot_values, system_id
 from sitl.noise import stream
@@ -46,6 +47,9 @@ class Setup:
     """Of every range sensor."""
     start: int = 0
     """Which of the world's start poses."""
+    odometry_noise: OdometryNoise = REFERENCE_NOISE
+    range_gain_sigma: float | None = None
+    """Spread of the range units' gains; None: as the sensor's physics has it."""
 
     @property
     def system_id(self) -> int:
@@ -86,10 +90,17 @@ class Simulation:
             parameters=setup.parameters,
             watch=watch,
             links=len(transports),
+            noise=setup.odometry_noise,
         )
         self._history = History(start)
         self.record = TruthRecord(start)
-        self.board = SensorBoard(setup.seed, setup.sensors, self._range_query, self._history.at)
+        self.board = SensorBoard(
+            setup.seed,
+            setup.sensors,
+            self._range_query,
+            self._history.at,
+            gain_sigma=setup.range_gain_sigma,
+        )
 
     @property
     def time_s(self) -> float:
@@ -120,13 +131,16 @@ class Simulation:
             self.autopilot.crash("hit an obstacle")
 
     def _range_query(self, beam: Beam) -> RangeQuery:
-        """A plain ray, the quickest there is, unless more was asked for."""
-        if self._setup.beam == RAY:
-            walls: RangeQuery = self._model.range_m
-        else:
-            hits, seed = self._model.hits, self._setup.seed
-            walls = LightBeam(self._setup.beam, hits, seed, beam.value).range_m
+        """Walls, and whoever else flies there."""
+        walls = beam_query(self._setup, self._model, beam)
         return walls if self._others is nobody else with_others(walls, self._others)
+
+
+def beam_query(setup: Setup, model: WorldModel, beam: Beam) -> RangeQuery:
+    """How far a beam reaches: a plain ray, the quickest there is, unless more was asked for."""
+    if setup.beam == RAY:
+        return model.range_m
+    return LightBeam(setup.beam, model.hits, setup.seed, beam.value).range_m
 
 
 def start_state(setup: Setup) -> TrueState:

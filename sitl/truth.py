@@ -22,22 +22,24 @@ class TrueState:
     yaw_rate_rad_s: float
 
 
+STEP_S = 0.01
+"""Between two states."""
 HISTORY_STEPS = 8
 """Enough for the slowest sensor, whose value may be 50 ms old."""
 
 
 class History:
-    """The latest states, 10 ms apart: sensors hold values of moments that have passed."""
+    """The latest states: sensors hold values of moments that have passed."""
 
-    def __init__(self, start: TrueState) -> None:
-        self._states = deque([start], maxlen=HISTORY_STEPS)
+    def __init__(self, start: TrueState, steps: int = HISTORY_STEPS) -> None:
+        self._states = deque([start], maxlen=steps)
 
     def add(self, state: TrueState) -> None:
         self._states.append(state)
 
     def at(self, time_s: float) -> TrueState:
-        """The newest state not later than `time_s`; the oldest kept if all are."""
+        """The state nearest to `time_s`, so that nothing is late on average; else the oldest."""
         for state in reversed(self._states):
-            if state.time_s <= time_s + 1e-9:
+            if state.time_s <= time_s + 0.5 * STEP_S:
                 return state
         return self._states[0]

@@ -31,6 +31,34 @@ RAD_S_PER_COUNT = math.radians(8.75e-3)
 SAMPLE = struct.Struct("<hhh")
 """OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
 of these registers to the first, to the FIFO's next sample."""
+NOMINAL_ODR_HZ = 119.0
+LEAST_TO_TELL_PERIOD = 119
+
+
+class SampleClock:
+    """When the chip took its samples, by our clock.
+
+    The chip's period is known to some percent, and when it began is not known at all. But the
+    newest sample in the FIFO is never in the future nor older than a period: each read narrows
+    down where the samples lie, and the number of all samples tells the period.
+    """
+
+    def __init__(self, time_s: float) -> None:
+        self._began_s = self._newest_s = time_s
+        self._period_s = 1 / NOMINAL_ODR_HZ
+        self._count = 0
+
+    def stamp(self, time_s: float, count: int) -> list[float]:
+        """The times of the `count` samples that were waiting at `time_s`."""
+        self._count += count
+        if self._count >= LEAST_TO_TELL_PERIOD:
+            self._period_s = (time_s - self._began_s) / self._count
+        newest_s = self._newest_s + count * self._period_s
+        newest_s = min(max(newest_s, time_s - self._period_s), time_s)
+        step_s = (newest_s - self._newest_s) / count
+        times_s = [self._newest_s + i * step_s for i in range(1, count + 1)]
+        self._newest_s = newest_s
+        return times_s
 
 
 class Lsm9ds1:
@@ -44,7 +72,7 @@ class Lsm9ds1:
         self._bus = bus
         self._address = address
         self._ask_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
-        self._last_s: float | None = None
+        self._clock: SampleClock | None = None
         self._configured = False
         try:
             found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
@@ -71,26 +99,24 @@ class Lsm9ds1:
         self._configured = True
 
     def read(self, time_s: float) -> list[GyroSample]:
-        """All samples since the last read, spread evenly over the time between; [] on a fault.
-
-        The chip's clock is off by some percent; spreading by ours keeps the integral right.
-        """
+        """All samples since the last read, as they were taken; [] on a fault."""
         try:
             if not self._configured:
                 self._configure()
             counts = self._drain()
         except OSError:
             self._configured = False  # it may come back freshly powered
-            self._last_s = None
+            self._clock = None
             return []
-        if self._last_s is None or not counts:
-            self._last_s = self._last_s if self._last_s is not None else time_s
+        if self._clock is None:  # what had been waiting is of unknown age
+            self._clock = SampleClock(time_s)
             return []
-        last_s, self._last_s = self._last_s, time_s
-        step_s = (time_s - last_s) / len(counts)
+        if not counts:
+            return []
+        times_s = self._clock.stamp(time_s, len(counts))
         return [
-            GyroSample(last_s + i * step_s, -count * RAD_S_PER_COUNT)
-            for i, count in enumerate(counts, 1)
+            GyroSample(sample_s, -count * RAD_S_PER_COUNT)
+            for sample_s, count in zip(times_s, counts, strict=True)
         ]
 
     def _drain(self) -> list[int]:

@@ -61,6 +61,8 @@ class SharpProfile:
     noise_v: float
     gain_sigma: float
     """What calibration leaves of the unit's gain error."""
+    period_s: float
+    """A fresh value comes so often; the output holds the last one in between."""
     open_v: float = 1.25
     """Output when nothing returns."""
     broken_above_v: float = 3.4
@@ -72,6 +74,10 @@ class SharpProfile:
     @property
     def max_m(self) -> float:
         return 1 / self.volts_by_inverse_m.x[0]
+
+    @property
+    def mean_age_s(self) -> float:
+        return self.period_s / 2
 
     def reading(self, volts: float) -> RangeReading:
         """Distance by the datasheet's curve, linear in 1/distance between its points."""
@@ -110,9 +116,15 @@ class LinearProfile:
     min_m: float
     max_m: float
     error_m: float
+    period_s: float
+    gain_sigma: float = 0.0
     zero_v: float = 0.3
     volts_per_m: float = 0.5
     open_v: float = 3.3
+
+    @property
+    def mean_age_s(self) -> float:
+        return self.period_s / 2
 
     def reading(self, volts: float) -> RangeReading:
         if volts < DEAD_BELOW_V:
@@ -151,6 +163,7 @@ GP2Y0A710K0F = SharpProfile(
     ),
     noise_v=0.010,
     gain_sigma=0.003,
+    period_s=0.0165,
 )
-PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05)
+PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05, period_s=0.050)
 PROFILES: dict[str, Profile] = {"gp2y0a710k0f": GP2Y0A710K0F, "paper": PAPER}

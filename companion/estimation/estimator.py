@@ -1,13 +1,14 @@
 """The order in which the estimator's parts are called, once a tick."""
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.keyframes import Keyframes
 from companion.estimation.line_slam import LineSlam
-from companion.estimation.smoother import Smoothed, Smoother
+from companion.estimation.restart import restart
+from companion.estimation.smoother import FLYING_GATES_M, Smoothed, Smoother
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.messages import (
@@ -42,17 +43,41 @@ SQUARE_SIGMA_RAD = math.radians(0.5)
 """Walls this near to a right angle are taken to be built so, this exactly."""
 
 
+SMOOTHING_PERIOD_S = 4.0
+MOST_KEYFRAMES_IN_FLIGHT = 1000
+"""Later, a piece of smoothing would take longer than a tick may."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Smoothing:
+    """A smoothing under way, and where the raw dead reckoning was when it began."""
+
+    work: Generator[None, None, Smoothed]
+    time_s: float
+    raw_ne_m: Vector2
+    raw_yaw_rad: float
+    hits: int
+
+
 class Estimator:
     """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
 
     def __init__(self, rest_bias_rad_s: float, sensor: RangeModel, mount_offset_m: float) -> None:
+        self.rest_bias_rad_s = rest_bias_rad_s
         self.heading = HeadingFilter(rest_bias_rad_s)
         self.slam = LineSlam(self.heading, sensor)
         self._trusted_m = _trusted_m(sensor)
+        self._range_age_s = sensor.mean_age_s
+        self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
+        self._yaw_rate_rad_s = 0.0
+        self._turned_until_s = 0.0
         self.hits: list[Hit] = []
         self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
-        self._keyframes = Keyframes()
+        self.keyframes = Keyframes()
         self._mount_offset_m = mount_offset_m
+        self._smoothing: _Smoothing | None = None
+        self._smoothed_s = 0.0
+        self._resets = 0
         self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
         self._odometry: Odometry | None = None
         self._height_m = 0.0
@@ -69,6 +94,7 @@ class Estimator:
             yaw_rad=self.heading.yaw_rad,
             position_sigma_m=self.slam.position_sigma_m,
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
+            reset_counter=self._resets,
         )
 
     @property
@@ -79,6 +105,9 @@ class Estimator:
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
         corrected_rad, raw_rad = self.heading.predict(samples)
+        if samples:
+            self._yaw_rate_rad_s = samples[-1].yaw_rate_rad_s - self.heading.bias_rad_s
+            self._turned_until_s = samples[-1].time_s
         self._drifting_yaw_rad += corrected_rad
         self._raw_yaw_rad += raw_rad
 
@@ -93,6 +122,7 @@ class Estimator:
         self._height_m -= z - last_z
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
+        self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
@@ -107,7 +137,7 @@ class Estimator:
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self._keyframes.advance(pose, self._raw_ne_m, self._raw_yaw_rad)
+        self.keyframes.advance(pose, self._raw_ne_m, self._raw_yaw_rad)
         for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
             reading = scan.readings.get(beam)
             if reading is None:
@@ -116,29 +146,86 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
-            self._keyframes.add_hit(pose, beam, bearing_frd_rad, range_m)
-            bearing_rad = self.heading.yaw_rad + bearing_frd_rad
-            self.slam.see_range(bearing_rad, range_m, self._mount_offset_m)
-            north_m, east_m = _along(self.slam.position_ne_m, bearing_rad, range_m)
+            raw = self._when_measured(scan.time_s, self._raw_ne_m, self._raw_yaw_rad)
+            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
+            eye_ne_m, yaw_rad = self._when_measured(
+                scan.time_s, self.slam.position_ne_m, self.heading.yaw_rad
+            )
+            bearing_rad = yaw_rad + bearing_frd_rad
+            wall = self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
+            north_m, east_m = _along(eye_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
-            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2))
+            self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2, wall))
             if reading.distance_m > self._trusted_m:
                 continue
+            eye, yaw_rad = self._when_measured(
+                scan.time_s, self._drifting_ne_m, self._drifting_yaw_rad
+            )
             drifting_hit = RunHit(
                 scan.time_s,
-                _along(self._drifting_ne_m, self._drifting_yaw_rad + bearing_frd_rad, range_m),
+                _along(eye, yaw_rad + bearing_frd_rad, range_m),
                 reading.variance_m2,
-                self._drifting_ne_m,
-                self._drifting_yaw_rad,
+                eye,
+                yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
 
+    def _when_measured(self, now_s: float, place: Vector2, yaw_rad: float) -> tuple[Vector2, float]:
+        """Place and heading as they were when the ranges that are read now were measured.
+
+        The place is known until now, the heading until the gyro's latest sample.
+        """
+        forward_m_s, right_m_s = self._velocity_frd_m_s
+        back_m = -self._range_age_s * forward_m_s, -self._range_age_s * right_m_s
+        ahead_s = now_s - self._range_age_s - self._turned_until_s
+        return _moved(place, back_m, yaw_rad), yaw_rad + ahead_s * self._yaw_rate_rad_s
+
     def smoothed(self) -> Smoothed | None:
         """The whole flight set right by all that was seen; None before anything was."""
-        if len(self._keyframes.frames) < 2:
+        if len(self.keyframes.frames) < 2:
             return None
-        keyframes = self._keyframes
+        keyframes = self.keyframes
         return self._smoother.smooth(keyframes.frames, keyframes.hits, self.wall_lines())
+
+    def improve(self, now_s: float) -> None:
+        """Smooth the flight so far, a piece at each call; then go on from what came out.
+
+        A piece takes some milliseconds. The pose and the walls make a step at the end.
+        """
+        if self._smoothing is None:
+            frames = self.keyframes.frames
+            is_due = now_s - self._smoothed_s >= SMOOTHING_PERIOD_S
+            if is_due and self.slam.walls and len(frames) <= MOST_KEYFRAMES_IN_FLIGHT:
+                self._smoothed_s = now_s
+                self._smoothing = _Smoothing(
+                    self._smoother.smoothing(
+                        frames.copy(),
+                        self.keyframes.hits.copy(),
+                        self.wall_lines(),
+                        FLYING_GATES_M,
+                    ),
+                    frames[-1].time_s,
+                    *self.keyframes.raw,
+                    len(self.hits),
+                )
+            return
+        try:
+            next(self._smoothing.work)
+        except StopIteration as end:
+            self._go_on_from(now_s, end.value, self._smoothing)
+            self._smoothing = None
+
+    def _go_on_from(self, now_s: float, smoothed: Smoothed, work: _Smoothing) -> None:
+        """Restart the filters at the last keyframe smoothed, and move them on to now."""
+        restart(self.heading, self.slam, smoothed.end)
+        self.keyframes.correct(smoothed.path)
+        self.hits[: work.hits] = smoothed.hits
+        self.hits[work.hits :] = [replace(hit, wall=None) for hit in self.hits[work.hits :]]
+        moved = tuple(now - then for now, then in zip(self._raw_ne_m, work.raw_ne_m, strict=True))
+        body_m = ned_to_frd(moved[0], moved[1], work.raw_yaw_rad)
+        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - work.time_s)
+        self.heading.turn(self._raw_yaw_rad - work.raw_yaw_rad, self._turned_until_s - work.time_s)
+        self._resets += 1
 
     def _learn(self, run: Line | None, now_s: float) -> None:
         """A finished run tells the heading, and perhaps a new wall."""

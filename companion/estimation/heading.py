@@ -27,6 +27,8 @@ from companion.frames import wrap_rad
 from companion.messages import GyroSample
 from companion.values import value
 
+Array = NDArray[np.float64]
+
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
 _UNKNOWN_SIGMA_RAD = 10.0
 """Prior of a wall's direction: none to speak of."""
@@ -37,10 +39,24 @@ class GyroModel:
     """How far the gyro may be trusted (LSM9DS1; priors until an Allan analysis replaces them)."""
 
     rate_noise_rad_s_sqrt_hz: float = math.radians(0.02)
-    bias_sigma_rad_s: float = math.radians(0.15)
-    """What calibration at rest leaves, and what take-off adds."""
-    bias_walk_rad_s_sqrt_s: float = math.radians(0.01)
+    bias_sigma_rad_s: float = math.radians(0.02)
+    """What calibration at rest leaves."""
+    settling_sigma_rad_s: float = math.radians(0.1)
+    """What take-off adds, by warming up and vibration, and how quickly."""
+    settling_s: float = 8.0
+    bias_walk_rad_s_sqrt_s: float = math.radians(0.008)
+    """And ever after."""
     scale_sigma: float = 0.02
+
+    def bias_variance_per_s(self, age_s: Array) -> Array:
+        """How quickly the bias wanders so long after the calibration, (rad/s)²/s.
+
+        What settling adds comes to its sigma in the end: ∫ 2σ²/τ exp(-2t/τ) dt = σ².
+        """
+        settling = 2 * self.settling_sigma_rad_s**2 / self.settling_s
+        fading = np.exp(-2 * np.asarray(age_s) / self.settling_s)
+        variance: Array = settling * fading + self.bias_walk_rad_s_sqrt_s**2
+        return variance
 
 
 @value
@@ -64,6 +80,7 @@ class HeadingFilter:
     def __init__(self, rest_bias_rad_s: float, model: GyroModel = GyroModel()) -> None:
         self._model = model
         self._last_s: float | None = None
+        self._age_s = 0.0
         self._filter = self._grown(
             np.array([0.0, rest_bias_rad_s, 0.0]),
             np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2]),
@@ -71,7 +88,7 @@ class HeadingFilter:
         self._note()
 
     @staticmethod
-    def _grown(x: NDArray[np.float64], p: NDArray[np.float64]) -> KalmanFilter:
+    def _grown(x: Array, p: Array) -> KalmanFilter:
         kalman = KalmanFilter(dim_x=len(x), dim_z=1)
         kalman.x, kalman.P = x.reshape(-1, 1), p
         kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
@@ -80,6 +97,11 @@ class HeadingFilter:
     def _note(self) -> None:
         """The state as plain floats, which are asked for many times a tick."""
         self._values: list[float] = self._filter.x[:, 0].tolist()
+
+    def restart(self, state: Array, covariance: Array) -> None:
+        """Go on from heading, bias, scale and all walls' directions (n,) as told, (n, n)."""
+        self._filter = self._grown(state, covariance)
+        self._note()
 
     def _sigma(self, index: int) -> float:
         return math.sqrt(self._filter.P.item(index, index))
@@ -119,6 +141,11 @@ class HeadingFilter:
         Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
         """
         turned_rad, duration_s = self._integrate(samples)
+        self._age_s += duration_s
+        return self.turn(turned_rad, duration_s)
+
+    def turn(self, turned_rad: float, duration_s: float) -> tuple[float, float]:
+        """The same, for what the gyro has turned by, uncorrected."""
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model
@@ -127,7 +154,7 @@ class HeadingFilter:
         kalman.F[_YAW, _SCALE] = -turned_rad
         kalman.x[_YAW, 0] += turned_rad
         kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s
-        kalman.Q[_BIAS, _BIAS] = model.bias_walk_rad_s_sqrt_s**2 * duration_s
+        kalman.Q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
         kalman.predict()
         self._note()
         return self._values[_YAW] - before, turned_rad
@@ -157,10 +184,20 @@ class HeadingFilter:
 
     def see_wall(self, wall: int, seen: WallBearing) -> bool:
         """Correct by a wall seen again; False if that is not believable."""
+        innovation_rad, _ = self.innovation(wall, seen)
+        return self._correct(self._gradient(wall, seen), innovation_rad, seen.sigma_rad)
+
+    def innovation(self, wall: int, seen: WallBearing) -> tuple[float, float]:
+        """How far off its expected direction a wall is seen, and the sigma of that; rad."""
+        h = self._gradient(wall, seen)
+        expected = float(h @ self._filter.x[:, 0]) + seen.turned_rad
+        spread = math.sqrt(float(h @ self._filter.P @ h) + seen.sigma_rad**2)
+        return wrap_rad(seen.bearing_frd_rad - expected), spread
+
+    def _gradient(self, wall: int, seen: WallBearing) -> Array:
         h = self._difference(_WALLS + wall, _YAW)
         h[_BIAS], h[_SCALE] = -seen.age_s, -seen.turned_rad
-        expected = float(h @ self._filter.x[:, 0]) + seen.turned_rad
-        return self._correct(h, wrap_rad(seen.bearing_frd_rad - expected), seen.sigma_rad)
+        return h
 
     def square_up(self, wall: int, other: int, sigma_rad: float) -> bool:
         """Let two walls be at a multiple of 90°, as far as `sigma_rad` says."""
@@ -169,12 +206,12 @@ class HeadingFilter:
         quarter = math.pi / 2
         return self._correct(h, round(angle / quarter) * quarter - angle, sigma_rad)
 
-    def _difference(self, first: int, second: int) -> NDArray[np.float64]:
+    def _difference(self, first: int, second: int) -> Array:
         h = np.zeros(len(self._filter.x))
         h[first], h[second] = 1.0, -1.0
         return h
 
-    def _correct(self, h: NDArray[np.float64], innovation: float, sigma: float) -> bool:
+    def _correct(self, h: Array, innovation: float, sigma: float) -> bool:
         kalman = self._filter
         spread = math.sqrt(float(h @ kalman.P @ h) + sigma**2)
         if abs(innovation) > self.GATE_SIGMAS * spread:

@@ -25,7 +25,7 @@ from companion.messages import RangeModel
 from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
-Row = NDArray[np.float64]
+Matrix = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -88,7 +88,8 @@ class LineSlam:
         self._sensor = sensor
         self._odometry = odometry
         self._x = [0.0] * _WALLS
-        self._p: Row = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self._f: Matrix = np.eye(_WALLS)
         self.walls: list[Wall] = []
 
     @property
@@ -102,6 +103,11 @@ class LineSlam:
     @property
     def scale_error(self) -> float:
         return self._x[_SCALE]
+
+    def restart(self, state: Matrix, covariance: Matrix, walls: list[Wall]) -> None:
+        """Go on from position, scale and the walls' offsets from their anchors (n,), (n, n)."""
+        self._x, self._p, self.walls = state.tolist(), covariance, walls
+        self._f = np.eye(len(state))
 
     def line(self, wall: Wall) -> tuple[float, float]:
         """(normal_rad, offset_m) of a wall as {p : p·n = offset}."""
@@ -121,31 +127,38 @@ class LineSlam:
         self._x[_NORTH] += scale * north
         self._x[_EAST] += scale * east
         # F = I except for the scale's column; P' = F P F' + Q
-        for row, by in ((_NORTH, north), (_EAST, east)):
-            self._p[row, :] += by * self._p[_SCALE, :]
-        for column, by in ((_NORTH, north), (_EAST, east)):
-            self._p[:, column] += by * self._p[:, _SCALE]
+        self._f[_NORTH, _SCALE], self._f[_EAST, _SCALE] = north, east
+        self._p = p = self._f.dot(self._p).dot(self._f.T)
         walk = self._odometry.step_variance_m2_per_s * dt_s
         yaw_sigma_rad = self._heading.yaw_sigma_rad
-        self._p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
-        self._p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
+        p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
+        p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
 
-    def see_range(self, bearing_rad: float, range_m: float, mount_offset_m: float) -> None:
-        """Correct by one range from the drone's centre, if it fits a known wall."""
+    def see_range(
+        self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, mount_offset_m: float
+    ) -> int | None:
+        """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall."""
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
-            match = self._match(wall, bearing_rad, range_m, mount_offset_m)
+            match = self._match(wall, eye_ne_m, bearing_rad, range_m, mount_offset_m)
             if match is None:
                 continue
             misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
-        if best is not None:
-            self._correct(best[1])
-            best[1].wall.extend(best[1].along_m)
+        if best is None:
+            return None
+        self._correct(best[1])
+        best[1].wall.extend(best[1].along_m)
+        return best[1].wall.index
 
     def _match(
-        self, wall: Wall, bearing_rad: float, range_m: float, mount_offset_m: float
+        self,
+        wall: Wall,
+        eye_ne_m: Vector2,
+        bearing_rad: float,
+        range_m: float,
+        mount_offset_m: float,
     ) -> _Match | None:
         """What the range says if it met this wall; None if it cannot have.
 
@@ -159,8 +172,7 @@ class LineSlam:
         if cos_incidence < self.LEAST_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
-        north = self._x[_NORTH] - wall.anchor_ne_m[0]
-        east = self._x[_EAST] - wall.anchor_ne_m[1]
+        north, east = eye_ne_m[0] - wall.anchor_ne_m[0], eye_ne_m[1] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
         distance_m = self._x[_WALLS + wall.index] - north * cos_n - east * sin_n
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
@@ -229,5 +241,6 @@ class LineSlam:
         self._p = grown @ self._p @ grown.T
         self._p[size, size] += line.offset_sigma_m**2
         self._x.append(0.0)
+        self._f = np.eye(size + 1)
         self.walls.append(wall)
         return wall

@@ -19,6 +19,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.errors import LinkError
 
 URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
+TAKEOVER_S = 1.5
+"""More than the second between two heartbeats of a peer that has nothing else to say."""
 Message = Any
 """A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
 
@@ -49,7 +51,7 @@ def make_codec(system_id: int, component_id: int) -> Any:
     return codec
 
 
-def _decode(codec: Any, data: bytes) -> list[Message]:
+def decode(codec: Any, data: bytes) -> list[Message]:
     """Whole messages in a packet; what cannot be parsed or is not known is left out.
 
     Half a message at the packet's end is forgotten, or it would swallow the next packet. A
@@ -67,8 +69,15 @@ def _decode(codec: Any, data: bytes) -> list[Message]:
 class UdpTransport:
     """MAVLink in datagrams.
 
-    "udpin:HOST:PORT" waits there for a peer and answers whoever spoke last; "udpout:HOST:PORT"
-    speaks first. Port 0 with udpin takes a free one.
+    "udpin:HOST:PORT" waits there for a peer; "udpout:HOST:PORT" speaks first. Port 0 with udpin
+    takes a free one.
+
+    A link has one peer: the address that first sent a MAVLink message, or that was spoken to. What
+    others send is dropped, or any program that happens to know the port could take the link over,
+    and with it the vehicle. Only when the peer has said nothing for `TAKEOVER_S` while others
+    spoke, the next of them becomes the peer: so a companion that was restarted, or an application
+    that comes back from another port, is heard after its third heartbeat. This keeps mishaps away,
+    not an attacker, who can write any address on a datagram.
 
     Raises:
         LinkError: the address cannot be used.
@@ -83,9 +92,12 @@ class UdpTransport:
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
+        self._others_since_s: float | None = None
+        """Since when others have spoken, and the peer has not."""
         self._waiting: list[Message] = []
         self.datagrams_sent = 0
         self.datagrams_received = 0
+        """Both are counted with the present peer."""
         try:
             if kind == "udpin":
                 self._socket.bind((host, int(port)))
@@ -127,12 +139,26 @@ class UdpTransport:
                 if error.errno == errno.ECONNREFUSED:  # nobody there yet: ICMP of an earlier send
                     continue
                 return
-            messages = _decode(self._codec, data)
-            if not messages:  # not MAVLink: whoever sent it is no peer
+            messages = decode(self._codec, data)
+            if not messages or not self._is_peer(sender):
                 continue
             self.datagrams_received += 1
-            self._peer = sender
             self._waiting += messages
+
+    def _is_peer(self, sender: tuple[str, int]) -> bool:
+        """Who has sent a message is the peer, or has just become it."""
+        if sender == self._peer:
+            self._others_since_s = None
+            return True
+        if self._peer is not None:
+            now_s = time.monotonic()
+            if self._others_since_s is None:
+                self._others_since_s = now_s
+            if now_s - self._others_since_s < TAKEOVER_S:
+                return False
+        self._peer, self._others_since_s = sender, None
+        self.datagrams_sent = self.datagrams_received = 0
+        return True
 
     def await_datagrams(self, total: int, timeout_s: float) -> None:
         """Wait until `total` datagrams have come in, in all; lost ones are given up in time."""
@@ -172,7 +198,7 @@ class _PipeEnd:
     def receive(self) -> list[Message]:
         data = b"".join(self._inbox)
         self._inbox.clear()
-        return _decode(self._codec, data)
+        return decode(self._codec, data)
 
     def send(self, message: Message) -> None:
         self._outbox.append(message.pack(self._codec))

@@ -9,7 +9,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
@@ -60,6 +59,7 @@ def _wall_record(wall: WallSegment) -> dict[str, object]:
         "start_ne_m": wall.start_ne_m,
         "end_ne_m": wall.end_ne_m,
         "sigma_m": wall.sigma_m,
+        "normal_sigma_rad": wall.normal_sigma_rad,
         "hits": wall.hits,
     }
 
@@ -79,7 +79,13 @@ def load_json(path: Path) -> FloorPlan:
     record = json.loads(path.read_text())
     return FloorPlan(
         walls=tuple(
-            WallSegment(tuple(w["start_ne_m"]), tuple(w["end_ne_m"]), w["sigma_m"], w["hits"])
+            WallSegment(
+                tuple(w["start_ne_m"]),
+                tuple(w["end_ne_m"]),
+                w["sigma_m"],
+                w["hits"],
+                w["normal_sigma_rad"],
+            )
             for w in record["walls"]
         ),
         path=tuple(Pose(**pose) for pose in record["path"]),
@@ -89,6 +95,8 @@ def load_json(path: Path) -> FloorPlan:
 
 def save_ply(plan: FloorPlan, path: Path) -> None:
     """Walls from floor to ceiling as faces, hits as points; ENU metres, z = 0 at take-off."""
+    import trimesh  # noqa: PLC0415 - slow to load, and only needed at the end
+
     ceiling_m = plan.ceiling_m if plan.ceiling_m is not None else UNKNOWN_CEILING_M
     corners = [corner for wall in plan.walls for corner in _wall_corners(wall, ceiling_m)]
     points = [ned_to_enu(hit.position_ned_m) for hit in plan.hits]

@@ -15,9 +15,6 @@ LARGEST_GAP_M = 0.8
 """Hits farther apart than this along a wall leave an opening between them."""
 LEAST_HITS = 5
 LEAST_LENGTH_M = 0.2
-ON_WALL_SIGMAS = 3.0
-ON_WALL_M = 0.10
-"""A hit belongs to a wall within its own sigmas plus this, which is what the pose may be off."""
 CORNER_REACH_M = 0.5
 """Two ends this close to where their lines meet are one corner."""
 
@@ -36,18 +33,13 @@ def wall_segments(lines: Sequence[WallLine], hits: Sequence[Hit]) -> tuple[WallS
 
 
 def _along_walls(lines: Sequence[WallLine], hits: Sequence[Hit]) -> list[NDArray[np.float64]]:
-    """For each line the sorted coordinates p·t, t = (-sin, cos)(normal), of the hits nearest it."""
-    if not lines or not hits:
-        return [np.empty(0) for _ in lines]
-    points = np.array([hit.position_ned_m[:2] for hit in hits])
-    reach = ON_WALL_M + ON_WALL_SIGMAS * np.sqrt([hit.variance_m2 for hit in hits])
-    normals = np.array([(math.cos(line.normal_rad), math.sin(line.normal_rad)) for line in lines])
-    across = np.abs(points @ normals.T - [line.offset_m for line in lines])
-    nearest = across.argmin(axis=1)
-    belongs = across[np.arange(len(hits)), nearest] <= reach
+    """For each line the sorted coordinates p·t, t = (-sin, cos)(normal), of the hits on it."""
+    on_wall = [hit for hit in hits if hit.wall is not None]
+    points = np.array([hit.position_ned_m[:2] for hit in on_wall]).reshape(-1, 2)
+    walls = np.array([hit.wall for hit in on_wall])
     return [
-        np.sort(points[belongs & (nearest == i)] @ (-normal[1], normal[0]))
-        for i, normal in enumerate(normals)
+        np.sort(points[walls == i] @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
+        for i, line in enumerate(lines)
     ]
 
 
@@ -55,7 +47,11 @@ def _pieces(line: WallLine, along_m: NDArray[np.float64]) -> list[WallSegment]:
     gaps = np.flatnonzero(np.diff(along_m) > LARGEST_GAP_M) + 1
     return [
         WallSegment(
-            _point(line, float(row[0])), _point(line, float(row[-1])), line.sigma_m, len(row)
+            _point(line, float(row[0])),
+            _point(line, float(row[-1])),
+            line.sigma_at_m(0.5 * float(row[0] + row[-1])),
+            len(row),
+            line.normal_sigma_rad,
         )
         for row in np.split(along_m, gaps)
         if len(row) >= LEAST_HITS

@@ -23,6 +23,7 @@ FAILED are final.
 """
 
 import enum
+import math
 from dataclasses import field, replace
 
 from companion.config import MissionConfig
@@ -105,7 +106,8 @@ class Flight:
     """The flight's whole memory."""
 
     phase: Phase = Phase.CONNECT
-    since_s: float = 0.0
+    since_s: float = math.inf
+    """Start of the phase; the first starts with the first tick, whatever the clock says then."""
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
     building: Explore = field(default_factory=Explore)
@@ -154,6 +156,8 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
     """One tick: the next state and what to ask of the autopilot."""
     if flight.phase in FINAL_PHASES:
         return flight, NOTHING
+    if math.isinf(flight.since_s):
+        flight = replace(flight, since_s=view.time_s)
     if flight.phase in FLYING_PHASES and (ended := _taken_away(flight, view)):
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):

@@ -129,6 +129,8 @@ class ArduPilot:
     system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
     lifts_off_by_setpoint = False
+    least_interval_us = 2000
+    interval_refused: int = mavlink.MAV_RESULT_DENIED
     capabilities = 64495
     flight_sw_version = 67502976
     odometry_frames: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_FRD,)
@@ -138,6 +140,7 @@ class ArduPilot:
     origin_text = "EKF3 IMU0 origin set"
     timesync_period_s = 10.0
     failsafes: tuple[Failsafe, ...] = FAILSAFES
+    healthy_unless_failed: int = mavlink.MAV_SYS_STATUS_GEOFENCE
     ground_truth: int = mavlink.MAVLINK_MSG_ID_SIM_STATE
 
     def __init__(self) -> None:
@@ -156,6 +159,9 @@ class ArduPilot:
 
     def no_such_mode(self, mode: int) -> str:
         return f"No such mode {mode}"
+
+    def no_such_message(self, message_id: int) -> str:
+        return f"No ap_message for mavlink id ({message_id})"
 
     def setpoint(
         self,

@@ -11,6 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
+from sitl.autopilot.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.messages import Broadcast, Outbox
 from sitl.autopilot.navigation import Navigation
 from sitl.autopilot.parameters.protocol import ParameterWatch
@@ -57,12 +58,13 @@ class Autopilot:
         watch: ParameterWatch = keep_nothing,
         links: int = 1,
         tells_truth: bool = False,
+        noise: OdometryNoise = REFERENCE_NOISE,
     ) -> None:
         self._is = PERSONALITIES[personality]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
         values = boot_values(self._is, parameters)
-        self._navigation = Navigation(start, seed, self._is, values)
+        self._navigation = Navigation(start, seed, self._is, values, noise)
         self._status = Status(self._is.boot_mode)
         self._telemetry = Telemetry(self._is, values, self._status, self._navigation, start)
         makers = self._telemetry.makers(tells_truth=tells_truth)

@@ -6,7 +6,7 @@ pose from outside (ODOMETRY, VISION_...), where chosen ──────┴─�
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from companion.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
 from sitl.autopilot.outside import OutsidePose
@@ -44,6 +44,17 @@ class OdometryNoise:
     """Chance, at 10 Hz, that the floor shows no texture and the last velocity is kept for 0.1 s."""
     inertial_m_s2: float = 0.02
     """Drift of the velocity when nothing corrects it."""
+
+    def times(self, factor: float) -> "OdometryNoise":
+        """What drifts, so many times as large; how often flow is lost stays."""
+        return replace(
+            self,
+            scale=factor * self.scale,
+            step_m=factor * self.step_m,
+            gyro_bias_rad_s=factor * self.gyro_bias_rad_s,
+            gyro_scale=factor * self.gyro_scale,
+            flow_height_m=factor * self.flow_height_m,
+        )
 
 
 REFERENCE_NOISE = OdometryNoise()

@@ -100,11 +100,11 @@ class Outside:
 
     def fresh_ranges(self, now_s: float) -> dict[int, Message]:
         """By orientation, those not older than 0.5 s."""
-        return {
-            orientation: message
-            for orientation, (at_s, message) in self.ranges.items()
-            if now_s - at_s <= RANGE_TIMEOUT_S
-        }
+        return {message.orientation: message for _, message in self.fresh(now_s)}
+
+    def fresh(self, now_s: float) -> list[tuple[float, Message]]:
+        """The same, each with the time of its arrival."""
+        return [told for told in self.ranges.values() if now_s - told[0] <= RANGE_TIMEOUT_S]
 
 
 def _finite(vector: tuple[float, float, float]) -> Vector3 | None:

@@ -134,6 +134,10 @@ class Personality(Protocol):
     setpoints_before_offboard: bool
     """The offboard mode is refused without a stream of setpoints."""
     lifts_off_by_setpoint: bool
+    least_interval_us: int
+    """What is asked for more often than this is refused."""
+    interval_refused: int
+    """MAV_RESULT of a refused SET_MESSAGE_INTERVAL (511)."""
     capabilities: int
     flight_sw_version: int
     odometry_frames: tuple[int, ...]
@@ -147,6 +151,8 @@ class Personality(Protocol):
     """What is said when the origin comes; or nothing."""
     timesync_period_s: float
     failsafes: tuple[Failsafe, ...]
+    healthy_unless_failed: int
+    """Bits of SYS_STATUS that are healthy although nothing of the kind is there."""
     ground_truth: int
     """Id of the message that tells the true state, where it is told at all."""
 
@@ -161,6 +167,10 @@ class Personality(Protocol):
     def base_mode(self, mode: int, *, armed: bool) -> int: ...
 
     def no_such_mode(self, mode: int) -> str: ...
+
+    def no_such_message(self, message_id: int) -> str:
+        """What is said when an unknown message is asked for at an interval; or nothing."""
+        ...
 
     def setpoint(
         self,

@@ -158,11 +158,15 @@ class Protocol:
     # Streams and requests
 
     def _set_interval(self, parameters: Sequence[float], channel: Channel) -> int:
-        message_id = _whole(parameters[0])
-        if not channel.streams.knows(message_id):
-            text = f"No ap_message for mavlink id ({message_id})"
+        """MAV_CMD_SET_MESSAGE_INTERVAL (511)."""
+        message_id, interval_us = _whole(parameters[0]), parameters[1]
+        text = self._is.no_such_message(message_id)
+        if text and not channel.streams.knows(message_id):
             self._broadcast.text(mavlink.MAV_SEVERITY_WARNING, text)
-        return channel.streams.set_interval(message_id, parameters[1])
+        is_too_fast = 0 < interval_us < self._is.least_interval_us
+        if is_too_fast or not channel.streams.set_interval(message_id, interval_us):
+            return self._is.interval_refused
+        return ACCEPTED
 
     def _tell_interval(self, parameters: Sequence[float], channel: Channel) -> int:
         message_id = _whole(parameters[0])

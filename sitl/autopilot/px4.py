@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from copy import copy
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -33,10 +34,10 @@ def custom_mode(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
 
 
-MANUAL, ALTCTL, POSCTL, OFFBOARD = (custom_mode(main) for main in (1, 2, 3, 6))
+MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = (custom_mode(main) for main in (1, 2, 3, 6, 7))
 AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL, AUTO_LAND = (custom_mode(4, sub) for sub in (2, 3, 5, 6))
 BEHAVIOUR = {
-    **dict.fromkeys((MANUAL, ALTCTL, POSCTL, AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
+    **dict.fromkeys((MANUAL, STABILIZED, ALTCTL, POSCTL, AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
     OFFBOARD: Behaviour.OFFBOARD,
     AUTO_TAKEOFF: Behaviour.TAKE_OFF,
     AUTO_LAND: Behaviour.LAND,
@@ -44,11 +45,12 @@ BEHAVIOUR = {
 OFFBOARD_LOSS_MODES = {0: POSCTL, 1: ALTCTL, 2: MANUAL, 3: AUTO_RTL, 4: AUTO_LAND, 5: AUTO_LOITER}
 """By COM_OBL_RC_ACT."""
 
-BASE_MODE_IDLE: int = (
-    mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
-)
-BASE_MODE_AUTO: int = mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED
-
+BASE_MODE: int = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
+BASE_MODE_OF: dict[int, int] = {
+    **dict.fromkeys((1, 2, 3, 7), mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
+    4: mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED,
+}
+"""By main mode."""
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 READY = (
     mavlink.ESTIMATOR_ATTITUDE
@@ -144,6 +146,8 @@ class Px4:
     system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
     lifts_off_by_setpoint = True
+    least_interval_us = 0
+    interval_refused: int = mavlink.MAV_RESULT_FAILED
     capabilities: int = (
         mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
         | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
@@ -157,6 +161,7 @@ class Px4:
     origin_text = ""
     timesync_period_s = 0.1
     failsafes: tuple[Failsafe, ...] = FAILSAFES
+    healthy_unless_failed = 0
     ground_truth: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 
     def __init__(self) -> None:
@@ -178,10 +183,14 @@ class Px4:
         return custom_mode(main, sub)
 
     def base_mode(self, mode: int, *, armed: bool) -> int:
-        automatic = BASE_MODE_AUTO if mode >> 16 & 0xFF in (4, 6) else 0
-        return BASE_MODE_IDLE | automatic | (ARMED if armed else 0)
+        """What controls the vehicle: the pilot, itself, or in OFFBOARD neither."""
+        main = mode >> 16 & 0xFF
+        return BASE_MODE | BASE_MODE_OF.get(main, 0) | (ARMED if armed else 0)
 
     def no_such_mode(self, mode: int) -> str:
+        return ""
+
+    def no_such_message(self, message_id: int) -> str:
         return ""
 
     def setpoint(
@@ -226,7 +235,7 @@ class Px4:
         return mode in (AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL)
 
     def needs_position(self, mode: int) -> bool:
-        return mode not in (MANUAL, ALTCTL)
+        return mode not in (MANUAL, STABILIZED, ALTCTL)
 
     def accepts_origin(self, place: Place) -> bool:
         return True
@@ -250,7 +259,13 @@ class Px4:
     def distance_echoes(
         self, outside: Outside, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
-        return list(outside.fresh_ranges(now_s).values())
+        """As they were told, with the time of their arrival."""
+        echoes = []
+        for arrived_s, message in outside.fresh(now_s):
+            echo = copy(message)
+            echo.time_boot_ms = round(arrived_s * 1000)
+            echoes.append(echo)
+        return echoes
 
     def true_state(self, truth: TrueState) -> Message:
         return hil_state_quaternion(truth)

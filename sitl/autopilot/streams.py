@@ -3,15 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
-from pymavlink.dialects.v20 import ardupilotmega as mavlink
-
 Message = Any
 Maker = Callable[[], list[Message]]
 """Makes the messages of this moment; none while there is nothing to say."""
 
-ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
-DENIED: int = mavlink.MAV_RESULT_DENIED
-LEAST_INTERVAL_US = 2000
 MOST_INTERVAL_US = 2**31 - 1
 STEPS_PER_S = 100
 PHASE_STEPS = 7
@@ -32,12 +27,10 @@ class Streams:
     def knows(self, message_id: int) -> bool:
         return message_id in self._makers
 
-    def set_interval(self, message_id: int, interval_us: float) -> int:
-        """MAV_CMD_SET_MESSAGE_INTERVAL (511); its MAV_RESULT."""
+    def set_interval(self, message_id: int, interval_us: float) -> bool:
+        """Whether there is such a message, and it can be sent so."""
         if not self.knows(message_id) or not interval_us <= MOST_INTERVAL_US:  # false for NaN too
-            return DENIED
-        if 0 < interval_us < LEAST_INTERVAL_US:
-            return DENIED
+            return False
         if interval_us <= 0:
             self._every.pop(message_id, None)
         else:
@@ -46,7 +39,7 @@ class Streams:
             (every, -PHASE_STEPS * message_id % every, self._makers[message_id])
             for message_id, every in self._every.items()
         ]
-        return ACCEPTED
+        return True
 
     def interval_us(self, message_id: int) -> int:
         """What MAV_CMD_GET_MESSAGE_INTERVAL (510) answers; 0: not available, -1: off."""

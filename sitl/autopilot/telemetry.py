@@ -170,7 +170,7 @@ class Telemetry:
             mavlink.MAVLink_sys_status_message(
                 sensors,
                 sensors,
-                sensors | armable,
+                sensors | armable | self._is.healthy_unless_failed,
                 200,
                 round(1000 * self.battery_v),
                 1200,

@@ -2,14 +2,15 @@
 
 import json
 from dataclasses import asdict
+from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.progress import track
 from rich.table import Table
 
-from sitl.bench.speed import TRANSPORTS, measure, on_one_core
-from sitl.options import Autopilot, FlightOptions, Profile, Seed
+from sitl.options import Autopilot, Crop, FlightOptions, Profile, Seed
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
 
@@ -19,15 +20,23 @@ def _several_commands() -> None:
     """Keep each benchmark a command of its own."""
 
 
+DEFAULT_PROFILE = "gp2y0a710k0f"
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object.")]
+
+
 @commands.command()
 def speed(
-    world: Annotated[str, typer.Option(help="A built-in world, or a world file.")] = "room_200",
+    world: Annotated[
+        str, typer.Option(help="A built-in world, random_SEED, or a world file.")
+    ] = "room_200",
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     runs: Annotated[int, typer.Option(help="Flights on each transport; medians count.")] = 3,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """A whole mission on every transport: how many times faster than real time, on one core."""
+    from sitl.bench.speed import TRANSPORTS, measure, on_one_core  # noqa: PLC0415 - slow to load
+
     on_one_core()
     options = FlightOptions(world, seed, profile, Autopilot.ARDUPILOT)
     results = [measure(options, transport, runs) for transport in TRANSPORTS]
@@ -47,3 +56,61 @@ def speed(
     console = Console(highlight=False)
     console.print(table)
     console.print("poses identical to the bit" if identical else "POSES DIFFER")
+
+
+@commands.command()
+def accuracy(
+    seeds: Annotated[int, typer.Option(help="Flights of each world, seeds 1 to N.", min=1)] = 30,
+    as_json: AsJson = False,
+) -> None:
+    """Maps and trajectories against the truth, dead reckoning and an ideal solver beside them."""
+    from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
+    from sitl.bench.accuracy_table import accuracy_tables  # noqa: PLC0415
+
+    flights = setups(seeds)
+    progress = Console(stderr=True)
+    results = list(track(fly_all(flights), "flying", len(flights), console=progress))
+    rows = summary(results)
+    if as_json:
+        print(json.dumps({"seeds": seeds, "rows": rows}, indent=1))
+        return
+    Console(highlight=False).print(*accuracy_tables(rows), sep="\n")
+
+
+@commands.command()
+def missions(
+    worlds: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="paper (if left out), office, exterior, random, all; a folder of plans, each from "
+            "three starts; or one world. Repeatable."
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Flights from every start: seeds 1 to N.", min=1)] = 1,
+    profile: Annotated[
+        list[str] | None, typer.Option(help="Range sensors, gp2y0a710k0f if left out; repeatable.")
+    ] = None,
+    mission: Annotated[str, typer.Option(help="Its kind, or a mission file.")] = "room",
+    crop: Crop = None,
+    as_json: AsJson = False,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for missions.json and a sheet of all plans.")
+    ] = None,
+) -> None:
+    """Many missions on all cores: how many are completed, and how well."""
+    from sitl.bench.lanes import fly_and_show  # noqa: PLC0415 - slow to load
+    from sitl.bench.sets import jobs_for  # noqa: PLC0415
+    from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
+    from sitl.bench.summary import show, sum_up  # noqa: PLC0415
+
+    jobs = jobs_for(worlds or ["paper"], seeds, profile or [DEFAULT_PROFILE], mission, crop)
+    flights = fly_and_show(jobs)
+    result = sum_up([flown.row for flown in flights])
+    if out is not None:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "missions.json").write_text(json.dumps(result, indent=1) + "\n")
+        draw_sheet(flights, out / "missions.png")
+    if as_json:
+        print(json.dumps(result, indent=1))
+    else:
+        show(result, Console(highlight=False))

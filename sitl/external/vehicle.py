@@ -1,4 +1,4 @@
-"""A vehicle whose flight is simulated elsewhere, in our world, by the wall clock."""
+"""A vehicle whose flight is simulated elsewhere, in our world, by the time of that flight."""
 
 import time
 from collections.abc import Callable
@@ -10,13 +10,14 @@ from companion.link.transport import UdpTransport
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
+from sitl.external.clock import AutopilotClock
 from sitl.external.feed import distances, vision
 from sitl.external.setup import ExternalSetup
 from sitl.external.tracker import TruthTracker
 from sitl.noise import stream
 from sitl.record import TruthRecord
 from sitl.sensors.board import SensorBoard
-from sitl.simulation import Setup, start_state
+from sitl.simulation import Setup, beam_query, start_state
 from sitl.truth import History
 from sitl.vehicle import STEP_S
 from sitl.world.model import WorldModel
@@ -24,32 +25,31 @@ from sitl.world.model import WorldModel
 COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 VISION_STEPS, DISTANCE_STEPS, HEARTBEAT_STEPS = 2, 10, 100
 """50, 10 and 1 Hz."""
+KEPT_STEPS = 40
+"""So much may come at once when the machine was busy; the gyro's FIFO holds less."""
 
 
 class ExternalVehicle:
-    """Served like a `Simulation`, but `advance` waits: an autopilot elsewhere has its own time.
+    """Served like a `Simulation`, but `advance` waits: an autopilot elsewhere has its own time."""
 
-    `speed` is how many times faster than real time it simulates.
-    """
-
-    def __init__(
-        self, setup: Setup, transport: UdpTransport, speed: float, tell: Callable[[str], None]
-    ) -> None:
+    def __init__(self, setup: Setup, transport: UdpTransport, tell: Callable[[str], None]) -> None:
         start = start_state(setup)
         self._transport = transport
         self._model = WorldModel(setup.world)
+        self._clock = AutopilotClock()
         self._tracker = TruthTracker(start)
         self._setup = ExternalSetup(tell)
         self._tell = tell
         self._estimator = Estimator(start, setup.seed, REFERENCE_NOISE)
         self._noise = stream(setup.seed, "range sensors of the autopilot")
-        self._history = History(start)
+        self._history = History(start, KEPT_STEPS)
         self._steps = 0
-        self._speed = speed
-        self._began_s = time.monotonic()
         self.record = TruthRecord(start)
         self.board = SensorBoard(
-            setup.seed, setup.sensors, lambda beam: self._model.range_m, self._history.at
+            setup.seed,
+            setup.sensors,
+            lambda beam: beam_query(setup, self._model, beam),
+            self._history.at,
         )
 
     @property
@@ -57,18 +57,41 @@ class ExternalVehicle:
         return self._steps * STEP_S
 
     def advance(self, time_s: float) -> None:
-        """Let the wall clock come to `time_s`, step by step."""
+        """Follow the flight until `time_s`, or farther if it is farther already."""
+        give_up_s = time.monotonic() + self._clock.patience_s(self.time_s, time_s)
+        self._take_in()
         while self.time_s < time_s - 1e-9:
-            due_s = self._began_s + (self.time_s + STEP_S) / self._speed
-            time.sleep(max(0.0, due_s - time.monotonic()))
-            self._steps += 1
-            self._step()
+            left_s = give_up_s - time.monotonic()
+            if left_s <= 0:
+                self._pass(time_s)
+            else:
+                self._transport.await_datagrams(self._transport.datagrams_received + 1, left_s)
+                self._take_in()
         self.board.bus.set_time(self.time_s)
 
-    def _step(self) -> None:
-        """10 ms: hear, move, feed."""
+    def _take_in(self) -> None:
         for message in self._transport.receive():
-            self._hear(message)
+            if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
+                self._hear(message)
+
+    def _hear(self, message: Message) -> None:
+        told_s = self._clock.hear(message, self.time_s)
+        if told_s is not None:
+            self._pass(told_s)
+            self._estimator.yaw_rad = message.yaw
+        self._setup.hear(message, self.time_s)
+        begins = self._tracker.home is None
+        if self._tracker.hear(message, self._clock.told_s(self.time_s)) and begins:
+            self.record = TruthRecord(self._tracker.state)
+
+    def _pass(self, time_s: float) -> None:
+        """Let our time come to `time_s`, in steps of 10 ms."""
+        while self.time_s < time_s - 1e-9:
+            self._steps += 1
+            self._step()
+
+    def _step(self) -> None:
+        """Move and feed."""
         state = self._tracker.at(self.time_s)
         self._history.add(state)
         self._estimator.update(state)
@@ -76,15 +99,6 @@ class ExternalVehicle:
             self._crash()
         for message in self._due():
             self._transport.send(message)
-
-    def _hear(self, message: Message) -> None:
-        is_autopilot = message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
-        if not is_autopilot:
-            return
-        self._setup.hear(message, self.time_s)
-        self._tracker.hear(message, self.time_s)
-        if message.get_type() == "ATTITUDE":
-            self._estimator.yaw_rad = message.yaw
 
     def _due(self) -> list[Message]:
         messages = self._setup.requests(self.time_s, self._tracker.home)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 
 from companion.config import SensorsConfig
 from companion.frames import Vector3
@@ -12,7 +13,7 @@ from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
-from sitl.truth import TrueState
+from sitl.truth import STEP_S, TrueState
 
 TruthAt = Callable[[float], TrueState]
 
@@ -35,8 +36,12 @@ class SensorBoard:
         config: SensorsConfig,
         range_query: Callable[[Beam], RangeQuery],
         truth_at: TruthAt,
+        *,
+        gain_sigma: float | None = None,
     ) -> None:
         physics = PHYSICS[config.profile]
+        if gain_sigma is not None:
+            physics = replace(physics, gain_sigma=gain_sigma)
         self._sensors: dict[Beam, SharpUnit] = {
             beam: SharpUnit(
                 physics,
@@ -52,7 +57,8 @@ class SensorBoard:
             for address in sorted({c.address for c in config.channels.values()})
         }
         devices[config.gyro_address] = Lsm9ds1Device(
-            lambda time_s: truth_at(time_s).yaw_rate_rad_s,
+            # A state's rate is that of the step which led to it.
+            lambda time_s: truth_at(time_s + 0.5 * STEP_S).yaw_rate_rad_s,
             stream(seed, "gyro"),
             draw_warming(stream(seed, "gyro temperature")),
         )

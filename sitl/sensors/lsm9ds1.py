@@ -103,7 +103,8 @@ class Lsm9ds1Device:
         self._walk_kick = noise.bias_walk_rad_s_sqrt_s * math.sqrt(WALK_SAMPLES * self._period_s)
         self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
         self._sampled = 0
-        self._fifo: deque[int] = deque(maxlen=FIFO_DEPTH)
+        self._fifo: deque[bytes] = deque(maxlen=FIFO_DEPTH)
+        """As it is read: x, y and z of each sample."""
         self._overrun = False
         self._registers = bytearray(128)
         self._registers[REG_WHO_AM_I] = WHO_AM_I
@@ -129,9 +130,9 @@ class Lsm9ds1Device:
 
     def _samples(self, count: int) -> bytes:
         """The oldest first: after OUT_Z_H_G the address goes back to OUT_X_L_G, the next sample."""
-        rows = range(-(-count // SAMPLE.size))
-        z_axis = (self._fifo.popleft() if self._fifo else 0 for _ in rows)
-        return b"".join(SAMPLE.pack(0, 0, z) for z in z_axis)[:count]
+        samples = min(-(-count // SAMPLE.size), len(self._fifo))
+        read = b"".join([self._fifo.popleft() for _ in range(samples)])
+        return read[:count].ljust(count, b"\x00")
 
     def _measure_temperature(self, time_s: float) -> None:
         above_deg_c = self._warming.temperature_deg_c(time_s) - ZERO_COUNT_DEG_C
@@ -156,13 +157,13 @@ class Lsm9ds1Device:
             self._sampled += 1
             self._fifo.append(self._sample(self._sampled * self._period_s))
 
-    def _sample(self, time_s: float) -> int:
+    def _sample(self, time_s: float) -> bytes:
         if self._sampled % WALK_SAMPLES == 0:
             self._drift(time_s)
         rate = self._yaw_rate(time_s) * self._scale + self._bias
         rate += self._random.gauss(0, self._white)
         # The chip's z axis points up: its positive rate is counter-clockwise.
-        return max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT)))
+        return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
 
     def _drift(self, time_s: float) -> None:
         """The bias, which moves too slowly to be worked out for every sample."""

@@ -1,6 +1,7 @@
 """Random and mutated input for the simulator's two doors: MAVLink frames and bus requests."""
 
 import struct
+from collections.abc import Sequence
 from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -31,6 +32,8 @@ HANDLED = tuple(
         mavlink.MAVLINK_MSG_ID_VISION_SPEED_ESTIMATE,
     )
 )
+ADDRESSED = tuple(kind for kind in HANDLED if "target_system" in kind.fieldnames)
+OTHER_SYSTEM = 7
 COMMANDS = (22, 21, 176, 400, 401, 410, 510, 511, 512, 520, 31999)
 NAMES = (
     b"GUID_TIMEOUT",
@@ -66,8 +69,23 @@ def mavlink_frame(random: Random) -> bytes:
     return bytes(frame)
 
 
-def _message(random: Random) -> Message:
-    kind = random.choice(HANDLED)
+def foreign_frame(random: Random) -> bytes:
+    """Nothing that concerns vehicle 1: bytes, a wrong checksum, half a frame, or others' talk."""
+    kind = random.randrange(4)
+    if kind == 0:
+        return random.randbytes(random.randrange(1, 60))
+    message = _message(random, ADDRESSED)
+    message.target_system = OTHER_SYSTEM
+    frame = bytearray(message.pack(make_codec(OTHER_SYSTEM, random.choice((1, 190, 191)))))
+    if kind == 1:
+        frame[-1] ^= random.randrange(1, 256)
+    elif kind == 2:
+        del frame[random.randrange(1, len(frame)) :]
+    return bytes(frame)
+
+
+def _message(random: Random, kinds: Sequence[type[Message]] = HANDLED) -> Message:
+    kind = random.choice(kinds)
     values = []
     lengths = dict(zip(kind.ordered_fieldnames, kind.array_lengths, strict=True))
     for name, type_ in zip(kind.fieldnames, kind.fieldtypes, strict=True):

@@ -9,19 +9,20 @@ from rich.table import Table
 
 from sitl.world.drawing import draw_plan
 from sitl.world.format import World, WorldError
-from sitl.world.loading import load_world, world_names
+from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.mesh import visible_mesh
 from sitl.world.model import WorldModel
 
 LEAST_START_CLEARANCE_M = 0.6
 START_HEIGHT_M = 1.2
+WORLD_HELP = "A built-in world, random_SEED, or a world file."
 
 commands = typer.Typer(no_args_is_help=True, help="The worlds to fly in.")
 
 
 @commands.command("list")
 def list_worlds() -> None:
-    """The built-in worlds."""
+    """The built-in worlds, and what else has a name."""
     table = Table("world", "extent", "ceiling", "starts", "triangles")
     for name in world_names():
         world = load_world(name)
@@ -34,11 +35,12 @@ def list_worlds() -> None:
             str(len(visible_mesh(world).faces)),
         )
     Console().print(table)
+    typer.echo(f"and {RANDOM}: a building by chance, the same for the same seed")
 
 
 @commands.command()
 def show(
-    world: Annotated[str, typer.Argument(help="A built-in world, or a world file.")],
+    world: Annotated[str, typer.Argument(help=WORLD_HELP)],
     out: Annotated[Path | None, typer.Option(help="PNG to write; NAME.png if left out.")] = None,
 ) -> None:
     """Draw the plan with its start poses."""
@@ -50,7 +52,7 @@ def show(
 
 @commands.command()
 def check(
-    world: Annotated[str, typer.Argument(help="A built-in world, or a world file.")],
+    world: Annotated[str, typer.Argument(help=WORLD_HELP)],
 ) -> None:
     """Load a world, tell what had to be mended, and see that every start is free."""
     loaded = load_world(world, typer.echo)

@@ -5,6 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 from sitl.world.format import World, WorldError, parse_world
+from sitl.world.generator import random_world, seed_of
 from sitl.world.importers.meshes import load_mesh
 from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
@@ -15,6 +16,8 @@ IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
     **dict.fromkeys((".stl", ".obj", ".ply", ".glb", ".gltf"), load_mesh),
 }
 """By the file's suffix, in small letters."""
+
+RANDOM = "random_SEED such as random_17"
 
 
 def world_names() -> list[str]:
@@ -28,7 +31,7 @@ def keep_quiet(mended: str) -> None:
 
 
 def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> World:
-    """A built-in world by name, or one from a file; `tell` hears what was mended.
+    """A built-in or random world by name, or one from a file; `tell` hears what was mended.
 
     Raises:
         WorldError: one line that says what to mend.
@@ -36,6 +39,8 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
     if name_or_path in world_names():
         room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
         return parse_world(room.read_text(), name_or_path)
+    if (seed := seed_of(name_or_path)) is not None:
+        return random_world(seed)
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
@@ -46,4 +51,6 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
     if suffix in IMPORTERS:
         return IMPORTERS[suffix](path, tell)
     known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])
-    raise WorldError(f"no world {name_or_path!r}; known: {known}, or a file ending in {suffixes}")
+    raise WorldError(
+        f"no world {name_or_path!r}; known: {known}, {RANDOM}, or a file ending in {suffixes}"
+    )

@@ -56,7 +56,11 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
     walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
     points = samples(surfaces)
     tree = cKDTree(reached)
-    seen = [_is_seen(point, reached[_near(tree, point)], walls) for point in points]
+    low, high = walls.min(axis=1), walls.max(axis=1)
+    seen = []
+    for point in points:
+        is_near = ((low <= point + SEEN_FROM_M) & (high >= point - SEEN_FROM_M)).all(axis=1)
+        seen.append(_is_seen(point, reached[_near(tree, point)], walls[is_near]))
     visible: Points = points[np.array(seen, dtype=bool)]
     return visible
 

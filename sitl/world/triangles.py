@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
 from companion.frames import Vector2
@@ -51,6 +50,8 @@ class Mesh:
 
     def section(self, height_m: float) -> list[tuple[Vector2, Vector2]]:
         """What it looks like cut at a height, seen from above: segments of (north, east)."""
+        import trimesh  # noqa: PLC0415 - slow to load, and only needed for plans
+
         solid = trimesh.Trimesh(self.vertices, self.faces, process=False)
         cut = trimesh.intersections.mesh_plane(  # type: ignore[no-untyped-call]
             solid, (0, 0, -1), (0, 0, -height_m)

@@ -1,11 +1,6 @@
 """A client that is not ours flies the simulated vehicle: MAVSDK, on both personalities."""
 
-import socket
-import subprocess
-import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import pytest
 from mavsdk import ComponentType, Configuration, Mavsdk
@@ -13,49 +8,25 @@ from mavsdk.plugins.action import Action, ActionError
 from mavsdk.plugins.offboard import Offboard, VelocityBodyYawspeed
 from mavsdk.plugins.telemetry import Telemetry
 
-PAUSE = threading.Event()
-"""Never set: waiting on it is a pause within a deadline."""
-
-
-def until(holds: Callable[[], bool], what: str, deadline_s: float) -> None:
-    end_s = time.monotonic() + deadline_s
-    while not holds():
-        assert time.monotonic() < end_s, f"{what} not within {deadline_s} s"
-        PAUSE.wait(0.05)
-
-
-def free_udp_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+from tests.system.processes import PAUSE, free_udp_port, until, vehicle_at
 
 
 @pytest.fixture(params=["ardupilot", "px4"])
 def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[Action, Offboard, Telemetry]]:
     """The plugins of a ground station that has found the vehicle."""
     port = free_udp_port()
-    sitl = subprocess.Popen(
-        [
-            *(sys.executable, "-m", "sitl", "run", "room_100", "--autopilot", request.param),
-            *("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0"),
-        ],
-        stdout=subprocess.PIPE,
-        text=True,
-    )
     station = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     try:
-        station.add_any_connection(f"udpin://127.0.0.1:{port}")
-        system = station.first_autopilot(15.0)
-        assert system is not None
-        telemetry = Telemetry(system)
-        for rate in ("health", "in_air", "landed_state", "position_velocity_ned"):
-            getattr(telemetry, f"set_rate_{rate}")(10.0)
-        yield Action(system), Offboard(system), telemetry
+        with vehicle_at(port, request.param):
+            station.add_any_connection(f"udpin://127.0.0.1:{port}")
+            system = station.first_autopilot(15.0)
+            assert system is not None
+            telemetry = Telemetry(system)
+            for rate in ("health", "in_air", "landed_state", "position_velocity_ned"):
+                getattr(telemetry, f"set_rate_{rate}")(10.0)
+            yield Action(system), Offboard(system), telemetry
     finally:
         station.destroy()
-        sitl.kill()
-        sitl.communicate(timeout=10)
 
 
 def origin_is_taken(action: Action) -> bool:
@@ -105,4 +76,4 @@ def test_what_it_is_not_ready_for_is_refused_with_the_reason(
     action, _, telemetry = vehicle
     with pytest.raises(ActionError):
         action.arm()
-    until(lambda: telemetry.status_text().text.startswith("Arm: "), "the reason", 5)
+    until(lambda: "AHRS" in telemetry.status_text().text, "the reason", 5)

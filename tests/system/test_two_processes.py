@@ -7,8 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,16 +14,9 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transport import UdpTransport
+from tests.system.processes import companion, flying, read_until, running_sitl, sitl
 
 DEADLINE_S = 120
-
-
-def sitl(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "sitl", *arguments]
-
-
-def companion(*arguments: str) -> list[str]:
-    return [sys.executable, "-m", "companion", *arguments]
 
 
 def ask(mavlink_port: str, message: Any, system_id: int) -> float:
@@ -42,46 +33,6 @@ def ask(mavlink_port: str, message: Any, system_id: int) -> float:
     finally:
         station.close()
     raise AssertionError("no PARAM_VALUE")
-
-
-@contextmanager
-def running_sitl(*arguments: str) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
-    """`sitl run` on free ports; its process, MAVLink port and bus port."""
-    process = subprocess.Popen(
-        sitl("run", "room_100", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0", *arguments),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        text = "".join(process.stdout.readline() for _ in range(3))
-        ports = re.findall(r"127\.0\.0\.1:(\d+)", text)
-        yield process, ports[0], ports[1]
-    finally:
-        process.kill()
-        process.communicate(timeout=10)
-
-
-def flying(mavlink_port: str, bus_port: str, out: Path) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        companion(
-            *("fly", "--link", f"udpout:127.0.0.1:{mavlink_port}"),
-            *("--bus", f"sitl://127.0.0.1:{bus_port}", "--out", str(out)),
-        ),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-    )
-
-
-def read_until(process: subprocess.Popen[str], words: str) -> str:
-    assert process.stdout is not None
-    text = ""
-    while words not in text:
-        line = process.stdout.readline()
-        assert line, f"it ended without saying {words!r}: {text}"
-        text += line
-    return text
 
 
 def test_a_flight_in_two_processes_is_the_flight_in_one(tmp_path: Path) -> None:
@@ -175,6 +126,11 @@ def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
         (("fly", "room_100", "--beam", "none.toml"), ("none.toml",)),
         (("run", "room_100", "--mavlink", "serial"), ("serial",)),
         (("run", "room_100", "--param", "GUID_TIMEOU=1"), ("GUID_TIMEOU", "GUID_TIMEOUT")),
+        (
+            ("run", "room_100", "--vehicles", "2"),
+            ("room_100", "1 start", "2 vehicles", "[[starts]]"),
+        ),
+        (("run", "room_100", "--autopilot", "external", "--lockstep"), ("--lockstep", "external")),
     ],
 )
 def test_what_sitl_cannot_do_is_one_line(arguments: tuple[str, ...], words: list[str]) -> None:

@@ -49,7 +49,7 @@ def readings(beam: LightBeam, count: int) -> list[float | None]:
     return [reading(beam) for _ in range(count)]
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.floats(0.1, 2.9), st.floats(0.1, 5.9), st.floats(-math.pi, math.pi), st.floats(-1, 1))
 def test_without_physics_a_beam_is_a_ray(
     north_m: float, east_m: float, bearing_rad: float, climb_rad: float

@@ -83,7 +83,7 @@ def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, floa
     pytest.fail("no run was finished")
 
 
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 @given(st.floats(-180, 180), st.sampled_from([0.01, 0.05]), st.integers(0, 10_000))
 def test_a_run_tells_the_walls_direction_as_well_as_it_claims(
     normal_deg: float, sigma_m: float, seed: int

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.drivers.bus import Transaction
-from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.drivers.lsm9ds1 import REG_OUT_X_G, Lsm9ds1
 from sitl.noise import stream
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.lsm9ds1 import GyroNoise, Lsm9ds1Device, Warming, draw_warming
@@ -76,6 +76,23 @@ def test_each_temperature_register_can_be_read_alone() -> None:
         [Transaction(ADDRESS, bytes([r]), 1) for r in (REG_TEMP_LOW, REG_TEMP_HIGH)]
     )
     assert int.from_bytes(low + high, "little", signed=True) == -20 * 16
+
+
+def test_one_burst_reads_what_single_reads_would() -> None:
+    def samples_read(counts: list[int]) -> bytes:
+        bus = rig(30.0, noise=GyroNoise()).bus
+        bus.set_time(0.1)
+        return b"".join(
+            bus.transfer([Transaction(ADDRESS, bytes([REG_OUT_X_G]), n) for n in counts])
+        )
+
+    assert samples_read([60]) == samples_read([6] * 10)
+    assert len(set(samples_read([60]))) > 4
+
+
+def test_an_empty_fifo_reads_zero() -> None:
+    bus = rig(30.0).bus
+    assert bus.transfer([Transaction(ADDRESS, bytes([REG_OUT_X_G]), 12)]) == [bytes(12)]
 
 
 def test_the_bias_moves_with_the_temperature() -> None:

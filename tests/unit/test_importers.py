@@ -106,7 +106,7 @@ def rooms(draw: st.DrawFn) -> Array:
     return np.array([(0, 0), (width, 0), (width, leg), (arm, leg), (arm, depth), (0, depth)])
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(rooms(), st.just(0.0) | st.floats(0, math.tau))
 def test_walls_lie_within_about_a_cell_of_the_truth_and_all_are_there(
     folder: Path, corners: Array, angle_rad: float
@@ -122,7 +122,7 @@ def test_walls_lie_within_about_a_cell_of_the_truth_and_all_are_there(
     assert len(found) <= 3 * len(truth)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.floats(0, math.pi), st.floats(0.1, 0.6))
 def test_a_slanted_wall_is_not_a_staircase(
     folder: Path, angle_rad: float, thickness_m: float
@@ -145,7 +145,7 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
     assert (west, east) == pytest.approx((10 + 1 - WALL_M, 10 + 5 + WALL_M), abs=CELL_M)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))
 def test_the_origin_turns_and_moves_the_map(
     folder: Path, x_m: float, y_m: float, yaw_rad: float
@@ -465,7 +465,7 @@ def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
     return bytes(data[: draw(st.integers(0, len(data)))] if draw(st.integers(0, 5)) == 0 else data)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(st.data())
 def test_damaged_files_are_worlds_or_refused(folder: Path, data: st.DataObject) -> None:
     name = data.draw(st.sampled_from(sorted(WHOLE)))

@@ -1,9 +1,11 @@
 """The three transports carry the same messages."""
 
 import math
+import select
 import socket
 import struct
 from collections.abc import Iterator
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given
@@ -11,6 +13,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.errors import LinkError
+from companion.link import transport
 from companion.link.transport import Message, UdpTransport, direct_pair, pipe_pair
 
 FLOATS = st.floats(width=32, allow_nan=False) | st.floats(-1e30, 1e30, allow_nan=False)
@@ -62,7 +65,7 @@ def heartbeat() -> Message:
     return mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3)
 
 
-def test_udp_answers_whoever_spoke(udp_pair: UdpPair) -> None:
+def test_udp_answers_who_spoke(udp_pair: UdpPair) -> None:
     autopilot, companion = udp_pair
     companion.send(heartbeat())
     autopilot.await_datagrams(1, 2.0)
@@ -81,6 +84,51 @@ def test_garbage_is_no_message(udp_pair: UdpPair, garbage: bytes) -> None:
     companion.send(heartbeat())
     autopilot.await_datagrams(1 + (garbage[0] >= 0xFD), 2.0)
     assert [m.get_type() for m in autopilot.receive()] == ["HEARTBEAT"]
+
+
+@pytest.fixture
+def now_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The wall clock of the transports, in a test's hands."""
+    now = [100.0]
+    monkeypatch.setattr(transport, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    return now
+
+
+def says(sender: UdpTransport, to: UdpTransport) -> list[Message]:
+    """A heartbeat; what of it is taken in."""
+    sender.send(heartbeat())
+    select.select([to._socket], [], [], 2.0)
+    return to.receive()
+
+
+def test_a_stranger_is_neither_heard_nor_answered(udp_pair: UdpPair, now_s: list[float]) -> None:
+    autopilot, companion = udp_pair
+    assert says(companion, autopilot)
+    stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
+    for _ in range(10):
+        now_s[0] += 0.5
+        assert not says(stranger, autopilot)
+        assert says(companion, autopilot)
+    assert autopilot.peer_port == companion.local_port
+    assert autopilot.datagrams_received == 11
+    stranger.close()
+
+
+def test_whoever_speaks_while_the_peer_is_silent_takes_over(
+    udp_pair: UdpPair, now_s: list[float]
+) -> None:
+    autopilot, companion = udp_pair
+    assert says(companion, autopilot)
+    restarted = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 1, 191)
+    now_s[0] += 60.0  # the silence counts only from when somebody else is there
+    heard = []
+    for _ in range(3):
+        heard.append(bool(says(restarted, autopilot)))
+        now_s[0] += 1.0
+    assert heard == [False, False, True]
+    assert autopilot.peer_port == restarted.local_port
+    assert autopilot.datagrams_received == 1
+    restarted.close()
 
 
 def test_nobody_there_is_no_error(udp_pair: UdpPair) -> None:

@@ -16,7 +16,9 @@ SQUARE_M = 2.0
 LINES = [WallLine(math.radians(90 * i), SQUARE_M, 0.01) for i in range(4)]
 
 
-def hits_along(line: WallLine, from_m: float, to_m: float, step_m: float = 0.1) -> list[Hit]:
+def hits_along(
+    line: WallLine, from_m: float, to_m: float, *, wall: int | None = 0, step_m: float = 0.1
+) -> list[Hit]:
     cos_n, sin_n = math.cos(line.normal_rad), math.sin(line.normal_rad)
     count = round((to_m - from_m) / step_m) + 1
     places = [from_m + i * step_m for i in range(count)]
@@ -26,13 +28,14 @@ def hits_along(line: WallLine, from_m: float, to_m: float, step_m: float = 0.1) 
             Beam.FRONT,
             (line.offset_m * cos_n - a * sin_n, line.offset_m * sin_n + a * cos_n, -1.2),
             0.01**2,
+            wall,
         )
         for a in places
     ]
 
 
 def square() -> FloorPlan:
-    hits = [hit for line in LINES for hit in hits_along(line, -1.8, 1.8)]
+    hits = [hit for i, line in enumerate(LINES) for hit in hits_along(line, -1.8, 1.8, wall=i)]
     path = (Pose(0.0, 0.0, 0.0, -1.2, 0.0), Pose(0.1, 0.1, 0.0, -1.2, 0.0))
     return FloorPlan(wall_segments(LINES, hits), tuple(hits), path, 2.6)
 
@@ -58,7 +61,9 @@ def test_a_few_stray_hits_are_no_wall() -> None:
 
 def test_hits_off_a_line_do_not_lengthen_it() -> None:
     line, other = WallLine(0.0, 2.0, 0.01), WallLine(0.0, 2.5, 0.01)
-    (wall,) = wall_segments([line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0))
+    (wall,) = wall_segments(
+        [line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0, wall=None)
+    )
     assert wall.length_m == pytest.approx(1.0)
 
 

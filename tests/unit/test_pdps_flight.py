@@ -70,6 +70,13 @@ def test_it_waits_for_the_autopilot() -> None:
     assert after(Phase.CONNECT, view(ON_GROUND))[0] is Phase.PREPARE
 
 
+def test_it_is_patient_from_its_own_first_tick_on_not_from_the_clocks() -> None:
+    flight, nobody = Flight(), VehicleState()
+    for waited_s, phase in ((0.0, Phase.CONNECT), (7.9, Phase.CONNECT), (8.1, Phase.FAILED)):
+        flight, _ = step(flight, replace(view(nobody), time_s=500.0 + waited_s), PLAN)
+        assert flight.phase is phase
+
+
 def test_it_waits_for_gyro_and_estimate() -> None:
     assert after(Phase.PREPARE, view(ON_GROUND, gyro_at_rest=False))[0] is Phase.PREPARE
     no_estimate = replace(ON_GROUND, estimate_ready=False)

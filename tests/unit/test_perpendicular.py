@@ -27,7 +27,7 @@ def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> 
     return rays
 
 
-@settings(deadline=None, max_examples=50)
+@settings(max_examples=50)
 @given(st.floats(-math.pi, math.pi), st.floats(1.5, 3.0), st.integers(0, 1000))
 def test_it_is_found_within_a_few_degrees_and_centimetres(
     bearing: float, distance_m: float, seed: int

@@ -36,7 +36,7 @@ def test_the_true_map_is_perfect() -> None:
     assert (score.coverage, score.false_walls) == (1.0, 0.0)
 
 
-@settings(deadline=None, max_examples=20)
+@settings(max_examples=20)
 @given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.02, 0.02))
 def test_alignment_takes_out_a_rigid_error(north: float, east: float, turn_rad: float) -> None:
     walls = [(moved(a, north, east, turn_rad), moved(b, north, east, turn_rad)) for a, b in ROOM]

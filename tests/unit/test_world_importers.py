@@ -63,7 +63,7 @@ def test_other_units_are_refused(tmp_path: Path) -> None:
         load_world(write(tmp_path, SQUARE, units="ft"))
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
 def test_garbage_never_gets_past_the_reader(data: bytes) -> None:
     import tempfile  # noqa: PLC0415 - hypothesis and tmp_path do not go together

@@ -1,0 +1,189 @@
+"""How accurate maps and trajectories are at the reference noise, world by world, seed by seed.
+
+Beside each figure stand those of dead reckoning and of the ideal solver for the very same flights
+(`references.py`), and what the companion's processor needed.
+"""
+
+import multiprocessing
+import os
+import time
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+
+from companion import config as configuration
+from companion.app import App, Inputs, Outputs
+from companion.config import Config
+from companion.drivers.sharp import PROFILES
+from companion.messages import FloorPlan
+from sitl.bench.references import Recorded, dead_reckoned, ideal
+from sitl.lockstep import fly_in_lockstep
+from sitl.report import Report, make_report
+from sitl.simulation import Setup, Simulation
+from sitl.world.loading import load_world
+from sitl.world.plan import wall_surfaces
+
+ROWS = (
+    ("room_100", "paper"),
+    ("room_100", "gp2y0a710k0f"),
+    ("unusual", "gp2y0a710k0f"),
+    ("three_room_450", "gp2y0a710k0f"),
+    ("office", "gp2y0a710k0f"),
+)
+"""World and sensor profile."""
+ERRORS = ("wall_error_aligned_cm", "wall_error_cm", "ate_cm")
+SCORES = (*ERRORS, "false_walls", "coverage", "wall_sigma_cm", "wall_error_sigmas")
+
+
+@dataclass(frozen=True, slots=True)
+class FlightResult:
+    """One flight: the scores of its map, of dead reckoning's and of the ideal one."""
+
+    world: str
+    profile: str
+    report: Report
+    dead_reckoned: Report
+    ideal: Report
+    home_m: float
+    """How far from its start it landed."""
+    cpu_ms_per_s: float
+    """The companion's processor time per second of flight."""
+    update_p99_ms: float
+    """And for one tick."""
+
+
+@dataclass
+class TimedApp(App):
+    """Counts its processor time."""
+
+    config: Config
+    update_s: list[float] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        super().__init__(self.config)
+
+    def step(self, now_s: float, inputs: Inputs) -> Outputs:
+        began_s = time.process_time()
+        outputs = super().step(now_s, inputs)
+        self.update_s.append(time.process_time() - began_s)
+        return outputs
+
+
+def fly(setup: Setup) -> FlightResult:
+    """One whole flight, scored three times."""
+    settings = configuration.load(None, {"sensors.profile": setup.sensors.profile})
+    apps: list[TimedApp] = []
+
+    def make_app(config: Config) -> App:
+        apps.append(TimedApp(config))
+        return apps[0]
+
+    began_s = time.monotonic()
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, make_app=make_app)
+    plan = app.final_floor_plan()
+    waited_s = time.monotonic() - began_s
+
+    def report(scored: FloorPlan) -> Report:
+        return make_report(
+            setup,
+            settings,
+            scored,
+            simulation.record,
+            completed=app.flight.completed,
+            ending=app.flight.ending,
+            waited_s=waited_s,
+        )
+
+    dead_reckoning, best = _references(app, simulation, setup, settings, plan)
+    start, end = simulation.record.take_off, simulation.record.path[-1]
+    update_ms = 1e3 * np.array(apps[0].update_s)
+    return FlightResult(
+        setup.world_name,
+        setup.sensors.profile,
+        report(plan),
+        report(dead_reckoning),
+        report(best),
+        home_m=float(np.hypot(*np.subtract(start.position_ned_m, end.position_ned_m)[:2])),
+        cpu_ms_per_s=float(update_ms.sum()) / max(simulation.record.air_time_s, 1.0),
+        update_p99_ms=float(np.percentile(update_ms, 99)),
+    )
+
+
+def _references(
+    app: App, simulation: Simulation, setup: Setup, settings: Config, plan: FloorPlan
+) -> tuple[FloorPlan, FloorPlan]:
+    """Dead reckoning and ideal; empty maps for a flight that never began."""
+    if app.estimator is None or len(app.estimator.keyframes.frames) < 2:
+        return FloorPlan(path=plan.path), FloorPlan(path=plan.path)
+    sensors = settings.sensors
+    flown = Recorded(
+        app.estimator.keyframes,
+        app.estimator.rest_bias_rad_s,
+        PROFILES[sensors.profile],
+        sensors.mount_offset_m,
+    )
+    surfaces = wall_surfaces(setup.world, settings.mission.height_m)
+    return dead_reckoned(flown, plan), ideal(flown, simulation.record, surfaces)
+
+
+def fly_all(setups: list[Setup]) -> Iterator[FlightResult]:
+    """On all cores, one process each, as they end; the same flights in any order."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # the flights themselves fill the cores
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(mp_context=spawn) as pool:
+        for future in as_completed([pool.submit(fly, setup) for setup in setups]):
+            yield future.result()
+
+
+def setups(seeds: int) -> list[Setup]:
+    """Each row with seeds 1, 2, ..."""
+    loaded = {
+        profile: configuration.load(None, {"sensors.profile": profile}).sensors
+        for _, profile in ROWS
+    }
+    return [
+        Setup(load_world(world), world, seed, loaded[profile])
+        for seed in range(1, seeds + 1)
+        for world, profile in ROWS
+    ]
+
+
+Row = dict[str, object]
+
+
+def summary(results: list[FlightResult]) -> list[Row]:
+    """One object for each world and profile, means and 95th percentiles over its flights."""
+    return [
+        _row(mine)
+        for world, profile in ROWS
+        if (mine := [r for r in results if (r.world, r.profile) == (world, profile)])
+    ]
+
+
+def _row(results: list[FlightResult]) -> Row:
+    reports = [result.report for result in results]
+    row: Row = {"world": results[0].world, "profile": results[0].profile, "flights": len(results)}
+    row |= {score: _mean_and_p95(_values(reports, score)) for score in SCORES}
+    for name in ("dead_reckoned", "ideal"):
+        others: list[Report] = [asdict(result)[name] for result in results]
+        row[name] = {score: _mean_and_p95(_values(others, score)) for score in ERRORS}
+    row["lost"] = sum(not report["completed"] for report in reports)
+    row["collisions"] = sum(_values(reports, "collisions"))
+    for figure in ("home_m", "cpu_ms_per_s", "update_p99_ms"):
+        row[figure] = _mean_and_p95([getattr(result, figure) for result in results])
+    return row
+
+
+def _values(reports: list[Report], score: str) -> list[float]:
+    return [float(value) for report in reports if (value := report[score]) is not None]
+
+
+def _mean_and_p95(values: list[float]) -> dict[str, float]:
+    if not values:
+        return {"mean": float("nan"), "p95": float("nan")}
+    return {
+        "mean": round(float(np.mean(values)), 4),
+        "p95": round(float(np.percentile(values, 95)), 4),
+    }

@@ -1,0 +1,138 @@
+"""One of many missions: flown, scored, and sketched, whatever happens to it."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from companion import config as configuration
+from companion.app import App, Progress
+from companion.config import Config
+from companion.frames import Vector2, frd_to_ned
+from companion.messages import FloorPlan
+from sitl.lockstep import fly_in_lockstep
+from sitl.options import FlightOptions
+from sitl.record import TruthRecord
+from sitl.report import Report, make_report
+from sitl.simulation import Simulation
+from sitl.testing.mission_file import load_mission
+from sitl.testing.script import play
+from sitl.world.format import Segment
+from sitl.world.plan import wall_surfaces
+
+TRACING = "scanning parallel"
+"""What the companion says that it does while it traces walls, corners between them apart."""
+WALLS_OF_A_ROOM = 4
+"""And nothing else: then the bound (P - 8·d) / v applies."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A flight to be flown; `mission` is a kind or a mission file."""
+
+    options: FlightOptions
+    mission: str = "room"
+
+    @property
+    def key(self) -> Report:
+        """What tells its row from all others."""
+        return {
+            "world": Path(self.options.world).stem,
+            "profile": self.options.profile,
+            "start": self.options.start or "1",
+            "seed": self.options.seed,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Sketch:
+    """What there is to draw, in the world's frame, (north, east) in metres."""
+
+    truth: Sequence[Segment] = ()
+    mapped: Sequence[Segment] = ()
+    path: Sequence[Vector2] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight that has ended: the keys of its job and of its report, and the trace's time."""
+
+    row: Report
+    sketch: Sketch = field(default_factory=Sketch)
+
+
+def load_settings(profile: str, mission: str) -> Config:
+    """The companion's.
+
+    Raises:
+        ConfigError, MissionError: one line that says what to mend.
+    """
+    return configuration.load(None, {"sensors.profile": profile, **load_mission(mission).settings})
+
+
+def fly(job: Job) -> Flown:
+    """Fly; a flight that breaks off by an error is a row that tells it."""
+    try:
+        return _fly(job)
+    except Exception as error:  # one flight of hundreds must not end the others
+        return lost(job, f"{type(error).__name__}: {error}")
+
+
+def lost(job: Job, why: str) -> Flown:
+    """A flight that has no report."""
+    ending = f"lost: {' '.join(why.split())}"
+    return Flown({**job.key, "completed": False, "lost": True, "ending": ending})
+
+
+def _fly(job: Job) -> Flown:
+    began_s = time.monotonic()
+    setup, _ = job.options.setup()
+    settings = load_settings(job.options.profile, job.mission)
+    script = play(load_mission(job.mission).events)
+    traced_s: list[float] = []
+
+    def watch_trace(simulation: Simulation, app: App) -> None:
+        script(simulation, app)
+        if TRACING in app.flight.activity:
+            traced_s.append(simulation.time_s)
+
+    app, simulation = fly_in_lockstep(setup, settings, _nobody_looks, script=watch_trace)
+    plan = app.final_floor_plan()
+    report = make_report(
+        setup,
+        settings,
+        plan,
+        simulation.record,
+        completed=app.flight.completed,
+        ending=app.flight.ending,
+        waited_s=time.monotonic() - began_s,
+    )
+    truth = wall_surfaces(setup.world, settings.mission.height_m)
+    trace_s = round(traced_s[-1] - traced_s[0], 2) if traced_s else None
+    trace = {"trace_time_s": trace_s, "trace_over_least": _over_least(trace_s, report, truth)}
+    row = {**report, **job.key, "lost": False, **trace}
+    return Flown(row, _sketch(truth, plan, simulation.record))
+
+
+def _nobody_looks(progress: Progress) -> None:
+    """Of so many flights."""
+
+
+def _over_least(trace_s: float | None, report: Report, truth: Sequence[Segment]) -> float | None:
+    """The trace's time against the bound, of a completed flight in a room that it holds for."""
+    least_s = report["least_time_s"]
+    if not trace_s or not least_s or not report["completed"] or len(truth) != WALLS_OF_A_ROOM:
+        return None
+    return round(trace_s / float(least_s), 3)
+
+
+def _sketch(truth: Sequence[Segment], plan: FloorPlan, record: TruthRecord) -> Sketch:
+    """The map goes where take-off truly was; it is not aligned."""
+    take_off = record.take_off
+
+    def in_world(point: Vector2) -> Vector2:
+        north_m, east_m = frd_to_ned(*point, take_off.yaw_rad)
+        return take_off.position_ned_m[0] + north_m, take_off.position_ned_m[1] + east_m
+
+    mapped = [(in_world(wall.start_ne_m), in_world(wall.end_ne_m)) for wall in plan.walls]
+    return Sketch(truth, mapped, [state.position_ned_m[:2] for state in record.path])

@@ -1,0 +1,186 @@
+"""What the very same flight gives to an ideal solver, and to none.
+
+*Ideal*: least squares over the whole flight, begun at the truth, each hit given to the wall that
+its beam truly met. Poses, walls, scales, gyro bias and the gains of the range units are unknown;
+no estimator can do better from these measurements.
+
+*Dead reckoning*: poses by odometry and the gyro with its rest calibration, walls fitted to the same
+hits at those poses.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.estimation.association import LEAST_COS_INCIDENCE, LEAST_HITS, NEAR_END_SIGMAS
+from companion.estimation.estimator import BEAM_BEARING_FRD_RAD
+from companion.estimation.keyframes import Keyframes
+from companion.estimation.smoother import Smoother
+from companion.estimation.unknowns import BEAMS, Indices, Measured, Unknowns, project
+from companion.frames import wrap_rad
+from companion.mapping.floor_plan import wall_segments
+from companion.messages import FloorPlan, Hit, RangeModel, WallLine
+from sitl.record import TruthRecord
+from sitl.world.format import Segment
+
+Array = NDArray[np.float64]
+STEPS = 6
+FARTHEST_SIGMAS = 5.0
+"""A reading farther off than this is not of the wall that the beam truly met."""
+
+
+@dataclass(frozen=True, slots=True)
+class Recorded:
+    """What the drone measured, and its calibration."""
+
+    keyframes: Keyframes
+    rest_bias_rad_s: float
+    sensor: RangeModel
+    mount_offset_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class TruePoses:
+    """Poses (n, 3), north, east and yaw, in the frame of the take-off."""
+
+    poses: Array
+
+    @classmethod
+    def at(cls, truth: TruthRecord, times_s: Sequence[float]) -> "TruePoses":
+        known_s = [state.time_s for state in truth.path]
+        points = np.array([state.position_ned_m[:2] for state in truth.path])
+        yaws = np.unwrap([state.yaw_rad for state in truth.path])
+        local = _to_local(points, truth)
+        columns = (local[:, 0], local[:, 1], yaws - truth.take_off.yaw_rad)
+        return cls(np.column_stack([np.interp(times_s, known_s, column) for column in columns]))
+
+
+def ideal(flown: Recorded, truth: TruthRecord, surfaces: Sequence[Segment]) -> FloorPlan:
+    """The map and path of the ideal solver."""
+    frames, hits = flown.keyframes.frames, flown.keyframes.hits
+    m = Measured.of(frames, hits, flown.mount_offset_m)
+    walls, wall_of = _met(flown, m, truth, surfaces)
+    x = Unknowns.guessed(frames, [], flown.rest_bias_rad_s)
+    x.poses[:, :3] = TruePoses.at(truth, [frame.time_s for frame in frames]).poses
+    x.walls = walls
+    smoother = Smoother(flown.sensor, flown.mount_offset_m, flown.rest_bias_rad_s)
+    for _ in range(STEPS):
+        smoother.step(x, m, wall_of)
+    lines = [WallLine(float(normal), float(offset), 0.0) for normal, offset in x.walls]
+    return _plan(flown, lines, project(x, m).points, wall_of, x.poses[:, :3])
+
+
+def dead_reckoned(flown: Recorded, plan: FloorPlan) -> FloorPlan:
+    """The walls of `plan`, fitted to its hits where dead reckoning places them."""
+    frames, hits = flown.keyframes.frames, flown.keyframes.hits
+    m = Measured.of(frames, hits, flown.mount_offset_m)
+    x = Unknowns.guessed(frames, [], flown.rest_bias_rad_s)
+    turned = np.concatenate([[0.0], np.cumsum(m.turned_rad - flown.rest_bias_rad_s * m.dt_s)])
+    cos, sin = np.cos(turned[:-1]), np.sin(turned[:-1])
+    forward, right = m.moved_frd_m.T
+    x.poses[1:, 0] = np.cumsum(cos * forward - sin * right)
+    x.poses[1:, 1] = np.cumsum(sin * forward + cos * right)
+    x.poses[0, :2] = 0.0
+    x.poses[:, 2] = turned
+    points = project(x, m).points
+    walls = [hit.wall for hit in plan.hits]
+    wall_of = np.array([-1 if wall is None else wall for wall in walls])
+    lines = [_line(points[wall_of == wall]) for wall in range(int(wall_of.max(initial=-1)) + 1)]
+    return _plan(flown, lines, points, wall_of, x.poses[:, :3])
+
+
+def _line(points: Array) -> WallLine:
+    """Total least squares; the side from which it was seen does not matter for a map."""
+    if len(points) < 2:
+        return WallLine(0.0, 0.0, 0.0)
+    centre = points.mean(axis=0)
+    normal = np.linalg.svd(points - centre)[2][1]
+    return WallLine(float(np.arctan2(normal[1], normal[0])), float(centre @ normal), 0.0)
+
+
+def _met(
+    flown: Recorded, m: Measured, truth: TruthRecord, surfaces: Sequence[Segment]
+) -> tuple[Array, Indices]:
+    """The true walls (w, 2), as in `Unknowns`, and which of them each hit's beam met, or -1."""
+    hits = flown.keyframes.hits
+    taken_s = [hit.time_s - flown.sensor.mean_age_s for hit in hits]
+    poses = TruePoses.at(truth, taken_s).poses
+    bearing = poses[:, 2] + [BEAM_BEARING_FRD_RAD[BEAMS[beam]] for beam in m.beam]
+    beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
+    nearest = np.full(len(hits), np.inf)
+    wall_of = np.full(len(hits), -1)
+    walls: list[tuple[float, float]] = []
+    for surface in surfaces:
+        start, end = _to_local(np.array(surface), truth)
+        normal = np.array([start[1] - end[1], end[0] - start[0]]) / math.dist(start, end)
+        for side in (normal, -normal):  # a partition is one wall from either side
+            range_m = _range_m(poses[:, :2], beams, (start, end), side)
+            met = range_m < nearest
+            nearest[met] = range_m[met]
+            wall_of[met] = _number(walls, side, float(start @ side))
+    normals = np.array([(math.cos(alpha), math.sin(alpha)) for alpha, _ in walls])
+    cos_incidence = (beams * normals[wall_of]).sum(axis=1)
+    distance_m = nearest - flown.mount_offset_m
+    in_range = np.clip(distance_m, flown.sensor.min_m, flown.sensor.max_m)
+    sigma_m = np.array([flown.sensor.sigma_m(float(d)) for d in in_range])
+    usable = np.isfinite(nearest) & (cos_incidence > LEAST_COS_INCIDENCE)
+    usable &= distance_m > flown.sensor.min_m
+    usable &= distance_m < flown.sensor.max_m - NEAR_END_SIGMAS * sigma_m
+    usable &= np.abs(m.distance_m - distance_m) < FARTHEST_SIGMAS * sigma_m
+    support = np.bincount(wall_of[usable], minlength=len(walls))
+    usable &= support[wall_of] >= LEAST_HITS
+    used, renumbered = np.unique(wall_of[usable], return_inverse=True)
+    wall_of = np.full(len(hits), -1)
+    wall_of[usable] = renumbered
+    return np.array(walls)[used], wall_of
+
+
+def _range_m(eyes: Array, beams: Array, segment: tuple[Array, Array], normal: Array) -> Array:
+    """From each eye (n, 2) along its beam to the segment; inf where it is missed."""
+    start, end = segment
+    towards = beams @ normal
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = ((start - eyes) @ normal) / towards
+        share = ((eyes + range_m[:, None] * beams - start) @ (end - start)) / math.dist(
+            start, end
+        ) ** 2
+    met = (towards > 0) & (range_m > 0) & (share >= 0) & (share <= 1)
+    return np.where(met, range_m, np.inf)
+
+
+def _number(walls: list[tuple[float, float]], normal: Array, offset_m: float) -> int:
+    """Of a wall in `walls`: the one on this line, or a new one."""
+    normal_rad = math.atan2(normal[1], normal[0])
+    for i, (other_rad, other_m) in enumerate(walls):
+        if abs(wrap_rad(normal_rad - other_rad)) < 1e-6 and abs(offset_m - other_m) < 1e-6:
+            return i
+    walls.append((normal_rad, offset_m))
+    return len(walls) - 1
+
+
+def _plan(
+    flown: Recorded, lines: Sequence[WallLine], points: Array, wall_of: Indices, poses: Array
+) -> FloorPlan:
+    hits = [
+        Hit(hit.time_s, hit.beam, (float(p[0]), float(p[1]), hit.down_m), 0.0, wall)
+        for hit, p, wall in zip(
+            flown.keyframes.hits, points, [int(w) if w >= 0 else None for w in wall_of], strict=True
+        )
+    ]
+    path = [
+        replace(frame.guess, north_m=float(n), east_m=float(e), yaw_rad=wrap_rad(float(yaw)))
+        for frame, (n, e, yaw) in zip(flown.keyframes.frames, poses, strict=True)
+    ]
+    return FloorPlan(wall_segments(lines, hits), tuple(hits), tuple(path))
+
+
+def _to_local(points: Array, truth: TruthRecord) -> Array:
+    """World (north, east) to local NED, by the true pose at take-off."""
+    yaw_rad = truth.take_off.yaw_rad
+    cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
+    moved = points - np.array(truth.take_off.position_ned_m[:2])
+    local: Array = moved @ np.array([[cos, -sin], [sin, cos]])
+    return local

@@ -1,0 +1,80 @@
+"""Which missions to fly: worlds by the name of a set, their starts, and seeds."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from sitl.bench.missions import Job, load_settings
+from sitl.options import Autopilot, FlightOptions
+from sitl.world.format import WorldError
+from sitl.world.loading import IMPORTERS, load_world, world_names
+
+RANDOM = tuple(f"random_{seed}" for seed in range(1, 51))
+NOT_IN_THE_PAPER = ("office", "exterior")
+PLAN_SUFFIXES = (".toml", *IMPORTERS)
+MOST_STARTS = 3
+
+Place = tuple[str, str | None]
+"""A world as `load_world` takes it, and the number of a start pose; None is the first."""
+
+
+def jobs_for(
+    worlds: Sequence[str], seeds: int, profiles: Sequence[str], mission: str, crop_m: float | None
+) -> list[Job]:
+    """Flights of every seed from every place with every profile.
+
+    Raises:
+        WorldError, ConfigError, MissionError: what is wrong for all, before anything is flown.
+    """
+    for profile in profiles:
+        load_settings(profile, mission)
+    return [
+        Job(FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, crop_m=crop_m), mission)
+        for profile in profiles
+        for name in worlds
+        for world, start in places(name)
+        for seed in range(1, seeds + 1)
+    ]
+
+
+def places(name: str) -> list[Place]:
+    """Where to start: in the worlds of a set, the plans in a folder, or one world.
+
+    Raises:
+        WorldError: there is no such set, folder or world.
+    """
+    sets = _sets()
+    if name in sets:
+        return [(world, None) for world in sets[name]]
+    if Path(name).is_dir():
+        return _plans(Path(name))
+    try:
+        load_world(name)
+    except WorldError as error:
+        raise WorldError(f"{error}; or a set: {', '.join(sets)}, or a folder of plans") from error
+    return [(name, None)]
+
+
+def _sets() -> dict[str, Sequence[str]]:
+    paper = [name for name in world_names() if name not in NOT_IN_THE_PAPER]
+    return {
+        "paper": paper,
+        "office": ["office"],
+        "exterior": ["exterior"],
+        "random": RANDOM,
+        "all": [*paper, *NOT_IN_THE_PAPER, *RANDOM],
+    }
+
+
+def _plans(folder: Path) -> list[Place]:
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in PLAN_SUFFIXES)
+    if not files:
+        raise WorldError(f"{folder}: no plans, files ending in {', '.join(PLAN_SUFFIXES)}")
+    return [(str(path), str(number)) for path in files for number in range(1, _starts(path) + 1)]
+
+
+def _starts(path: Path) -> int:
+    """Up to three; a plan that cannot be used counts as one, so that its row tells why."""
+    try:
+        return min(len(load_world(str(path)).starts), MOST_STARTS)
+    except WorldError:
+        return 1

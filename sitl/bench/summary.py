@@ -1,0 +1,123 @@
+"""What many flights come to: for each world and profile, and in all."""
+
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from itertools import groupby
+from statistics import mean
+from typing import Any
+
+from rich import box
+from rich.console import Console
+from rich.table import Table
+
+from sitl.report import Report
+
+Summary = dict[str, Any]
+
+FIGURES: tuple[tuple[str, str, Callable[[Iterable[float]], float]], ...] = (
+    ("coverage_mean", "coverage", mean),
+    ("coverage_min", "coverage", min),
+    ("clearance_min_m", "clearance_m", min),
+    ("return_mean_m", "return_m", mean),
+    ("return_max_m", "return_m", max),
+    ("trace_over_least_mean", "trace_over_least", mean),
+    ("wall_error_aligned_mean_cm", "wall_error_aligned_cm", mean),
+    ("flight_time_mean_s", "flight_time_s", mean),
+)
+"""Key in the summary, key in the rows, and how; rows without a value do not count."""
+
+
+def summarise(rows: Sequence[Report]) -> Summary:
+    """The figures of some flights."""
+    summary: Summary = {
+        "flights": len(rows),
+        "completed": sum(bool(row["completed"]) for row in rows),
+        "lost": sum(bool(row["lost"]) for row in rows),
+        "collisions": sum(int(row.get("collisions") or 0) for row in rows),
+    }
+    for key, source, how in FIGURES:
+        values = [float(value) for row in rows if (value := row.get(source)) is not None]
+        summary[key] = round(how(values), 4) if values else None
+    endings = Counter(_ending(row) for row in rows if not row["completed"])
+    return {**summary, "endings": dict(endings.most_common())}
+
+
+def sum_up(rows: Sequence[Report]) -> Summary:
+    """All rows, a summary of each group, and one of all: what `--json` prints."""
+    return {"rows": rows, "groups": by_world(rows), "totals": summarise(rows)}
+
+
+def show(result: Summary, console: Console) -> None:
+    """The same for people."""
+    console.print(summary_table(result["groups"], result["totals"]))
+    for line in complaints(result["rows"]):
+        console.print(line, soft_wrap=True, markup=False)
+
+
+def by_world(rows: Sequence[Report]) -> list[Summary]:
+    """A summary for each world and profile, in the order of the rows."""
+    names = list(dict.fromkeys(map(_group, rows)))
+    ordered = sorted(rows, key=lambda row: names.index(_group(row)))
+    return [
+        {"world": world, "profile": profile, **summarise(list(group))}
+        for (world, profile), group in groupby(ordered, _group)
+    ]
+
+
+def _group(row: Report) -> tuple[str, str]:
+    return str(row["world"]), str(row["profile"])
+
+
+def _ending(row: Report) -> str:
+    """Of a flight that was not completed; a mission may end well after a collision."""
+    if row.get("collisions"):
+        return f"{row['ending']}; collisions: {row['collisions']}"
+    return str(row["ending"])
+
+
+_COLUMNS = (
+    ("done", "{completed}/{flights}"),
+    ("hits", "{collisions}"),
+    ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
+    ("least\nclear", "{clearance_min_m:.2f}"),
+    ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
+    ("trace\n×bound", "{trace_over_least_mean:.2f}"),
+    ("walls\ncm", "{wall_error_aligned_mean_cm:.1f}"),
+    ("air\ns", "{flight_time_mean_s:.0f}"),
+)
+
+
+def summary_table(groups: Sequence[Summary], totals: Summary) -> Table:
+    """For the terminal, totals last; lengths in metres unless said."""
+    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading, _ in _COLUMNS:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for profile, group in groupby(groups, lambda group: group["profile"]):
+        table.add_row(f"[bold]{profile}[/]")
+        for summary in group:
+            table.add_row(summary["world"], *_cells(summary))
+        table.add_section()
+    table.add_row("all", *_cells(totals))
+    return table
+
+
+def _cells(summary: Summary) -> list[str]:
+    known = {key: value for key, value in summary.items() if value is not None}
+    return [_cell(form, known) for _, form in _COLUMNS]
+
+
+def _cell(form: str, known: Summary) -> str:
+    try:
+        return form.format_map(known)
+    except KeyError:
+        return "–"
+
+
+def complaints(rows: Sequence[Report]) -> list[str]:
+    """A line for every flight that was not completed."""
+    return [
+        f"{row['world']}, {row['profile']}, start {row['start']}, seed {row['seed']}: "
+        f"{_ending(row)}"
+        for row in rows
+        if not row["completed"]
+    ]

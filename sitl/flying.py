@@ -1,0 +1,81 @@
+"""A mission flown and scored, in one process or in two: what `sitl fly` does."""
+
+import time
+from pathlib import Path
+
+from rich.console import Console
+
+from companion.config import Config
+from companion.console import ProgressLine
+from companion.mapping.files import save
+from sitl.errors import SitlError
+from sitl.lockstep import fly_in_lockstep
+from sitl.options import FlightOptions
+from sitl.processes import fly_in_two_processes
+from sitl.report import Report, make_report
+from sitl.testing.mission_file import MissionFile
+from sitl.testing.script import play
+
+
+def fly_in_one_process(
+    options: FlightOptions,
+    mission: MissionFile,
+    settings: Config,
+    transport: str,
+    *,
+    out: Path | None,
+    console: Console,
+) -> Report:
+    """By lockstep, on virtual time."""
+    began_s = time.monotonic()
+    setup, watch = options.setup()
+    with ProgressLine(console) as progress:
+        app, simulation = fly_in_lockstep(
+            setup,
+            settings,
+            progress.show,
+            transport,
+            play(mission.events),
+            parameter_watch=watch,
+        )
+    waited_s = time.monotonic() - began_s
+    plan = app.final_floor_plan()
+    if out is not None:
+        save(plan, out)
+    return make_report(
+        setup,
+        settings,
+        plan,
+        simulation.record,
+        completed=app.flight.completed,
+        ending=app.flight.ending,
+        waited_s=waited_s,
+    )
+
+
+def fly_in_two(
+    options: FlightOptions,
+    mission: MissionFile,
+    settings: Config,
+    speed: float,
+    out: Path,
+) -> Report:
+    """As on a drone, over UDP and a served bus.
+
+    Raises:
+        SitlError: the mission has events, which cannot be caused from outside.
+    """
+    if mission.events:
+        raise SitlError("a mission with events needs --transport direct or bytes")
+    began_s = time.monotonic()
+    setup, _ = options.setup()
+    flight = fly_in_two_processes([*options.arguments(), f"--speed={speed}"], settings, out)
+    return make_report(
+        setup,
+        settings,
+        flight.plan,
+        flight.truth,
+        completed=flight.completed,
+        ending="mission complete" if flight.completed else "mission not completed",
+        waited_s=time.monotonic() - began_s,
+    )

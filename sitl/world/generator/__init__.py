@@ -1,0 +1,74 @@
+"""Buildings by chance: from a seed to a `World`, much like a floor to live or to work on.
+
+    floor ─► rooms, walls, doorways ──┐
+    furniture ─► boxes, slanted walls ┴─► World, with starts in different rooms
+
+Places are drawn on a grid of 10 cm and only by +, -, ×, ÷ and √, so a seed makes the same building
+on every machine.
+"""
+
+import random
+import re
+
+from sitl.noise import stream
+from sitl.world.format import Door, Start, Walls, World
+from sitl.world.generator.floor import Floor, random_floor
+from sitl.world.generator.furniture import Space, furnish
+
+CEILINGS_M = (2.4, 2.5, 2.6, 2.7, 2.8, 3.0)
+THICKNESSES_M = (0.1, 0.12, 0.15, 0.2)
+MOST_STARTS = 3
+
+_NAME = re.compile(r"random_(0|[1-9]\d{0,17})")
+
+
+def seed_of(name: str) -> int | None:
+    """The seed in the name of a random building, such as `random_17`; None of other names."""
+    match = _NAME.fullmatch(name)
+    return int(match[1]) if match else None
+
+
+def random_world(seed: int) -> World:
+    """The building that grows from a seed."""
+    rng = stream(seed, "building")
+    height_m = rng.choice(CEILINGS_M)
+    thickness_m = rng.choice(THICKNESSES_M)
+    floor = random_floor(rng)
+    spaces = [Space(room, floor.doorways, thickness_m) for room in floor.rooms]
+    furnish(spaces, height_m, rng)
+    slanted = [
+        Walls(points=wall, thickness_m=thickness_m) for space in spaces for wall in space.slanted
+    ]
+    return World(
+        name=f"random_{seed}",
+        height_m=height_m,
+        walls=(*_walls(floor, thickness_m), *slanted),
+        boxes=tuple(box for space in spaces for box in space.boxes),
+        starts=_starts(spaces, rng),
+    )
+
+
+def _walls(floor: Floor, thickness_m: float) -> list[Walls]:
+    """The outer walls and those between the rooms, with their doors."""
+    (south, west), (north, east) = floor.outline.low, floor.outline.high
+    corners = (south, west), (north, west), (north, east), (south, east)
+    walls = [Walls(points=corners, closed=True, thickness_m=thickness_m)]
+    for number, wall in enumerate(floor.walls):
+        doors = tuple(
+            Door(centre=doorway.centre, width_m=doorway.width_m, height_m=doorway.height_m)
+            for doorway in floor.doorways
+            if doorway.wall == number
+        )
+        walls.append(Walls(points=wall, thickness_m=thickness_m, doors=doors))
+    return walls
+
+
+def _starts(spaces: list[Space], rng: random.Random) -> tuple[Start, ...]:
+    """In different rooms; the seed of a flight draws the heading."""
+    numbers = list(range(len(spaces)))
+    rng.shuffle(numbers)
+    chosen = numbers[: rng.randint(1, MOST_STARTS)]
+    return tuple(
+        Start(name=f"room {number + 1}", position=rng.choice(spaces[number].standing_room()))
+        for number in chosen
+    )

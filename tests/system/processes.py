@@ -1,0 +1,99 @@
+"""Processes of the simulator and the companion, and waiting with a deadline, for system tests."""
+
+import re
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+PAUSE = threading.Event()
+"""Never set: waiting on it is a pause within a deadline."""
+END_TIMEOUT_S = 20
+
+
+def sitl(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "sitl", *arguments]
+
+
+def companion(*arguments: str) -> list[str]:
+    return [sys.executable, "-m", "companion", *arguments]
+
+
+def until(holds: Callable[[], bool], what: str, deadline_s: float) -> None:
+    end_s = time.monotonic() + deadline_s
+    while not holds():
+        assert time.monotonic() < end_s, f"{what} not within {deadline_s} s"
+        PAUSE.wait(0.05)
+
+
+def free_udp_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@contextmanager
+def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
+    """A process with its output readable; killed at the end, if it has not ended."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    try:
+        yield process
+    finally:
+        process.kill()
+        process.communicate(timeout=END_TIMEOUT_S)
+
+
+@contextmanager
+def running_sitl(
+    *arguments: str, world: str = "room_100"
+) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
+    """`sitl run` on free ports; its process, MAVLink port and bus port."""
+    ports = ("--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
+    with started(sitl("run", world, *ports, *arguments)) as process:
+        mavlink_port, bus_port = re.findall(r"127\.0\.0\.1:(\d+)", read_until(process, "sitl://"))
+        yield process, mavlink_port, bus_port
+
+
+@contextmanager
+def vehicle_at(port: int, firmware: str) -> Iterator[None]:
+    """`sitl run` that speaks to a client's port, once it serves."""
+    options = ("--autopilot", firmware, "--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
+    with started(sitl("run", "room_100", *options)) as process:
+        read_until(process, "sitl://")
+        yield
+
+
+def stop(process: subprocess.Popen[str]) -> str:
+    """As Ctrl-C does; what it still had to say."""
+    process.send_signal(signal.SIGINT)
+    output, _ = process.communicate(timeout=END_TIMEOUT_S)
+    return output
+
+
+def flying(mavlink_port: str, bus_port: str, out: Path, *options: str) -> subprocess.Popen[str]:
+    """`companion fly` with a vehicle that `running_sitl` serves."""
+    return subprocess.Popen(
+        companion(
+            *("fly", "--link", f"udpout:127.0.0.1:{mavlink_port}"),
+            *("--bus", f"sitl://127.0.0.1:{bus_port}", "--out", str(out), *options),
+        ),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    )
+
+
+def read_until(process: subprocess.Popen[str], words: str) -> str:
+    assert process.stdout is not None
+    text = ""
+    while words not in text:
+        line = process.stdout.readline()
+        assert line, f"it ended without saying {words!r}: {text}"
+        text += line
+    return text

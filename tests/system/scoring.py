@@ -1,0 +1,27 @@
+"""The map and the true flight that processes have left, compared with the world."""
+
+from pathlib import Path
+
+from companion.mapping.files import load_json
+from sitl.record import TruthRecord
+from sitl.score import score_map
+from sitl.world.loading import load_world
+from sitl.world.plan import seeable_points, wall_surfaces
+
+HEIGHT_M = 1.2
+
+
+def assert_good(map_file: Path, truth_file: Path, world: str, start: int = 0) -> None:
+    """No collision, and all walls of the world where they are; `start`: of the vehicle."""
+    truth = TruthRecord.load(truth_file)
+    assert truth.collisions == 0
+    room = load_world(world)
+    score = score_map(
+        load_json(map_file),
+        wall_surfaces(room, HEIGHT_M),
+        seeable_points(room, HEIGHT_M, room.starts[start].position),
+        truth.take_off,
+    )
+    assert score.wall_error_aligned_cm < 10
+    assert score.coverage > 0.9
+    assert score.false_walls < 0.05

@@ -1,0 +1,45 @@
+"""An autopilot that simulates its own flight, in our world: processes that only speak MAVLink."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
+from tests.system.scoring import assert_good
+
+SPEED = "2"
+"""An autopilot that heard nothing for 0.5 s of its time lands; a busy machine may pause as long."""
+DEADLINE_S = 120
+ROOM = """
+name = "small"
+height_m = 2.6
+[[walls]]
+points = [[0, 0], [6, 0], [6, 5], [0, 5]]
+closed = true
+[[starts]]
+name = "middle"
+position = [3.2, 2.2]
+"""
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_mission_with_an_autopilot_elsewhere(autopilot: str, tmp_path: Path) -> None:
+    world, truth = tmp_path / "small.toml", tmp_path / "truth.json"
+    world.write_text(ROOM)
+    for_world, for_companion = (f"127.0.0.1:{free_udp_port()}" for _ in range(2))
+    bare = sitl("autopilot", "--autopilot", autopilot, "--speed", SPEED)
+    links = ("--mavlink", f"udpout:{for_world}", "--mavlink", f"udpout:{for_companion}")
+    served = sitl("run", str(world), "--autopilot", "external", "--connect", f"udpin:{for_world}")
+    with (
+        started([*bare, *links]),
+        started([*served, "--bus-port", "0", "--truth", str(truth)]) as ours,
+    ):
+        bus = re.findall(r"sitl://\S+", read_until(ours, "sitl://"))[0]
+        read_until(ours, "parameters set")
+        fly = companion("fly", "--link", f"udpin:{for_companion}", "--bus", bus)
+        with started([*fly, "--out", str(tmp_path)]) as pilot:
+            output, _ = pilot.communicate(timeout=DEADLINE_S)
+        assert pilot.returncode == 0, output
+        stop(ours)
+    assert_good(tmp_path / "map.json", truth, str(world))

@@ -1,0 +1,158 @@
+"""Many missions: which, in which processes, and what they come to."""
+
+import json
+import os
+from pathlib import Path
+
+import pytest
+from PIL import Image
+from typer.testing import CliRunner
+
+from companion.errors import ConfigError
+from sitl.bench import lanes
+from sitl.bench.missions import Flown, Job, fly, lost
+from sitl.bench.sets import jobs_for, places
+from sitl.bench.sheet import draw_sheet
+from sitl.bench.summary import by_world, complaints, summarise
+from sitl.cli import commands
+from sitl.options import FlightOptions
+from sitl.report import Report
+from sitl.world.format import WorldError
+
+ROOM = [[0, 0, 5, 0], [5, 0, 5, 8], [5, 8, 0, 8], [0, 8, 0, 0]]
+
+
+def job(world: str, seed: int = 1) -> Job:
+    return Job(FlightOptions(world, seed, "paper", "ardupilot"))
+
+
+def row(**more: object) -> Report:
+    values: dict[str, object] = {
+        **{"world": "room", "profile": "paper", "start": "1", "seed": 1},
+        **{"completed": True, "lost": False, "ending": "mission complete", "collisions": 0},
+        **{"coverage": 1.0, "clearance_m": 0.5, "return_m": 0.2, "trace_over_least": None},
+        **{"wall_error_aligned_cm": 1.0, "flight_time_s": 60.0},
+        **more,
+    }
+    return values  # type: ignore[return-value]
+
+
+@pytest.fixture
+def plans(tmp_path: Path) -> Path:
+    """A folder with a plan, one that is none, and something else."""
+    folder = tmp_path / "plans"
+    folder.mkdir()
+    (folder / "a_room.json").write_text(json.dumps({"walls": ROOM}))
+    (folder / "broken.json").write_text("{}")
+    (folder / "README.md").write_text("nothing to fly")
+    return folder
+
+
+def test_sets_are_lists_of_worlds() -> None:
+    assert len(places("paper")) == 7
+    assert len(places("random")) == 50
+    assert len(places("all")) == 59
+    assert places("random_7") == [("random_7", None)]
+
+
+def test_a_folder_is_every_plan_from_up_to_three_starts(plans: Path) -> None:
+    room, broken = str(plans / "a_room.json"), str(plans / "broken.json")
+    assert places(str(plans)) == [(room, "1"), (room, "2"), (broken, "1")]
+
+
+def test_jobs_are_seeds_from_every_place_with_every_profile(plans: Path) -> None:
+    jobs = jobs_for([str(plans), "office"], 2, ["paper", "gp2y0a710k0f"], "room", 20.0)
+    assert len(jobs) == len(set(map(str, (job.key for job in jobs)))) == 16
+    assert {job.options.crop_m for job in jobs} == {20.0}
+
+
+def test_what_is_wrong_for_all_is_told_before_anything_is_flown() -> None:
+    with pytest.raises(ConfigError, match=r"mission\.kind = 'swim'"):
+        jobs_for(["paper"], 1, ["paper"], "swim", None)
+
+
+def test_an_unknown_set_names_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="exterior, random, all"):
+        places("everything")
+    with pytest.raises(WorldError, match="no plans"):
+        places(str(tmp_path))
+
+
+def test_a_flight_is_its_report_its_job_and_the_trace() -> None:
+    flown = fly(job("room_100", seed=3))
+    assert flown.row["completed"]
+    assert (flown.row["world"], flown.row["start"], flown.row["seed"]) == ("room_100", "1", 3)
+    assert 1.0 < float(flown.row["trace_over_least"] or 0) < 2.0
+    for line in (*flown.sketch.mapped, flown.sketch.path):
+        for north, east in line:
+            assert -0.5 < north < 10.5
+            assert -0.5 < east < 10.5
+
+
+def test_an_error_is_a_row_with_its_reason() -> None:
+    flown = fly(job("no_such_world"))
+    assert not flown.row["completed"]
+    assert str(flown.row["ending"]).startswith("lost: WorldError: no world 'no_such_world'")
+    assert "\n" not in str(flown.row["ending"])
+
+
+def fly_or_die(job: Job) -> Flown:
+    """Instead of a flight."""
+    if job.options.seed == 2:
+        os._exit(1)
+    return Flown(row(seed=job.options.seed))
+
+
+def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(lanes, "cores", lambda: 1)
+    told: list[Flown] = []
+    flights = lanes.fly_all([job("room_100", seed) for seed in (2, 3)], told.append, fly_or_die)
+    assert [flown.row["seed"] for flown in flights] == [2, 3]
+    assert [flown.row["lost"] for flown in flights] == [True, False]
+    assert flights[0].row["ending"] == "lost: its process died"
+    assert len(told) == 2
+
+
+def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
+    rows = [
+        row(coverage=0.5, trace_over_least=1.2),
+        row(coverage=1.0, clearance_m=0.3, return_m=0.6),
+        row(completed=False, ending="landed: time limit", collisions=2, coverage=None),
+        lost(job("room"), "a\nreason").row,
+    ]
+    summary = summarise(rows)
+    assert (summary["flights"], summary["completed"], summary["lost"]) == (4, 2, 1)
+    assert summary["collisions"] == 2
+    assert (summary["coverage_mean"], summary["coverage_min"]) == (0.75, 0.5)
+    assert (summary["clearance_min_m"], summary["return_max_m"]) == (0.3, 0.6)
+    assert summary["trace_over_least_mean"] == 1.2
+    assert summary["endings"] == {"landed: time limit; collisions: 2": 1, "lost: a reason": 1}
+    assert len(complaints(rows)) == 2
+    assert complaints(rows)[0].startswith("room, paper, start 1, seed 1: landed")
+
+
+def test_worlds_and_profiles_are_summed_up_apart() -> None:
+    rows = [row(), row(world="hall"), row(), row(profile="gp2y0a710k0f")]
+    groups = [(group["world"], group["profile"], group["flights"]) for group in by_world(rows)]
+    assert groups == [("room", "paper", 2), ("hall", "paper", 1), ("room", "gp2y0a710k0f", 1)]
+
+
+def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
+    draw_sheet([lost(job("room"), "nothing to draw")] * 5, tmp_path / "sheet.png")
+    with Image.open(tmp_path / "sheet.png") as image:
+        assert image.size[0] == 3 * 220
+
+
+def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
+    plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(lanes, "fly_all", lambda jobs, tell: [fly(job) for job in jobs])
+    (plans / "a_room.json").unlink()
+    out = tmp_path / "out"
+    done = CliRunner().invoke(
+        commands, ["bench", "missions", f"--worlds={plans}", "--json", f"--out={out}"]
+    )
+    printed = json.loads(done.stdout)
+    assert printed["totals"]["flights"] == printed["totals"]["lost"] == 1
+    assert printed == json.loads((out / "missions.json").read_text())
+    assert (out / "missions.png").exists()

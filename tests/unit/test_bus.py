@@ -1,0 +1,41 @@
+"""The kernel's I2C bus, on a made-up adapter: what goes over it in one call, and when it waits."""
+
+import sys
+import time
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from companion.drivers.bus import LinuxI2cBus, Transaction
+
+
+class Adapter:
+    """Stands for smbus2, and notes what is done with it."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.done: list[str] = []
+        messages = SimpleNamespace(write=lambda a, data: data, read=lambda a, count: bytes(count))
+        module = SimpleNamespace(i2c_msg=messages, SMBus=lambda path: self)
+        monkeypatch.setitem(sys.modules, "smbus2", module)
+        monkeypatch.setattr(time, "sleep", lambda s: self.done.append(f"wait {s}") if s else None)
+
+    def i2c_rdwr(self, *messages: Any) -> None:
+        self.done.append(f"{len(messages)} messages")
+
+
+@pytest.fixture
+def adapter(monkeypatch: pytest.MonkeyPatch) -> Adapter:
+    return Adapter(monkeypatch)
+
+
+def test_a_wait_comes_between_the_transactions_around_it(adapter: Adapter) -> None:
+    start, read = Transaction(0x48, b"\x01", wait_s=0.002), Transaction(0x48, b"\x00", 2)
+    assert LinuxI2cBus("").transfer([start, read, read]) == [b"", bytes(2), bytes(2)]
+    assert adapter.done == ["1 messages", "wait 0.002", "4 messages"]
+
+
+def test_no_call_is_longer_than_the_kernel_takes(adapter: Adapter) -> None:
+    read = Transaction(0x48, b"\x00", 2)
+    assert len(LinuxI2cBus("").transfer([read] * 50)) == 50
+    assert adapter.done == ["42 messages", "42 messages", "16 messages"]
