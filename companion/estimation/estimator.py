@@ -1,14 +1,16 @@
 """The order in which the estimator's parts are called, once a tick."""
 
 import math
-from collections.abc import Generator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
+from companion.estimation.dead_reckoning import DeadReckoning, along, moved
 from companion.estimation.heading import HeadingFilter, WallBearing
+from companion.estimation.in_flight import InFlightSmoothing
 from companion.estimation.keyframes import Keyframes
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.restart import restart
-from companion.estimation.smoother import FLYING_GATES_M, Smoothed, Smoother
+from companion.estimation.smoother import Smoothed, Smoother
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.messages import (
@@ -43,22 +45,6 @@ SQUARE_SIGMA_RAD = math.radians(0.5)
 """Walls this near to a right angle are taken to be built so, this exactly."""
 
 
-SMOOTHING_PERIOD_S = 4.0
-MOST_KEYFRAMES_IN_FLIGHT = 1000
-"""Later, a piece of smoothing would take longer than a tick may."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Smoothing:
-    """A smoothing under way, and where the raw dead reckoning was when it began."""
-
-    work: Generator[None, None, Smoothed]
-    time_s: float
-    raw_ne_m: Vector2
-    raw_yaw_rad: float
-    hits: int
-
-
 class Estimator:
     """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
 
@@ -72,19 +58,18 @@ class Estimator:
         self._yaw_rate_rad_s = 0.0
         self._turned_until_s = 0.0
         self.hits: list[Hit] = []
-        self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
         self.keyframes = Keyframes()
-        self._mount_offset_m = mount_offset_m
-        self._smoothing: _Smoothing | None = None
-        self._smoothed_s = 0.0
+        self._smoother = Smoother(sensor, mount_offset_m, rest_bias_rad_s)
+        self._in_flight = InFlightSmoothing(self._smoother)
         self._resets = 0
+        self._mount_offset_m = mount_offset_m
         self._runs = {beam: WallRun() for beam in BEAM_BEARING_FRD_RAD}
         self._odometry: Odometry | None = None
         self._height_m = 0.0
-        self._raw_ne_m: Vector2 = (0.0, 0.0)
-        self._raw_yaw_rad = 0.0
-        self._drifting_ne_m: Vector2 = (0.0, 0.0)
-        self._drifting_yaw_rad = 0.0
+        self._raw = DeadReckoning()
+        """Neither scales nor bias corrected."""
+        self._drifting = DeadReckoning()
+        """Corrected as well as they were known at the time."""
 
     def pose(self, time_s: float) -> Pose:
         return Pose(
@@ -108,8 +93,8 @@ class Estimator:
         if samples:
             self._yaw_rate_rad_s = samples[-1].yaw_rate_rad_s - self.heading.bias_rad_s
             self._turned_until_s = samples[-1].time_s
-        self._drifting_yaw_rad += corrected_rad
-        self._raw_yaw_rad += raw_rad
+        self._drifting.turn(corrected_rad)
+        self._raw.turn(raw_rad)
 
     def move(self, odometry: Odometry) -> None:
         """Take in the autopilot's odometry: only how far the body moved, not where to."""
@@ -126,18 +111,15 @@ class Estimator:
         half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
-        self._raw_ne_m = _moved(self._raw_ne_m, body_m, self._raw_yaw_rad - half_turn_rad)
+        self._raw.move(body_m, half_turn_rad)
         scale = 1 + self.slam.scale_error
-        self._drifting_ne_m = _moved(
-            self._drifting_ne_m,
-            (scale * body_m[0], scale * body_m[1]),
-            self._drifting_yaw_rad - half_turn_rad,
-        )
+        self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
 
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self.keyframes.advance(pose, self._raw_ne_m, self._raw_yaw_rad)
+        self.keyframes.advance(pose, self._raw.ne_m, self._raw.yaw_rad)
+        back_m, ahead_rad = self._since_measured(scan.time_s)
         for beam, bearing_frd_rad in BEAM_BEARING_FRD_RAD.items():
             reading = scan.readings.get(beam)
             if reading is None:
@@ -146,39 +128,36 @@ class Estimator:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
             range_m = reading.distance_m + self._mount_offset_m
-            raw = self._when_measured(scan.time_s, self._raw_ne_m, self._raw_yaw_rad)
-            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, raw)
-            eye_ne_m, yaw_rad = self._when_measured(
-                scan.time_s, self.slam.position_ne_m, self.heading.yaw_rad
-            )
-            bearing_rad = yaw_rad + bearing_frd_rad
+            self.keyframes.add_hit(pose, beam, bearing_frd_rad, range_m, (back_m, ahead_rad))
+            yaw_rad = self.heading.yaw_rad
+            eye_ne_m = moved(self.slam.position_ne_m, back_m, yaw_rad)
+            bearing_rad = yaw_rad + ahead_rad + bearing_frd_rad
             wall = self.slam.see_range(eye_ne_m, bearing_rad, range_m, self._mount_offset_m)
-            north_m, east_m = _along(eye_ne_m, bearing_rad, range_m)
+            north_m, east_m = along(eye_ne_m, bearing_rad, range_m)
             position_ned_m = (north_m, east_m, -self._height_m)
             self.hits.append(Hit(scan.time_s, beam, position_ned_m, reading.variance_m2, wall))
             if reading.distance_m > self._trusted_m:
                 continue
-            eye, yaw_rad = self._when_measured(
-                scan.time_s, self._drifting_ne_m, self._drifting_yaw_rad
-            )
+            yaw_rad = self._drifting.yaw_rad + ahead_rad
+            eye = moved(self._drifting.ne_m, back_m, self._drifting.yaw_rad)
             drifting_hit = RunHit(
                 scan.time_s,
-                _along(eye, yaw_rad + bearing_frd_rad, range_m),
+                along(eye, yaw_rad + bearing_frd_rad, range_m),
                 reading.variance_m2,
                 eye,
                 yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
 
-    def _when_measured(self, now_s: float, place: Vector2, yaw_rad: float) -> tuple[Vector2, float]:
-        """Place and heading as they were when the ranges that are read now were measured.
+    def _since_measured(self, now_s: float) -> tuple[Vector2, float]:
+        """From now (forward, right) back to where the ranges that are read now were measured.
 
-        The place is known until now, the heading until the gyro's latest sample.
+        And the turn, from the gyro's latest sample to the heading at that moment.
         """
         forward_m_s, right_m_s = self._velocity_frd_m_s
         back_m = -self._range_age_s * forward_m_s, -self._range_age_s * right_m_s
         ahead_s = now_s - self._range_age_s - self._turned_until_s
-        return _moved(place, back_m, yaw_rad), yaw_rad + ahead_s * self._yaw_rate_rad_s
+        return back_m, ahead_s * self._yaw_rate_rad_s
 
     def smoothed(self) -> Smoothed | None:
         """The whole flight set right by all that was seen; None before anything was."""
@@ -190,41 +169,23 @@ class Estimator:
     def improve(self, now_s: float) -> None:
         """Smooth the flight so far, a piece at each call; then go on from what came out.
 
-        A piece takes some milliseconds. The pose and the walls make a step at the end.
+        The pose and the walls make a step at the end.
         """
-        if self._smoothing is None:
-            frames = self.keyframes.frames
-            is_due = now_s - self._smoothed_s >= SMOOTHING_PERIOD_S
-            if is_due and self.slam.walls and len(frames) <= MOST_KEYFRAMES_IN_FLIGHT:
-                self._smoothed_s = now_s
-                self._smoothing = _Smoothing(
-                    self._smoother.smoothing(
-                        frames.copy(),
-                        self.keyframes.hits.copy(),
-                        self.wall_lines(),
-                        FLYING_GATES_M,
-                    ),
-                    frames[-1].time_s,
-                    *self.keyframes.raw,
-                    len(self.hits),
-                )
+        done = self._in_flight.step(now_s, self.keyframes, self.wall_lines)
+        if done is None:
             return
-        try:
-            next(self._smoothing.work)
-        except StopIteration as end:
-            self._go_on_from(now_s, end.value, self._smoothing)
-            self._smoothing = None
-
-    def _go_on_from(self, now_s: float, smoothed: Smoothed, work: _Smoothing) -> None:
-        """Restart the filters at the last keyframe smoothed, and move them on to now."""
+        smoothed, begun = done
         restart(self.heading, self.slam, smoothed.end)
         self.keyframes.correct(smoothed.path)
-        self.hits[: work.hits] = smoothed.hits
-        self.hits[work.hits :] = [replace(hit, wall=None) for hit in self.hits[work.hits :]]
-        moved = tuple(now - then for now, then in zip(self._raw_ne_m, work.raw_ne_m, strict=True))
-        body_m = ned_to_frd(moved[0], moved[1], work.raw_yaw_rad)
-        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - work.time_s)
-        self.heading.turn(self._raw_yaw_rad - work.raw_yaw_rad, self._turned_until_s - work.time_s)
+        later = [replace(hit, wall=None) for hit in self.hits[begun.hits :]]
+        self.hits = [*smoothed.hits, *later]
+        north_m, east_m = (
+            now - then for now, then in zip(self._raw.ne_m, begun.raw_ne_m, strict=True)
+        )
+        body_m = ned_to_frd(north_m, east_m, begun.raw_yaw_rad)
+        self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - begun.time_s)
+        turned_rad = self._raw.yaw_rad - begun.raw_yaw_rad
+        self.heading.turn(turned_rad, self._turned_until_s - begun.time_s)
         self._resets += 1
 
     def _learn(self, run: Line | None, now_s: float) -> None:
@@ -244,7 +205,7 @@ class Estimator:
     def _wall_bearing(self, run: Line, now_s: float) -> WallBearing:
         """The run's normal as it was seen off the nose in the middle of the run."""
         age_s = now_s - run.mean_time_s
-        corrected_rad = self._drifting_yaw_rad - run.mean_yaw_rad
+        corrected_rad = self._drifting.yaw_rad - run.mean_yaw_rad
         raw_rad = corrected_rad + self.heading.bias_rad_s * age_s
         raw_rad /= 1 - self.heading.scale_error
         bearing_frd_rad = run.normal_rad - run.mean_yaw_rad
@@ -262,9 +223,9 @@ class Estimator:
 
     def _to_local(self, run: Line) -> Line:
         """From the drifting frame to local NED, by the two poses of this moment."""
-        turn_rad = wrap_rad(self.heading.yaw_rad - self._drifting_yaw_rad)
-        ahead_m = run.centre[0] - self._drifting_ne_m[0]
-        aside_m = run.centre[1] - self._drifting_ne_m[1]
+        turn_rad = wrap_rad(self.heading.yaw_rad - self._drifting.yaw_rad)
+        ahead_m = run.centre[0] - self._drifting.ne_m[0]
+        aside_m = run.centre[1] - self._drifting.ne_m[1]
         north_m, east_m = frd_to_ned(ahead_m, aside_m, turn_rad)
         north_m += self.slam.position_ne_m[0]
         east_m += self.slam.position_ne_m[1]
@@ -304,15 +265,3 @@ def _trusted_m(sensor: RangeModel) -> float:
     while sensor.sigma_m(distance_m) > TRUSTED_SIGMA_M:
         distance_m -= 0.1
     return distance_m
-
-
-def _moved(place: Vector2, body_m: Vector2, yaw_rad: float) -> Vector2:
-    north_m, east_m = frd_to_ned(*body_m, yaw_rad)
-    return place[0] + north_m, place[1] + east_m
-
-
-def _along(origin: Vector2, bearing_rad: float, range_m: float) -> Vector2:
-    return (
-        origin[0] + range_m * math.cos(bearing_rad),
-        origin[1] + range_m * math.sin(bearing_rad),
-    )

@@ -94,14 +94,14 @@ class HeadingFilter:
         kalman.F, kalman.Q = np.eye(len(x)), np.zeros((len(x), len(x)))
         return kalman
 
-    def _note(self) -> None:
-        """The state as plain floats, which are asked for many times a tick."""
-        self._values: list[float] = self._filter.x[:, 0].tolist()
-
     def restart(self, state: Array, covariance: Array) -> None:
         """Go on from heading, bias, scale and all walls' directions (n,) as told, (n, n)."""
         self._filter = self._grown(state, covariance)
         self._note()
+
+    def _note(self) -> None:
+        """The state as plain floats, which are asked for many times a tick."""
+        self._values: list[float] = self._filter.x[:, 0].tolist()
 
     def _sigma(self, index: int) -> float:
         return math.sqrt(self._filter.P.item(index, index))

@@ -7,6 +7,7 @@ keyframe before them, by raw odometry and gyro.
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
+from companion.estimation.dead_reckoning import moved
 from companion.frames import Vector2, ned_to_frd
 from companion.messages import Beam, Pose
 from companion.values import value
@@ -45,12 +46,15 @@ class KeyframeHit:
 
 @dataclass(slots=True)
 class Keyframes:
-    """The record; `raw_ne_m` and `raw_yaw_rad` are the uncorrected dead reckoning."""
+    """The record."""
 
     frames: list[Keyframe] = field(default_factory=list)
     hits: list[KeyframeHit] = field(default_factory=list)
     _raw_ne_m: Vector2 = (0.0, 0.0)
     _raw_yaw_rad: float = 0.0
+    _moved_frd_m: Vector2 = (0.0, 0.0)
+    _turned_rad: float = 0.0
+    """Since the latest keyframe."""
 
     @property
     def raw(self) -> tuple[Vector2, float]:
@@ -63,12 +67,15 @@ class Keyframes:
             self.frames[i] = replace(self.frames[i], guess=pose)
 
     def advance(self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float) -> None:
-        """Make a keyframe if it is time for one."""
+        """The drone is here by now, and there by uncorrected dead reckoning."""
+        north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
+        self._moved_frd_m = ned_to_frd(north_m, east_m, self._raw_yaw_rad)
+        self._turned_rad = raw_yaw_rad - self._raw_yaw_rad
         if self.frames and pose.time_s - self.frames[-1].time_s < PERIOD_S - 1e-6:
             return
-        moved_frd_m, turned_rad = self._since(raw_ne_m, raw_yaw_rad)
-        self.frames.append(Keyframe(pose.time_s, pose, moved_frd_m, turned_rad))
+        self.frames.append(Keyframe(pose.time_s, pose, self._moved_frd_m, self._turned_rad))
         self._raw_ne_m, self._raw_yaw_rad = raw_ne_m, raw_yaw_rad
+        self._moved_frd_m, self._turned_rad = (0.0, 0.0), 0.0
 
     def add_hit(
         self,
@@ -76,23 +83,20 @@ class Keyframes:
         beam: Beam,
         bearing_frd_rad: float,
         range_m: float,
-        raw: tuple[Vector2, float],
+        back: tuple[Vector2, float],
     ) -> None:
-        """A hit seen now, `bearing_frd_rad` off the nose, at the raw dead-reckoned (place, yaw)."""
-        offset_frd_m, turned_rad = self._since(*raw)
+        """A hit read now, so far off the nose.
+
+        `back` is the motion from now, forward and right, and the turn, to when it was measured.
+        """
         self.hits.append(
             KeyframeHit(
                 pose.time_s,
                 beam,
                 len(self.frames) - 1,
-                offset_frd_m,
-                turned_rad + bearing_frd_rad,
+                moved(self._moved_frd_m, back[0], self._turned_rad),
+                self._turned_rad + back[1] + bearing_frd_rad,
                 range_m,
                 pose.down_m,
             )
         )
-
-    def _since(self, raw_ne_m: Vector2, raw_yaw_rad: float) -> tuple[Vector2, float]:
-        north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
-        moved = ned_to_frd(north_m, east_m, self._raw_yaw_rad)
-        return moved, raw_yaw_rad - self._raw_yaw_rad

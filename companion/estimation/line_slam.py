@@ -106,8 +106,8 @@ class LineSlam:
 
     def restart(self, state: Matrix, covariance: Matrix, walls: list[Wall]) -> None:
         """Go on from position, scale and the walls' offsets from their anchors (n,), (n, n)."""
-        self._x, self._p, self.walls = state.tolist(), covariance, walls
-        self._f = np.eye(len(state))
+        self._x, self._p, self._f = state.tolist(), covariance, np.eye(len(state))
+        self.walls = walls
 
     def line(self, wall: Wall) -> tuple[float, float]:
         """(normal_rad, offset_m) of a wall as {p : p·n = offset}."""

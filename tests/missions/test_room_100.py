@@ -13,10 +13,11 @@ def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int)
     assert flight.report.collisions == 0
     assert flight.report.clearance_m > 0.3
     assert flight.report.coverage >= 0.95
-    assert flight.report.wall_error_aligned_cm <= 15
-    assert flight.report.ate_cm <= 15
+    assert flight.report.wall_error_aligned_cm <= 6
+    assert flight.report.wall_error_cm <= 12
+    assert flight.report.ate_cm <= 8
     assert flight.plan.ceiling_m == pytest.approx(2.6, abs=0.1)
-    assert flight.report.return_m < 0.6
+    assert flight.report.return_m < 0.3
     assert abs(flight.simulation.autopilot.truth.position_ned_m[2]) < 0.05
 
 

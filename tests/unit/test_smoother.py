@@ -13,7 +13,8 @@ from companion.drivers.lsm9ds1 import SampleClock
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.association import associate
 from companion.estimation.bordered import BorderedSystem
-from companion.estimation.estimator import SMOOTHING_PERIOD_S, Estimator
+from companion.estimation.estimator import Estimator
+from companion.estimation.in_flight import PERIOD_S
 from companion.estimation.keyframes import Keyframe, KeyframeHit
 from companion.estimation.unknowns import Measured, RangeNoise, Unknowns
 from companion.messages import Beam, GyroSample, Odometry, Pose, RangeReading, RangeScan, RangeState
@@ -127,7 +128,7 @@ def fly_east(estimator: Estimator, seconds: float, seed: int) -> None:
 
 def test_the_filters_go_on_where_the_smoother_ends() -> None:
     estimator = Estimator(0.0, PAPER, 0.0)
-    fly_east(estimator, SMOOTHING_PERIOD_S + 2.5, seed=1)
+    fly_east(estimator, PERIOD_S + 2.5, seed=1)
     pose = estimator.pose(0.0)
     assert pose.reset_counter >= 1
     assert pose.north_m == pytest.approx(0.0, abs=4 * pose.position_sigma_m)
