@@ -7,7 +7,7 @@ No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 from companion.config import Config
@@ -16,6 +16,7 @@ from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
+from companion.mapping.near import Near
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
@@ -100,6 +101,7 @@ class App:
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
         self.space = Space()
         """What is known of the space around, as the flight uses it."""
+        self._near = Near(PROFILES[config.sensors.profile], config.sensors.mount_offset_m)
         self._resets = 0
         self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
@@ -110,7 +112,9 @@ class App:
         """One tick of the control loop."""
         self._note_arrivals(now_s, inputs)
         self._calibrate(inputs)
+        inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
+        self._near.move(pose, inputs.telemetry.odometry)
         action = self._decide(now_s, inputs, pose)
         return Outputs(
             action.setpoint,
@@ -135,6 +139,12 @@ class App:
             self.estimator = Estimator(
                 self._rest.bias_rad_s, PROFILES[sensors.profile], sensors.mount_offset_m
             )
+
+    def _unfold(self, inputs: Inputs) -> Inputs:
+        """Note what is near; readings that have folded back are not to be taken for distances."""
+        if self.flight.phase not in SEEING_PHASES:
+            return inputs
+        return replace(inputs, scan=self._near.see(inputs.scan))
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
@@ -171,6 +181,7 @@ class App:
             vehicle=inputs.telemetry.vehicle,
             sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
             space=self.space.grid,
+            around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
             gyro_age_s=now_s - self._last_gyro_s,
             scan_age_s=now_s - self._last_scan_s,

@@ -81,6 +81,10 @@ class RangeModel(Protocol):
         """Standard deviation of a reading at a true distance."""
         ...
 
+    def alias_m(self, distance_m: float) -> float | None:
+        """The distance below its least one at which it reads the same; None if there is none."""
+        ...
+
 
 @value
 class RangeScan:

@@ -100,6 +100,14 @@ class SharpProfile:
         noise_m = self.noise_v * inverse_m_per_volt * distance_m**2
         return math.hypot(noise_m, self.gain_sigma * distance_m)
 
+    def alias_m(self, distance_m: float) -> float | None:
+        """On the rising branch, from the lens to the curve's peak."""
+        volts = self.volts(distance_m)
+        near = self.volts_by_near_m
+        peak = max(range(len(near.y)), key=near.y.__getitem__)
+        rising = Curve(near.x[: peak + 1], near.y[: peak + 1]).inverse()
+        return rising.at(volts)[0] if volts >= near.y[0] else None
+
     def volts(self, distance_m: float | None) -> float:
         """The datasheet's curve; beyond its end it falls on towards the open output."""
         if distance_m is None:
@@ -138,6 +146,10 @@ class LinearProfile:
 
     def sigma_m(self, distance_m: float) -> float:
         return self.error_m
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None
 
     def volts(self, distance_m: float | None) -> float:
         if distance_m is None or distance_m > self.max_m:

@@ -23,6 +23,8 @@ OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
 EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
 """A reading as exact as this fills its cell at once; one less exact counts for less, one less
 exact than the other for nothing: its wall would be smeared."""
+WELL_SIGMA_M = 0.055
+"""A reading as exact as this has seen a surface well."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to so many sigmas before where the beam ended."""
 
@@ -49,6 +51,7 @@ class Occupancy:
         half = CHUNK_CELLS // 2
         self._low = (-half, -half)
         self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
+        self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -62,6 +65,11 @@ class Occupancy:
     @property
     def occupied(self) -> Cells:
         return self._log_odds > OCCUPIED_ABOVE
+
+    @property
+    def well_seen(self) -> Cells:
+        """A reading exact enough to map by has ended here."""
+        return self._well_seen
 
     def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
         """Row and column; may lie outside the grid."""
@@ -106,6 +114,7 @@ class Occupancy:
             row, column = self.cell(end)
             weight = HIT * min(1.0, EXACT_SIGMA_M / max(ray.sigma_m, 1e-3))
             self._log_odds[row, column] = min(self._log_odds[row, column] + weight, MOST_LOG_ODDS)
+            self._well_seen[row, column] |= ray.sigma_m <= WELL_SIGMA_M
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
         """Something is there, whatever the beams have said."""
@@ -116,16 +125,6 @@ class Occupancy:
             max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
         ]
         near[:] = MOST_LOG_ODDS
-
-    def clear(self, place_ne_m: Vector2, radius_m: float) -> None:
-        """The drone itself is there, so nothing else is."""
-        self._reach(place_ne_m)
-        row, column = self.cell(place_ne_m)
-        reach = math.ceil(radius_m / CELL_M)
-        near = self._log_odds[
-            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
-        ]
-        near[:] = np.minimum(near, 2 * FREE_BELOW)
 
     def _indices(self, metres: NDArray[np.float64], axis: int) -> NDArray[np.int64]:
         return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]
@@ -141,6 +140,7 @@ class Occupancy:
                 widths = [(0, 0), (0, 0)]
                 widths[axis] = (before, after)
                 self._log_odds = np.pad(self._log_odds, widths)
+                self._well_seen = np.pad(self._well_seen, widths)
                 low = list(self._low)
                 low[axis] -= before
                 self._low = (low[0], low[1])

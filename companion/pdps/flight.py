@@ -28,6 +28,7 @@ from dataclasses import field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
+from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy
 from companion.messages import (
     HOLD,
@@ -40,8 +41,9 @@ from companion.messages import (
     VehicleState,
 )
 from companion.pdps import explore, room_scan
-from companion.pdps.explore import BODY_RADIUS_M, Explore, ExplorePhase
+from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.follow import Way, follow, is_blocked
+from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
 from companion.pdps.route import find_ways
 from companion.values import value
@@ -97,6 +99,7 @@ class View:
     """The gyro's bias has been averaged."""
     gyro_age_s: float
     scan_age_s: float
+    around: Surroundings = field(default_factory=Surroundings)
     land_requested: bool = False
     """The user or the operating system asks the program to end."""
 
@@ -162,7 +165,10 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
         flight = cut_short
-    return _STEPS[flight.phase](flight, view, plan)
+    flight, action = _STEPS[flight.phase](flight, view, plan)
+    if action.setpoint is not None and flight.phase in FLYING_PHASES:
+        action = replace(action, setpoint=guarded(action.setpoint, view.around, plan.clearance_m))
+    return flight, action
 
 
 def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:

@@ -1,45 +1,51 @@
 """What is still unseen, and from where to look at it.
 
-A frontier is known free space next to unknown space (Yamauchi 1997). It is worth a look if it is
-wide enough to be more than the gap between two beams, and if the drone can come near enough.
+Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
+1997), and surfaces that were only met from so far that they cannot be mapped exactly. The next
+place to look from is the one that shows most of them for the time that it takes to get there.
 """
 
-import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation, label
+from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.route import Ways, least_along
+from companion.pdps.route import Ways
 
 LEAST_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
-LOOK_FROM_M = (0.0, 2.5)
-"""A frontier is looked at from within this."""
-ROOM_TO_TURN_M = 0.9
-"""A place to turn round in has so much room; where it has less, it counts as farther off."""
-CROWDED_COST = 10.0
+LEAST_SURFACE_CELLS = 4
+SEES_M = 2.4
+"""From so far a look shows a surface well."""
+LEAST_SEES_M = 0.9
+"""Nearer than this the sensor cannot measure."""
+VIEW_EVERY_CELLS = 3
+ROOM_TO_LOOK_M = 0.65
+"""A place to look round from has at least so much room."""
+AMPLE_ROOM_M = 1.1
+CROWDED_S = 6.0
+"""What a metre less room than is ample costs."""
+LOOK_S = 4.0
+MOST_TARGETS = 500
 BEAM_GAP_CELLS = 2
-GAIN, MOST_GAIN_M = 3.0, 9.0
-"""How much farther a frontier may be that is one metre wider; and at most."""
-PIECE_CELLS = 20
+TRIED_WITHIN_M = 0.25
+TRIES = 2
 Indices = NDArray[np.int64]
 PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 SQUARE = np.ones((3, 3), dtype=bool)
+Places = tuple[Vector2, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A place to look from, and what for."""
+    """A place to look from, and at what."""
 
     from_ne_m: Vector2
-    at_ne_m: Vector2
-    """The middle of the frontier."""
-    width_m: float
+    at_ne_m: Places
 
 
 def frontiers(grid: Occupancy) -> Cells:
@@ -52,67 +58,91 @@ def frontiers(grid: Occupancy) -> Cells:
     unknown = ~(seen | grid.occupied)
     beside_wall = binary_dilation(grid.occupied, SQUARE)
     edge: Cells = np.logical_and(grid.free & ~beside_wall, binary_dilation(unknown, PLUS))
-    return edge
+    return _without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
-def next_look(grid: Occupancy, ways: Ways, given_up: tuple[Vector2, ...] = ()) -> Look | None:
-    """The best place to go to next; None when nothing unseen can be reached.
+def vague_surfaces(grid: Occupancy) -> Cells:
+    """Occupied cells beside free space that no exact reading has ended in, nor close by."""
+    vague = grid.occupied & ~binary_dilation(grid.well_seen, SQUARE)
+    return _without_specks(vague & binary_dilation(grid.free, SQUARE), LEAST_SURFACE_CELLS)
 
-    Wide and near frontiers come first; those in `given_up` were looked at in vain.
+
+def next_look(
+    grid: Occupancy, ways: Ways, speed_m_s: float, tried: Places = ()
+) -> Look | None:
+    """The place that shows most for its time; None when nothing unseen can be shown.
+
+    `tried` are places that were looked at in vain; twice is enough.
     """
-    looks = []
-    for rows, columns in _pieces(frontiers(grid)):
-        look = _look_at(grid, ways, rows, columns)
-        if look is not None and not _is_near_any(look.at_ne_m, given_up):
-            looks.append(look)
-    return min(looks, key=lambda look: _cost_m(look, ways), default=None)
-
-
-def _pieces(edge: Cells) -> Iterator[tuple[Indices, Indices]]:
-    """Connected frontiers, long ones cut into pieces of about two metres."""
-    numbers, _ = label(edge, SQUARE)
-    rows, columns = np.nonzero(numbers)
-    tiles = rows // PIECE_CELLS * edge.shape[1] + columns // PIECE_CELLS
-    keys = numbers[rows, columns] * edge.size + tiles
-    for key in np.unique(keys):
-        mine = keys == key
-        if mine.sum() >= LEAST_FRONTIER_CELLS:
-            yield rows[mine], columns[mine]
-
-
-def _look_at(grid: Occupancy, ways: Ways, rows: Indices, columns: Indices) -> Look | None:
-    """From the cheapest reachable cell near the frontier's middle that sees it."""
-    middle = int(np.argmin((rows - rows.mean()) ** 2 + (columns - columns.mean()) ** 2))
-    target = int(rows[middle]), int(columns[middle])
-    reach = round(LOOK_FROM_M[1] / CELL_M)
-    low_row, low_column = max(target[0] - reach, 0), max(target[1] - reach, 0)
-    window = ways.metres[low_row : target[0] + reach + 1, low_column : target[1] + reach + 1]
-    candidates = np.argwhere(np.isfinite(window))
-    if not len(candidates):
+    targets = unseen(grid, tried)
+    views = _viewpoints(ways)
+    if not len(targets) or not len(views):
         return None
-    candidates += (low_row, low_column)
-    away = np.hypot(*(candidates - target).T) * CELL_M
-    crowded = np.maximum(ROOM_TO_TURN_M - ways.to_occupied_m[tuple(candidates.T)], 0)
-    cost = ways.metres[tuple(candidates.T)] + away + CROWDED_COST * crowded
-    order = np.argsort(cost, kind="stable")
-    for index in order[:200]:
-        cell = int(candidates[index][0]), int(candidates[index][1])
-        if away[index] <= LOOK_FROM_M[1] and least_along(cell, target, grid.free):
-            return Look(grid.place(cell), grid.place(target), len(rows) * CELL_M)
-    return None
+    if len(targets) > MOST_TARGETS:
+        targets = targets[:: len(targets) // MOST_TARGETS + 1]
+    pairs = _sights(grid, views, targets)
+    if not len(pairs):
+        return None
+    shows = np.bincount(pairs[:, 0], minlength=len(views))
+    time_s = ways.metres[tuple(views.T)] / speed_m_s + LOOK_S
+    crowded_m = np.maximum(AMPLE_ROOM_M - ways.to_occupied_m[tuple(views.T)], 0)
+    best = int(np.argmax(shows / (time_s + CROWDED_S * crowded_m)))
+    at = targets[pairs[pairs[:, 0] == best, 1]]
+    return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
 
 
-def _cost_m(look: Look, ways: Ways) -> float:
-    row, column = ways.grid.cell(look.from_ne_m)
-    return float(ways.metres[row, column]) - min(GAIN * look.width_m, MOST_GAIN_M)
+def unseen(grid: Occupancy, tried: Places = ()) -> Indices:
+    """Cells worth a look, (n, 2)."""
+    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
+    if not tried or not len(cells):
+        return cells
+    places = np.array([grid.place(_cell(cell)) for cell in cells])
+    times = cKDTree(np.array(tried)).query_ball_point(
+        places, TRIED_WITHIN_M, return_length=True
+    )
+    return cells[np.asarray(times) < TRIES]
 
 
-def _is_near_any(place: Vector2, others: tuple[Vector2, ...]) -> bool:
-    return any(math.dist(place, other) < 0.4 for other in others)
+def still_unseen(grid: Occupancy, places: Places) -> Places:
+    """Those of the places that are, or have close by, something unseen."""
+    cells = unseen(grid)
+    if not len(cells) or not places:
+        return ()
+    tree = cKDTree(np.array([grid.place(_cell(cell)) for cell in cells]))
+    near_m, _ = tree.query(np.array(places))
+    return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def is_unseen(grid: Occupancy, place_ne_m: Vector2) -> bool:
-    """There is still something unknown about a place."""
-    row, column = grid.cell(place_ne_m)
-    around = np.s_[max(row - 2, 0) : row + 3, max(column - 2, 0) : column + 3]
-    return bool((~grid.free[around] & ~grid.occupied[around]).any())
+def _cell(row_column: Indices) -> tuple[int, int]:
+    return int(row_column[0]), int(row_column[1])
+
+
+def _without_specks(cells: Cells, least: int) -> Cells:
+    numbers, count = label(cells, SQUARE)
+    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    kept: Cells = cells & (sizes[numbers] >= least)
+    return kept
+
+
+def _viewpoints(ways: Ways) -> Indices:
+    """Reachable cells with room to look round, (n, 2), a few decimetres apart; always the present one."""
+    may = np.isfinite(ways.metres) & (ways.to_occupied_m >= ROOM_TO_LOOK_M)
+    cells = np.argwhere(may)
+    spaced = (cells % VIEW_EVERY_CELLS == 0).all(axis=1)
+    return cells[spaced]
+
+
+def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
+    """Pairs (view, target), (n, 2), with nothing in between, within the range of a good look."""
+    found = cKDTree(views).query_ball_tree(cKDTree(targets), SEES_M / CELL_M)
+    pairs = np.array([(v, t) for v, ts in enumerate(found) for t in ts]).reshape(-1, 2)
+    starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
+    away = np.hypot(*(ends - starts).T) * CELL_M
+    vague = grid.occupied[tuple(ends.T)]
+    fits = ~vague | (away >= LEAST_SEES_M)
+    pairs, starts, ends = pairs[fits], starts[fits], ends[fits]
+    steps = np.linspace(0, 1, round(1.5 * SEES_M / CELL_M))[:, None, None]
+    line = np.rint(starts + steps * (ends - starts)).astype(int)
+    off_end = np.abs(line - ends).max(axis=2) > 1
+    blocked = (grid.occupied[line[..., 0], line[..., 1]] & off_end).any(axis=0)
+    return pairs[~blocked]

@@ -18,6 +18,10 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
 UNKNOWN_SHARE = 0.8
 """How near to unseen space the drone may come, as a share of its distance from what is there."""
+TIGHT_CLEAR_M = 0.4
+"""From the drone's centre to the sides of a doorway; what has less is an opening not entered."""
+TIGHT_COST = 12.0
+"""Where it is tight, a way counts as so much longer: the drone goes there only to pass."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
 CLOSE_COST = 4.0
 """A way along the edge of what is allowed counts as so much longer than one in the open."""
@@ -71,16 +75,18 @@ def distance_to_blocked_m(grid: Occupancy) -> tuple[NDArray[np.float64], NDArray
 def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     """Dijkstra over the cells where the drone fits; the one it is in always counts as such.
 
-    `clear_m` is from the drone's centre to anything.
+    `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
     to_occupied, to_unknown = distance_to_blocked_m(grid)
-    passable: Cells = (to_occupied >= clear_m) & (to_unknown >= UNKNOWN_SHARE * clear_m)
+    tight_m = min(clear_m, TIGHT_CLEAR_M)
+    passable: Cells = (to_occupied >= tight_m) & (to_unknown >= UNKNOWN_SHARE * tight_m)
     row, column = grid.cell(from_ne_m)
     reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-    passable[around] |= to_occupied[around] >= min(to_occupied[row, column], clear_m)
+    passable[around] |= to_occupied[around] >= min(to_occupied[row, column], tight_m)
     crowding = np.clip((clear_m + OPEN_M - to_occupied) / OPEN_M, 0, 1)
-    graph = _graph(passable, 1 + (CLOSE_COST - 1) * crowding)
+    cost = np.where(to_occupied < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
+    graph = _graph(passable, cost + (clear_m - to_occupied).clip(0) * TIGHT_COST)
     start = row * passable.shape[1] + column
     metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
     return Ways(grid, passable, to_occupied, metres.reshape(passable.shape), came_from)
