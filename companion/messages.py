@@ -41,7 +41,8 @@ class RangeState(enum.Enum):
 class RangeReading:
     """One range: a distance with its variance, or the reason why there is none.
 
-    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE.
+    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE; of what is TOO_NEAR,
+    `distance_m` may be a guess, not fit for a map.
     """
 
     state: RangeState

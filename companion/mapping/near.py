@@ -98,10 +98,11 @@ class Near:
         if reading.is_distance and self._has_folded(reading.distance_m, along_m, aside_m):
             return RangeReading(RangeState.TOO_NEAR)
         if reading.state is RangeState.TOO_NEAR:
-            near_m = self._sensor.min_m + self._mount_offset_m + ALIAS_M
-            known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (along_m < near_m)
+            guess_m = 0.0 if math.isnan(reading.distance_m) else reading.distance_m
+            end_m = max(guess_m + self._mount_offset_m, UNMEASURED_M)
+            known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (along_m < end_m + ALIAS_M)
             if not known.any():
-                self._put(UNMEASURED_M, bearing_frd_rad, time_s)
+                self._put(end_m, bearing_frd_rad, time_s)
             return reading
         end_m = self._mount_offset_m + (
             reading.distance_m if reading.is_distance else self._sensor.max_m

@@ -1,14 +1,13 @@
 """Seeing everything that can be reached: look round, go to where most is unseen, again.
 
             turned, something unseen can be reached
-    LOOK ───────────────────────────────────────────► GO ──┐ blocked for a while, or seen
-     ▲ │                                              │    │ on the way: another way or place
+    LOOK ───────────────────────────────────────────► GO ──┐ no way, or seen from the way:
+     ▲ │                                              │    │ another place
      │ └─ turned, nothing unseen is left ─► DONE      │ ◄──┘
      └──────────────────── arrived ───────────────────┘
 
-Safety: it flies only along ways through cells that beams have found free, with the drone's
-clearance around them, nose first; something that appears ahead stops it (`follow`, `guard`). It
-turns before it goes anywhere new: three beams at right angles see all around in half a turn.
+Safety: it goes only where `travel` goes, through cells that beams have found free, and turns before
+it goes anywhere new: three beams at right angles see all around in half a turn.
 """
 
 import enum
@@ -19,23 +18,21 @@ from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import Setpoint
+from companion.pdps import travel
 from companion.pdps.control import climb_to
-from companion.pdps.follow import Way, follow, is_blocked, stay
+from companion.pdps.follow import stay
 from companion.pdps.gaps import Places, next_look, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import find_ways
+from companion.pdps.travel import Travel, TravelPhase
 
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
-BLOCKED_S = 3.0
-"""How long somebody in the way is waited for."""
-STUCK_S, STUCK_M = 8.0, 0.25
-"""So long without getting so far, and the drone tries another place."""
 CHECK_S = 1.0
-"""So often it is asked whether the place that it goes for is still worth it, and the way good."""
+"""So often it is asked whether what it looks for is still unseen."""
 WORTH_SHARE = 0.35
-"""Of what it goes for; when less of it is still unseen, there may be a better place."""
+"""When less than this of it is left, there may be a better place to go to."""
 
 
 class ExplorePhase(enum.Enum):
@@ -53,18 +50,21 @@ class Explore:
     phase: ExplorePhase = ExplorePhase.LOOK
     to_turn_rad: float = FIRST_LOOK_RAD
     last_yaw_rad: float | None = None
-    way: Way = ()
-    look_from_ne_m: Vector2 | None = None
-    """Where it goes to, and then turns round."""
+    here_ne_m: Vector2 | None = None
+    """Where it turns round."""
+    travel: Travel | None = None
+    """In GO."""
     look_at_ne_m: Places = ()
     """What the next look is for; empty at the first."""
     tried: Places = ()
     """Looked at, and no better known."""
     checked_s: float = 0.0
-    blocked_since_s: float | None = None
-    progress_s: float = 0.0
-    progress_ne_m: Vector2 = (0.0, 0.0)
-    """When and where it last got on."""
+
+    @property
+    def activity(self) -> str:
+        """The phase in words, as fine as it is known."""
+        sweeps = self.travel is not None and self.travel.phase is TravelPhase.SWEEP
+        return TravelPhase.SWEEP.value if sweeps else str(self.phase.value)
 
 
 def step(
@@ -86,88 +86,59 @@ def _look(
     yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
     left_rad = explore.to_turn_rad - wrap_rad(yaw_rad - last_rad)
-    here = explore.look_from_ne_m or (sight.pose.north_m, sight.pose.east_m)
+    here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
+    explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
     is_enough = left_rad <= 0
-    if not is_enough and explore.look_at_ne_m and now_s - explore.checked_s > CHECK_S:
+    if explore.look_at_ne_m and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
-        is_enough = not still_unseen(space, explore.look_at_ne_m)
+        is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
         in_vain = still_unseen(space, explore.look_at_ne_m)
-        looked = replace(explore, tried=(*explore.tried, *in_vain))
-        return _chosen(looked, sight, space, plan), _level(sight, plan)
-    turning = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, look_from_ne_m=here)
+        return _chosen(explore, in_vain, sight, space, plan), _level(sight, plan)
     rate_rad_s = math.radians(plan.turn_rate_deg_s)
-    return turning, replace(stay(here, sight, plan), yaw_rate_rad_s=rate_rad_s)
+    return explore, replace(stay(here, sight, plan), yaw_rate_rad_s=rate_rad_s)
 
 
-def _chosen(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
-    """Where to go to next."""
+def _chosen(
+    explore: Explore, in_vain: Places, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> Explore:
+    """Where to go to next, when some places have been looked at in vain."""
     here = sight.pose.north_m, sight.pose.east_m
+    tried = (*explore.tried, *in_vain)
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    look = next_look(space, ways, plan.speed_m_s, explore.tried)
+    look = next_look(space, ways, plan.speed_m_s, tried)
     if look is None:
-        return replace(explore, phase=ExplorePhase.DONE, way=())
-    return replace(
-        explore,
-        phase=ExplorePhase.GO,
-        way=ways.to(look.from_ne_m),
-        look_from_ne_m=look.from_ne_m,
+        return Explore(ExplorePhase.DONE, tried=tried)
+    return Explore(
+        ExplorePhase.GO,
+        travel=Travel(look.from_ne_m),
         look_at_ne_m=look.at_ne_m,
+        tried=tried,
         checked_s=sight.pose.time_s,
-        blocked_since_s=None,
-        progress_s=sight.pose.time_s,
-        progress_ne_m=here,
     )
 
 
 def _go(
     explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    explore = _progress(explore, sight)
-    if sight.pose.time_s - explore.progress_s > STUCK_S:
-        stuck = replace(explore, tried=(*explore.tried, *explore.look_at_ne_m))
-        return _chosen(stuck, sight, space, plan), _level(sight, plan)
-    if is_blocked(explore.way, sight):
-        return _wait(explore, sight, space, plan), _level(sight, plan)
-    if sight.pose.time_s - explore.checked_s > CHECK_S:
-        explore = _checked(explore, sight, space, plan)
-    way, setpoint = follow(explore.way, sight, space, plan)
-    if not way:
-        looking = replace(
-            explore, phase=ExplorePhase.LOOK, to_turn_rad=LOOK_RAD, last_yaw_rad=None, way=()
-        )
-        return looking, setpoint
-    return replace(explore, way=way, blocked_since_s=None), setpoint
-
-
-def _progress(explore: Explore, sight: Sight) -> Explore:
-    """Also who turns gets on."""
-    here = sight.pose.north_m, sight.pose.east_m
-    if math.dist(here, explore.progress_ne_m) < STUCK_M:
-        return explore
-    return replace(explore, progress_s=sight.pose.time_s, progress_ne_m=here)
-
-
-def _checked(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
-    """The way by what is known now; another place, if there is little left to see or no way."""
-    left = still_unseen(space, explore.look_at_ne_m)
-    if len(left) < WORTH_SHARE * len(explore.look_at_ne_m) or explore.look_from_ne_m is None:
-        return _chosen(explore, sight, space, plan)
-    here = sight.pose.north_m, sight.pose.east_m
-    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    if not ways.reaches(explore.look_from_ne_m):
-        return _chosen(explore, sight, space, plan)
-    way = ways.to(explore.look_from_ne_m)
-    return replace(explore, way=way, checked_s=sight.pose.time_s)
-
-
-def _wait(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
-    since_s = explore.blocked_since_s
-    if since_s is None:
-        return replace(explore, blocked_since_s=sight.pose.time_s)
-    if sight.pose.time_s - since_s < BLOCKED_S:
-        return explore
-    return _chosen(explore, sight, space, plan)
+    assert explore.travel is not None
+    now_s = sight.pose.time_s
+    if explore.travel.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
+        left = still_unseen(space, explore.look_at_ne_m)
+        explore = replace(explore, checked_s=now_s)
+        if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
+            return _chosen(explore, (), sight, space, plan), _level(sight, plan)
+    going, setpoint = travel.step(explore.travel, sight, space, plan)
+    match going.phase:
+        case TravelPhase.ARRIVED:
+            looking = Explore(
+                ExplorePhase.LOOK, LOOK_RAD, look_at_ne_m=explore.look_at_ne_m, tried=explore.tried
+            )
+            return looking, setpoint
+        case TravelPhase.GAVE_UP:
+            return _chosen(explore, explore.look_at_ne_m, sight, space, plan), setpoint
+        case _:
+            return replace(explore, travel=going), setpoint
 
 
 def _level(sight: Sight, plan: MissionConfig) -> Setpoint:

@@ -27,7 +27,6 @@ import math
 from dataclasses import field, replace
 
 from companion.config import MissionConfig
-from companion.frames import Vector2
 from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy
 from companion.messages import (
@@ -40,12 +39,11 @@ from companion.messages import (
     Setpoint,
     VehicleState,
 )
-from companion.pdps import explore, room_scan
+from companion.pdps import explore, room_scan, travel
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.follow import Way, follow, is_blocked
-from companion.pdps.guard import BODY_RADIUS_M, guarded
+from companion.pdps.guard import guarded
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
-from companion.pdps.route import find_ways
+from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
 LINK_SILENT_S = 1.0
@@ -114,8 +112,7 @@ class Flight:
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
     building: Explore = field(default_factory=Explore)
-    way_home: Way | None = None
-    """Through known free space; None: not planned yet, or there is no need."""
+    way_home: Travel = Travel((0.0, 0.0))
     held_from: Phase = Phase.CONNECT
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
@@ -139,7 +136,7 @@ class Flight:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        parts = {Phase.ROOM: self.room.phase.value, Phase.BUILDING: self.building.phase.value}
+        parts = {Phase.ROOM: self.room.phase.value, Phase.BUILDING: self.building.activity}
         return str(parts.get(self.phase, self.phase.value))
 
 
@@ -152,7 +149,7 @@ class Action:
 
 
 NOTHING = Action()
-HOME_NE_M: Vector2 = (0.0, 0.0)
+NO_WAY_HOME = "there is no way back to the start any more"
 
 
 def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -264,20 +261,15 @@ def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
 
 
 def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    way = flight.way_home
-    if way is None or is_blocked(way, view.sight):
-        way = _way_home(view, plan)
-    way, setpoint = follow(way, view.sight, view.space, plan)
-    if not way:
-        return _go(flight, Phase.LAND, view), Action(HOLD)
-    return replace(flight, way_home=way), Action(setpoint)
-
-
-def _way_home(view: View, plan: MissionConfig) -> Way:
-    """Through known free space if there is a way; else straight, as far as the front beam lets."""
-    here = view.sight.pose.north_m, view.sight.pose.east_m
-    ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
-    return ways.to(HOME_NE_M) if ways.reaches(HOME_NE_M) else (HOME_NE_M,)
+    going, setpoint = travel.step(flight.way_home, view.sight, view.space, plan)
+    flight = replace(flight, way_home=going)
+    match going.phase:
+        case TravelPhase.ARRIVED:
+            return _go(flight, Phase.LAND, view), Action(HOLD)
+        case TravelPhase.GAVE_UP:
+            return _go(flight, Phase.LAND, view, NO_WAY_HOME), Action(HOLD)
+        case _:
+            return flight, Action(setpoint)
 
 
 def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:

@@ -49,7 +49,7 @@ class Look:
 
 
 def frontiers(grid: Occupancy) -> Cells:
-    """Free cells with an unknown neighbour that is not beside something occupied.
+    """Seen cells with an unknown neighbour that are not beside something occupied.
 
     Gaps between two beams that are narrower than the drone count as seen.
     """
@@ -57,7 +57,7 @@ def frontiers(grid: Occupancy) -> Cells:
     seen = seen[BEAM_GAP_CELLS:-BEAM_GAP_CELLS, BEAM_GAP_CELLS:-BEAM_GAP_CELLS]
     unknown = ~(seen | grid.occupied)
     beside_wall = binary_dilation(grid.occupied, SQUARE)
-    edge: Cells = np.logical_and(grid.free & ~beside_wall, binary_dilation(unknown, PLUS))
+    edge: Cells = np.logical_and(seen & ~beside_wall, binary_dilation(unknown, PLUS))
     return _without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
@@ -135,7 +135,7 @@ def _viewpoints(ways: Ways) -> Indices:
 def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     """Pairs (view, target), (n, 2), with nothing in between, within the range of a good look."""
     found = cKDTree(views).query_ball_tree(cKDTree(targets), SEES_M / CELL_M)
-    pairs = np.array([(v, t) for v, ts in enumerate(found) for t in ts]).reshape(-1, 2)
+    pairs = np.array([(v, t) for v, ts in enumerate(found) for t in ts], dtype=int).reshape(-1, 2)
     starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
     away = np.hypot(*(ends - starts).T) * CELL_M
     vague = grid.occupied[tuple(ends.T)]

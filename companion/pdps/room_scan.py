@@ -75,7 +75,7 @@ class Sight:
         reading = self.ranges.get(beam)
         if reading is None:
             return 0.0
-        if reading.is_distance:
+        if not math.isnan(reading.distance_m):
             return reading.distance_m + self.mount_offset_m
         return math.inf if reading.state is RangeState.NOTHING else 0.0
 

@@ -1,0 +1,178 @@
+"""To a place, through known free space.
+
+    FLY ───────────────────────────► ARRIVED
+     ▲ │ a doorway is near
+     │ ▼
+    SWEEP: the front beam passes over both jambs, so that they are known exactly
+
+    FLY, no way is left, or no progress for long ─► GAVE_UP
+
+The way is planned anew every second, by what is known then. Somebody who stands in it is waited for;
+when he has stood for a while he is on the map, and the way leads round him, or there is none.
+
+Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
+appears ahead stops it.
+"""
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, wrap_rad
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.messages import HOLD, Setpoint
+from companion.pdps.control import climb_to, turn_towards
+from companion.pdps.follow import Way, follow, is_blocked, stay
+from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.room_scan import Sight
+from companion.pdps.route import Ways, find_ways
+
+PLAN_S = 1.0
+STUCK_S, STUCK_M = 10.0, 0.25
+"""So long without getting so far, and it gives up."""
+DOORWAY_ROOM_M = 0.7
+"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.5, 0.9
+"""So far before a doorway; nearer the sensor cannot measure the jambs."""
+SWEPT_WITHIN_M = 0.8
+SWEEP_RAD = math.radians(40)
+ON_HEADING_RAD = math.radians(5)
+
+
+class TravelPhase(enum.Enum):
+    """Where in the diagram above."""
+
+    FLY = "on the way"
+    SWEEP = "looking at a doorway"
+    ARRIVED = "arrived"
+    GAVE_UP = "no way"
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """The whole memory of going to one place."""
+
+    goal_ne_m: Vector2
+    phase: TravelPhase = TravelPhase.FLY
+    way: Way = ()
+    planned_s: float = -math.inf
+    doorways_ne_m: tuple[Vector2, ...] = ()
+    swept_ne_m: tuple[Vector2, ...] = ()
+    sweep_rad: tuple[float, ...] = ()
+    """Headings still to be turned to."""
+    stay_ne_m: Vector2 = (0.0, 0.0)
+    progress_s: float | None = None
+    progress_ne_m: Vector2 = (0.0, 0.0)
+    """When and where it last got on."""
+
+
+def step(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    match travel.phase:
+        case TravelPhase.FLY:
+            return _fly(travel, sight, space, plan)
+        case TravelPhase.SWEEP:
+            return _sweep(travel, sight, plan)
+        case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
+            return travel, HOLD
+
+
+def _fly(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    now_s = sight.pose.time_s
+    travel = _progress(travel, sight)
+    level = Setpoint(down_m_s=climb_to(plan.height_m, sight.pose.height_m))
+    if now_s - travel.planned_s > PLAN_S:
+        travel = _planned(travel, sight, space, plan)
+    if travel.phase is TravelPhase.GAVE_UP:
+        return travel, level
+    if sweep := _begin_sweep(travel, sight):
+        return sweep, level
+    if is_blocked(travel.way, sight):
+        return travel, level
+    way, setpoint = follow(travel.way, sight, space, plan)
+    if not way:
+        return replace(travel, phase=TravelPhase.ARRIVED), setpoint
+    return replace(travel, way=way), setpoint
+
+
+def _progress(travel: Travel, sight: Sight) -> Travel:
+    here = sight.pose.north_m, sight.pose.east_m
+    if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < STUCK_M:
+        return travel
+    return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
+
+
+def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+    now_s = sight.pose.time_s
+    here = sight.pose.north_m, sight.pose.east_m
+    since_s = now_s if travel.progress_s is None else travel.progress_s
+    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
+    if ways.reaches(travel.goal_ne_m) and now_s - since_s < STUCK_S:
+        way = ways.to(travel.goal_ne_m)
+        doorways = _doorways(ways, here, way)
+        return replace(travel, way=way, planned_s=now_s, doorways_ne_m=doorways)
+    if travel.way and now_s - since_s < STUCK_S:  # whoever stands there may go
+        return replace(travel, planned_s=now_s)
+    return replace(travel, phase=TravelPhase.GAVE_UP)
+
+
+def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
+    """Where the way gets narrow, coming from where it is not."""
+    entries: list[Vector2] = []
+    was_wide = False
+    start = here
+    for corner in way:
+        steps = max(1, round(math.dist(start, corner) / CELL_M))
+        for share in np.linspace(0, 1, steps, endpoint=False):
+            place = (
+                start[0] + share * (corner[0] - start[0]),
+                start[1] + share * (corner[1] - start[1]),
+            )
+            is_wide = ways.clear_m(place) >= DOORWAY_ROOM_M
+            if was_wide and not is_wide:
+                entries.append(place)
+            was_wide = is_wide
+        start = corner
+    return tuple(entries)
+
+
+def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet."""
+    here = sight.pose.north_m, sight.pose.east_m
+    for doorway in travel.doorways_ne_m:
+        to_go_m = math.dist(here, doorway)
+        if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
+            continue
+        if any(math.dist(doorway, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
+            continue
+        bearing_rad = math.atan2(doorway[1] - here[1], doorway[0] - here[0])
+        return replace(
+            travel,
+            phase=TravelPhase.SWEEP,
+            swept_ne_m=(*travel.swept_ne_m, doorway),
+            sweep_rad=(bearing_rad + SWEEP_RAD, bearing_rad - SWEEP_RAD),
+            stay_ne_m=here,
+        )
+    return None
+
+
+def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+    holding = stay(travel.stay_ne_m, sight, plan)
+    heading_rad, *later = travel.sweep_rad
+    off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
+    if abs(off_rad) > ON_HEADING_RAD:
+        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, math.radians(plan.turn_rate_deg_s))
+        return travel, replace(holding, yaw_rate_rad_s=rate_rad_s)
+    if later:
+        return replace(travel, sweep_rad=tuple(later)), holding
+    flying = replace(
+        travel, phase=TravelPhase.FLY, planned_s=-math.inf, progress_s=sight.pose.time_s
+    )
+    return flying, holding
