@@ -28,11 +28,11 @@ SAME_M = 0.04
 BESIDE_BEAM_M = 0.03
 SEEN_THROUGH_M = 0.30
 """A beam that goes on so far beyond a point has shown that nothing is there any more."""
-ALIAS_M = 0.15
+ALIAS_M = 0.25
 """So well must a folded reading fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
-MOST_TURN_RAD = 0.3
-"""A heading does not turn more in a tick; what does is a step of the estimate."""
+MOST_STEP_M, MOST_STEP_RAD = 0.02, 0.02
+"""Where pose and odometry differ by more in one tick, the estimate has made a step."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
@@ -48,12 +48,13 @@ class Surroundings:
 
 
 class Near:
-    """Points around the drone, (n, 3): north, east in a frame of its own, and when it was met."""
+    """Points around the drone, (n, 4): north, east in a frame of its own, when it was met, and 1 if
+    it was measured, 0 if inferred from a folded reading, which must not be proof of the next."""
 
     def __init__(self, sensor: RangeModel, mount_offset_m: float) -> None:
         self._sensor = sensor
         self._mount_offset_m = mount_offset_m
-        self._points: Points = np.empty((0, 3))
+        self._points: Points = np.empty((0, 4))
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
@@ -65,20 +66,24 @@ class Near:
         return Surroundings(self._relative(), self._velocity_frd_m_s)
 
     def move(self, pose: Pose, odometry: Odometry | None) -> None:
-        """The drone has turned as its pose says, and moved as odometry says."""
-        if self._pose is not None and pose.reset_counter == self._pose.reset_counter:
-            turned_rad = wrap_rad(pose.yaw_rad - self._pose.yaw_rad)
-            if abs(turned_rad) < MOST_TURN_RAD:
-                self._yaw_rad = wrap_rad(self._yaw_rad + turned_rad)
-        self._pose = pose
+        """The drone has moved on as its pose says; as odometry says, where the pose stepped."""
         if odometry is None:
             return
+        last_pose, self._pose = self._pose, pose
         last, self._odometry = self._odometry, odometry
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
-        if last is None:
+        if last is None or last_pose is None:
             return
         (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
         body_m = ned_to_frd(x - last_x, y - last_y, odometry.yaw_rad)
+        turned_rad = wrap_rad(odometry.yaw_rad - last.yaw_rad)
+        moved_m = ned_to_frd(
+            pose.north_m - last_pose.north_m, pose.east_m - last_pose.east_m, pose.yaw_rad
+        )
+        yawed_rad = wrap_rad(pose.yaw_rad - last_pose.yaw_rad)
+        if math.dist(moved_m, body_m) < MOST_STEP_M and abs(yawed_rad - turned_rad) < MOST_STEP_RAD:
+            body_m, turned_rad = moved_m, yawed_rad
+        self._yaw_rad = wrap_rad(self._yaw_rad + turned_rad)
         north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
         self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
@@ -95,33 +100,38 @@ class Near:
 
     def _take_in(self, reading: RangeReading, bearing_frd_rad: float, time_s: float) -> RangeReading:
         along_m, aside_m = self._off_beam(bearing_frd_rad)
-        if reading.is_distance and self._has_folded(reading.distance_m, along_m, aside_m):
-            return RangeReading(RangeState.TOO_NEAR)
-        if reading.state is RangeState.TOO_NEAR:
-            guess_m = 0.0 if math.isnan(reading.distance_m) else reading.distance_m
-            end_m = max(guess_m + self._mount_offset_m, UNMEASURED_M)
-            known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (along_m < end_m + ALIAS_M)
-            if not known.any():
-                self._put(end_m, bearing_frd_rad, time_s)
+        if math.isnan(reading.distance_m):
+            if reading.state is RangeState.NOTHING:
+                self._see_through(along_m, aside_m, self._sensor.max_m)
+            elif reading.state is RangeState.TOO_NEAR:
+                self._put(UNMEASURED_M, bearing_frd_rad, time_s)
             return reading
-        end_m = self._mount_offset_m + (
-            reading.distance_m if reading.is_distance else self._sensor.max_m
-        )
-        if reading.is_distance or reading.state is RangeState.NOTHING:
-            sigma_m = math.sqrt(reading.variance_m2) if reading.is_distance else 0.0
-            through_m = end_m - SEEN_THROUGH_M - 2 * sigma_m
-            gone = (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < through_m)
-            self._points = self._points[~gone]
-            if reading.is_distance and end_m < WITHIN_M and sigma_m < MOST_SIGMA_M:
-                self._put(end_m, bearing_frd_rad, time_s)
+        before = along_m[(aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, 3] > 0)]
+        alias_m = self._folded_m(reading.distance_m, before)
+        if alias_m is not None:
+            self._put(alias_m, bearing_frd_rad, time_s, measured=False)
+            return RangeReading(RangeState.TOO_NEAR, alias_m - self._mount_offset_m)
+        end_m = reading.distance_m + self._mount_offset_m
+        sigma_m = math.sqrt(reading.variance_m2) if reading.is_distance else 0.0
+        self._see_through(along_m, aside_m, end_m - 2 * sigma_m)
+        if end_m < WITHIN_M and sigma_m < MOST_SIGMA_M:
+            self._put(end_m, bearing_frd_rad, time_s)
         return reading
 
-    def _has_folded(self, distance_m: float, along_m: Points, aside_m: Points) -> bool:
+    def _folded_m(self, distance_m: float, known_m: Points) -> float | None:
+        """From the drone's centre, if what is known along the beam fits the alias better."""
         alias_m = self._sensor.alias_m(distance_m)
-        if alias_m is None:
-            return False
-        off_m = np.abs(along_m - self._mount_offset_m - alias_m)
-        return bool(((aside_m < ALIAS_ASIDE_M) & (off_m < ALIAS_M) & (along_m > 0)).any())
+        if alias_m is None or not len(known_m):
+            return None
+        nearest_m = float(known_m.min()) - self._mount_offset_m
+        if abs(nearest_m - alias_m) > min(ALIAS_M, abs(nearest_m - distance_m)):
+            return None
+        return alias_m + self._mount_offset_m
+
+    def _see_through(self, along_m: Points, aside_m: Points, end_m: float) -> None:
+        """What the beam has passed is gone."""
+        gone = (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < end_m - SEEN_THROUGH_M)
+        self._points = self._points[~gone]
 
     def _off_beam(self, bearing_frd_rad: float) -> tuple[Points, Points]:
         """Of each point: how far along the beam, and how far beside it."""
@@ -130,17 +140,22 @@ class Near:
         along_m = relative[:, 0] * cos_b + relative[:, 1] * sin_b
         return along_m, np.abs(relative[:, 1] * cos_b - relative[:, 0] * sin_b)
 
-    def _put(self, end_m: float, bearing_frd_rad: float, time_s: float) -> None:
+    def _put(
+        self, end_m: float, bearing_frd_rad: float, time_s: float, *, measured: bool = True
+    ) -> None:
         bearing_rad = self._yaw_rad + bearing_frd_rad
         place = np.array(
             [
                 self._ne_m[0] + end_m * math.cos(bearing_rad),
                 self._ne_m[1] + end_m * math.sin(bearing_rad),
                 time_s,
+                float(measured),
             ]
         )
-        away_m = np.hypot(*(self._points[:, :2] - place[:2]).T)
-        self._points = np.vstack([self._points[away_m > SAME_M], place])
+        again = np.hypot(*(self._points[:, :2] - place[:2]).T) < SAME_M
+        if not measured:  # it says no more than what was measured
+            again &= self._points[:, 3] == 0
+        self._points = np.vstack([self._points[~again], place])
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""

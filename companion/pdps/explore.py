@@ -56,8 +56,8 @@ class Explore:
     """In GO."""
     look_at_ne_m: Places = ()
     """What the next look is for; empty at the first."""
-    tried: Places = ()
-    """Looked at, and no better known."""
+    tried: tuple[Places, ...] = ()
+    """What each look so far was for in vain."""
     checked_s: float = 0.0
 
     @property
@@ -104,7 +104,7 @@ def _chosen(
 ) -> Explore:
     """Where to go to next, when some places have been looked at in vain."""
     here = sight.pose.north_m, sight.pose.east_m
-    tried = (*explore.tried, *in_vain)
+    tried = (*explore.tried, in_vain) if in_vain else explore.tried
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
     look = next_look(space, ways, plan.speed_m_s, tried)
     if look is None:

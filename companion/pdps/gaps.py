@@ -68,11 +68,11 @@ def vague_surfaces(grid: Occupancy) -> Cells:
 
 
 def next_look(
-    grid: Occupancy, ways: Ways, speed_m_s: float, tried: Places = ()
+    grid: Occupancy, ways: Ways, speed_m_s: float, tried: tuple[Places, ...] = ()
 ) -> Look | None:
     """The place that shows most for its time; None when nothing unseen can be shown.
 
-    `tried` are places that were looked at in vain; twice is enough.
+    `tried` are the places that each look so far was for in vain; twice is enough.
     """
     targets = unseen(grid, tried)
     views = _viewpoints(ways)
@@ -91,16 +91,17 @@ def next_look(
     return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
 
 
-def unseen(grid: Occupancy, tried: Places = ()) -> Indices:
+def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
     """Cells worth a look, (n, 2)."""
     cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
-    if not tried or not len(cells):
+    if not len(cells):
         return cells
     places = np.array([grid.place(_cell(cell)) for cell in cells])
-    times = cKDTree(np.array(tried)).query_ball_point(
-        places, TRIED_WITHIN_M, return_length=True
-    )
-    return cells[np.asarray(times) < TRIES]
+    times = np.zeros(len(cells), dtype=int)
+    for looked_at in tried:
+        near_m, _ = cKDTree(np.array(looked_at)).query(places)
+        times += near_m < TRIED_WITHIN_M
+    return cells[times < TRIES]
 
 
 def still_unseen(grid: Occupancy, places: Places) -> Places:

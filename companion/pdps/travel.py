@@ -92,7 +92,7 @@ def _fly(
         travel = _planned(travel, sight, space, plan)
     if travel.phase is TravelPhase.GAVE_UP:
         return travel, level
-    if sweep := _begin_sweep(travel, sight):
+    if sweep := _begin_sweep(travel, sight, space):
         return sweep, level
     if is_blocked(travel.way, sight):
         return travel, level
@@ -143,9 +143,11 @@ def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
     return tuple(entries)
 
 
-def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
-    """Before the next doorway, if it has not been looked at yet."""
+def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet, and not in one."""
     here = sight.pose.north_m, sight.pose.east_m
+    if space.nearest_m(here, DOORWAY_ROOM_M) < DOORWAY_ROOM_M:
+        return None
     for doorway in travel.doorways_ne_m:
         to_go_m = math.dist(here, doorway)
         if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
