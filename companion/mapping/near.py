@@ -19,7 +19,7 @@ from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.rays import BEARING_FRD_RAD
 from companion.messages import Odometry, Pose, RangeModel, RangeReading, RangeScan, RangeState
 
-KEPT_S = 40.0
+KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 """After that the frame may have drifted by as much as the drone keeps off."""
 WITHIN_M = 2.5
 MOST_SIGMA_M = 0.06
@@ -90,7 +90,8 @@ class Near:
     def see(self, scan: RangeScan) -> RangeScan:
         """Take in a sweep; the same with readings that have folded back called too near."""
         points = self._points
-        self._points = points[points[:, 2] > scan.time_s - KEPT_S]
+        is_near = np.hypot(*(points[:, :2] - np.array(self._ne_m)).T) < KEPT_WITHIN_M
+        self._points = points[is_near & (points[:, 2] > scan.time_s - KEPT_S)]
         readings = dict(scan.readings)
         for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
             reading = readings.get(beam)

@@ -16,6 +16,7 @@ appears ahead stops it.
 
 import enum
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -35,7 +36,7 @@ STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
 DOORWAY_ROOM_M = 0.7
 """Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
-SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.5, 0.9
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEPT_WITHIN_M = 0.8
 SWEEP_RAD = math.radians(40)
@@ -124,23 +125,33 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 
 
 def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
-    """Where the way gets narrow, coming from where it is not."""
-    entries: list[Vector2] = []
+    """The narrowest place of each stretch of the way that is narrow and begins ahead."""
+    doorways: list[Vector2] = []
+    narrowest_m = math.inf
     was_wide = False
+    for place in _along(here, way):
+        room_m = ways.clear_m(place)
+        if room_m >= DOORWAY_ROOM_M:
+            was_wide, narrowest_m = True, math.inf
+        elif was_wide and math.isinf(narrowest_m):
+            doorways.append(place)
+            narrowest_m = room_m
+        elif room_m < narrowest_m < math.inf:
+            doorways[-1] = place
+            narrowest_m = room_m
+    return tuple(doorways)
+
+
+def _along(here: Vector2, way: Way) -> Iterator[Vector2]:
+    """Places along the way, a cell apart."""
     start = here
     for corner in way:
-        steps = max(1, round(math.dist(start, corner) / CELL_M))
-        for share in np.linspace(0, 1, steps, endpoint=False):
-            place = (
-                start[0] + share * (corner[0] - start[0]),
-                start[1] + share * (corner[1] - start[1]),
+        for share in np.linspace(0, 1, max(1, round(math.dist(start, corner) / CELL_M))):
+            yield (
+                start[0] + float(share) * (corner[0] - start[0]),
+                start[1] + float(share) * (corner[1] - start[1]),
             )
-            is_wide = ways.clear_m(place) >= DOORWAY_ROOM_M
-            if was_wide and not is_wide:
-                entries.append(place)
-            was_wide = is_wide
         start = corner
-    return tuple(entries)
 
 
 def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
