@@ -25,7 +25,9 @@ GIVE_WAY_GAIN_1_S = 0.8
 MOST_GIVE_WAY_M_S = 0.15
 PASSAGE_CLEARANCE_M = 0.15
 """Between the body and either side of a passage, at least."""
-PASSAGE_SLACK_M = 0.04
+PASSAGE_SLACK_M = 0.02
+POINT_M = 0.04
+"""A surface goes on so far around a point of it."""
 BESIDE_M = 0.25
 """What is farther aside of the course than this is beside the drone, not before it."""
 PASSAGE_FROM_M, PASSAGE_TO_M = -0.4, 0.8
@@ -39,8 +41,8 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     if not len(points):
         return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
-    distance_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
-    towards = points / distance_m[:, None]
+    away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
+    towards, distance_m = points / away_m[:, None], away_m - POINT_M
     keep_off_m = _keep_off_m(points, (float(wanted[0]), float(wanted[1])), clearance_m)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     room_m = distance_m - keep_off_m
@@ -78,5 +80,5 @@ def _keep_off_m(points: Points, course_frd: Vector2, clearance_m: float) -> floa
     left_m = -aside_m[abreast & (aside_m < -BESIDE_M)]
     if not len(right_m) or not len(left_m):
         return planned_m
-    half_m = 0.5 * float(right_m.min() + left_m.min()) - PASSAGE_SLACK_M
+    half_m = 0.5 * float(right_m.min() + left_m.min()) - POINT_M - PASSAGE_SLACK_M
     return max(min(planned_m, half_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))

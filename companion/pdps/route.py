@@ -16,8 +16,6 @@ from scipy.sparse.csgraph import dijkstra
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
-UNKNOWN_SHARE = 0.8
-"""How near to unseen space the drone may come, as a share of its distance from what is there."""
 TIGHT_CLEAR_M = 0.4
 """From the drone's centre to the sides of a doorway; what has less is an opening not entered."""
 TIGHT_COST = 12.0
@@ -38,6 +36,8 @@ class Ways:
     grid: Occupancy
     passable: Cells
     to_occupied_m: NDArray[np.float64]
+    room_m: NDArray[np.float64]
+    """To what is there, or is not known to be free."""
     metres: NDArray[np.float64]
     """Cost of the way to each cell, infinite where there is none; in metres in the open."""
     came_from: NDArray[np.int32]
@@ -56,13 +56,13 @@ class Ways:
             flat = before
             cells.append(divmod(flat, self.metres.shape[1]))
         cells.reverse()
-        corners = _straightened(cells, np.where(self.passable, self.to_occupied_m, 0.0))
+        corners = _straightened(cells, np.where(self.passable, self.room_m, 0.0))
         return (*(self.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
 
     def clear_m(self, place_ne_m: Vector2) -> float:
-        """Distance to anything that is known to be there."""
+        """Distance to anything that is there, or may be."""
         row, column = self.grid.cell(place_ne_m)
-        return float(self.to_occupied_m[row, column])
+        return float(self.room_m[row, column])
 
 
 def distance_to_blocked_m(grid: Occupancy) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -78,18 +78,19 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
     to_occupied, to_unknown = distance_to_blocked_m(grid)
+    room = np.minimum(to_occupied, to_unknown)
     tight_m = min(clear_m, TIGHT_CLEAR_M)
-    passable: Cells = (to_occupied >= tight_m) & (to_unknown >= UNKNOWN_SHARE * tight_m)
+    passable: Cells = room >= tight_m
     row, column = grid.cell(from_ne_m)
     reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
-    passable[around] |= to_occupied[around] >= min(to_occupied[row, column], tight_m)
-    crowding = np.clip((clear_m + OPEN_M - to_occupied) / OPEN_M, 0, 1)
-    cost = np.where(to_occupied < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
-    graph = _graph(passable, cost + (clear_m - to_occupied).clip(0) * TIGHT_COST)
+    passable[around] |= room[around] >= min(room[row, column], tight_m)
+    crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
+    cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
+    graph = _graph(passable, cost + (clear_m - room).clip(0) * TIGHT_COST)
     start = row * passable.shape[1] + column
     metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return Ways(grid, passable, to_occupied, metres.reshape(passable.shape), came_from)
+    return Ways(grid, passable, to_occupied, room, metres.reshape(passable.shape), came_from)
 
 
 def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:

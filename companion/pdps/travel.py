@@ -39,7 +39,8 @@ DOORWAY_ROOM_M = 0.7
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEPT_WITHIN_M = 0.8
-SWEEP_RAD = math.radians(40)
+SWEEP_RAD, SWEEP_RAD_S = math.radians(40), math.radians(25)
+"""Slow enough for a reading every few centimetres."""
 ON_HEADING_RAD = math.radians(5)
 
 
@@ -181,7 +182,8 @@ def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, S
     heading_rad, *later = travel.sweep_rad
     off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
     if abs(off_rad) > ON_HEADING_RAD:
-        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, math.radians(plan.turn_rate_deg_s))
+        most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SWEEP_RAD_S
+        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
         return travel, replace(holding, yaw_rate_rad_s=rate_rad_s)
     if later:
         return replace(travel, sweep_rad=tuple(later)), holding
