@@ -6,6 +6,7 @@
 No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,8 +17,8 @@ from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
-from companion.mapping.near import Near
 from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.near import Near
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
 from companion.messages import (
@@ -32,17 +33,20 @@ from companion.messages import (
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
+from companion.pdps.standoff import standoff_m
 from companion.values import value
 
 SEEING_PHASES = frozenset(
     {
         *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
-        *(Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD),
+        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD),
     }
 )
 """What the beams meet on the ground already ties the walls to the origin."""
-EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
+EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD})
 """In these the space around is drawn."""
+AT_LAYER_M = 0.12
+"""So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
 PATH_PERIOD_S = 0.1
 
@@ -99,14 +103,24 @@ class App:
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
-        self.space = Space()
-        """What is known of the space around, as the flight uses it."""
+        self._spaces: defaultdict[int, Space] = defaultdict(Space)
+        """What is known of the space around, of each layer."""
+        self._standoff_m = standoff_m(
+            config.mission.standoff,
+            PROFILES[config.sensors.profile],
+            config.sensors.mount_offset_m,
+        )
         self._near = Near(PROFILES[config.sensors.profile], config.sensors.mount_offset_m)
         self._resets = 0
         self._path: list[Pose] = []
         self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = Flight()
+
+    @property
+    def space(self) -> Space:
+        """What is known of the space around at the present height, as the flight uses it."""
+        return self._spaces[self.flight.layers.number]
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
@@ -168,18 +182,22 @@ class App:
         keyframes = [frame.guess for frame in estimator.keyframes.frames]
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
-            self.space.redraw(keyframes)
-        if self.flight.phase in EXPLORING_PHASES:
+            for space in self._spaces.values():
+                space.redraw(keyframes)
+        height_m = self.flight.layers.height_m(self._config.mission)
+        is_level = abs(estimator.height_m - height_m) < AT_LAYER_M
+        if self.flight.phase in EXPLORING_PHASES and is_level:
             seen = rays(pose, scan, PROFILES[sensors.profile], sensors.mount_offset_m)
             self.space.add(seen, keyframes)
         self.space.advance()
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
+        sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
-            sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
+            sight=Sight(pose, inputs.scan.readings, sensors.mount_offset_m, self._standoff_m, wall),
             space=self.space.grid,
             around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,

@@ -7,13 +7,15 @@ is allowed; an unknown key is refused, never ignored.
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import tomli_w
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from companion.errors import ConfigError
 from companion.messages import Beam
+
+MissionKind = Literal["room", "building", "exterior", "layers"]
 
 
 class _Group(BaseModel):
@@ -66,15 +68,22 @@ class SensorsConfig(_Group):
 class MissionConfig(_Group):
     """How the room is flown."""
 
-    kind: Literal["room", "building"] = "room"
-    """room: trace the walls of one room; building: see everything that can be reached."""
+    kind: MissionKind = "room"
+    """room: trace the walls of one room; building: see everything that can be reached; exterior:
+    go round whatever stands there, and not far off; layers: a building at several heights."""
     height_m: float = Field(1.2, ge=0.5, le=10)
-    standoff_m: float = Field(1.5, ge=0.6, le=5)
+    standoff: Annotated[float, Field(ge=0.6, le=5)] | Literal["range", "accurate"] = 1.5
+    """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
+    layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
+    """Between the layers, from `height_m` up to the ceiling."""
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
     turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
     clearance_m: float = Field(0.3, ge=0.1, le=2)
     """Between the drone's body and anything, as far as the mission plans it."""
     time_limit_s: float = Field(600.0, gt=0, le=3600)
+    """Of the flight: the drone turns back in time to be home by then."""
+    reserve_s: float = Field(20.0, ge=0, le=600)
+    """Left of the limit when it is home."""
 
 
 class Config(_Group):

@@ -49,7 +49,8 @@ class Surroundings:
 
 class Near:
     """Points around the drone, (n, 4): north, east in a frame of its own, when it was met, and 1 if
-    it was measured, 0 if inferred from a folded reading, which must not be proof of the next."""
+    it was measured, 0 if inferred from a folded reading, which must not be proof of the next.
+    """
 
     def __init__(self, sensor: RangeModel, mount_offset_m: float) -> None:
         self._sensor = sensor
@@ -99,7 +100,9 @@ class Near:
                 readings[beam] = self._take_in(reading, bearing_frd_rad, scan.time_s)
         return replace(scan, readings=readings)
 
-    def _take_in(self, reading: RangeReading, bearing_frd_rad: float, time_s: float) -> RangeReading:
+    def _take_in(
+        self, reading: RangeReading, bearing_frd_rad: float, time_s: float
+    ) -> RangeReading:
         along_m, aside_m = self._off_beam(bearing_frd_rad)
         if math.isnan(reading.distance_m):
             if reading.state is RangeState.NOTHING:

@@ -25,6 +25,8 @@ EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
 exact than the other for nothing: its wall would be smeared."""
 WELL_SIGMA_M = 0.055
 """A reading as exact as this has seen a surface well."""
+GAP_CELLS = 2
+"""Across a strip of space, so many cells may lie unseen between two beams."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to so many sigmas before where the beam ended."""
 
@@ -96,6 +98,22 @@ class Occupancy:
             return within_m
         nearest = np.hypot(rows + top - row, columns + left - column).min() * CELL_M
         return min(float(nearest), within_m)
+
+    def known_free_m(
+        self, from_ne_m: Vector2, bearing_rad: float, half_width_m: float, most_m: float
+    ) -> float:
+        """How far a strip of space is known to be free; gaps between beams do not count."""
+        along = np.arange(0.0, most_m, CELL_M)
+        aside = np.arange(-half_width_m, half_width_m + 0.5 * CELL_M, CELL_M)
+        cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
+        rows = self._indices(from_ne_m[0] + along[:, None] * cos_b - aside * sin_b, 0)
+        columns = self._indices(from_ne_m[1] + along[:, None] * sin_b + aside * cos_b, 1)
+        inside = (rows >= 0) & (rows < self.shape[0]) & (columns >= 0) & (columns < self.shape[1])
+        log_odds = np.zeros(inside.shape, dtype=np.float32)
+        log_odds[inside] = self._log_odds[rows[inside], columns[inside]]
+        unknown = (log_odds >= FREE_BELOW).sum(axis=1) > GAP_CELLS
+        blocked = (log_odds > OCCUPIED_ABOVE).any(axis=1) | unknown
+        return float(along[blocked.argmax()]) if blocked.any() else most_m
 
     def add(self, ray: Ray) -> None:
         """Take in one reading."""

@@ -17,9 +17,8 @@ from dataclasses import dataclass, replace
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import Setpoint
+from companion.messages import HOLD, Setpoint
 from companion.pdps import travel
-from companion.pdps.control import climb_to
 from companion.pdps.follow import stay
 from companion.pdps.gaps import Places, next_look, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
@@ -29,6 +28,7 @@ from companion.pdps.travel import Travel, TravelPhase
 
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
+OUTSIDE_WITHIN_M = 2.5
 CHECK_S = 1.0
 """So often it is asked whether what it looks for is still unseen."""
 WORTH_SHARE = 0.35
@@ -77,7 +77,7 @@ def step(
         case ExplorePhase.GO:
             return _go(explore, sight, space, plan)
         case ExplorePhase.DONE:
-            return explore, _level(sight, plan)
+            return explore, HOLD
 
 
 def _look(
@@ -94,9 +94,9 @@ def _look(
         is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
         in_vain = still_unseen(space, explore.look_at_ne_m)
-        return _chosen(explore, in_vain, sight, space, plan), _level(sight, plan)
+        return _chosen(explore, in_vain, sight, space, plan), HOLD
     rate_rad_s = math.radians(plan.turn_rate_deg_s)
-    return explore, replace(stay(here, sight, plan), yaw_rate_rad_s=rate_rad_s)
+    return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
 
 def _chosen(
@@ -106,7 +106,7 @@ def _chosen(
     here = sight.pose.north_m, sight.pose.east_m
     tried = (*explore.tried, in_vain) if in_vain else explore.tried
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    look = next_look(space, ways, plan.speed_m_s, tried)
+    look = next_look(space, ways, plan.speed_m_s, tried, _within_m(plan))
     if look is None:
         return Explore(ExplorePhase.DONE, tried=tried)
     return Explore(
@@ -118,17 +118,23 @@ def _chosen(
     )
 
 
+def _within_m(plan: MissionConfig) -> float:
+    """Outside there is no end of free space: only what is near to something is looked at."""
+    return OUTSIDE_WITHIN_M if plan.kind == "exterior" else math.inf
+
+
 def _go(
     explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    assert explore.travel is not None
-    now_s = sight.pose.time_s
-    if explore.travel.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
+    going, now_s = explore.travel, sight.pose.time_s
+    if going is None:
+        return _chosen(explore, (), sight, space, plan), HOLD
+    if going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
         left = still_unseen(space, explore.look_at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
-            return _chosen(explore, (), sight, space, plan), _level(sight, plan)
-    going, setpoint = travel.step(explore.travel, sight, space, plan)
+            return _chosen(explore, (), sight, space, plan), HOLD
+    going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
             looking = Explore(
@@ -139,7 +145,3 @@ def _go(
             return _chosen(explore, explore.look_at_ne_m, sight, space, plan), setpoint
         case _:
             return replace(explore, travel=going), setpoint
-
-
-def _level(sight: Sight, plan: MissionConfig) -> Setpoint:
-    return Setpoint(down_m_s=climb_to(plan.height_m, sight.pose.height_m))

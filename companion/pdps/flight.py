@@ -27,6 +27,7 @@ import math
 from dataclasses import field, replace
 
 from companion.config import MissionConfig
+from companion.frames import Vector2
 from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy
 from companion.messages import (
@@ -39,10 +40,13 @@ from companion.messages import (
     Setpoint,
     VehicleState,
 )
-from companion.pdps import explore, room_scan, travel
+from companion.pdps import explore, layers, room_scan, travel
+from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.guard import guarded
+from companion.pdps.guard import BODY_RADIUS_M, guarded
+from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.pdps.route import find_ways
 from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
@@ -72,6 +76,7 @@ class Phase(enum.Enum):
     TAKE_OFF = "taking off"
     ROOM = "scanning the room"
     BUILDING = "exploring the building"
+    LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
     HOLD = "holding"
     LAND = "landing"
@@ -80,9 +85,17 @@ class Phase(enum.Enum):
     FAILED = "failed"
 
 
-MISSION_PHASES = {"room": Phase.ROOM, "building": Phase.BUILDING}
+MISSION_PHASES = {
+    "room": Phase.ROOM,
+    "building": Phase.BUILDING,
+    "exterior": Phase.BUILDING,
+    "layers": Phase.LAYERS,
+}
+HOME_NE_M: Vector2 = (0.0, 0.0)
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
-FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.BUILDING, Phase.HOME, Phase.HOLD})
+FLYING_PHASES = frozenset({Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOLD})
+LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
+"""In these the height is kept and every velocity is guarded."""
 
 
 @value
@@ -112,7 +125,11 @@ class Flight:
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
     building: Explore = field(default_factory=Explore)
-    way_home: Travel = Travel((0.0, 0.0))
+    layers: Layers = field(default_factory=Layers)
+    way_home_s: float = 0.0
+    """What the way back would have taken when it was last asked."""
+    way_home_asked_s: float = -math.inf
+    way_home: Travel = Travel(HOME_NE_M)
     held_from: Phase = Phase.CONNECT
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
@@ -136,7 +153,11 @@ class Flight:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        parts = {Phase.ROOM: self.room.phase.value, Phase.BUILDING: self.building.activity}
+        parts = {
+            Phase.ROOM: self.room.phase.value,
+            Phase.BUILDING: self.building.activity,
+            Phase.LAYERS: self.layers.activity,
+        }
         return str(parts.get(self.phase, self.phase.value))
 
 
@@ -149,6 +170,9 @@ class Action:
 
 
 NOTHING = Action()
+ASK_WAY_HOME_S = 5.0
+HOME_SPEED_SHARE = 0.4
+"""Of the planned speed, that a way takes with its turns and doorways."""
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
@@ -162,10 +186,34 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
         flight = cut_short
+    if flight.phase in MISSION_PHASES.values():
+        flight = _in_time(flight, view, plan)
     flight, action = _STEPS[flight.phase](flight, view, plan)
-    if action.setpoint is not None and flight.phase in FLYING_PHASES:
-        action = replace(action, setpoint=guarded(action.setpoint, view.around, plan.clearance_m))
+    if action.setpoint is not None and flight.phase in LEVEL_PHASES:
+        level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
+        action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
     return flight, action
+
+
+def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
+    """Down velocity that keeps the height of the layer, and off the ceiling."""
+    down_m_s = climb_to(flight.layers.height_m(plan), view.sight.pose.height_m)
+    room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S))
+
+
+def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+    """Home, when what is left of the time is needed for the way there."""
+    if view.time_s - flight.way_home_asked_s > ASK_WAY_HOME_S:
+        here = view.sight.pose.north_m, view.sight.pose.east_m
+        ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
+        way_m = ways.length_m(HOME_NE_M) if ways.reaches(HOME_NE_M) else math.dist(here, HOME_NE_M)
+        way_home_s = way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
+        flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
+    left_s = plan.time_limit_s - (view.time_s - flight.began_s)
+    if left_s > flight.way_home_s + plan.reserve_s:
+        return flight
+    return _go(flight, Phase.HOME, view, f"turned back for the limit of {plan.time_limit_s:.0f} s")
 
 
 def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
@@ -244,11 +292,13 @@ def _insist(
 
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    room, setpoint = room_scan.step(flight.room, view.sight, plan)
+    room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
     if room is not flight.room:
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
         flight = _go(flight, Phase.HOME, view)
+    elif room.phase is ScanPhase.BLOCKED:
+        flight = _go(flight, Phase.BUILDING, view)
     return flight, Action(setpoint)
 
 
@@ -256,6 +306,14 @@ def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
     building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
+        flight = _go(flight, Phase.HOME, view)
+    return flight, Action(setpoint)
+
+
+def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
+    flight = replace(flight, layers=seen)
+    if seen.phase is LayersPhase.DONE:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)
 
@@ -349,6 +407,7 @@ _STEPS = {
     Phase.TAKE_OFF: _take_off,
     Phase.ROOM: _room,
     Phase.BUILDING: _building,
+    Phase.LAYERS: _layers,
     Phase.HOME: _home,
     Phase.HOLD: _hold,
     Phase.LAND: _land,

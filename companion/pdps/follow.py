@@ -8,8 +8,8 @@ import math
 from companion.config import MissionConfig
 from companion.frames import Vector2, ned_to_frd, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import Beam, Setpoint
-from companion.pdps.control import approach_speed, clamp, climb_to, turn_towards
+from companion.messages import HOLD, Beam, Setpoint
+from companion.pdps.control import approach_speed, clamp, turn_towards
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M, Sight
 
 ARRIVED_M = 0.10
@@ -35,7 +35,7 @@ def follow(way: Way, sight: Sight, space: Occupancy, plan: MissionConfig) -> tup
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
     if not way or (len(way) == 1 and math.dist(here, way[0]) < ARRIVED_M):
-        return (), _level(sight, plan)
+        return (), HOLD
     return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan))
 
 
@@ -69,29 +69,23 @@ def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Se
     north_m = way[0][0] - sight.pose.north_m
     east_m = way[0][1] - sight.pose.east_m
     distance_m = math.hypot(north_m, east_m)
-    level = _level(sight, plan)
     forward_m, right_m = ned_to_frd(north_m, east_m, sight.pose.yaw_rad)
     if distance_m < CLOSE_M and len(way) == 1:
-        return Setpoint(
-            clamp(TRIM_GAIN_1_S * forward_m, 0.3),
-            clamp(TRIM_GAIN_1_S * right_m, 0.3),
-            level.down_m_s,
-        )
+        return Setpoint(clamp(TRIM_GAIN_1_S * forward_m, 0.3), clamp(TRIM_GAIN_1_S * right_m, 0.3))
     bearing_rad = math.atan2(east_m, north_m)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
     if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) > NOSE_ON_RAD:
-        return Setpoint(down_m_s=level.down_m_s, yaw_rate_rad_s=yaw_rate_rad_s)
+        return Setpoint(yaw_rate_rad_s=yaw_rate_rad_s)
     room_m = min(sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M, distance_m)
     return Setpoint(
         approach_speed(room_m, most_m_s),
         clamp(SIDE_GAIN_1_S * right_m, MOST_SIDE_M_S),
-        level.down_m_s,
-        yaw_rate_rad_s,
+        yaw_rate_rad_s=yaw_rate_rad_s,
     )
 
 
-def stay(place_ne_m: Vector2, sight: Sight, plan: MissionConfig) -> Setpoint:
+def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:
     """Hold a place against drift and gusts."""
     forward_m, right_m = ned_to_frd(
         place_ne_m[0] - sight.pose.north_m, place_ne_m[1] - sight.pose.east_m, sight.pose.yaw_rad
@@ -99,9 +93,4 @@ def stay(place_ne_m: Vector2, sight: Sight, plan: MissionConfig) -> Setpoint:
     return Setpoint(
         clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),
         clamp(TRIM_GAIN_1_S * right_m, MOST_SIDE_M_S),
-        climb_to(plan.height_m, sight.pose.height_m),
     )
-
-
-def _level(sight: Sight, plan: MissionConfig) -> Setpoint:
-    return Setpoint(down_m_s=climb_to(plan.height_m, sight.pose.height_m))

@@ -5,6 +5,7 @@ Two kinds of places are worth a look: frontiers, known free space next to unknow
 place to look from is the one that shows most of them for the time that it takes to get there.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -68,13 +69,19 @@ def vague_surfaces(grid: Occupancy) -> Cells:
 
 
 def next_look(
-    grid: Occupancy, ways: Ways, speed_m_s: float, tried: tuple[Places, ...] = ()
+    grid: Occupancy,
+    ways: Ways,
+    speed_m_s: float,
+    tried: tuple[Places, ...] = (),
+    within_m: float = math.inf,
 ) -> Look | None:
     """The place that shows most for its time; None when nothing unseen can be shown.
 
-    `tried` are the places that each look so far was for in vain; twice is enough.
+    `tried` are the places that each look so far was for in vain; twice is enough. Only what is
+    within `within_m` of something that stands there counts.
     """
     targets = unseen(grid, tried)
+    targets = targets[ways.to_occupied_m[tuple(targets.T)] <= within_m]
     views = _viewpoints(ways)
     if not len(targets) or not len(views):
         return None
@@ -126,11 +133,11 @@ def _without_specks(cells: Cells, least: int) -> Cells:
 
 
 def _viewpoints(ways: Ways) -> Indices:
-    """Reachable cells with room to look round, (n, 2), a few decimetres apart; always the present one."""
+    """Reachable cells with room to look round, (n, 2), a few decimetres apart."""
     may = np.isfinite(ways.metres) & (ways.to_occupied_m >= ROOM_TO_LOOK_M)
-    cells = np.argwhere(may)
-    spaced = (cells % VIEW_EVERY_CELLS == 0).all(axis=1)
-    return cells[spaced]
+    may[np.arange(may.shape[0]) % VIEW_EVERY_CELLS != 0] = False
+    may[:, np.arange(may.shape[1]) % VIEW_EVERY_CELLS != 0] = False
+    return np.argwhere(may)
 
 
 def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
@@ -146,4 +153,5 @@ def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     line = np.rint(starts + steps * (ends - starts)).astype(int)
     off_end = np.abs(line - ends).max(axis=2) > 1
     blocked = (grid.occupied[line[..., 0], line[..., 1]] & off_end).any(axis=0)
-    return pairs[~blocked]
+    clear: Indices = pairs[~blocked]
+    return clear

@@ -72,7 +72,9 @@ def _keep_off_m(points: Points, course_frd: Vector2, clearance_m: float) -> floa
     """From the drone's centre: as planned, or less where both sides of the course are near."""
     planned_m = BODY_RADIUS_M + clearance_m
     speed = math.hypot(*course_frd)
-    ahead = (1.0, 0.0) if speed < LEAST_SPEED_M_S else (course_frd[0] / speed, course_frd[1] / speed)
+    ahead = (
+        (1.0, 0.0) if speed < LEAST_SPEED_M_S else (course_frd[0] / speed, course_frd[1] / speed)
+    )
     along_m = points @ np.array(ahead)
     aside_m = points @ np.array((-ahead[1], ahead[0]))
     abreast = (along_m > PASSAGE_FROM_M) & (along_m < PASSAGE_TO_M)

@@ -6,6 +6,7 @@ The drone is a disc. It fits where everything within its radius and clearance is
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ class Ways:
     """All ways from one place."""
 
     grid: Occupancy
+    start: tuple[int, int]
     passable: Cells
     to_occupied_m: NDArray[np.float64]
     room_m: NDArray[np.float64]
@@ -58,6 +60,11 @@ class Ways:
         cells.reverse()
         corners = _straightened(cells, np.where(self.passable, self.room_m, 0.0))
         return (*(self.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
+
+    def length_m(self, place_ne_m: Vector2) -> float:
+        """Of the way there, metres."""
+        start = self.grid.place(self.start)
+        return sum(math.dist(a, b) for a, b in pairwise((start, *self.to(place_ne_m))))
 
     def clear_m(self, place_ne_m: Vector2) -> float:
         """Distance to anything that is there, or may be."""
@@ -90,7 +97,9 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     graph = _graph(passable, cost + (clear_m - room).clip(0) * TIGHT_COST)
     start = row * passable.shape[1] + column
     metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return Ways(grid, passable, to_occupied, room, metres.reshape(passable.shape), came_from)
+    return Ways(
+        grid, (row, column), passable, to_occupied, room, metres.reshape(passable.shape), came_from
+    )
 
 
 def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:

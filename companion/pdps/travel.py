@@ -1,14 +1,15 @@
 """To a place, through known free space.
 
     FLY ───────────────────────────► ARRIVED
-     ▲ │ a doorway is near
+     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly;
+     │ │ no way, or no progress for long: turn all round, once
      │ ▼
-    SWEEP: the front beam passes over both jambs, so that they are known exactly
+    SWEEP
 
-    FLY, no way is left, or no progress for long ─► GAVE_UP
+    FLY, no way or no progress even so ─► GAVE_UP
 
-The way is planned anew every second, by what is known then. Somebody who stands in it is waited for;
-when he has stood for a while he is on the map, and the way leads round him, or there is none.
+The way is planned anew every second, by what is known then. Somebody who stands in it is waited
+for; when he has stood for a while he is on the map, and the way leads round him, or there is none.
 
 Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
 appears ahead stops it.
@@ -25,7 +26,7 @@ from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.messages import HOLD, Setpoint
-from companion.pdps.control import climb_to, turn_towards
+from companion.pdps.control import turn_towards
 from companion.pdps.follow import Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
@@ -48,7 +49,7 @@ class TravelPhase(enum.Enum):
     """Where in the diagram above."""
 
     FLY = "on the way"
-    SWEEP = "looking at a doorway"
+    SWEEP = "looking for the way"
     ARRIVED = "arrived"
     GAVE_UP = "no way"
 
@@ -66,6 +67,8 @@ class Travel:
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     stay_ne_m: Vector2 = (0.0, 0.0)
+    looked_round: bool = False
+    """It does so once, when there is no way."""
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """When and where it last got on."""
@@ -89,15 +92,14 @@ def _fly(
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
     travel = _progress(travel, sight)
-    level = Setpoint(down_m_s=climb_to(plan.height_m, sight.pose.height_m))
     if now_s - travel.planned_s > PLAN_S:
         travel = _planned(travel, sight, space, plan)
-    if travel.phase is TravelPhase.GAVE_UP:
-        return travel, level
+    if travel.phase is not TravelPhase.FLY:
+        return travel, HOLD
     if sweep := _begin_sweep(travel, sight, space):
-        return sweep, level
+        return sweep, HOLD
     if is_blocked(travel.way, sight):
-        return travel, level
+        return travel, HOLD
     way, setpoint = follow(travel.way, sight, space, plan)
     if not way:
         return replace(travel, phase=TravelPhase.ARRIVED), setpoint
@@ -122,7 +124,17 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         return replace(travel, way=way, planned_s=now_s, doorways_ne_m=doorways)
     if travel.way and now_s - since_s < STUCK_S:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
-    return replace(travel, phase=TravelPhase.GAVE_UP)
+    if travel.looked_round:
+        return replace(travel, phase=TravelPhase.GAVE_UP)
+    thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
+    return replace(
+        travel,
+        phase=TravelPhase.SWEEP,
+        looked_round=True,
+        sweep_rad=tuple(thirds),
+        stay_ne_m=here,
+        way=(),
+    )
 
 
 def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
@@ -178,7 +190,7 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
 
 
 def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
-    holding = stay(travel.stay_ne_m, sight, plan)
+    holding = stay(travel.stay_ne_m, sight)
     heading_rad, *later = travel.sweep_rad
     off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
     if abs(off_rad) > ON_HEADING_RAD:
