@@ -48,8 +48,10 @@ class Surroundings:
 
 
 class Near:
-    """Points around the drone, (n, 4): north, east in a frame of its own, when it was met, and 1 if
-    it was measured, 0 if inferred from a folded reading, which must not be proof of the next.
+    """Points around the drone, in a frame of its own.
+
+    (n, 4): north, east, when it was met, and 1 if it was measured, 0 if inferred from a folded
+    reading, which must not be proof of the next.
     """
 
     def __init__(self, sensor: RangeModel, mount_offset_m: float) -> None:

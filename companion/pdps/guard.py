@@ -4,8 +4,8 @@ Each point near the drone bounds the speed towards it, so that the drone can sto
 its lag; nearer than it may be, the bound is below zero and the drone gives way. What the map
 says does not matter here.
 
-In a passage, with something on both sides of where it moves, the drone may come nearer to both
-than elsewhere, but to neither nearer than to the other.
+In a passage, with something on both sides of where it moves and nothing between, the drone may come
+nearer to both than elsewhere, but to neither nearer than to the other.
 """
 
 import math
@@ -78,6 +78,8 @@ def _keep_off_m(points: Points, course_frd: Vector2, clearance_m: float) -> floa
     along_m = points @ np.array(ahead)
     aside_m = points @ np.array((-ahead[1], ahead[0]))
     abreast = (along_m > PASSAGE_FROM_M) & (along_m < PASSAGE_TO_M)
+    if (abreast & (along_m > 0) & (np.abs(aside_m) <= BESIDE_M)).any():
+        return planned_m  # it is a wall
     right_m = aside_m[abreast & (aside_m > BESIDE_M)]
     left_m = -aside_m[abreast & (aside_m < -BESIDE_M)]
     if not len(right_m) or not len(left_m):
