@@ -30,7 +30,7 @@ commands = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Fly a drone through a room it has never seen and bring back the map.",
+    help="Fly a drone through rooms it has never seen and bring back the map.",
 )
 
 
@@ -45,10 +45,18 @@ def fly_command(
     link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
     bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
     profile: Annotated[str | None, typer.Option(help="Range sensors: gp2y0a710k0f, paper.")] = None,
+    mission: Annotated[
+        str | None, typer.Option(help="room, building, exterior, layers.")
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
-    """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""
-    overrides = {"link.url": link, "sensors.bus": bus, "sensors.profile": profile}
+    """Take off, scan, return, land; leave map.png, map.ply and map.json."""
+    overrides = {
+        "link.url": link,
+        "sensors.bus": bus,
+        "sensors.profile": profile,
+        "mission.kind": mission,
+    }
     settings = configuration.load(config, {k: v for k, v in overrides.items() if v is not None})
     raise typer.Exit(_fly(settings, out))
 

@@ -10,12 +10,29 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import tomli_w
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, PlainValidator, ValidationError
 
 from companion.errors import ConfigError
 from companion.messages import Beam
 
 MissionKind = Literal["room", "building", "exterior", "layers"]
+STANDOFFS = ("range", "accurate")
+LEAST_STANDOFF_M, MOST_STANDOFF_M = 0.6, 5.0
+
+
+def _standoff(value: object) -> object:
+    if value in STANDOFFS:
+        return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_number and LEAST_STANDOFF_M <= value <= MOST_STANDOFF_M:  # type: ignore[operator]
+        return float(value)  # type: ignore[arg-type]
+    names = " or ".join(repr(name) for name in STANDOFFS)
+    raise ValueError(
+        f"should be from {LEAST_STANDOFF_M:g} to {MOST_STANDOFF_M:g} metres, or {names}"
+    )
+
+
+Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_standoff)]
 
 
 class _Group(BaseModel):
@@ -72,7 +89,7 @@ class MissionConfig(_Group):
     """room: trace the walls of one room; building: see everything that can be reached; exterior:
     go round whatever stands there, and not far off; layers: a building at several heights."""
     height_m: float = Field(1.2, ge=0.5, le=10)
-    standoff: Annotated[float, Field(ge=0.6, le=5)] | Literal["range", "accurate"] = 1.5
+    standoff: Standoff = 1.5
     """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
     layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
     """Between the layers, from `height_m` up to the ceiling."""
@@ -131,7 +148,8 @@ def _first_complaint(error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(_keys_at(first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
-    return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
+    complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+    return f"{key} = {first['input']!r}: {complaint}"
 
 
 def _keys_at(path: tuple[int | str, ...]) -> list[str]:

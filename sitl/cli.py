@@ -194,7 +194,10 @@ def fly(
     beam: BeamFile = None,
     crop: Crop = None,
     mission: Annotated[
-        str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
+        str,
+        typer.Option(
+            help="What to fly: room, building, exterior, layers, or a mission file, .toml or .py."
+        ),
     ] = "room",
     config: Annotated[Path | None, typer.Option(help="The companion's TOML file.")] = None,
     transport: Annotated[

@@ -1,10 +1,7 @@
 """How far from the wall: as far as the sensor reaches, where it is most exact, or as asked for."""
 
-from typing import Literal
-
+from companion.config import Standoff
 from companion.messages import RangeModel
-
-Standoff = float | Literal["range", "accurate"]
 
 STEP_M = 0.05
 SURELY_SIGMAS = 3.0
