@@ -18,6 +18,7 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.heights import Heights
 from companion.mapping.near import Near
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
@@ -110,6 +111,7 @@ class App:
             PROFILES[config.sensors.profile],
             config.sensors.mount_offset_m,
         )
+        self._heights = Heights(config.sensors.mount_offset_m)
         self._near = Near(PROFILES[config.sensors.profile], config.sensors.mount_offset_m)
         self._resets = 0
         self._path: list[Pose] = []
@@ -169,6 +171,8 @@ class App:
         if self.flight.phase in SEEING_PHASES:
             self.estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self.estimator.height_m)
+            if self.flight.phase in EXPLORING_PHASES:
+                self._heights.see(inputs.scan, self.estimator.pose(inputs.scan.time_s))
             self._draw_space(self.estimator, inputs.scan)
             self.estimator.improve(now_s)
         pose = self.estimator.pose(now_s)
@@ -220,7 +224,7 @@ class App:
         if smoothed is None:
             return self.floor_plan()
         walls = wall_segments(smoothed.walls, smoothed.hits)
-        return FloorPlan(walls, smoothed.hits, smoothed.path, self._ceiling.height_m)
+        return replace(self.floor_plan(), walls=walls, hits=smoothed.hits, path=smoothed.path)
 
     def floor_plan(self) -> FloorPlan:
         """The map so far, as the flight uses it."""
@@ -231,6 +235,8 @@ class App:
             tuple(self.estimator.hits),
             tuple(self._path),
             self._ceiling.height_m,
+            self._heights.floor_m,
+            self._heights.tops(),
         )
 
     def _walls(self) -> tuple[WallSegment, ...]:

@@ -45,9 +45,7 @@ def fly_command(
     link: Annotated[str | None, typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT.")] = None,
     bus: Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")] = None,
     profile: Annotated[str | None, typer.Option(help="Range sensors: gp2y0a710k0f, paper.")] = None,
-    mission: Annotated[
-        str | None, typer.Option(help="room, building, exterior, layers.")
-    ] = None,
+    mission: Annotated[str | None, typer.Option(help="room, building, exterior, layers.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""

@@ -243,13 +243,26 @@ class WallSegment:
 
 
 @value
-class FloorPlan:
-    """The map: walls, the points they were fitted to, and the path flown.
+class Surface:
+    """Something level above the floor, such as a table top, local NED."""
 
-    `ceiling_m` is above the take-off point; None if the up beam never met one.
+    centre_ne_m: Vector2
+    height_m: float
+    """Above the take-off point."""
+    area_m2: float
+    """So much of it was seen."""
+
+
+@value
+class FloorPlan:
+    """The map: walls, the points they were fitted to, the path flown, and heights.
+
+    `ceiling_m` and `floor_m` are above the take-off point; None if no beam ever met one.
     """
 
     walls: tuple[WallSegment, ...] = ()
     hits: tuple[Hit, ...] = ()
     path: tuple[Pose, ...] = ()
     ceiling_m: float | None = None
+    floor_m: float | None = None
+    tops: tuple[Surface, ...] = ()

@@ -171,8 +171,8 @@ class Action:
 
 NOTHING = Action()
 ASK_WAY_HOME_S = 5.0
-HOME_SPEED_SHARE = 0.4
-"""Of the planned speed, that a way takes with its turns and doorways."""
+HOME_SPEED_SHARE, HOME_TURNS_S = 0.4, 12.0
+"""What a way takes: of the planned speed, with its doorways; and the first turns and the end."""
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
@@ -208,7 +208,7 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
         here = view.sight.pose.north_m, view.sight.pose.east_m
         ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
         way_m = ways.length_m(HOME_NE_M) if ways.reaches(HOME_NE_M) else math.dist(here, HOME_NE_M)
-        way_home_s = way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
+        way_home_s = HOME_TURNS_S + way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
         flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
     left_s = plan.time_limit_s - (view.time_s - flight.began_s)
     if left_s > flight.way_home_s + plan.reserve_s:

@@ -212,7 +212,7 @@ def test_nothing_heard_for_ten_seconds_is_the_end() -> None:
 
 
 def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
-    left_s = PLAN.reserve_s + 10
+    left_s = PLAN.reserve_s + 20
     assert after(Phase.ROOM, view(time_s=90.0 + PLAN.time_limit_s - left_s))[0] is Phase.ROOM
     late = view(time_s=90.0 + PLAN.time_limit_s - PLAN.reserve_s)
     flight, _ = step(flying(Phase.ROOM), late, PLAN)
