@@ -80,7 +80,8 @@ def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
         grid[rows - rows.min(), columns - columns.min()] = True
         numbers, count = label(grid, np.ones((3, 3)))
         for number in range(1, count + 1):
-            places = (*np.argwhere(numbers == number), rows.min(), columns.min())
+            low = np.array((rows.min(), columns.min()))
+            places = np.argwhere(numbers == number) + low
             if len(places) >= LEAST_CELLS:
                 clusters.append([(int(row), int(column)) for row, column in places])
     return clusters

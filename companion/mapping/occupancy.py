@@ -125,8 +125,9 @@ class Occupancy:
         self._reach(end)
         rows = self._indices(ray.origin_ne_m[0] + steps * cos_b, 0)
         columns = self._indices(ray.origin_ne_m[1] + steps * sin_b, 1)
-        cells = np.unique(rows * self.shape[1] + columns)
+        cells = rows * self.shape[1] + columns
         flat = self._log_odds.reshape(-1)
+        # a cell that the steps met twice is still freed once: both write the same
         flat[cells] = np.maximum(flat[cells] + MISS, -MOST_LOG_ODDS)
         if ray.is_hit and ray.sigma_m <= LEAST_EXACT_SIGMA_M:
             row, column = self.cell(end)

@@ -124,8 +124,8 @@ def step(
     scan: RoomScan, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     """One tick: the next state and the velocity to fly."""
-    if scan.phase is ScanPhase.SCAN and not _knows_the_way(scan, sight, space):
-        scan = _begin_sweep(scan, sight)
+    if scan.phase is ScanPhase.SCAN and (sides := _unknown_sides(scan, sight, space)):
+        scan = _begin_sweep(scan, sight, sides)
     scan, setpoint = _MOVES[scan.phase](scan, sight, plan)
     return scan, Setpoint(
         _guarded(setpoint.forward_m_s, Beam.FRONT, sight),
@@ -224,20 +224,30 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     )
 
 
-def _knows_the_way(scan: RoomScan, sight: Sight, space: Occupancy) -> bool:
-    """Far enough along the wall, or up to the next one."""
+def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
+    """On which sides of the way along the wall, 1 towards it, too little is known to be free.
+
+    Enough is some way ahead, or up to the next wall.
+    """
     along_rad = scan.heading_rad + QUARTER_TURN_RAD
-    here = sight.pose.north_m, sight.pose.east_m
     enough_m = min(KNOWN_AHEAD_M, sight.clear_m(Beam.RIGHT) - scan.standoff_m + BODY_RADIUS_M)
-    known_m = space.known_free_m(here, along_rad, HALF_WAY_M, KNOWN_AHEAD_M)
-    return known_m >= enough_m
+    unknown = []
+    for side in (1, -1):
+        off = frd_to_ned(side * 0.5 * HALF_WAY_M, 0.0, scan.heading_rad)
+        middle = sight.pose.north_m + off[0], sight.pose.east_m + off[1]
+        known_m = space.known_free_m(middle, along_rad, 0.5 * HALF_WAY_M, KNOWN_AHEAD_M)
+        if known_m < enough_m:
+            unknown.append(side)
+    return unknown
 
 
-def _begin_sweep(scan: RoomScan, sight: Sight) -> RoomScan:
+def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
+    """Turn so far that the right beam passes over what is unknown, and back."""
     here = sight.pose.north_m, sight.pose.east_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
         return replace(scan, phase=ScanPhase.BLOCKED)
-    headings = scan.heading_rad + SWEEP_RAD, scan.heading_rad - SWEEP_RAD, scan.heading_rad
+    aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
+    headings = (*aside, scan.heading_rad)
     return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
 
 
