@@ -5,13 +5,13 @@
      │ nearest wall found
      ▼
     FACE ──► STAND_OFF ──► SCAN ──────────────────────────► CLOSED
-    nose to    keep the    ▲│ ▲│  all corners turned and
-    the wall   distance    ││ ││  past where the scan began
-                           ││ ││
-                   CORNER ◄┘│ │└► SWEEP ──► BLOCKED: it swept here before
-                     └──────┘ └─────┘
-    right beam meets the      the way along is not known to be free
-    next wall: turn 90°       as wide as the drone: look to both sides of it
+    nose to    keep the    │ ▲ │ ▲   all corners turned and
+    the wall   distance    ▼ │ │ │   past where the scan began
+                        CORNER ▼ │
+                              SWEEP
+    CORNER: the right beam meets the next wall, turn 90° right
+    SWEEP:  the way along is not known to be free, look at that side of it
+    SCAN, not known to be free where it swept before ─► BLOCKED
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
 beam looks where the drone goes.
