@@ -6,13 +6,13 @@
 No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 from companion.config import Config, SensorsConfig
-from companion.drivers.fold_back import FoldBack
-from companion.drivers.models import folding_beams, range_models
+from companion.drivers.models import range_models
 from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
@@ -21,6 +21,10 @@ from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.heights import Heights
+from companion.mapping.near import Near
+from companion.mapping.rays import rays
+from companion.mapping.space import Space
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -35,12 +39,20 @@ from companion.messages import (
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
 from companion.pdps.room_scan import Sight
+from companion.pdps.standoff import standoff_m
 from companion.values import value
 
 SEEING_PHASES = frozenset(
-    {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD}
+    {
+        *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
+        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD),
+    }
 )
 """What the beams meet on the ground already ties the walls to the origin."""
+EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD})
+"""In these the space around is drawn."""
+AT_LAYER_M = 0.12
+"""So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
 
 
@@ -102,20 +114,34 @@ class App:
     def __init__(self, config: Config) -> None:
         self._config = config
         self._mounts = Mounts(config.sensors)
-        self._fold_back = FoldBack(folding_beams(config.sensors))
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
+        models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
+        self._models = models
+        self._spaces: defaultdict[int, Space] = defaultdict(Space)
+        """What is known of the space around, of each layer."""
+        self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
+        self._heights = Heights(offset_m)
+        self._near = Near(models, offset_m)
+        self._resets = 0
         self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = Flight()
 
+    @property
+    def space(self) -> Space:
+        """What is known of the space around at the present height, as the flight uses it."""
+        return self._spaces[self.flight.layers.number]
+
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
-        inputs = replace(inputs, scan=self._true_ranges(inputs))
+        inputs = replace(inputs, scan=self._mounts.level(inputs.scan))
         self._note_arrivals(now_s, inputs)
         self._calibrate(inputs)
+        inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
+        self._near.move(pose, inputs.telemetry.odometry)
         action = self._decide(now_s, inputs, pose)
         known = pose if self.estimator else None
         return Outputs(
@@ -126,10 +152,6 @@ class App:
             self.flight,
             inputs.scan,
         )
-
-    def _true_ranges(self, inputs: Inputs) -> RangeScan:
-        """Without aliases, and as if every sensor sat equally far from the centre."""
-        return self._mounts.level(self._fold_back.checked(inputs.scan, inputs.telemetry.odometry))
 
     def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
         if inputs.gyro:
@@ -145,6 +167,12 @@ class App:
         if self._rest.bias_rad_s is not None:
             self.estimator = Estimator(self._rest.bias_rad_s, level_units(self._config.sensors))
 
+    def _unfold(self, inputs: Inputs) -> Inputs:
+        """Note what is near; readings that have folded back are not to be taken for distances."""
+        if self.flight.phase not in SEEING_PHASES:
+            return inputs
+        return replace(inputs, scan=self._near.see(inputs.scan))
+
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
@@ -154,15 +182,36 @@ class App:
         if self.flight.phase in SEEING_PHASES:
             self.estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self.estimator.height_m)
+            if self.flight.phase in EXPLORING_PHASES:
+                self._heights.see(inputs.scan, self.estimator.pose(inputs.scan.time_s))
+            self._draw_space(self.estimator, inputs.scan)
             self.estimator.improve(now_s)
         return self.estimator.pose(now_s)
 
+    def _draw_space(self, estimator: Estimator, scan: RangeScan) -> None:
+        """Free and occupied cells, drawn anew whenever the trajectory has been set right."""
+        sensors, pose = self._config.sensors, estimator.pose(scan.time_s)
+        keyframes = estimator.record.poses
+        if pose.reset_counter != self._resets:
+            self._resets = pose.reset_counter
+            for space in self._spaces.values():
+                space.redraw(keyframes)
+        height_m = self.flight.layers.height_m(self._config.mission)
+        is_level = abs(estimator.height_m - height_m) < AT_LAYER_M
+        if self.flight.phase in EXPLORING_PHASES and is_level:
+            seen = rays(pose, scan, self._models, sensors.mount_offset_m)
+            self.space.add(seen, keyframes)
+        self.space.advance()
+
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
+        sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
-            sight=Sight(pose, inputs.scan.readings, self._config.sensors.mount_offset_m, wall),
+            sight=Sight(pose, inputs.scan.readings, sensors.mount_offset_m, self._standoff_m, wall),
+            space=self.space.grid,
+            around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
             gyro_age_s=now_s - self._last_gyro_s,
             scan_age_s=now_s - self._last_scan_s,
@@ -187,8 +236,14 @@ class App:
         return self._drawn_up(self.estimator.so_far()) if self.estimator else FloorPlan()
 
     def _drawn_up(self, traced: Traced) -> FloorPlan:
-        walls = wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
-        return FloorPlan(walls, traced.hits(), traced.path(), self._ceiling.height_m)
+        return FloorPlan(
+            wall_segments(traced.walls, traced.points_ne_m, traced.wall_of),
+            traced.hits(),
+            traced.path(),
+            self._ceiling.height_m,
+            self._heights.floor_m,
+            self._heights.tops(),
+        )
 
     def _walls(self) -> tuple[WallSegment, ...]:
         if self.estimator is None:

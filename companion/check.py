@@ -16,13 +16,14 @@ from companion.config import Config, SensorsConfig
 from companion.drivers.autopilot import AutopilotGyro
 from companion.drivers.bus import Wires
 from companion.drivers.gyro import calibrated, open_gyro
-from companion.drivers.models import model_of
+from companion.drivers.models import model_of, range_models
 from companion.drivers.ranges import RangeSensors
 from companion.errors import SensorError
 from companion.link.link import Link, Listener
 from companion.link.serial_transport import SerialTransport
 from companion.link.transport import Message, Transport
 from companion.messages import Beam, GyroSample, RangeReading, RangeState
+from companion.pdps.standoff import standoff_m
 from companion.range_config import TfminiSensor
 from companion.values import value
 
@@ -202,15 +203,17 @@ class Examination:
         if not int(told["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not told["PRX1_TYPE"]:
             yield Finding("avoidance", Verdict.GOOD, "off")
             return
-        standoff_m = self._config.mission.standoff_m
+        sensors = self._config.sensors
+        front = range_models(sensors)[Beam.FRONT]
+        wanted_m = standoff_m(self._config.mission.standoff, front, sensors.mount_offset_m)
         sides = [self.readings.get(beam) for beam in (Beam.LEFT, Beam.RIGHT)]
         width_m = sum(r.distance_m if r and r.is_distance else math.inf for r in sides)
-        if margin_m < standoff_m and 2 * margin_m < width_m:
+        if margin_m < wanted_m and 2 * margin_m < width_m:
             yield Finding("avoidance", Verdict.GOOD, seen)
             return
         reason = (
-            f"it keeps the drone from its stand-off of {standoff_m:g} m"
-            if margin_m >= standoff_m
+            f"it keeps the drone from its stand-off of {wanted_m:g} m"
+            if margin_m >= wanted_m
             else f"the room is {width_m:.1f} m wide here"
         )
         remedy = (

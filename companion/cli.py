@@ -37,7 +37,7 @@ commands = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Fly a drone through a room it has never seen and bring back the map; or map a log.",
+    help="Fly a drone through rooms it has never seen and bring back the map; or map a log.",
 )
 commands.add_typer(afterwards.commands)
 commands.command()(check)
@@ -50,10 +50,11 @@ def fly_command(
     link: LinkUrl = None,
     bus: BusUrl = None,
     profile: Profile = None,
+    mission: Annotated[str | None, typer.Option(help="room, building, exterior, layers.")] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
-    """Take off, scan the room, return, land; leave map.png, map.ply and map.json."""
-    settings = load_settings(config, link, bus, profile)
+    """Take off, scan, return, land; leave map.png, map.ply and map.json."""
+    settings = load_settings(config, link, bus, profile, mission=mission)
     raise typer.Exit(_fly(settings, out))
 
 

@@ -8,10 +8,10 @@ import tomllib
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar, get_args
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import tomlkit
-from pydantic import BaseModel, Field, ValidationError, model_validator
+from pydantic import BaseModel, Field, PlainValidator, ValidationError, model_validator
 
 from companion.errors import ConfigError
 from companion.messages import Beam
@@ -27,6 +27,25 @@ from companion.range_config import (
 )
 
 _G = TypeVar("_G", bound=Group)
+
+MissionKind = Literal["room", "building", "exterior", "layers"]
+STANDOFFS = ("range", "accurate")
+LEAST_STANDOFF_M, MOST_STANDOFF_M = 0.6, 5.0
+
+
+def _standoff(value: object) -> object:
+    if value in STANDOFFS:
+        return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_number and LEAST_STANDOFF_M <= value <= MOST_STANDOFF_M:  # type: ignore[operator]
+        return float(value)  # type: ignore[arg-type]
+    names = " or ".join(repr(name) for name in STANDOFFS)
+    raise ValueError(
+        f"should be from {LEAST_STANDOFF_M:g} to {MOST_STANDOFF_M:g} metres, or {names}"
+    )
+
+
+Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_standoff)]
 
 
 class LinkConfig(Group):
@@ -105,12 +124,22 @@ class SensorsConfig(Group):
 class MissionConfig(Group):
     """How the room is flown."""
 
-    kind: Literal["room"] = "room"
+    kind: MissionKind = "room"
+    """room: trace the walls of one room; building: see everything that can be reached; exterior:
+    go round whatever stands there, and not far off; layers: a building at several heights."""
     height_m: float = Field(1.2, ge=0.5, le=10)
-    standoff_m: float = Field(1.5, ge=0.6, le=5)
+    standoff: Standoff = 1.5
+    """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
+    layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
+    """Between the layers, from `height_m` up to the ceiling."""
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
     turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
+    clearance_m: float = Field(0.3, ge=0.1, le=2)
+    """Between the drone's body and anything, as far as the mission plans it."""
     time_limit_s: float = Field(600.0, gt=0, le=3600)
+    """Of the flight: the drone turns back in time to be home by then."""
+    reserve_s: float = Field(20.0, ge=0, le=600)
+    """Left of the limit when it is home."""
 
 
 class RecordingConfig(Group):
@@ -204,7 +233,7 @@ def _text(path: Path) -> str:
 def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "value_error":
+    if first["type"] == "value_error" and not isinstance(first["input"], int | float | str):
         return f"{key}: {first['msg'].removeprefix('Value error, ')}"
     if first["type"] == "union_tag_invalid":
         context = first["ctx"]
@@ -212,7 +241,8 @@ def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
     if first["type"] == "extra_forbidden":
         known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
-    return f"{key} = {first['input']!r}: {first['msg'].replace('Input should', 'should')}"
+    complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+    return f"{key} = {first['input']!r}: {complaint}"
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:

@@ -63,6 +63,9 @@ def summary(flight: Flight, plan: FloorPlan, files: list[Path], waited_s: float 
     table.add_row("walls", f"{len(plan.walls)}, {length_m:.2f} m in all")
     if plan.ceiling_m is not None:
         table.add_row("ceiling", f"{plan.ceiling_m:.2f} m")
+    if plan.tops:
+        heights = sorted({f"{surface.height_m:.2f}" for surface in plan.tops})
+        table.add_row("table tops and the like", f"{', '.join(heights)} m")
     if plan.path:
         flown_s = plan.path[-1].time_s - plan.path[0].time_s
         waited = "" if waited_s is None else f", {waited_s:.0f} s waited"

@@ -50,7 +50,8 @@ class RangeState(enum.Enum):
 class RangeReading:
     """One range: a distance with its variance, or the reason why there is none.
 
-    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE.
+    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE; of what is TOO_NEAR,
+    `distance_m` may be a guess, not fit for a map.
     """
 
     state: RangeState
@@ -88,6 +89,10 @@ class RangeModel(Protocol):
 
     def sigma_m(self, distance_m: float) -> float:
         """Standard deviation of a reading at a true distance."""
+        ...
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """The distance below its least one at which it reads the same; None if there is none."""
         ...
 
 
@@ -249,13 +254,26 @@ class WallSegment:
 
 
 @value
-class FloorPlan:
-    """The map: walls, the points they were fitted to, and the path flown.
+class Surface:
+    """Something level above the floor, such as a table top, local NED."""
 
-    `ceiling_m` is above the take-off point; None if the up beam never met one.
+    centre_ne_m: Vector2
+    height_m: float
+    """Above the take-off point."""
+    area_m2: float
+    """So much of it was seen."""
+
+
+@value
+class FloorPlan:
+    """The map: walls, the points they were fitted to, the path flown, and heights.
+
+    `ceiling_m` and `floor_m` are above the take-off point; None if no beam ever met one.
     """
 
     walls: tuple[WallSegment, ...] = ()
     hits: tuple[Hit, ...] = ()
     path: tuple[Pose, ...] = ()
     ceiling_m: float | None = None
+    floor_m: float | None = None
+    tops: tuple[Surface, ...] = ()

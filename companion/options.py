@@ -17,12 +17,22 @@ Profile = Annotated[str | None, typer.Option(help="Range sensors, all of one kin
 
 
 def load_settings(
-    config: Path | None, link: str | None, bus: str | None, profile: str | None
+    config: Path | None,
+    link: str | None,
+    bus: str | None,
+    profile: str | None,
+    *,
+    mission: str | None = None,
 ) -> Config:
     """The file, with what was given on the command line above it.
 
     Raises:
         ConfigError: one line that says what to mend.
     """
-    given = {"link.url": link, "sensors.bus": bus, "sensors.profile": profile}
+    given = {
+        "link.url": link,
+        "sensors.bus": bus,
+        "sensors.profile": profile,
+        "mission.kind": mission,
+    }
     return configuration.load(config, {k: v for k, v in given.items() if v is not None})

@@ -208,7 +208,10 @@ def fly(
     beam: BeamFile = None,
     crop: Crop = None,
     mission: Annotated[
-        str, typer.Option(help="What to fly: room, or a mission file, .toml or .py.")
+        str,
+        typer.Option(
+            help="What to fly: room, building, exterior, layers, or a mission file, .toml or .py."
+        ),
     ] = "room",
     config: ConfigFile = None,
     transport: Annotated[

@@ -8,7 +8,9 @@ from pathlib import Path
 from rich.table import Table
 
 from companion.config import Config
-from companion.messages import FloorPlan
+from companion.drivers.models import range_models
+from companion.messages import Beam, FloorPlan
+from companion.pdps.standoff import standoff_m
 from sitl.record import TruthRecord
 from sitl.score import least_time_s, score_map, score_trajectory
 from sitl.simulation import Setup
@@ -34,6 +36,11 @@ def make_report(
     surfaces = wall_surfaces(setup.world, height_m)
     north, east, _ = truth.take_off.position_ned_m
     seeable = seeable_points(setup.world, height_m, (north, east))
+    standoff = standoff_m(
+        config.mission.standoff,
+        range_models(config.sensors)[Beam.FRONT],
+        config.sensors.mount_offset_m,
+    )
     report: Report = {
         "world": setup.world.name,
         "profile": "mixed" if setup.sensors.ranges else setup.sensors.profile,
@@ -49,7 +56,7 @@ def make_report(
         "clearance_m": truth.clearance_m,
         "return_m": math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2]),
         "flight_time_s": truth.air_time_s,
-        "least_time_s": least_time_s(surfaces, config.mission.standoff_m, config.mission.speed_m_s),
+        "least_time_s": least_time_s(surfaces, standoff, config.mission.speed_m_s),
         "waited_s": waited_s,
         "speed_factor": truth.path[-1].time_s / waited_s,
     }

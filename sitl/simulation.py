@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from companion.config import SensorsConfig
+from companion.frames import Vector3
 from companion.link.transport import Transport
 from companion.messages import Beam
 from sitl.autopilot.core import PERSONALITIES, Autopilot, keep_nothing
@@ -81,6 +82,8 @@ class Simulation:
         """A fault for tests: MAVLink is lost in both directions."""
         self._setup = setup
         self._others = others
+        self.bystanders: list[Vector3] = []
+        """People who stand about, for tests: bodies as large as a drone's, world NED, metres."""
         self._model = WorldModel(setup.world)
         start = start_state(setup)
         self.autopilot = Autopilot(
@@ -125,16 +128,18 @@ class Simulation:
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)
         clearance_m = self._model.body_clearance_m(state.position_ned_m)
-        if others := self._others():
+        if others := self._everybody():
             to_others_m = clearance_to_others_m(state.position_ned_m, others)
             clearance_m = min(clearance_m, to_others_m)
         if self.record.observe(state, clearance_m):
             self.autopilot.crash("hit an obstacle")
 
+    def _everybody(self) -> Sequence[Vector3]:
+        return [*self._others(), *self.bystanders]
+
     def _range_query(self, beam: Beam) -> RangeQuery:
-        """Walls, and whoever else flies there."""
-        walls = beam_query(self._setup, self._model, beam)
-        return walls if self._others is nobody else with_others(walls, self._others)
+        """Walls, and whoever else is there."""
+        return with_others(beam_query(self._setup, self._model, beam), self._everybody)
 
 
 def beam_query(setup: Setup, model: WorldModel, beam: Beam) -> RangeQuery:

@@ -26,7 +26,10 @@ def with_others(walls: RangeQuery, others: Others) -> RangeQuery:
     """What a beam meets first: walls, or the body of another vehicle."""
 
     def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
-        to_bodies = (_to_body_m(origin, direction, body) for body in others())
+        bodies = others()
+        if not bodies:
+            return walls(origin, direction, most_m)
+        to_bodies = (_to_body_m(origin, direction, body) for body in bodies)
         nearest_m = min((d for d in to_bodies if d <= most_m), default=math.inf)
         to_wall_m = walls(origin, direction, most_m)
         if to_wall_m is not None and to_wall_m <= nearest_m:

@@ -44,6 +44,10 @@ class AutopilotRangeModel:
     def sigma_m(self, distance_m: float) -> float:
         return self.noise_m
 
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None
+
 
 class AutopilotRanges:
     """Range sensors of the autopilot's, by beam."""

@@ -30,12 +30,3 @@ def model_of(sensor: RangeSensor) -> RangeModel:
             return SERIAL_KINDS[sensor.kind]
         case AutopilotRange():
             return AutopilotRangeModel(sensor.min_m, sensor.max_m, sensor.sigma_m)
-
-
-def folding_beams(config: SensorsConfig) -> list[Beam]:
-    """Those whose sensor reads metres when something is very near."""
-    return [
-        beam
-        for beam, sensor in config.beams.items()
-        if isinstance(sensor, SharpOnAds1115 | SharpOnMcp3008) and sensor.curve == "gp2y0a710k0f"
-    ]

@@ -81,7 +81,7 @@ class SharpProfile:
         if not DEAD_BELOW_V <= volts <= self.broken_above_v:
             return FAILED
         if volts > self.inverse_m_by_volts.x[-1]:
-            return TOO_NEAR
+            return RangeReading(RangeState.TOO_NEAR, self._near_m(volts))
         if volts < self.inverse_m_by_volts.x[0]:
             return NOTHING
         inverse_m, inverse_m_per_volt = self.inverse_m_by_volts.at(volts)
@@ -96,6 +96,23 @@ class SharpProfile:
         """Output noise through the curve's slope, d(1/d)/dV, and what calibration leaves."""
         noise_m = self.noise_v * inverse_m_per_volt * distance_m**2
         return math.hypot(noise_m, self.gain_sigma * distance_m)
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """On the rising branch, from the lens to the curve's peak."""
+        volts, near, peak = self.volts(distance_m), self.volts_by_near_m, self._peak
+        rising = Curve(near.x[: peak + 1], near.y[: peak + 1]).inverse()
+        return rising.at(volts)[0] if volts >= near.y[0] else None
+
+    @property
+    def _peak(self) -> int:
+        """Where the curve folds back, as an index of the near points."""
+        return max(range(len(self.volts_by_near_m.y)), key=self.volts_by_near_m.y.__getitem__)
+
+    def _near_m(self, volts: float) -> float:
+        """A guess for what is too near: on the branch that falls from the peak."""
+        near, peak = self.volts_by_near_m, self._peak
+        falling = Curve(near.y[: peak - 1 : -1], near.x[: peak - 1 : -1])
+        return min(max(falling.at(volts)[0], near.x[peak]), near.x[-1])
 
     def volts(self, distance_m: float | None) -> float:
         """The datasheet's curve; beyond its end it falls on towards the open output."""
@@ -135,6 +152,10 @@ class LinearProfile:
 
     def sigma_m(self, distance_m: float) -> float:
         return self.error_m
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None
 
     def volts(self, distance_m: float | None) -> float:
         if distance_m is None or distance_m > self.max_m:

@@ -29,6 +29,10 @@ class TimeOfFlight:
         noise_m = max(self.noise_m, self.noise_share * distance_m)
         return math.hypot(noise_m, self.gain_sigma * distance_m)
 
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None
+
     def reading(self, distance_m: float) -> RangeReading:
         """What a measured distance says."""
         if distance_m < self.min_m:

@@ -14,7 +14,7 @@ import numpy as np
 from companion.errors import OutputError
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
-from companion.messages import FloorPlan, Pose, WallSegment
+from companion.messages import FloorPlan, Pose, Surface, WallSegment
 
 _T = TypeVar("_T")
 
@@ -62,6 +62,8 @@ def save_json(plan: FloorPlan, path: Path) -> None:
             {
                 "frame": "local NED: origin at take-off, x along the first heading, z down",
                 "ceiling_m": plan.ceiling_m,
+                "floor_m": plan.floor_m,
+                "tops": [_surface_record(surface) for surface in plan.tops],
                 "walls": [_wall_record(wall) for wall in plan.walls],
                 "path": [_pose_record(pose) for pose in plan.path],
             },
@@ -77,6 +79,14 @@ def _wall_record(wall: WallSegment) -> dict[str, object]:
         "sigma_m": wall.sigma_m,
         "normal_sigma_rad": wall.normal_sigma_rad,
         "hits": wall.hits,
+    }
+
+
+def _surface_record(surface: Surface) -> dict[str, object]:
+    return {
+        "centre_ne_m": surface.centre_ne_m,
+        "height_m": surface.height_m,
+        "area_m2": surface.area_m2,
     }
 
 
@@ -106,6 +116,10 @@ def load_json(path: Path) -> FloorPlan:
         ),
         path=tuple(Pose(**pose) for pose in record["path"]),
         ceiling_m=record["ceiling_m"],
+        floor_m=record["floor_m"],
+        tops=tuple(
+            Surface(tuple(s["centre_ne_m"]), s["height_m"], s["area_m2"]) for s in record["tops"]
+        ),
     )
 
 

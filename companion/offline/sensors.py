@@ -109,3 +109,7 @@ class RangeSensor:
     def sigma_m(self, distance_m: float) -> float:
         """Standard deviation of a reading at a true distance."""
         return math.hypot(self.constant_m, self.per_m2 * distance_m**2)
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None

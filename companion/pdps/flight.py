@@ -1,12 +1,13 @@
 """The whole flight, from the first heartbeat to the last.
 
-    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF ─► ROOM ─► HOME ─► LAND ─► DONE
-                                                 │        │       │        ▲
-                                                 └────────┴───┬───┘        │
-                                                fault         ▼            │ fault lasts,
-                                                            HOLD ──────────┘ time is up
-                                                              │ fault gone: back to where it was
-                                                              ▼
+                                                  ┌─► ROOM ─────┐
+    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► LAND ─► DONE
+                                                 │└─► BUILDING ─┘    │        ▲
+                                                 └────────┬──────────┘        │
+                                                fault     ▼                   │ fault lasts,
+                                                         HOLD ────────────────┘ time is up
+                                                          │ fault gone: back to where it was
+                                                          ▼
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
@@ -27,6 +28,8 @@ from dataclasses import field, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
+from companion.mapping.near import Surroundings
+from companion.mapping.occupancy import Occupancy
 from companion.messages import (
     HOLD,
     Beam,
@@ -37,8 +40,14 @@ from companion.messages import (
     Setpoint,
     VehicleState,
 )
-from companion.pdps import homing, room_scan
+from companion.pdps import explore, layers, room_scan, travel
+from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to
+from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.guard import BODY_RADIUS_M, guarded
+from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.pdps.route import find_ways
+from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
 LINK_SILENT_S = 1.0
@@ -66,6 +75,8 @@ class Phase(enum.Enum):
     ARM = "arming"
     TAKE_OFF = "taking off"
     ROOM = "scanning the room"
+    BUILDING = "exploring the building"
+    LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
     HOLD = "holding"
     LAND = "landing"
@@ -74,8 +85,17 @@ class Phase(enum.Enum):
     FAILED = "failed"
 
 
+MISSION_PHASES = {
+    "room": Phase.ROOM,
+    "building": Phase.BUILDING,
+    "exterior": Phase.BUILDING,
+    "layers": Phase.LAYERS,
+}
+HOME_NE_M: Vector2 = (0.0, 0.0)
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
-FLYING_PHASES = frozenset({Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD})
+FLYING_PHASES = frozenset({Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOLD})
+LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
+"""In these the height is kept and every velocity is guarded."""
 
 
 @value
@@ -85,10 +105,12 @@ class View:
     time_s: float
     vehicle: VehicleState
     sight: Sight
+    space: Occupancy
     gyro_at_rest: bool
     """The gyro's bias has been averaged."""
     gyro_age_s: float
     scan_age_s: float
+    around: Surroundings = field(default_factory=Surroundings)
     land_requested: bool = False
     """The user or the operating system asks the program to end."""
 
@@ -102,6 +124,12 @@ class Flight:
     """Start of the phase; the first starts with the first tick, whatever the clock says then."""
     began_s: float = 0.0
     room: RoomScan = field(default_factory=RoomScan)
+    building: Explore = field(default_factory=Explore)
+    layers: Layers = field(default_factory=Layers)
+    way_home_s: float = 0.0
+    """What the way back would have taken when it was last asked."""
+    way_home_asked_s: float = -math.inf
+    way_home: Travel = Travel(HOME_NE_M)
     held_from: Phase = Phase.CONNECT
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
@@ -125,7 +153,12 @@ class Flight:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        return self.room.phase.value if self.phase is Phase.ROOM else self.phase.value
+        parts = {
+            Phase.ROOM: self.room.phase.value,
+            Phase.BUILDING: self.building.activity,
+            Phase.LAYERS: self.layers.activity,
+        }
+        return str(parts.get(self.phase, self.phase.value))
 
 
 @value
@@ -137,7 +170,10 @@ class Action:
 
 
 NOTHING = Action()
-HOME_NE_M: Vector2 = (0.0, 0.0)
+ASK_WAY_HOME_S = 5.0
+HOME_SPEED_SHARE, HOME_TURNS_S = 0.4, 12.0
+"""What a way takes: of the planned speed, with its doorways; and the first turns and the end."""
+NO_WAY_HOME = "there is no way back to the start any more"
 
 
 def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -150,7 +186,34 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
         flight = cut_short
-    return _STEPS[flight.phase](flight, view, plan)
+    if flight.phase in MISSION_PHASES.values():
+        flight = _in_time(flight, view, plan)
+    flight, action = _STEPS[flight.phase](flight, view, plan)
+    if action.setpoint is not None and flight.phase in LEVEL_PHASES:
+        level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
+        action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
+    return flight, action
+
+
+def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
+    """Down velocity that keeps the height of the layer, and off the ceiling."""
+    down_m_s = climb_to(flight.layers.height_m(plan), view.sight.pose.height_m)
+    room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S))
+
+
+def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+    """Home, when what is left of the time is needed for the way there."""
+    if view.time_s - flight.way_home_asked_s > ASK_WAY_HOME_S:
+        here = view.sight.pose.north_m, view.sight.pose.east_m
+        ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
+        way_m = ways.length_m(HOME_NE_M) if ways.reaches(HOME_NE_M) else math.dist(here, HOME_NE_M)
+        way_home_s = HOME_TURNS_S + way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
+        flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
+    left_s = plan.time_limit_s - (view.time_s - flight.began_s)
+    if left_s > flight.way_home_s + plan.reserve_s:
+        return flight
+    return _go(flight, Phase.HOME, view, f"turned back for the limit of {plan.time_limit_s:.0f} s")
 
 
 def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
@@ -202,7 +265,7 @@ def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
 def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     height_m = view.sight.pose.height_m
     if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
-        return _go(flight, Phase.ROOM, view), Action(HOLD)
+        return _go(flight, MISSION_PHASES[plan.kind], view), Action(HOLD)
     if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
         return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
     if view.vehicle.takes_off_by_setpoint:
@@ -229,18 +292,42 @@ def _insist(
 
 
 def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    room, setpoint = room_scan.step(flight.room, view.sight, plan)
+    room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
     if room is not flight.room:
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
+        flight = _go(flight, Phase.HOME, view)
+    elif room.phase is ScanPhase.BLOCKED:
+        flight = _go(flight, Phase.BUILDING, view)
+    return flight, Action(setpoint)
+
+
+def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
+    flight = replace(flight, building=building)
+    if building.phase is ExplorePhase.DONE:
+        flight = _go(flight, Phase.HOME, view)
+    return flight, Action(setpoint)
+
+
+def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
+    flight = replace(flight, layers=seen)
+    if seen.phase is LayersPhase.DONE:
         flight = _go(flight, Phase.HOME, view)
     return flight, Action(setpoint)
 
 
 def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    if homing.arrived(view.sight, HOME_NE_M):
-        return _go(flight, Phase.LAND, view), Action(HOLD)
-    return flight, Action(homing.step(view.sight, HOME_NE_M, plan))
+    going, setpoint = travel.step(flight.way_home, view.sight, view.space, plan)
+    flight = replace(flight, way_home=going)
+    match going.phase:
+        case TravelPhase.ARRIVED:
+            return _go(flight, Phase.LAND, view), Action(HOLD)
+        case TravelPhase.GAVE_UP:
+            return _go(flight, Phase.LAND, view, NO_WAY_HOME), Action(HOLD)
+        case _:
+            return flight, Action(setpoint)
 
 
 def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -319,6 +406,8 @@ _STEPS = {
     Phase.ARM: _arm,
     Phase.TAKE_OFF: _take_off,
     Phase.ROOM: _room,
+    Phase.BUILDING: _building,
+    Phase.LAYERS: _layers,
     Phase.HOME: _home,
     Phase.HOLD: _hold,
     Phase.LAND: _land,

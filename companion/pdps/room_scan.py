@@ -5,17 +5,20 @@
      │ nearest wall found
      ▼
     FACE ──► STAND_OFF ──► SCAN ──────────────────────────► CLOSED
-    nose to    keep the     │ ▲   all corners turned and
-    the wall   distance     │ │   past where the scan began
-                            ▼ │
-                           CORNER
-                 right beam meets the next wall: turn 90° right
+    nose to    keep the    │ ▲ │ ▲   all corners turned and
+    the wall   distance    ▼ │ │ │   past where the scan began
+                        CORNER ▼ │
+                              SWEEP
+    CORNER: the right beam meets the next wall, turn 90° right
+    SWEEP:  the way along is not known to be free, look at that side of it
+    SCAN, not known to be free where it swept before ─► BLOCKED
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
 beam looks where the drone goes.
 
-Safety: it moves only forward and right, where a beam looks; it backs away from a wall no farther
-than the first turn has shown free; a beam that fails stops the movement along it.
+Safety: it moves only forward and right, where a beam looks, and along the wall only through space
+that is known to be free as wide as the drone; it backs away from a wall no farther than the first
+turn has shown free; a beam that fails stops the movement along it.
 """
 
 import enum
@@ -25,8 +28,10 @@ from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, frd_to_ned, wrap_rad
+from companion.mapping.occupancy import Occupancy
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.pdps.control import approach_speed, climb_to, keep_distance, turn_towards
+from companion.pdps.control import approach_speed, keep_distance, turn_towards
+from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
 from companion.values import value
 
@@ -47,6 +52,13 @@ FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
 
 
+KNOWN_AHEAD_M = 1.3
+"""From the drone's centre along the wall; with less it looks before it goes on."""
+HALF_WAY_M = 0.4
+SWEEP_RAD, ON_SWEEP_RAD = math.radians(30), math.radians(5)
+SWEPT_WITHIN_M = 0.25
+
+
 class ScanPhase(enum.Enum):
     """Where in the diagram above."""
 
@@ -56,6 +68,8 @@ class ScanPhase(enum.Enum):
     STAND_OFF = "taking stand-off"
     SCAN = "scanning parallel to the wall"
     CORNER = "turning at a corner"
+    SWEEP = "looking along the wall"
+    BLOCKED = "something stands at the wall"
     CLOSED = "all walls traced"
 
 
@@ -66,6 +80,8 @@ class Sight:
     pose: Pose
     ranges: Mapping[Beam, RangeReading]
     mount_offset_m: float
+    standoff_m: float = 1.5
+    """From the drone's centre to the wall that it scans, as planned."""
     wall_ahead: tuple[float, float] | None = None
     """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
     distance along it, m."""
@@ -75,7 +91,7 @@ class Sight:
         reading = self.ranges.get(beam)
         if reading is None:
             return 0.0
-        if reading.is_distance:
+        if not math.isnan(reading.distance_m):
             return reading.distance_m + self.mount_offset_m
         return math.inf if reading.state is RangeState.NOTHING else 0.0
 
@@ -95,20 +111,26 @@ class RoomScan:
     began_at_ne_m: Vector2 = (0.0, 0.0)
     corners: int = 0
     corner_readings: int = 0
+    sweep_rad: tuple[float, ...] = ()
+    """Headings still to be turned to."""
+    swept_ne_m: Vector2 | None = None
+    """Where it looked along the wall the last time."""
 
 
 _BEAM_BEARING_RAD = {Beam.FRONT: 0.0, Beam.RIGHT: QUARTER_TURN_RAD, Beam.LEFT: -QUARTER_TURN_RAD}
 
 
-def step(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def step(
+    scan: RoomScan, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
     """One tick: the next state and the velocity to fly."""
-    move = _MOVES[scan.phase]
-    scan, setpoint = move(scan, sight, plan)
+    if scan.phase is ScanPhase.SCAN and (sides := _unknown_sides(scan, sight, space)):
+        scan = _begin_sweep(scan, sight, sides)
+    scan, setpoint = _MOVES[scan.phase](scan, sight, plan)
     return scan, Setpoint(
         _guarded(setpoint.forward_m_s, Beam.FRONT, sight),
         _guarded(setpoint.right_m_s, Beam.RIGHT, sight),
-        climb_to(plan.height_m, sight.pose.height_m),
-        setpoint.yaw_rate_rad_s,
+        yaw_rate_rad_s=setpoint.yaw_rate_rad_s,
     )
 
 
@@ -131,7 +153,7 @@ def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     faced = RoomScan(
         phase=ScanPhase.FACE,
         heading_rad=nearest.bearing_rad,
-        standoff_m=min(plan.standoff_m, nearest.distance_m + may_back_m),
+        standoff_m=min(sight.standoff_m, nearest.distance_m + may_back_m),
     )
     return faced, Setpoint()
 
@@ -150,7 +172,7 @@ def _rays(sight: Sight) -> tuple[Ray, ...]:
 
 def _seek(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     ahead_m = sight.clear_m(Beam.FRONT)
-    if ahead_m < max(SEEK_UNTIL_M, plan.standoff_m):
+    if ahead_m < max(SEEK_UNTIL_M, sight.standoff_m):
         return RoomScan(), Setpoint()
     yaw_rate = _turn_rate(scan, sight, plan)
     return scan, Setpoint(forward_m_s=0.5 * plan.speed_m_s, yaw_rate_rad_s=yaw_rate)
@@ -202,6 +224,47 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     )
 
 
+def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
+    """On which sides of the way along the wall, 1 towards it, too little is known to be free.
+
+    Enough is some way ahead, or up to the next wall.
+    """
+    along_rad = scan.heading_rad + QUARTER_TURN_RAD
+    enough_m = min(KNOWN_AHEAD_M, sight.clear_m(Beam.RIGHT) - scan.standoff_m + BODY_RADIUS_M)
+    unknown = []
+    for side in (1, -1):
+        off = frd_to_ned(side * 0.5 * HALF_WAY_M, 0.0, scan.heading_rad)
+        middle = sight.pose.north_m + off[0], sight.pose.east_m + off[1]
+        known_m = space.known_free_m(middle, along_rad, 0.5 * HALF_WAY_M, KNOWN_AHEAD_M)
+        if known_m < enough_m:
+            unknown.append(side)
+    return unknown
+
+
+def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
+    """Turn so far that the right beam passes over what is unknown, and back."""
+    here = sight.pose.north_m, sight.pose.east_m
+    if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
+        return replace(scan, phase=ScanPhase.BLOCKED)
+    aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
+    headings = (*aside, scan.heading_rad)
+    return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
+
+
+def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    heading_rad, *later = scan.sweep_rad
+    if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
+        most_rad_s = math.radians(plan.turn_rate_deg_s)
+        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
+        return scan, Setpoint(yaw_rate_rad_s=rate_rad_s)
+    phase = ScanPhase.SWEEP if later else ScanPhase.SCAN
+    return replace(scan, phase=phase, sweep_rad=tuple(later)), Setpoint()
+
+
+def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+    return scan, Setpoint()
+
+
 def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     if _on_heading(scan, sight):
         return replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1), Setpoint()
@@ -219,6 +282,8 @@ _MOVES = {
     ScanPhase.STAND_OFF: _stand_off,
     ScanPhase.SCAN: _scan,
     ScanPhase.CORNER: _corner,
+    ScanPhase.SWEEP: _sweep,
+    ScanPhase.BLOCKED: _blocked,
     ScanPhase.CLOSED: _closed,
 }
 

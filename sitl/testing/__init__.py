@@ -9,6 +9,7 @@ from sitl.testing.script import (
     crash,
     link_down,
     pilot_mode,
+    somebody,
     unplug,
     when,
 )
@@ -23,6 +24,7 @@ __all__ = [
     "crash",
     "link_down",
     "pilot_mode",
+    "somebody",
     "unplug",
     "when",
 ]

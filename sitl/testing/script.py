@@ -77,6 +77,20 @@ def unplug(beam: str) -> Action:
     return Action(lambda simulation: simulation.board.unplug(beam))
 
 
+def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None = None) -> Action:
+    """People stand at these places: north, east and height, metres, of head and shoulders."""
+    bodies = [(north_m, east_m, -height_m) for north_m, east_m, height_m in places]
+
+    def come(simulation: Simulation) -> None:
+        simulation.bystanders += bodies
+
+    def go(simulation: Simulation) -> None:
+        for body in bodies:
+            simulation.bystanders.remove(body)
+
+    return Action(come, go, for_s)
+
+
 def crash(reason: str = "test") -> Action:
     """The autopilot disarms as after hitting something."""
     return Action(lambda simulation: simulation.autopilot.crash(reason))

@@ -1,11 +1,15 @@
 """Every arrow of the flight's diagram, and what it asks of the autopilot on the way."""
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from companion.config import MissionConfig
+from companion.mapping.near import Surroundings
+from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import (
     HOLD,
     Beam,
@@ -16,8 +20,11 @@ from companion.messages import (
     RangeState,
     VehicleState,
 )
+from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight import Action, Flight, Phase, View, step
+from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.pdps.travel import Travel, TravelPhase
 
 PLAN = MissionConfig()
 ON_GROUND = VehicleState(
@@ -31,6 +38,11 @@ FLYING = replace(
     ON_GROUND, mode="GUIDED", in_offboard_mode=True, armed=True, landed_state=LandedState.IN_AIR
 )
 CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
+SPACE = Occupancy()
+for degree in range(360):
+    for _ in range(3):
+        SPACE.add(Ray((1.0, 1.0), math.radians(degree), 4.0, 0.0, False))
+"""Free space, as far as one look shows it."""
 
 
 def view(
@@ -40,14 +52,24 @@ def view(
     height_m: float = PLAN.height_m,
     position: tuple[float, float] = (1.0, 1.0),
     right: RangeReading = CLEAR,
+    up: RangeReading = CLEAR,
     gyro_at_rest: bool = True,
     gyro_age_s: float = 0.0,
     scan_age_s: float = 0.0,
     land_requested: bool = False,
 ) -> View:
-    ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR}
+    ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR, Beam.UP: up}
     sight = Sight(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
-    return View(time_s, vehicle, sight, gyro_at_rest, gyro_age_s, scan_age_s, land_requested)
+    return View(
+        time_s,
+        vehicle,
+        sight,
+        SPACE,
+        gyro_at_rest,
+        gyro_age_s,
+        scan_age_s,
+        land_requested=land_requested,
+    )
 
 
 def flying(phase: Phase) -> Flight:
@@ -189,8 +211,17 @@ def test_nothing_heard_for_ten_seconds_is_the_end() -> None:
         assert after(phase, view(silent))[0] is Phase.FAILED
 
 
+def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
+    left_s = PLAN.reserve_s + 20
+    assert after(Phase.ROOM, view(time_s=90.0 + PLAN.time_limit_s - left_s))[0] is Phase.ROOM
+    late = view(time_s=90.0 + PLAN.time_limit_s - PLAN.reserve_s)
+    flight, _ = step(flying(Phase.ROOM), late, PLAN)
+    assert flight.phase is Phase.HOME
+    assert "limit" in flight.trouble
+
+
 def test_time_limit_and_request_land_the_drone() -> None:
-    assert after(Phase.ROOM, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
+    assert after(Phase.HOME, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
     assert after(Phase.ROOM, view(land_requested=True))[0] is Phase.LAND
 
 
@@ -204,3 +235,61 @@ def test_refused_arming_ends_with_the_autopilots_words() -> None:
 def test_a_vehicle_that_is_armed_already_is_left_alone() -> None:
     phase, action = after(Phase.PREPARE, view(FLYING))
     assert (phase, action) == (Phase.FAILED, Action())
+
+
+def test_each_mission_begins_in_its_own_way() -> None:
+    begun = {
+        kind: step(flying(Phase.TAKE_OFF), view(), MissionConfig.model_validate({"kind": kind}))[0]
+        for kind in ("room", "building", "exterior", "layers")
+    }
+    assert {kind: flight.phase for kind, flight in begun.items()} == {
+        "room": Phase.ROOM,
+        "building": Phase.BUILDING,
+        "exterior": Phase.BUILDING,
+        "layers": Phase.LAYERS,
+    }
+
+
+def test_what_cannot_be_traced_is_explored() -> None:
+    blocked = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.BLOCKED))
+    assert step(blocked, view(), PLAN)[0].phase is Phase.BUILDING
+
+
+def test_all_seen_sends_it_home() -> None:
+    seen = replace(flying(Phase.BUILDING), building=Explore(ExplorePhase.DONE))
+    assert step(seen, view(), PLAN)[0].phase is Phase.HOME
+    layers = replace(flying(Phase.LAYERS), layers=Layers(LayersPhase.DONE))
+    assert step(layers, view(), PLAN)[0].phase is Phase.HOME
+
+
+def test_without_a_way_back_it_says_so_and_lands() -> None:
+    lost = replace(flying(Phase.HOME), way_home=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    flight, _ = step(lost, view(), PLAN)
+    assert flight.phase is Phase.LAND
+    assert "no way back" in flight.trouble
+
+
+@pytest.mark.parametrize("phase", [Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME])
+def test_height_is_held(phase: Phase) -> None:
+    _, low = after(phase, view(height_m=PLAN.height_m - 0.3, up=CLEAR))
+    _, high = after(phase, view(height_m=PLAN.height_m + 0.3, up=CLEAR))
+    assert low.setpoint is not None
+    assert high.setpoint is not None
+    assert low.setpoint.down_m_s < 0 < high.setpoint.down_m_s
+
+
+def test_it_does_not_climb_towards_a_near_ceiling() -> None:
+    ceiling = RangeReading(RangeState.DISTANCE, 0.5, 0.01)
+    _, action = after(Phase.ROOM, view(height_m=PLAN.height_m - 0.3, up=ceiling))
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s == 0
+
+
+def test_what_is_near_bounds_every_velocity() -> None:
+    wall = np.array([(0.52, 0.05 * i) for i in range(-8, 9)])
+    going = replace(flying(Phase.HOME), way_home=Travel((3.0, 1.0)))
+    _, free = step(going, view(), PLAN)
+    _, guarded = step(going, replace(view(), around=Surroundings(wall)), PLAN)
+    assert free.setpoint is not None
+    assert guarded.setpoint is not None
+    assert guarded.setpoint.forward_m_s < 0.2 < free.setpoint.forward_m_s

@@ -6,10 +6,23 @@ from dataclasses import replace
 import pytest
 
 from companion.config import MissionConfig
+from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight, step
 
 PLAN = MissionConfig()
+
+
+def open_ground(reach_m: float) -> Occupancy:
+    """A disc of free space that nothing bounds."""
+    grid = Occupancy()
+    for degree in range(360):
+        for _ in range(3):
+            grid.add(Ray((0.0, 0.0), math.radians(degree), reach_m, 0.0, False))
+    return grid
+
+
+FREE = open_ground(4.0)
 NOTHING = RangeReading(RangeState.NOTHING)
 
 
@@ -48,12 +61,14 @@ def turn_once(walls_m: dict[int, float]) -> RoomScan:
             break
         yaw_rad = math.radians(2 * tick)
         front, right, left = (ray(yaw_rad + a) for a in (0.0, math.pi / 2, -math.pi / 2))
-        scan, _ = step(scan, sight(yaw_rad=yaw_rad, front=front, right=right, left=left), PLAN)
+        scan, _ = step(
+            scan, sight(yaw_rad=yaw_rad, front=front, right=right, left=left), FREE, PLAN
+        )
     return scan
 
 
 def test_it_turns_on_the_spot_until_it_has_gone_round() -> None:
-    scan, setpoint = step(RoomScan(), sight(), PLAN)
+    scan, setpoint = step(RoomScan(), sight(), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint == Setpoint(yaw_rate_rad_s=math.radians(45))
 
@@ -67,42 +82,42 @@ def test_after_the_turn_it_faces_the_nearest_wall() -> None:
 def test_a_turn_that_meets_nothing_seeks_a_wall_ahead() -> None:
     scan = turn_once({})
     assert scan.phase is ScanPhase.SEEK
-    _, setpoint = step(scan, sight(yaw_rad=scan.heading_rad), PLAN)
+    _, setpoint = step(scan, sight(yaw_rad=scan.heading_rad), FREE, PLAN)
     assert setpoint.forward_m_s > 0
 
 
 def test_seeking_ends_in_another_turn_once_the_front_returns() -> None:
-    scan, setpoint = step(RoomScan(ScanPhase.SEEK), sight(front=at(3.5)), PLAN)
+    scan, setpoint = step(RoomScan(ScanPhase.SEEK), sight(front=at(3.5)), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint.forward_m_s == 0
 
 
 def test_it_takes_its_stand_off_only_once_it_faces_the_wall() -> None:
     facing = RoomScan(ScanPhase.FACE, heading_rad=1.0, standoff_m=1.5)
-    scan, setpoint = step(facing, sight(yaw_rad=0.0, front=at(3.0)), PLAN)
+    scan, setpoint = step(facing, sight(yaw_rad=0.0, front=at(3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.FACE
     assert setpoint.yaw_rate_rad_s > 0
-    scan, _ = step(facing, sight(yaw_rad=1.0, front=at(3.0)), PLAN)
+    scan, _ = step(facing, sight(yaw_rad=1.0, front=at(3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
 
 
 def test_the_mapped_wall_refines_the_heading() -> None:
     facing = RoomScan(ScanPhase.FACE, heading_rad=0.0, standoff_m=1.5)
-    scan, _ = step(facing, sight(front=at(3.0), wall_ahead=(0.1, 3.0)), PLAN)
+    scan, _ = step(facing, sight(front=at(3.0), wall_ahead=(0.1, 3.0)), FREE, PLAN)
     assert scan.heading_rad == 0.1
 
 
 @pytest.mark.parametrize(("distance_m", "direction"), [(3.0, 1), (1.2, -1)])
 def test_it_closes_in_or_backs_off_to_the_stand_off(distance_m: float, direction: int) -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
-    scan, setpoint = step(taking, sight(front=at(distance_m)), PLAN)
+    scan, setpoint = step(taking, sight(front=at(distance_m)), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
     assert math.copysign(1, setpoint.forward_m_s) == direction
 
 
 def test_at_the_stand_off_the_scan_begins() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
-    scan, _ = step(taking, sight(front=at(1.52), position=(2.0, 3.0)), PLAN)
+    scan, _ = step(taking, sight(front=at(1.52), position=(2.0, 3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert scan.began_at_ne_m == (2.0, 3.0)
 
@@ -116,20 +131,20 @@ SCANNING = RoomScan(ScanPhase.SCAN, standoff_m=1.5)
 
 
 def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
-    scan, setpoint = step(SCANNING, sight(front=at(1.5), right=NOTHING), PLAN)
+    scan, setpoint = step(SCANNING, sight(front=at(1.5), right=NOTHING), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert setpoint.right_m_s == PLAN.speed_m_s
     assert setpoint.forward_m_s == pytest.approx(0)
 
 
 def test_scanning_keeps_its_distance() -> None:
-    _, near = step(SCANNING, sight(front=at(1.2)), PLAN)
-    _, far = step(SCANNING, sight(front=at(1.8)), PLAN)
+    _, near = step(SCANNING, sight(front=at(1.2)), FREE, PLAN)
+    _, far = step(SCANNING, sight(front=at(1.8)), FREE, PLAN)
     assert near.forward_m_s < 0 < far.forward_m_s
 
 
 def test_it_slows_down_before_the_next_wall() -> None:
-    _, setpoint = step(SCANNING, sight(front=at(1.5), right=at(1.9)), PLAN)
+    _, setpoint = step(SCANNING, sight(front=at(1.5), right=at(1.9)), FREE, PLAN)
     assert 0 < setpoint.right_m_s < PLAN.speed_m_s
 
 
@@ -137,24 +152,24 @@ def test_the_next_wall_at_the_right_makes_a_corner() -> None:
     scan = SCANNING
     for _ in range(2):
         assert scan.phase is ScanPhase.SCAN
-        scan, _ = step(scan, sight(front=at(1.5), right=at(1.55)), PLAN)
+        scan, _ = step(scan, sight(front=at(1.5), right=at(1.55)), FREE, PLAN)
     assert scan.phase is ScanPhase.CORNER
     assert scan.heading_rad == pytest.approx(math.pi / 2)
 
 
 def test_one_stray_reading_is_no_corner() -> None:
-    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.5)), PLAN)
-    scan, _ = step(scan, sight(front=at(1.5), right=at(4.0)), PLAN)
-    scan, _ = step(scan, sight(front=at(1.5), right=at(1.5)), PLAN)
+    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.5)), FREE, PLAN)
+    scan, _ = step(scan, sight(front=at(1.5), right=at(4.0)), FREE, PLAN)
+    scan, _ = step(scan, sight(front=at(1.5), right=at(1.5)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
 def test_after_the_corner_it_scans_the_next_wall() -> None:
     turning = replace(SCANNING, phase=ScanPhase.CORNER, heading_rad=math.pi / 2)
-    scan, setpoint = step(turning, sight(yaw_rad=0.5), PLAN)
+    scan, setpoint = step(turning, sight(yaw_rad=0.5), FREE, PLAN)
     assert scan.phase is ScanPhase.CORNER
     assert setpoint.yaw_rate_rad_s > 0
-    scan, _ = step(turning, sight(yaw_rad=math.pi / 2), PLAN)
+    scan, _ = step(turning, sight(yaw_rad=math.pi / 2), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert scan.corners == 1
 
@@ -167,24 +182,47 @@ def test_the_room_is_closed_past_where_the_scan_began(
     corners: int, east_m: float, phase: ScanPhase
 ) -> None:
     scan = replace(SCANNING, corners=corners)
-    scan, _ = step(scan, sight(front=at(1.5), position=(0.0, east_m)), PLAN)
+    scan, _ = step(scan, sight(front=at(1.5), position=(0.0, east_m)), FREE, PLAN)
     assert scan.phase is phase
 
 
 def test_a_closed_room_stays_closed_and_still() -> None:
-    scan, setpoint = step(RoomScan(ScanPhase.CLOSED), sight(), PLAN)
+    scan, setpoint = step(RoomScan(ScanPhase.CLOSED), sight(), FREE, PLAN)
     assert scan.phase is ScanPhase.CLOSED
     assert setpoint == Setpoint()
 
 
 @pytest.mark.parametrize("state", [RangeState.FAILED, RangeState.STALE, RangeState.TOO_NEAR])
 def test_a_blind_right_beam_stops_the_scan(state: RangeState) -> None:
-    _, setpoint = step(SCANNING, sight(front=at(1.5), right=RangeReading(state)), PLAN)
+    _, setpoint = step(SCANNING, sight(front=at(1.5), right=RangeReading(state)), FREE, PLAN)
     assert setpoint.right_m_s == 0
 
 
-def test_height_is_held_in_every_phase() -> None:
-    low = replace(sight(), pose=Pose(0.0, 0.0, 0.0, down_m=-0.8, yaw_rad=0.0))
-    for phase in ScanPhase:
-        _, setpoint = step(RoomScan(phase), low, PLAN)
-        assert setpoint.down_m_s < 0
+def test_where_the_way_along_is_not_known_it_looks_to_both_sides_of_it_and_goes_on() -> None:
+    unseen = open_ground(0.8)
+    scan, setpoint = step(SCANNING, sight(front=at(1.5)), unseen, PLAN)
+    assert scan.phase is ScanPhase.SWEEP
+    assert setpoint.right_m_s == 0
+    looked_rad = []
+    while scan.phase is ScanPhase.SWEEP:
+        looked_rad.append(scan.sweep_rad[0])
+        scan, setpoint = step(scan, sight(yaw_rad=scan.sweep_rad[0]), unseen, PLAN)
+        assert setpoint.right_m_s == setpoint.forward_m_s == 0
+    assert min(looked_rad) < -0.4 < 0.4 < max(looked_rad)
+    assert scan.phase is ScanPhase.SCAN
+    _, setpoint = step(scan, sight(front=at(1.5)), FREE, PLAN)
+    assert setpoint.right_m_s > 0
+
+
+def test_where_looking_did_not_help_it_says_that_something_is_in_the_way() -> None:
+    unseen = open_ground(0.8)
+    swept = replace(SCANNING, swept_ne_m=(0.0, 0.1))
+    scan, setpoint = step(swept, sight(front=at(1.5)), unseen, PLAN)
+    assert scan.phase is ScanPhase.BLOCKED
+    assert setpoint.right_m_s == setpoint.forward_m_s == 0
+    assert step(scan, sight(), FREE, PLAN)[0].phase is ScanPhase.BLOCKED
+
+
+def test_up_to_the_next_wall_nothing_more_need_be_known() -> None:
+    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.7)), open_ground(0.8), PLAN)
+    assert scan.phase is ScanPhase.SCAN

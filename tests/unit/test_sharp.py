@@ -39,8 +39,24 @@ def test_a_distance_is_never_outside_the_sensors_range(name: str, volts: float) 
     if reading.is_distance:
         assert profile.min_m - 1e-9 <= reading.distance_m <= profile.max_m + 1e-9
         assert reading.variance_m2 > 0
+    elif reading.state is RangeState.TOO_NEAR:
+        assert not reading.distance_m > profile.min_m
     else:
         assert math.isnan(reading.distance_m)
+
+
+@given(st.floats(0.14, 0.42))
+def test_what_has_folded_back_has_an_alias_that_tells_the_truth(distance_m: float) -> None:
+    read_m = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(distance_m)).distance_m
+    assert read_m >= GP2Y0A710K0F.min_m - 1e-9
+    assert GP2Y0A710K0F.alias_m(read_m) == pytest.approx(distance_m, abs=0.02)
+
+
+@given(st.floats(0.55, 0.99))
+def test_what_is_too_near_comes_with_a_guess(distance_m: float) -> None:
+    reading = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(distance_m))
+    assert reading.state is RangeState.TOO_NEAR
+    assert reading.distance_m == pytest.approx(distance_m, abs=0.02)
 
 
 def test_noise_grows_with_the_square_of_distance() -> None:

@@ -1,0 +1,107 @@
+"""Floor and table tops: how high above the start is what the down beam meets.
+
+A reading between the floor and the flight height is one of a cell of the plan. Cells side by side
+at the same height are one surface. The sensor folds back below half a metre, so what is close
+under the drone reads as if it were deep: a height below the floor, or of the floor itself, is not
+told from it. That is why tops are mapped only from layers high enough above them.
+"""
+
+import math
+import statistics
+from collections import defaultdict
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.ndimage import label
+
+from companion.frames import Vector2
+from companion.messages import Beam, Pose, RangeScan, Surface
+
+CELL_M = 0.2
+LEAST_READINGS = 3
+SAME_HEIGHT_M = 0.08
+ABOVE_FLOOR_M = 0.15
+"""A surface as near to the floor as this is the floor."""
+LEAST_CELLS = 3
+Cell = tuple[int, int]
+
+
+class Heights:
+    """What the down beam has met, by cells."""
+
+    def __init__(self, mount_offset_m: float) -> None:
+        self._mount_offset_m = mount_offset_m
+        self._readings_m: defaultdict[Cell, list[float]] = defaultdict(list)
+
+    def see(self, scan: RangeScan, pose: Pose) -> None:
+        """Take in a sweep from a level pose."""
+        reading = scan.readings.get(Beam.DOWN)
+        if reading is not None and reading.is_distance:
+            height_m = pose.height_m - self._mount_offset_m - reading.distance_m
+            cell = math.floor(pose.north_m / CELL_M), math.floor(pose.east_m / CELL_M)
+            self._readings_m[cell].append(height_m)
+
+    @property
+    def floor_m(self) -> float | None:
+        """Median of all that is not a top; None if the beam never met anything."""
+        every = [m for readings in self._readings_m.values() for m in readings]
+        if not every:
+            return None
+        low = statistics.median(every)
+        return statistics.median([m for m in every if m < low + ABOVE_FLOOR_M])
+
+    def tops(self) -> tuple[Surface, ...]:
+        """Surfaces above the floor, the largest first."""
+        floor_m = self.floor_m
+        if floor_m is None:
+            return ()
+        high = {
+            cell: top_m
+            for cell, readings in self._readings_m.items()
+            if (top_m := _top_m(readings, floor_m)) is not None
+        }
+        surfaces = [_surface(cells, high) for cells in _clusters(high)]
+        return tuple(sorted(surfaces, key=lambda surface: -surface.area_m2))
+
+
+def _top_m(readings_m: list[float], floor_m: float) -> float | None:
+    """Of a cell, if enough readings agree that something stands in it."""
+    above = [m for m in readings_m if m > floor_m + ABOVE_FLOOR_M]
+    return statistics.median(above) if len(above) >= LEAST_READINGS else None
+
+
+def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
+    """Neighbouring cells of the same height."""
+    clusters: list[list[Cell]] = []
+    for level in _levels(sorted(high.values())):
+        cells = [cell for cell, m in high.items() if level[0] <= m <= level[1]]
+        rows, columns = np.array(cells).T
+        grid = np.zeros((np.ptp(rows) + 1, np.ptp(columns) + 1), dtype=bool)
+        grid[rows - rows.min(), columns - columns.min()] = True
+        numbers, count = label(grid, np.ones((3, 3)))
+        for number in range(1, count + 1):
+            low = np.array((rows.min(), columns.min()))
+            places = np.argwhere(numbers == number) + low
+            if len(places) >= LEAST_CELLS:
+                clusters.append([(int(row), int(column)) for row, column in places])
+    return clusters
+
+
+def _levels(heights_m: list[float]) -> list[tuple[float, float]]:
+    """Ranges of heights with no gap in them."""
+    levels: list[tuple[float, float]] = []
+    for m in heights_m:
+        if levels and m - levels[-1][1] < SAME_HEIGHT_M:
+            levels[-1] = (levels[-1][0], m)
+        else:
+            levels.append((m, m))
+    return levels
+
+
+def _surface(cells: list[Cell], high: Mapping[Cell, float]) -> Surface:
+    centre: Vector2 = (
+        (statistics.fmean(row for row, _ in cells) + 0.5) * CELL_M,
+        (statistics.fmean(column for _, column in cells) + 0.5) * CELL_M,
+    )
+    height_m = statistics.median(high[cell] for cell in cells)
+    return Surface(centre, height_m, len(cells) * CELL_M**2)

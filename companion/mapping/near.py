@@ -1,0 +1,179 @@
+"""What stands near the drone, as the beams met it a moment ago: what must not be hit.
+
+The points are kept in a frame of their own that is only ever moved on, by odometry and by how the
+heading turns. A step of the estimate, or a wall that was taken for another, moves the map but not
+what is near.
+
+A triangulating sensor folds back: what is nearer than half a metre reads as if it were a metre or
+more away. From one reading nobody can tell, but what comes so near was met before, or by another
+beam: a reading whose alias lies on a point that is known here is called too near.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    Odometry,
+    Pose,
+    RangeModel,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
+
+KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
+"""After that the frame may have drifted by as much as the drone keeps off."""
+WITHIN_M = 2.5
+MOST_SIGMA_M = 0.06
+SAME_M = 0.04
+"""A point that is met again is one point, the new one."""
+BESIDE_BEAM_M = 0.03
+SEEN_THROUGH_M = 0.30
+"""A beam that goes on so far beyond a point has shown that nothing is there any more."""
+ALIAS_M = 0.25
+"""So well must a folded reading fit a point that is known."""
+ALIAS_ASIDE_M = 0.12
+MOST_STEP_M, MOST_STEP_RAD = 0.02, 0.02
+"""Where pose and odometry differ by more in one tick, the estimate has made a step."""
+UNMEASURED_M = 0.55
+"""From the drone's centre: where something is put that is too near to be measured and is new."""
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What the guard needs to know, body FRD, from the drone's centre."""
+
+    points_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """(n, 2), forward and right."""
+    velocity_frd_m_s: Vector2 = (0.0, 0.0)
+
+
+class Near:
+    """Points around the drone, in a frame of its own.
+
+    (n, 4): north, east, when it was met, and 1 if it was measured, 0 if inferred from a folded
+    reading, which must not be proof of the next.
+    """
+
+    def __init__(self, sensors: Mapping[Beam, RangeModel], mount_offset_m: float) -> None:
+        self._sensors = sensors
+        self._mount_offset_m = mount_offset_m
+        self._points: Points = np.empty((0, 4))
+        self._ne_m: Vector2 = (0.0, 0.0)
+        self._yaw_rad = 0.0
+        self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
+        self._pose: Pose | None = None
+        self._odometry: Odometry | None = None
+
+    @property
+    def surroundings(self) -> Surroundings:
+        return Surroundings(self._relative(), self._velocity_frd_m_s)
+
+    def move(self, pose: Pose, odometry: Odometry | None) -> None:
+        """The drone has moved on as its pose says; as odometry says, where the pose stepped."""
+        if odometry is None:
+            return
+        last_pose, self._pose = self._pose, pose
+        last, self._odometry = self._odometry, odometry
+        self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
+        if last is None or last_pose is None:
+            return
+        (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
+        body_m = ned_to_frd(x - last_x, y - last_y, odometry.yaw_rad)
+        turned_rad = wrap_rad(odometry.yaw_rad - last.yaw_rad)
+        moved_m = ned_to_frd(
+            pose.north_m - last_pose.north_m, pose.east_m - last_pose.east_m, pose.yaw_rad
+        )
+        yawed_rad = wrap_rad(pose.yaw_rad - last_pose.yaw_rad)
+        if math.dist(moved_m, body_m) < MOST_STEP_M and abs(yawed_rad - turned_rad) < MOST_STEP_RAD:
+            body_m, turned_rad = moved_m, yawed_rad
+        self._yaw_rad = wrap_rad(self._yaw_rad + turned_rad)
+        north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
+        self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
+
+    def see(self, scan: RangeScan) -> RangeScan:
+        """Take in a sweep; the same with readings that have folded back called too near."""
+        points = self._points
+        is_near = np.hypot(*(points[:, :2] - np.array(self._ne_m)).T) < KEPT_WITHIN_M
+        self._points = points[is_near & (points[:, 2] > scan.time_s - KEPT_S)]
+        readings = dict(scan.readings)
+        for beam in BEARING_FRD_RAD:
+            reading = readings.get(beam)
+            if reading is not None:
+                readings[beam] = self._take_in(reading, beam, scan.time_s)
+        return replace(scan, readings=readings)
+
+    def _take_in(self, reading: RangeReading, beam: Beam, time_s: float) -> RangeReading:
+        sensor, bearing_frd_rad = self._sensors[beam], BEARING_FRD_RAD[beam]
+        along_m, aside_m = self._off_beam(bearing_frd_rad)
+        if math.isnan(reading.distance_m):
+            if reading.state is RangeState.NOTHING:
+                self._see_through(along_m, aside_m, sensor.max_m)
+            elif reading.state is RangeState.TOO_NEAR:
+                self._put(UNMEASURED_M, bearing_frd_rad, time_s)
+            return reading
+        before = along_m[(aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, 3] > 0)]
+        alias_m = self._folded_m(sensor.alias_m(reading.distance_m), reading.distance_m, before)
+        if alias_m is not None:
+            self._put(alias_m, bearing_frd_rad, time_s, measured=False)
+            return RangeReading(RangeState.TOO_NEAR, alias_m - self._mount_offset_m)
+        end_m = reading.distance_m + self._mount_offset_m
+        sigma_m = math.sqrt(reading.variance_m2) if reading.is_distance else 0.0
+        self._see_through(along_m, aside_m, end_m - 2 * sigma_m)
+        if end_m < WITHIN_M and sigma_m < MOST_SIGMA_M:
+            self._put(end_m, bearing_frd_rad, time_s)
+        return reading
+
+    def _folded_m(self, alias_m: float | None, distance_m: float, known_m: Points) -> float | None:
+        """From the drone's centre, if what is known along the beam fits the alias better."""
+        if alias_m is None or not len(known_m):
+            return None
+        nearest_m = float(known_m.min()) - self._mount_offset_m
+        if abs(nearest_m - alias_m) > min(ALIAS_M, abs(nearest_m - distance_m)):
+            return None
+        return alias_m + self._mount_offset_m
+
+    def _see_through(self, along_m: Points, aside_m: Points, end_m: float) -> None:
+        """What the beam has passed is gone."""
+        gone = (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < end_m - SEEN_THROUGH_M)
+        self._points = self._points[~gone]
+
+    def _off_beam(self, bearing_frd_rad: float) -> tuple[Points, Points]:
+        """Of each point: how far along the beam, and how far beside it."""
+        relative = self._relative()
+        cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
+        along_m = relative[:, 0] * cos_b + relative[:, 1] * sin_b
+        return along_m, np.abs(relative[:, 1] * cos_b - relative[:, 0] * sin_b)
+
+    def _put(
+        self, end_m: float, bearing_frd_rad: float, time_s: float, *, measured: bool = True
+    ) -> None:
+        bearing_rad = self._yaw_rad + bearing_frd_rad
+        place = np.array(
+            [
+                self._ne_m[0] + end_m * math.cos(bearing_rad),
+                self._ne_m[1] + end_m * math.sin(bearing_rad),
+                time_s,
+                float(measured),
+            ]
+        )
+        again = np.hypot(*(self._points[:, :2] - place[:2]).T) < SAME_M
+        if not measured:  # it says no more than what was measured
+            again &= self._points[:, 3] == 0
+        self._points = np.vstack([self._points[~again], place])
+
+    def _relative(self) -> Points:
+        """(n, 2), forward and right of the drone's centre."""
+        off = self._points[:, :2] - np.array(self._ne_m)
+        cos_y, sin_y = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
+        rotation = np.array([[cos_y, -sin_y], [sin_y, cos_y]])
+        relative: Points = off @ rotation
+        return relative

@@ -1,0 +1,165 @@
+"""What is known of the space at flight height: free, occupied or unknown, in cells.
+
+Every reading frees the cells along its beam and fills the one where it ended; a beam that met
+nothing frees them too, but nothing is filled. Each cell holds the log-odds that it is occupied
+(Moravec and Elfes 1985), so that later, surer or closer readings overrule earlier ones, and a
+person who has walked on is forgotten. Free space and ignorance never look alike.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.frames import Vector2
+
+CELL_M = 0.1
+CHUNK_CELLS = 64
+"""The grid grows by so much at a time."""
+HIT, MISS = 1.2, -0.5
+MOST_LOG_ODDS = 4.0
+OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
+EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
+"""A reading as exact as this fills its cell at once; one less exact counts for less, one less
+exact than the other for nothing: its wall would be smeared."""
+WELL_SIGMA_M = 0.055
+"""A reading as exact as this has seen a surface well."""
+GAP_CELLS = 2
+"""Across a strip of space, so many cells may lie unseen between two beams."""
+FREE_TO_SIGMAS = 2.0
+"""Cells are freed up to so many sigmas before where the beam ended."""
+
+Cells = NDArray[np.bool_]
+LogOdds = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True)
+class Ray:
+    """One reading from one place, local NED; `end_m` is from the drone's centre."""
+
+    origin_ne_m: Vector2
+    bearing_rad: float
+    end_m: float
+    sigma_m: float
+    is_hit: bool
+    """False: nothing was met up to `end_m`."""
+
+
+class Occupancy:
+    """A grid that grows with what is seen. Rows go north, columns east."""
+
+    def __init__(self) -> None:
+        half = CHUNK_CELLS // 2
+        self._low = (-half, -half)
+        self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
+        self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        rows, columns = self._log_odds.shape
+        return rows, columns
+
+    @property
+    def free(self) -> Cells:
+        return self._log_odds < FREE_BELOW
+
+    @property
+    def occupied(self) -> Cells:
+        return self._log_odds > OCCUPIED_ABOVE
+
+    @property
+    def well_seen(self) -> Cells:
+        """A reading exact enough to map by has ended here."""
+        return self._well_seen
+
+    def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
+        """Row and column; may lie outside the grid."""
+        return (
+            math.floor(place_ne_m[0] / CELL_M) - self._low[0],
+            math.floor(place_ne_m[1] / CELL_M) - self._low[1],
+        )
+
+    def place(self, cell: tuple[int, int]) -> Vector2:
+        """The middle of a cell."""
+        return (
+            (cell[0] + self._low[0] + 0.5) * CELL_M,
+            (cell[1] + self._low[1] + 0.5) * CELL_M,
+        )
+
+    def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
+        """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(within_m / CELL_M)
+        top, left = max(row - reach, 0), max(column - reach, 0)
+        window = self._log_odds[top : row + reach + 1, left : column + reach + 1]
+        rows, columns = np.nonzero(window > OCCUPIED_ABOVE)
+        if not len(rows):
+            return within_m
+        nearest = np.hypot(rows + top - row, columns + left - column).min() * CELL_M
+        return min(float(nearest), within_m)
+
+    def known_free_m(
+        self, from_ne_m: Vector2, bearing_rad: float, half_width_m: float, most_m: float
+    ) -> float:
+        """How far a strip of space is known to be free; gaps between beams do not count."""
+        along = np.arange(0.0, most_m, CELL_M)
+        aside = np.arange(-half_width_m, half_width_m + 0.5 * CELL_M, CELL_M)
+        cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
+        rows = self._indices(from_ne_m[0] + along[:, None] * cos_b - aside * sin_b, 0)
+        columns = self._indices(from_ne_m[1] + along[:, None] * sin_b + aside * cos_b, 1)
+        inside = (rows >= 0) & (rows < self.shape[0]) & (columns >= 0) & (columns < self.shape[1])
+        log_odds = np.zeros(inside.shape, dtype=np.float32)
+        log_odds[inside] = self._log_odds[rows[inside], columns[inside]]
+        unknown = (log_odds >= FREE_BELOW).sum(axis=1) > GAP_CELLS
+        blocked = (log_odds > OCCUPIED_ABOVE).any(axis=1) | unknown
+        return float(along[blocked.argmax()]) if blocked.any() else most_m
+
+    def add(self, ray: Ray) -> None:
+        """Take in one reading."""
+        free_to_m = ray.end_m - (FREE_TO_SIGMAS * ray.sigma_m + CELL_M if ray.is_hit else 0.0)
+        steps = np.arange(0.0, max(free_to_m, CELL_M), 0.5 * CELL_M)
+        cos_b, sin_b = math.cos(ray.bearing_rad), math.sin(ray.bearing_rad)
+        end = ray.origin_ne_m[0] + ray.end_m * cos_b, ray.origin_ne_m[1] + ray.end_m * sin_b
+        self._reach(ray.origin_ne_m)
+        self._reach(end)
+        rows = self._indices(ray.origin_ne_m[0] + steps * cos_b, 0)
+        columns = self._indices(ray.origin_ne_m[1] + steps * sin_b, 1)
+        cells = rows * self.shape[1] + columns
+        flat = self._log_odds.reshape(-1)
+        # a cell that the steps met twice is still freed once: both write the same
+        flat[cells] = np.maximum(flat[cells] + MISS, -MOST_LOG_ODDS)
+        if ray.is_hit and ray.sigma_m <= LEAST_EXACT_SIGMA_M:
+            row, column = self.cell(end)
+            weight = HIT * min(1.0, EXACT_SIGMA_M / max(ray.sigma_m, 1e-3))
+            self._log_odds[row, column] = min(self._log_odds[row, column] + weight, MOST_LOG_ODDS)
+            self._well_seen[row, column] |= ray.sigma_m <= WELL_SIGMA_M
+
+    def block(self, place_ne_m: Vector2, radius_m: float) -> None:
+        """Something is there, whatever the beams have said."""
+        self._reach(place_ne_m)
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(radius_m / CELL_M)
+        near = self._log_odds[
+            max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
+        ]
+        near[:] = MOST_LOG_ODDS
+
+    def _indices(self, metres: NDArray[np.float64], axis: int) -> NDArray[np.int64]:
+        return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]
+
+    def _reach(self, place_ne_m: Vector2) -> None:
+        """Grow until the place, and two cells around it, are inside."""
+        for axis in (0, 1):
+            index = self.cell(place_ne_m)[axis]
+            before = CHUNK_CELLS * max(0, math.ceil((2 - index) / CHUNK_CELLS))
+            beyond = index + 3 - self.shape[axis]
+            after = CHUNK_CELLS * max(0, math.ceil(beyond / CHUNK_CELLS))
+            if before or after:
+                widths = [(0, 0), (0, 0)]
+                widths[axis] = (before, after)
+                self._log_odds = np.pad(self._log_odds, widths)
+                self._well_seen = np.pad(self._well_seen, widths)
+                low = list(self._low)
+                low[axis] -= before
+                self._low = (low[0], low[1])

@@ -1,0 +1,40 @@
+"""From range readings to what they say of the space: rays that ended, or met nothing."""
+
+import math
+from collections.abc import Mapping
+
+from companion.frames import wrap_rad
+from companion.mapping.occupancy import Ray
+from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeModel, RangeScan, RangeState
+
+SEES_SIGMA_M = 0.15
+"""Where the sensor's noise has grown to this, it may well have missed something."""
+
+
+def sees_to_m(sensor: RangeModel) -> float:
+    """As far as a reading of nothing in range is believed."""
+    distance_m = sensor.max_m
+    while sensor.sigma_m(distance_m) > SEES_SIGMA_M:
+        distance_m -= 0.1
+    return distance_m
+
+
+def rays(
+    pose: Pose, scan: RangeScan, sensors: Mapping[Beam, RangeModel], mount_offset_m: float
+) -> list[Ray]:
+    """Of the horizontal beams; one that is too near, stale or failed says nothing."""
+    found = []
+    here = pose.north_m, pose.east_m
+    for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
+        reading = scan.readings.get(beam)
+        bearing_rad = wrap_rad(pose.yaw_rad + bearing_frd_rad)
+        if reading is None:
+            continue
+        if reading.is_distance:
+            end_m = reading.distance_m + mount_offset_m
+            found.append(Ray(here, bearing_rad, end_m, math.sqrt(reading.variance_m2), True))
+        elif reading.state is RangeState.NOTHING:
+            found.append(
+                Ray(here, bearing_rad, sees_to_m(sensors[beam]) + mount_offset_m, 0.0, False)
+            )
+    return found

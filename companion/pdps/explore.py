@@ -1,0 +1,147 @@
+"""Seeing everything that can be reached: look round, go to where most is unseen, again.
+
+            turned, something unseen can be reached
+    LOOK ───────────────────────────────────────────► GO ──┐ no way, or seen from the way:
+     ▲ │                                              │    │ another place
+     │ └─ turned, nothing unseen is left ─► DONE      │ ◄──┘
+     └──────────────────── arrived ───────────────────┘
+
+Safety: it goes only where `travel` goes, through cells that beams have found free, and turns before
+it goes anywhere new: three beams at right angles see all around in half a turn.
+"""
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, wrap_rad
+from companion.mapping.occupancy import Occupancy
+from companion.messages import HOLD, Setpoint
+from companion.pdps import travel
+from companion.pdps.follow import stay
+from companion.pdps.gaps import Places, next_look, still_unseen
+from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.room_scan import Sight
+from companion.pdps.route import find_ways
+from companion.pdps.travel import Travel, TravelPhase
+
+FIRST_LOOK_RAD = math.tau
+LOOK_RAD = math.pi + math.radians(10)
+OUTSIDE_WITHIN_M = 2.5
+CHECK_S = 1.0
+"""So often it is asked whether what it looks for is still unseen."""
+WORTH_SHARE = 0.35
+"""When less than this of it is left, there may be a better place to go to."""
+
+
+class ExplorePhase(enum.Enum):
+    """Where in the diagram above."""
+
+    LOOK = "looking round"
+    GO = "going to where something is unseen"
+    DONE = "all that can be reached was seen"
+
+
+@dataclass(frozen=True, slots=True)
+class Explore:
+    """The exploration's whole memory."""
+
+    phase: ExplorePhase = ExplorePhase.LOOK
+    to_turn_rad: float = FIRST_LOOK_RAD
+    last_yaw_rad: float | None = None
+    here_ne_m: Vector2 | None = None
+    """Where it turns round."""
+    travel: Travel | None = None
+    """In GO."""
+    look_at_ne_m: Places = ()
+    """What the next look is for; empty at the first."""
+    tried: tuple[Places, ...] = ()
+    """What each look so far was for in vain."""
+    checked_s: float = 0.0
+
+    @property
+    def activity(self) -> str:
+        """The phase in words, as fine as it is known."""
+        sweeps = self.travel is not None and self.travel.phase is TravelPhase.SWEEP
+        return TravelPhase.SWEEP.value if sweeps else str(self.phase.value)
+
+
+def step(
+    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Explore, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    match explore.phase:
+        case ExplorePhase.LOOK:
+            return _look(explore, sight, space, plan)
+        case ExplorePhase.GO:
+            return _go(explore, sight, space, plan)
+        case ExplorePhase.DONE:
+            return explore, HOLD
+
+
+def _look(
+    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Explore, Setpoint]:
+    yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
+    last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
+    left_rad = explore.to_turn_rad - wrap_rad(yaw_rad - last_rad)
+    here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
+    explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
+    is_enough = left_rad <= 0
+    if explore.look_at_ne_m and now_s - explore.checked_s > CHECK_S:
+        explore = replace(explore, checked_s=now_s)
+        is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
+    if is_enough:
+        in_vain = still_unseen(space, explore.look_at_ne_m)
+        return _chosen(explore, in_vain, sight, space, plan), HOLD
+    rate_rad_s = math.radians(plan.turn_rate_deg_s)
+    return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
+
+
+def _chosen(
+    explore: Explore, in_vain: Places, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> Explore:
+    """Where to go to next, when some places have been looked at in vain."""
+    here = sight.pose.north_m, sight.pose.east_m
+    tried = (*explore.tried, in_vain) if in_vain else explore.tried
+    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
+    look = next_look(space, ways, plan.speed_m_s, tried, _within_m(plan))
+    if look is None:
+        return Explore(ExplorePhase.DONE, tried=tried)
+    return Explore(
+        ExplorePhase.GO,
+        travel=Travel(look.from_ne_m),
+        look_at_ne_m=look.at_ne_m,
+        tried=tried,
+        checked_s=sight.pose.time_s,
+    )
+
+
+def _within_m(plan: MissionConfig) -> float:
+    """Outside there is no end of free space: only what is near to something is looked at."""
+    return OUTSIDE_WITHIN_M if plan.kind == "exterior" else math.inf
+
+
+def _go(
+    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Explore, Setpoint]:
+    going, now_s = explore.travel, sight.pose.time_s
+    if going is None:
+        return _chosen(explore, (), sight, space, plan), HOLD
+    if going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
+        left = still_unseen(space, explore.look_at_ne_m)
+        explore = replace(explore, checked_s=now_s)
+        if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
+            return _chosen(explore, (), sight, space, plan), HOLD
+    going, setpoint = travel.step(going, sight, space, plan)
+    match going.phase:
+        case TravelPhase.ARRIVED:
+            looking = Explore(
+                ExplorePhase.LOOK, LOOK_RAD, look_at_ne_m=explore.look_at_ne_m, tried=explore.tried
+            )
+            return looking, setpoint
+        case TravelPhase.GAVE_UP:
+            return _chosen(explore, explore.look_at_ne_m, sight, space, plan), setpoint
+        case _:
+            return replace(explore, travel=going), setpoint

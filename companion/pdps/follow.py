@@ -1,0 +1,96 @@
+"""Along a way, nose first, so that the front beam looks where the drone goes.
+
+TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
+"""
+
+import math
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, ned_to_frd, wrap_rad
+from companion.mapping.occupancy import Occupancy
+from companion.messages import HOLD, Beam, Setpoint
+from companion.pdps.control import approach_speed, clamp, turn_towards
+from companion.pdps.room_scan import FULL_STOP_BEFORE_M, Sight
+
+ARRIVED_M = 0.10
+CORNER_M = 0.15
+"""A corner of the way counts as passed within this."""
+CLOSE_M = 0.4
+"""Within this the drone trims its position without turning: it hovers in space it came through."""
+NOSE_ON_RAD = math.radians(12)
+TRIM_GAIN_1_S = 0.8
+SIDE_GAIN_1_S = 0.8
+MOST_SIDE_M_S = 0.2
+NARROW_M, TIGHT_M = 1.0, 0.4
+"""With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
+LEAST_SPEED_M_S = 0.25
+LOOK_AHEAD_M = 0.6
+
+Way = tuple[Vector2, ...]
+
+
+def follow(way: Way, sight: Sight, space: Occupancy, plan: MissionConfig) -> tuple[Way, Setpoint]:
+    """What is left of the way, and the velocity that flies it; arrived when nothing is left."""
+    here = sight.pose.north_m, sight.pose.east_m
+    while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
+        way = way[1:]
+    if not way or (len(way) == 1 and math.dist(here, way[0]) < ARRIVED_M):
+        return (), HOLD
+    return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan))
+
+
+def _speed_m_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
+    """Slow where it is narrow, here and where the drone will be soon."""
+    pose = sight.pose
+    ahead_ne_m = (
+        pose.north_m + LOOK_AHEAD_M * math.cos(pose.yaw_rad),
+        pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
+    )
+    near_m = min(
+        space.nearest_m(place, NARROW_M) for place in ((pose.north_m, pose.east_m), ahead_ne_m)
+    )
+    wide = (near_m - TIGHT_M) / (NARROW_M - TIGHT_M)
+    return max(LEAST_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
+
+
+def is_blocked(way: Way, sight: Sight) -> bool:
+    """Something stands where the nose points to and the way leads."""
+    if not way:
+        return False
+    here = sight.pose.north_m, sight.pose.east_m
+    to_go_m = math.dist(here, way[0])
+    bearing_rad = math.atan2(way[0][1] - here[1], way[0][0] - here[0])
+    faces = abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) < NOSE_ON_RAD
+    room_m = sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M
+    return faces and to_go_m > CLOSE_M and room_m <= 0
+
+
+def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Setpoint:
+    north_m = way[0][0] - sight.pose.north_m
+    east_m = way[0][1] - sight.pose.east_m
+    distance_m = math.hypot(north_m, east_m)
+    forward_m, right_m = ned_to_frd(north_m, east_m, sight.pose.yaw_rad)
+    if distance_m < CLOSE_M and len(way) == 1:
+        return Setpoint(clamp(TRIM_GAIN_1_S * forward_m, 0.3), clamp(TRIM_GAIN_1_S * right_m, 0.3))
+    bearing_rad = math.atan2(east_m, north_m)
+    most_rad_s = math.radians(plan.turn_rate_deg_s)
+    yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
+    if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) > NOSE_ON_RAD:
+        return Setpoint(yaw_rate_rad_s=yaw_rate_rad_s)
+    room_m = min(sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M, distance_m)
+    return Setpoint(
+        approach_speed(room_m, most_m_s),
+        clamp(SIDE_GAIN_1_S * right_m, MOST_SIDE_M_S),
+        yaw_rate_rad_s=yaw_rate_rad_s,
+    )
+
+
+def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:
+    """Hold a place against drift and gusts."""
+    forward_m, right_m = ned_to_frd(
+        place_ne_m[0] - sight.pose.north_m, place_ne_m[1] - sight.pose.east_m, sight.pose.yaw_rad
+    )
+    return Setpoint(
+        clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),
+        clamp(TRIM_GAIN_1_S * right_m, MOST_SIDE_M_S),
+    )

@@ -1,0 +1,157 @@
+"""What is still unseen, and from where to look at it.
+
+Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
+1997), and surfaces that were only met from so far that they cannot be mapped exactly. The next
+place to look from is the one that shows most of them for the time that it takes to get there.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_closing, binary_dilation, label
+from scipy.spatial import cKDTree
+
+from companion.frames import Vector2
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.route import Ways
+
+LEAST_FRONTIER_CELLS = 6
+"""Six tenths of a metre: no drone fits through less."""
+LEAST_SURFACE_CELLS = 4
+SEES_M = 2.4
+"""From so far a look shows a surface well."""
+LEAST_SEES_M = 0.9
+"""Nearer than this the sensor cannot measure."""
+VIEW_EVERY_CELLS = 3
+ROOM_TO_LOOK_M = 0.65
+"""A place to look round from has at least so much room."""
+AMPLE_ROOM_M = 1.1
+CROWDED_S = 6.0
+"""What a metre less room than is ample costs."""
+LOOK_S = 4.0
+MOST_TARGETS = 500
+BEAM_GAP_CELLS = 2
+TRIED_WITHIN_M = 0.25
+TRIES = 2
+Indices = NDArray[np.int64]
+PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
+SQUARE = np.ones((3, 3), dtype=bool)
+Places = tuple[Vector2, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Look:
+    """A place to look from, and at what."""
+
+    from_ne_m: Vector2
+    at_ne_m: Places
+
+
+def frontiers(grid: Occupancy) -> Cells:
+    """Seen cells with an unknown neighbour that are not beside something occupied.
+
+    Gaps between two beams that are narrower than the drone count as seen.
+    """
+    seen: Cells = binary_closing(np.pad(grid.free, BEAM_GAP_CELLS), SQUARE, BEAM_GAP_CELLS)
+    seen = seen[BEAM_GAP_CELLS:-BEAM_GAP_CELLS, BEAM_GAP_CELLS:-BEAM_GAP_CELLS]
+    unknown = ~(seen | grid.occupied)
+    beside_wall = binary_dilation(grid.occupied, SQUARE)
+    edge: Cells = np.logical_and(seen & ~beside_wall, binary_dilation(unknown, PLUS))
+    return _without_specks(edge, LEAST_FRONTIER_CELLS)
+
+
+def vague_surfaces(grid: Occupancy) -> Cells:
+    """Occupied cells beside free space that no exact reading has ended in, nor close by."""
+    vague = grid.occupied & ~binary_dilation(grid.well_seen, SQUARE)
+    return _without_specks(vague & binary_dilation(grid.free, SQUARE), LEAST_SURFACE_CELLS)
+
+
+def next_look(
+    grid: Occupancy,
+    ways: Ways,
+    speed_m_s: float,
+    tried: tuple[Places, ...] = (),
+    within_m: float = math.inf,
+) -> Look | None:
+    """The place that shows most for its time; None when nothing unseen can be shown.
+
+    `tried` are the places that each look so far was for in vain; twice is enough. Only what is
+    within `within_m` of something that stands there counts.
+    """
+    targets = unseen(grid, tried)
+    targets = targets[ways.to_occupied_m[tuple(targets.T)] <= within_m]
+    views = _viewpoints(ways)
+    if not len(targets) or not len(views):
+        return None
+    if len(targets) > MOST_TARGETS:
+        targets = targets[:: len(targets) // MOST_TARGETS + 1]
+    pairs = _sights(grid, views, targets)
+    if not len(pairs):
+        return None
+    shows = np.bincount(pairs[:, 0], minlength=len(views))
+    time_s = ways.metres[tuple(views.T)] / speed_m_s + LOOK_S
+    crowded_m = np.maximum(AMPLE_ROOM_M - ways.to_occupied_m[tuple(views.T)], 0)
+    best = int(np.argmax(shows / (time_s + CROWDED_S * crowded_m)))
+    at = targets[pairs[pairs[:, 0] == best, 1]]
+    return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
+
+
+def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
+    """Cells worth a look, (n, 2)."""
+    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
+    if not len(cells):
+        return cells
+    places = np.array([grid.place(_cell(cell)) for cell in cells])
+    times = np.zeros(len(cells), dtype=int)
+    for looked_at in tried:
+        near_m, _ = cKDTree(np.array(looked_at)).query(places)
+        times += near_m < TRIED_WITHIN_M
+    return cells[times < TRIES]
+
+
+def still_unseen(grid: Occupancy, places: Places) -> Places:
+    """Those of the places that are, or have close by, something unseen."""
+    cells = unseen(grid)
+    if not len(cells) or not places:
+        return ()
+    tree = cKDTree(np.array([grid.place(_cell(cell)) for cell in cells]))
+    near_m, _ = tree.query(np.array(places))
+    return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
+
+
+def _cell(row_column: Indices) -> tuple[int, int]:
+    return int(row_column[0]), int(row_column[1])
+
+
+def _without_specks(cells: Cells, least: int) -> Cells:
+    numbers, count = label(cells, SQUARE)
+    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    kept: Cells = cells & (sizes[numbers] >= least)
+    return kept
+
+
+def _viewpoints(ways: Ways) -> Indices:
+    """Reachable cells with room to look round, (n, 2), a few decimetres apart."""
+    may = np.isfinite(ways.metres) & (ways.to_occupied_m >= ROOM_TO_LOOK_M)
+    may[np.arange(may.shape[0]) % VIEW_EVERY_CELLS != 0] = False
+    may[:, np.arange(may.shape[1]) % VIEW_EVERY_CELLS != 0] = False
+    return np.argwhere(may)
+
+
+def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
+    """Pairs (view, target), (n, 2), with nothing in between, within the range of a good look."""
+    found = cKDTree(views).query_ball_tree(cKDTree(targets), SEES_M / CELL_M)
+    pairs = np.array([(v, t) for v, ts in enumerate(found) for t in ts], dtype=int).reshape(-1, 2)
+    starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
+    away = np.hypot(*(ends - starts).T) * CELL_M
+    vague = grid.occupied[tuple(ends.T)]
+    fits = ~vague | (away >= LEAST_SEES_M)
+    pairs, starts, ends = pairs[fits], starts[fits], ends[fits]
+    steps = np.linspace(0, 1, round(1.5 * SEES_M / CELL_M))[:, None, None]
+    line = np.rint(starts + steps * (ends - starts)).astype(int)
+    off_end = np.abs(line - ends).max(axis=2) > 1
+    blocked = (grid.occupied[line[..., 0], line[..., 1]] & off_end).any(axis=0)
+    clear: Indices = pairs[~blocked]
+    return clear

@@ -1,0 +1,88 @@
+"""The last word on every velocity: nothing that was met near the drone is come too close to.
+
+Each point near the drone bounds the speed towards it, so that the drone can stop before it, with
+its lag; nearer than it may be, the bound is below zero and the drone gives way. What the map
+says does not matter here.
+
+In a passage, with something on both sides of where it moves and nothing between, the drone may come
+nearer to both than elsewhere, but to neither nearer than to the other.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from companion.frames import Vector2
+from companion.mapping.near import Points, Surroundings
+from companion.messages import Setpoint
+from companion.pdps.control import BRAKING_M_S2
+
+BODY_RADIUS_M = 0.2
+LAG_S = 0.45
+"""The drone goes on so long at the speed that it has."""
+GIVE_WAY_GAIN_1_S = 0.8
+MOST_GIVE_WAY_M_S = 0.15
+PASSAGE_CLEARANCE_M = 0.15
+"""Between the body and either side of a passage, at least."""
+PASSAGE_SLACK_M = 0.02
+POINT_M = 0.04
+"""A surface goes on so far around a point of it."""
+BESIDE_M = 0.25
+"""What is farther aside of the course than this is beside the drone, not before it."""
+PASSAGE_FROM_M, PASSAGE_TO_M = -0.4, 0.8
+ROUNDS = 8
+LEAST_SPEED_M_S = 0.02
+
+
+def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
+    """The velocity as near to `setpoint` as is safe; `clearance_m` is from the body's hull."""
+    points = around.points_frd_m
+    if not len(points):
+        return setpoint
+    wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
+    away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
+    towards, distance_m = points / away_m[:, None], away_m - POINT_M
+    keep_off_m = _keep_off_m(points, (float(wanted[0]), float(wanted[1])), clearance_m)
+    closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
+    room_m = distance_m - keep_off_m
+    may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(room_m - LAG_S * closing_m_s, 0.0))
+    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * room_m, -MOST_GIVE_WAY_M_S)
+    most_m_s = np.where(room_m > 0, may, gives_way)
+    forward, right = _bounded(wanted, towards, most_m_s)
+    return replace(setpoint, forward_m_s=forward, right_m_s=right)
+
+
+def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
+    """Project onto the bound that is broken worst, a few times."""
+    velocity = wanted.copy()
+    for _ in range(ROUNDS):
+        over = towards @ velocity - most_m_s
+        worst = int(over.argmax())
+        if over[worst] <= 1e-6:
+            return float(velocity[0]), float(velocity[1])
+        velocity = velocity - over[worst] * towards[worst]
+    over = towards @ velocity - most_m_s
+    if over.max() > LEAST_SPEED_M_S:
+        return 0.0, 0.0
+    return float(velocity[0]), float(velocity[1])
+
+
+def _keep_off_m(points: Points, course_frd: Vector2, clearance_m: float) -> float:
+    """From the drone's centre: as planned, or less where both sides of the course are near."""
+    planned_m = BODY_RADIUS_M + clearance_m
+    speed = math.hypot(*course_frd)
+    ahead = (
+        (1.0, 0.0) if speed < LEAST_SPEED_M_S else (course_frd[0] / speed, course_frd[1] / speed)
+    )
+    along_m = points @ np.array(ahead)
+    aside_m = points @ np.array((-ahead[1], ahead[0]))
+    abreast = (along_m > PASSAGE_FROM_M) & (along_m < PASSAGE_TO_M)
+    if (abreast & (along_m > 0) & (np.abs(aside_m) <= BESIDE_M)).any():
+        return planned_m  # it is a wall
+    right_m = aside_m[abreast & (aside_m > BESIDE_M)]
+    left_m = -aside_m[abreast & (aside_m < -BESIDE_M)]
+    if not len(right_m) or not len(left_m):
+        return planned_m
+    half_m = 0.5 * float(right_m.min() + left_m.min()) - POINT_M - PASSAGE_SLACK_M
+    return max(min(planned_m, half_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))

@@ -1,0 +1,106 @@
+"""A building at several heights: explored in one, back to the start, up to the next.
+
+    EXPLORE ──all seen──► RETURN ──at the start──► CLIMB ──► EXPLORE, one layer higher
+                            │ the ceiling is near, or no way back
+                            ▼
+                           DONE
+
+What stands at one height need not stand at another, so each layer has its own space, in which
+nothing is known at first but the column over the start.
+
+Safety: it climbs only over its start, and no nearer to the ceiling than its clearance.
+"""
+
+import enum
+import math
+from dataclasses import dataclass, field, replace
+
+from companion.config import MissionConfig
+from companion.mapping.occupancy import Occupancy
+from companion.messages import HOLD, Beam, Setpoint
+from companion.pdps import explore, travel
+from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.follow import stay
+from companion.pdps.room_scan import Sight
+from companion.pdps.travel import Travel, TravelPhase
+
+AT_HEIGHT_M = 0.08
+OVER_HEAD_M = 0.25
+"""Beyond the clearance, between the drone's centre and the ceiling."""
+START_NE_M = (0.0, 0.0)
+TO_START = Travel(START_NE_M)
+
+
+class LayersPhase(enum.Enum):
+    """Where in the diagram above."""
+
+    EXPLORE = "exploring a layer"
+    RETURN = "returning to climb"
+    CLIMB = "climbing to the next layer"
+    DONE = "all layers were seen"
+
+
+@dataclass(frozen=True, slots=True)
+class Layers:
+    """The whole memory."""
+
+    phase: LayersPhase = LayersPhase.EXPLORE
+    number: int = 0
+    """Of the layer, from the lowest."""
+    explore: Explore = field(default_factory=Explore)
+    travel: Travel = TO_START
+
+    def height_m(self, plan: MissionConfig) -> float:
+        return plan.height_m + self.number * plan.layer_spacing_m
+
+    @property
+    def activity(self) -> str:
+        """The phase in words, as fine as it is known."""
+        if self.phase is LayersPhase.EXPLORE:
+            return self.explore.activity
+        return str(self.phase.value)
+
+
+def step(
+    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Layers, Setpoint]:
+    """One tick: the next state and the velocity to fly; `space` is that of the present layer."""
+    match layers.phase:
+        case LayersPhase.EXPLORE:
+            exploring, setpoint = explore.step(layers.explore, sight, space, plan)
+            if exploring.phase is ExplorePhase.DONE:
+                returning = replace(layers, phase=LayersPhase.RETURN, travel=TO_START)
+                return returning, setpoint
+            return replace(layers, explore=exploring), setpoint
+        case LayersPhase.RETURN:
+            return _return(layers, sight, space, plan)
+        case LayersPhase.CLIMB:
+            return _climb(layers, sight, plan)
+        case LayersPhase.DONE:
+            return layers, HOLD
+
+
+def _return(
+    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Layers, Setpoint]:
+    going, setpoint = travel.step(layers.travel, sight, space, plan)
+    if going.phase is TravelPhase.ARRIVED:
+        if _fits_above(layers, sight, plan):
+            higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
+            return higher, setpoint
+        return replace(layers, phase=LayersPhase.DONE), setpoint
+    if going.phase is TravelPhase.GAVE_UP:
+        return replace(layers, phase=LayersPhase.DONE), setpoint
+    return replace(layers, travel=going), setpoint
+
+
+def _fits_above(layers: Layers, sight: Sight, plan: MissionConfig) -> bool:
+    """By what the up beam says over the start; it must say that there is room."""
+    above_m = sight.clear_m(Beam.UP)
+    return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
+
+
+def _climb(layers: Layers, sight: Sight, plan: MissionConfig) -> tuple[Layers, Setpoint]:
+    if abs(sight.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
+        return Layers(LayersPhase.EXPLORE, layers.number), HOLD
+    return layers, stay(START_NE_M, sight)

@@ -1,0 +1,205 @@
+"""To a place, through known free space.
+
+    FLY ───────────────────────────► ARRIVED
+     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly;
+     │ │ no way, or no progress for long: turn all round, once
+     │ ▼
+    SWEEP
+
+    FLY, no way or no progress even so ─► GAVE_UP
+
+The way is planned anew every second, by what is known then. Somebody who stands in it is waited
+for; when he has stood for a while he is on the map, and the way leads round him, or there is none.
+
+Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
+appears ahead stops it.
+"""
+
+import enum
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.config import MissionConfig
+from companion.frames import Vector2, wrap_rad
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.messages import HOLD, Setpoint
+from companion.pdps.control import turn_towards
+from companion.pdps.follow import Way, follow, is_blocked, stay
+from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.room_scan import Sight
+from companion.pdps.route import Ways, find_ways
+
+PLAN_S = 1.0
+STUCK_S, STUCK_M = 10.0, 0.25
+"""So long without getting so far, and it gives up."""
+DOORWAY_ROOM_M = 0.7
+"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
+"""So far before a doorway; nearer the sensor cannot measure the jambs."""
+SWEPT_WITHIN_M = 0.8
+SWEEP_RAD, SWEEP_RAD_S = math.radians(40), math.radians(25)
+"""Slow enough for a reading every few centimetres."""
+ON_HEADING_RAD = math.radians(5)
+
+
+class TravelPhase(enum.Enum):
+    """Where in the diagram above."""
+
+    FLY = "on the way"
+    SWEEP = "looking for the way"
+    ARRIVED = "arrived"
+    GAVE_UP = "no way"
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """The whole memory of going to one place."""
+
+    goal_ne_m: Vector2
+    phase: TravelPhase = TravelPhase.FLY
+    way: Way = ()
+    planned_s: float = -math.inf
+    doorways_ne_m: tuple[Vector2, ...] = ()
+    swept_ne_m: tuple[Vector2, ...] = ()
+    sweep_rad: tuple[float, ...] = ()
+    """Headings still to be turned to."""
+    stay_ne_m: Vector2 = (0.0, 0.0)
+    looked_round: bool = False
+    """It does so once, when there is no way."""
+    progress_s: float | None = None
+    progress_ne_m: Vector2 = (0.0, 0.0)
+    """When and where it last got on."""
+
+
+def step(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    match travel.phase:
+        case TravelPhase.FLY:
+            return _fly(travel, sight, space, plan)
+        case TravelPhase.SWEEP:
+            return _sweep(travel, sight, plan)
+        case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
+            return travel, HOLD
+
+
+def _fly(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    now_s = sight.pose.time_s
+    travel = _progress(travel, sight)
+    if now_s - travel.planned_s > PLAN_S:
+        travel = _planned(travel, sight, space, plan)
+    if travel.phase is not TravelPhase.FLY:
+        return travel, HOLD
+    if sweep := _begin_sweep(travel, sight, space):
+        return sweep, HOLD
+    if is_blocked(travel.way, sight):
+        return travel, HOLD
+    way, setpoint = follow(travel.way, sight, space, plan)
+    if not way:
+        return replace(travel, phase=TravelPhase.ARRIVED), setpoint
+    return replace(travel, way=way), setpoint
+
+
+def _progress(travel: Travel, sight: Sight) -> Travel:
+    here = sight.pose.north_m, sight.pose.east_m
+    if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < STUCK_M:
+        return travel
+    return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
+
+
+def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+    now_s = sight.pose.time_s
+    here = sight.pose.north_m, sight.pose.east_m
+    since_s = now_s if travel.progress_s is None else travel.progress_s
+    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
+    if ways.reaches(travel.goal_ne_m) and now_s - since_s < STUCK_S:
+        way = ways.to(travel.goal_ne_m)
+        doorways = _doorways(ways, here, way)
+        return replace(travel, way=way, planned_s=now_s, doorways_ne_m=doorways)
+    if travel.way and now_s - since_s < STUCK_S:  # whoever stands there may go
+        return replace(travel, planned_s=now_s)
+    if travel.looked_round:
+        return replace(travel, phase=TravelPhase.GAVE_UP)
+    thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
+    return replace(
+        travel,
+        phase=TravelPhase.SWEEP,
+        looked_round=True,
+        sweep_rad=tuple(thirds),
+        stay_ne_m=here,
+        way=(),
+    )
+
+
+def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
+    """The narrowest place of each stretch of the way that is narrow and begins ahead."""
+    doorways: list[Vector2] = []
+    narrowest_m = math.inf
+    was_wide = False
+    for place in _along(here, way):
+        room_m = ways.clear_m(place)
+        if room_m >= DOORWAY_ROOM_M:
+            was_wide, narrowest_m = True, math.inf
+        elif was_wide and math.isinf(narrowest_m):
+            doorways.append(place)
+            narrowest_m = room_m
+        elif room_m < narrowest_m < math.inf:
+            doorways[-1] = place
+            narrowest_m = room_m
+    return tuple(doorways)
+
+
+def _along(here: Vector2, way: Way) -> Iterator[Vector2]:
+    """Places along the way, a cell apart."""
+    start = here
+    for corner in way:
+        for share in np.linspace(0, 1, max(1, round(math.dist(start, corner) / CELL_M))):
+            yield (
+                start[0] + float(share) * (corner[0] - start[0]),
+                start[1] + float(share) * (corner[1] - start[1]),
+            )
+        start = corner
+
+
+def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet, and not in one."""
+    here = sight.pose.north_m, sight.pose.east_m
+    if space.nearest_m(here, DOORWAY_ROOM_M) < DOORWAY_ROOM_M:
+        return None
+    for doorway in travel.doorways_ne_m:
+        to_go_m = math.dist(here, doorway)
+        if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
+            continue
+        if any(math.dist(doorway, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
+            continue
+        bearing_rad = math.atan2(doorway[1] - here[1], doorway[0] - here[0])
+        return replace(
+            travel,
+            phase=TravelPhase.SWEEP,
+            swept_ne_m=(*travel.swept_ne_m, doorway),
+            sweep_rad=(bearing_rad + SWEEP_RAD, bearing_rad - SWEEP_RAD),
+            stay_ne_m=here,
+        )
+    return None
+
+
+def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+    holding = stay(travel.stay_ne_m, sight)
+    heading_rad, *later = travel.sweep_rad
+    off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
+    if abs(off_rad) > ON_HEADING_RAD:
+        most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SWEEP_RAD_S
+        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
+        return travel, replace(holding, yaw_rate_rad_s=rate_rad_s)
+    if later:
+        return replace(travel, sweep_rad=tuple(later)), holding
+    flying = replace(
+        travel, phase=TravelPhase.FLY, planned_s=-math.inf, progress_s=sight.pose.time_s
+    )
+    return flying, holding

@@ -1,0 +1,59 @@
+"""Buildings: every room is seen, nothing is hit, and the drone lands where it took off."""
+
+import pytest
+
+from sitl.simulation import Simulation
+from sitl.testing import Event, Sitl, somebody, when
+
+ROOMS = "worlds/two_small_rooms.toml"
+"""Two rooms of 4 × 4 m with a doorway between them, at 4.05 m east of the first's far wall."""
+IN_THE_DOORWAY = [(1.6, 4.05, 1.2), (2.0, 4.05, 1.2), (2.4, 4.05, 1.2)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, seed: int) -> None:
+    flight = sitl.fly(ROOMS, mission="building", seed=seed)
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.clearance_m > 0.25
+    assert flight.report.coverage >= 0.98
+    assert flight.report.return_m < 0.3
+
+
+def test_it_waits_for_somebody_in_the_way_or_goes_round(sitl: Sitl) -> None:
+    comes = when("going to where", somebody([(2.0, 3.2, 1.2)], for_s=12))
+    flight = sitl.fly(ROOMS, mission="building", seed=1, script=[comes])
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.clearance_m > 0.2
+    assert flight.report.coverage >= 0.98
+
+
+def test_behind_a_door_that_closes_it_says_so_and_lands(sitl: Sitl) -> None:
+    def is_in_the_far_room(simulation: Simulation, app: object) -> bool:
+        return simulation.autopilot.truth.position_ned_m[1] > 5.0
+
+    closes = Event(is_in_the_far_room, somebody(IN_THE_DOORWAY))
+    flight = sitl.fly(ROOMS, mission="building", seed=1, script=[closes])
+    assert flight.ending == "landed: there is no way back to the start any more"
+    assert flight.report.collisions == 0
+    assert flight.simulation.autopilot.truth.position_ned_m[1] > 4.5
+
+
+def test_it_turns_back_in_time(sitl: Sitl) -> None:
+    limits = {"mission.time_limit_s": 40, "mission.reserve_s": 5}
+    flight = sitl.fly(ROOMS, mission="building", seed=1, settings=limits)
+    assert "limit of 40 s" in flight.ending
+    assert flight.report.return_m < 0.3
+    assert flight.truth.air_time_s < 45
+
+
+def test_layer_by_layer_up_to_the_ceiling(sitl: Sitl) -> None:
+    layered = {"mission.layer_spacing_m": 0.4}
+    flight = sitl.fly(ROOMS, mission="layers", seed=1, settings=layered)
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.return_m < 0.3
+    heights_m = [-state.position_ned_m[2] for state in flight.truth.path]
+    assert 1.5 < max(heights_m) < 2.6 - 0.5
+    assert flight.plan.ceiling_m == pytest.approx(2.6, abs=0.1)

@@ -1,0 +1,194 @@
+"""What is near is remembered, and no velocity leads too close to it."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.drivers.sharp import GP2Y0A710K0F, PAPER
+from companion.mapping.near import Near, Surroundings
+from companion.messages import Beam, Odometry, Pose, RangeReading, RangeScan, RangeState, Setpoint
+from companion.pdps.guard import guarded
+
+CLEARANCE_M = 0.3
+KEEP_OFF_M = 0.5
+FORWARD = Setpoint(forward_m_s=1.0, yaw_rate_rad_s=0.3)
+Place = tuple[float, float]
+
+
+def wall(ahead_m: float, half_m: float = 1.0) -> list[Place]:
+    """Square to the nose."""
+    return [(ahead_m, 0.05 * i) for i in range(-round(20 * half_m), round(20 * half_m) + 1)]
+
+
+def doorway(width_m: float, ahead_m: float = 0.0, aside_m: float = 0.0) -> list[Place]:
+    """Two jambs and the wall that they end."""
+    half_m = width_m / 2
+    right = [(ahead_m, aside_m + half_m + 0.05 * i) for i in range(20)]
+    left = [(ahead_m, aside_m - half_m - 0.05 * i) for i in range(20)]
+    return right + left
+
+
+def around(points: list[Place], speed: Place = (0.0, 0.0)) -> Surroundings:
+    return Surroundings(np.array(points), speed)
+
+
+def test_with_nothing_near_the_velocity_is_as_asked_for() -> None:
+    assert guarded(FORWARD, Surroundings(), CLEARANCE_M) == FORWARD
+
+
+def test_it_slows_down_before_a_wall_and_stops_short_of_it() -> None:
+    speeds = [
+        guarded(FORWARD, around(wall(ahead_m)), CLEARANCE_M).forward_m_s
+        for ahead_m in (3.0, 1.0, 0.7, KEEP_OFF_M)
+    ]
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[0] == 1.0
+    assert speeds[-1] <= 0
+
+
+def test_the_faster_it_is_the_sooner_it_slows_down() -> None:
+    slow = guarded(FORWARD, around(wall(1.0), (0.1, 0.0)), CLEARANCE_M)
+    fast = guarded(FORWARD, around(wall(1.0), (1.0, 0.0)), CLEARANCE_M)
+    assert fast.forward_m_s < slow.forward_m_s
+
+
+def test_it_turns_all_the_same() -> None:
+    assert guarded(FORWARD, around(wall(0.5)), CLEARANCE_M).yaw_rate_rad_s == 0.3
+
+
+def test_it_gives_way_to_what_is_too_near() -> None:
+    assert guarded(Setpoint(), around(wall(0.4)), CLEARANCE_M).forward_m_s < 0
+
+
+def test_along_a_wall_it_goes_on() -> None:
+    beside = [(along_m, 0.55) for along_m in np.linspace(-1, 1, 41)]
+    speed = guarded(FORWARD, around(beside), CLEARANCE_M)
+    assert speed.forward_m_s > 0.3
+    assert -0.2 < speed.right_m_s <= 0
+
+
+@pytest.mark.parametrize("width_m", [0.9, 1.0, 1.4])
+def test_it_passes_a_doorway_in_the_middle(width_m: float) -> None:
+    assert guarded(FORWARD, around(doorway(width_m)), CLEARANCE_M).forward_m_s > 0.2
+    before = guarded(FORWARD, around(doorway(width_m, ahead_m=0.3)), CLEARANCE_M)
+    assert before.forward_m_s > 0.05
+
+
+def test_it_does_not_pass_where_it_does_not_fit() -> None:
+    for ahead_m in (0.2, 0.1):
+        narrow = around(doorway(0.6, ahead_m))
+        assert guarded(FORWARD, narrow, CLEARANCE_M).forward_m_s <= 0
+
+
+def test_off_the_middle_of_a_doorway_it_moves_over() -> None:
+    to_the_right = guarded(FORWARD, around(doorway(1.0, aside_m=0.1)), CLEARANCE_M)
+    assert to_the_right.right_m_s > 0
+
+
+@given(
+    st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=20),
+    st.floats(-1, 1),
+    st.floats(-1, 1),
+)
+def test_no_velocity_leads_towards_what_is_as_near_as_can_be(
+    points: list[Place], forward_m_s: float, right_m_s: float
+) -> None:
+    safe = guarded(Setpoint(forward_m_s, right_m_s), around(points), CLEARANCE_M)
+    for forward_m, right_m in points:
+        away_m = math.hypot(forward_m, right_m)
+        if 0.01 < away_m < 0.35:
+            towards = (safe.forward_m_s * forward_m + safe.right_m_s * right_m) / away_m
+            assert towards <= 0.03
+
+
+# What is remembered
+
+
+def scan(time_s: float, **readings: RangeReading) -> RangeScan:
+    return RangeScan(time_s, {Beam(name): reading for name, reading in readings.items()})
+
+
+def at(distance_m: float) -> RangeReading:
+    return RangeReading(RangeState.DISTANCE, distance_m, 0.02**2)
+
+
+class Drone:
+    """It moves north with its nose to the north, and looks."""
+
+    def __init__(self, near: Near) -> None:
+        self.near = near
+        self._north_m = self._time_s = 0.0
+        self.move(0.0)
+
+    def move(self, north_m: float, step_m: float = 0.0) -> None:
+        """Truly by `north_m`; the estimate makes a step besides."""
+        self._time_s += 0.05
+        self._north_m += north_m
+        position = self._north_m, 0.0, -1.2
+        odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
+        self.near.move(Pose(self._time_s, self._north_m + step_m, 0.0, -1.2, 0.0), odometry)
+
+    def see(self, **readings: RangeReading) -> RangeScan:
+        return self.near.see(scan(self._time_s, **readings))
+
+    @property
+    def points(self) -> list[Place]:
+        return [(float(f), float(r)) for f, r in self.near.surroundings.points_frd_m]
+
+
+def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone.see(right=at(1.2))
+    drone.move(0.3)
+    [(forward_m, right_m)] = drone.points
+    assert forward_m == pytest.approx(-0.3)
+    assert right_m == pytest.approx(1.28)
+
+
+def test_a_step_of_the_estimate_moves_nothing() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone.see(right=at(1.2))
+    drone.move(0.0, step_m=0.5)
+    assert drone.points == [pytest.approx((0.0, 1.28))]
+
+
+def test_who_has_walked_on_is_forgotten() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone.see(front=at(1.2))
+    drone.see(front=at(3.5))
+    assert drone.points == []
+
+
+def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone.see(front=at(1.1))
+    for _ in range(14):
+        drone.move(0.05)
+    folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.4))
+    assert folded.is_distance
+    assert drone.see(front=folded).readings[Beam.FRONT].state is RangeState.TOO_NEAR
+    assert min(forward_m for forward_m, _ in drone.points) == pytest.approx(0.4, abs=0.03)
+
+
+def test_what_was_inferred_is_no_proof_of_the_next() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone.see(right=at(1.1))
+    folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.4))
+    assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
+    assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
+
+
+def test_a_sensor_that_does_not_fold_is_believed() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, PAPER), 0.0))
+    drone.see(front=at(0.4))
+    assert drone.see(front=at(1.1)).readings[Beam.FRONT].is_distance
+
+
+def test_what_suddenly_is_too_near_is_kept_off_from() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone.see(front=RangeReading(RangeState.TOO_NEAR))
+    stopped = guarded(FORWARD, drone.near.surroundings, CLEARANCE_M)
+    assert stopped.forward_m_s < 0.2

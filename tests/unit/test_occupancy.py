@@ -1,0 +1,73 @@
+"""Space in cells: free, occupied and unknown never look alike."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.mapping.occupancy import CELL_M, Occupancy, Ray
+
+PLACE = st.tuples(st.floats(-30, 30), st.floats(-30, 30))
+
+
+def state(grid: Occupancy, place: tuple[float, float]) -> str:
+    row, column = grid.cell(place)
+    if not (0 <= row < grid.shape[0] and 0 <= column < grid.shape[1]):
+        return "unknown"
+    if grid.occupied[row, column]:
+        return "occupied"
+    return "free" if grid.free[row, column] else "unknown"
+
+
+def seen(grid: Occupancy, ray: Ray, times: int = 3) -> Occupancy:
+    for _ in range(times):
+        grid.add(ray)
+    return grid
+
+
+@given(PLACE, st.floats(-math.pi, math.pi), st.floats(0.5, 5))
+def test_a_hit_is_free_before_it_and_unknown_behind(
+    origin: tuple[float, float], bearing_rad: float, end_m: float
+) -> None:
+    grid = seen(Occupancy(), Ray(origin, bearing_rad, end_m, 0.01, True))
+    along = math.cos(bearing_rad), math.sin(bearing_rad)
+
+    def at(metres: float) -> tuple[float, float]:
+        return origin[0] + metres * along[0], origin[1] + metres * along[1]
+
+    assert state(grid, at(end_m)) == "occupied"
+    assert "free" in {state(grid, at(end_m / 2 + aside)) for aside in (-0.05, 0.0, 0.05)}
+    assert state(grid, at(end_m + 2 * CELL_M)) == "unknown"
+
+
+def test_nothing_met_frees_but_fills_nothing() -> None:
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 4.0, 0.0, False))
+    assert state(grid, (3.9, 0)) == "free"
+    assert not grid.occupied.any()
+
+
+def test_a_reading_too_inexact_fills_nothing() -> None:
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 5.0, 0.18, True))
+    assert not grid.occupied.any()
+    assert state(grid, (2, 0)) == "free"
+
+
+def test_what_has_walked_on_is_forgotten() -> None:
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True))
+    assert state(grid, (2, 0)) == "occupied"
+    seen(grid, Ray((0, 0), 0.0, 4.0, 0.02, True), times=20)
+    assert state(grid, (2, 0)) == "free"
+
+
+@given(PLACE)
+def test_cells_and_places_are_each_others_inverse(place: tuple[float, float]) -> None:
+    grid = Occupancy()
+    assert grid.cell(grid.place(grid.cell(place))) == grid.cell(place)
+    assert math.dist(grid.place(grid.cell(place)), place) <= CELL_M
+
+
+def test_the_nearest_thing() -> None:
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True))
+    assert grid.nearest_m((1.4, 0.0), 1.0) == pytest.approx(0.6, abs=0.15)
+    assert grid.nearest_m((-5.0, 0.0), 1.0) == 1.0

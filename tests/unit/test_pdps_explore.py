@@ -1,0 +1,343 @@
+"""Ways through known space, what is unseen, and the mission that goes and sees it."""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from companion.config import MissionConfig
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
+from companion.pdps import layers as layering
+from companion.pdps import travel as travelling
+from companion.pdps.explore import Explore, ExplorePhase, step
+from companion.pdps.follow import follow, is_blocked
+from companion.pdps.gaps import frontiers, next_look, vague_surfaces
+from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.room_scan import Sight
+from companion.pdps.route import find_ways
+from companion.pdps.travel import Travel, TravelPhase
+
+PLAN = MissionConfig(kind="building")
+CLEAR_M = 0.5
+Place = tuple[float, float]
+
+
+def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
+    """A disc of free space that nothing bounds."""
+    grid = Occupancy()
+    look_round(grid, centre, reach_m, hit=False)
+    return grid
+
+
+def look_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> None:
+    for degree in range(0, 360):
+        for _ in range(3):
+            grid.add(Ray(centre, math.radians(degree), reach_m, 0.01, hit))
+
+
+def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:
+    """A round room without a door."""
+    grid = Occupancy()
+    look_round(grid, centre, reach_m, hit=True)
+    return grid
+
+
+def sight(
+    place: Place = (0.0, 0.0), yaw_rad: float = 0.0, ahead_m: float = 5.0, time_s: float = 10.0
+) -> Sight:
+    ahead = RangeReading(RangeState.DISTANCE, ahead_m, 0.01)
+    return Sight(Pose(time_s, *place, -PLAN.height_m, yaw_rad), {Beam.FRONT: ahead}, 0.0)
+
+
+def length_m(start: Place, way: tuple[Place, ...]) -> float:
+    return sum(math.dist(a, b) for a, b in pairwise((start, *way)))
+
+
+def test_a_way_in_the_open_is_straight() -> None:
+    ways = find_ways(open_ground(), (-2.0, 0.0), CLEAR_M)
+    assert ways.to((2.0, 1.0)) == ((2.0, 1.0),)
+
+
+def test_a_way_goes_round_what_is_there_with_room() -> None:
+    grid = open_ground()
+    grid.block((0.0, 0.0), 0.4)
+    way = find_ways(grid, (-2.0, 0.0), CLEAR_M).to((2.0, 0.0))
+    assert length_m((-2.0, 0.0), way) > 4.1
+    points = [(-2.0, 0.0), *way]
+    for a, b in pairwise(points):
+        for share in range(11):
+            here = tuple(p + share / 10 * (q - p) for p, q in zip(a, b, strict=True))
+            assert grid.nearest_m((here[0], here[1]), 2.0) > 0.35
+
+
+def test_there_is_no_way_through_what_was_never_seen() -> None:
+    assert not find_ways(open_ground(), (0.0, 0.0), CLEAR_M).reaches((6.0, 0.0))
+
+
+def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
+    for width_m, passes in ((1.4, True), (0.9, True), (0.6, False)):
+        grid = open_ground()
+        for row in range(-40, 41):
+            if abs(0.1 * row + 0.05) > width_m / 2:
+                grid.block((0.1 * row + 0.05, 0.05), 0.01)
+        assert find_ways(grid, (0.5, -2.0), CLEAR_M).reaches((0.5, 2.0)) is passes
+
+
+def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
+    grid = walled(reach_m=2.0)
+    assert next_look(grid, find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0) is None
+
+
+def test_a_doorway_is_a_frontier_to_look_through() -> None:
+    grid = walled()
+    for degree in range(-20, 21):
+        for _ in range(20):
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False))
+    assert frontiers(grid).any()
+    look = next_look(grid, find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0)
+    assert look is not None
+    for place in look.at_ne_m:
+        assert abs(math.atan2(place[1], place[0])) < math.radians(25)
+
+
+def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
+    grid = Occupancy()
+    for degree in range(360):
+        for _ in range(3):
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True))
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False))
+    assert vague_surfaces(grid).any()
+    look = next_look(grid, find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0)
+    assert look is not None
+    assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
+
+
+def test_what_was_looked_at_twice_in_vain_is_let_be() -> None:
+    grid = open_ground()
+    everywhere = tuple(
+        (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
+    )
+    ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
+    assert next_look(grid, ways, 1.0, (everywhere,)) is not None
+    assert next_look(grid, ways, 1.0, (everywhere, everywhere)) is None
+
+
+def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
+    grid = open_ground()
+    ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
+    assert next_look(grid, ways, 1.0, within_m=2.5) is None
+    grid.block((3.0, 0.0), 0.3)
+    look = next_look(grid, find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0, within_m=2.5)
+    assert look is not None
+    assert all(place[0] > 0 for place in look.at_ne_m)
+
+
+def test_it_turns_before_it_flies() -> None:
+    _, setpoint = follow(((0.0, 3.0),), sight(), open_ground(), PLAN)
+    assert setpoint.forward_m_s == 0
+    assert setpoint.yaw_rate_rad_s > 0
+    _, setpoint = follow(((3.0, 0.0),), sight(), open_ground(), PLAN)
+    assert setpoint.forward_m_s > 0.5
+
+
+def test_it_slows_down_where_it_is_narrow() -> None:
+    grid = open_ground()
+    _, wide = follow(((3.0, 0.0),), sight(), grid, PLAN)
+    grid.block((0.6, 0.5), 0.1)
+    _, narrow = follow(((3.0, 0.0),), sight(), grid, PLAN)
+    assert narrow.forward_m_s < 0.5 * wide.forward_m_s
+
+
+def test_it_stops_before_what_stands_in_the_way() -> None:
+    way = ((3.0, 0.0),)
+    assert is_blocked(way, sight(ahead_m=0.5))
+    assert not is_blocked(way, sight(ahead_m=3.0))
+    _, setpoint = follow(way, sight(ahead_m=0.5), open_ground(), PLAN)
+    assert setpoint.forward_m_s == 0
+
+
+def test_it_arrives() -> None:
+    way, _ = follow(((0.05, 0.0),), sight(), open_ground(), PLAN)
+    assert way == ()
+
+
+# Travel
+
+
+def gone(
+    travel: Travel, grid: Occupancy, *, ahead_m: float = 5.0, time_s: float = 10.0
+) -> tuple[Travel, Setpoint]:
+    return travelling.step(travel, sight(ahead_m=ahead_m, time_s=time_s), grid, PLAN)
+
+
+def test_it_flies_to_its_goal_and_arrives() -> None:
+    travel, setpoint = gone(Travel((3.0, 0.0)), open_ground())
+    assert travel.phase is TravelPhase.FLY
+    assert setpoint.forward_m_s > 0.5
+    travel, _ = gone(Travel((0.05, 0.0)), open_ground())
+    assert travel.phase is TravelPhase.ARRIVED
+    assert gone(travel, open_ground())[0].phase is TravelPhase.ARRIVED
+
+
+def with_doorway(ahead_m: float) -> Occupancy:
+    grid = open_ground()
+    for row in range(-40, 41):
+        if abs(0.1 * row + 0.05) > 0.5:
+            grid.block((ahead_m, 0.1 * row + 0.05), 0.01)
+    return grid
+
+
+def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
+    grid = with_doorway(1.45)
+    travel, setpoint = gone(Travel((3.0, 0.0)), grid)
+    assert travel.phase is TravelPhase.SWEEP
+    assert setpoint.forward_m_s == 0
+    looked_rad = []
+    while travel.phase is TravelPhase.SWEEP:
+        looked_rad.append(travel.sweep_rad[0])
+        seen = sight(yaw_rad=travel.sweep_rad[0])
+        travel, _ = travelling.step(travel, seen, grid, PLAN)
+    assert min(looked_rad) < -0.5 < 0.5 < max(looked_rad)
+    travel, setpoint = gone(travel, grid)
+    assert travel.phase is TravelPhase.FLY
+    assert setpoint.forward_m_s > 0
+
+
+def test_it_waits_for_who_stands_in_the_way() -> None:
+    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
+    travel, setpoint = gone(travel, open_ground(), ahead_m=0.6, time_s=10.05)
+    assert travel.phase is TravelPhase.FLY
+    assert setpoint.forward_m_s == 0
+
+
+def test_it_goes_round_who_has_stood_there_for_a_while() -> None:
+    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
+    grid = open_ground()
+    grid.block((1.2, 0.0), 0.2)
+    travel, _ = gone(travel, grid, time_s=12.0)
+    assert travel.phase is TravelPhase.FLY
+    assert max(abs(east_m) for _, east_m in travel.way) > 0.4
+
+
+def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
+    grid, time_s = walled(reach_m=2.0), 10.0
+    travel, _ = gone(Travel((5.0, 0.0)), grid)
+    assert travel.phase is TravelPhase.SWEEP
+    turned = len(travel.sweep_rad)
+    while travel.phase is TravelPhase.SWEEP:
+        time_s += 0.05
+        seen = sight(yaw_rad=travel.sweep_rad[0], time_s=time_s)
+        travel, _ = travelling.step(travel, seen, grid, PLAN)
+    assert turned == 3
+    travel, setpoint = gone(travel, grid, time_s=time_s + 2)
+    assert travel.phase is TravelPhase.GAVE_UP
+    assert setpoint == HOLD
+
+
+# Transitions of the exploration
+
+
+def test_look_turns_all_round_then_goes_to_what_is_unseen() -> None:
+    explore, grid, yaw_rad = Explore(), open_ground(), 0.0
+    while explore.phase is ExplorePhase.LOOK:
+        explore, setpoint = step(explore, sight(yaw_rad=yaw_rad), grid, PLAN)
+        yaw_rad += 0.1
+        assert setpoint.forward_m_s == pytest.approx(0, abs=1e-9)
+    assert explore.phase is ExplorePhase.GO
+    assert yaw_rad > math.tau
+
+
+def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
+    explore, _ = step(Explore(to_turn_rad=-0.1), sight(), walled(reach_m=2.0), PLAN)
+    assert explore.phase is ExplorePhase.DONE
+
+
+def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
+    looking = Explore(look_at_ne_m=((3.9, 0.0),), to_turn_rad=3.0)
+    explore, _ = step(looking, sight(), walled(reach_m=2.0), PLAN)
+    assert explore.phase is ExplorePhase.DONE
+
+
+def going(grid: Occupancy) -> Explore:
+    explore, _ = step(Explore(to_turn_rad=-0.1), sight(), grid, PLAN)
+    assert explore.phase is ExplorePhase.GO
+    return explore
+
+
+def test_go_looks_round_on_arrival() -> None:
+    explore = going(open_ground())
+    assert explore.travel is not None
+    there = sight(explore.travel.goal_ne_m)
+    explore, _ = step(explore, there, open_ground(), PLAN)
+    assert explore.phase is ExplorePhase.LOOK
+    assert explore.look_at_ne_m
+
+
+def test_go_takes_another_place_where_there_is_no_way() -> None:
+    explore = going(open_ground())
+    stuck = replace(explore, travel=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    another, _ = step(stuck, sight(), open_ground(), PLAN)
+    assert another.tried == (explore.look_at_ne_m,)
+    assert another.phase is ExplorePhase.GO
+
+
+def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
+    explore = going(open_ground())
+    explore, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
+    assert explore.phase is ExplorePhase.DONE
+
+
+def test_done_stays_done() -> None:
+    explore, setpoint = step(Explore(ExplorePhase.DONE), sight(), walled(), PLAN)
+    assert explore.phase is ExplorePhase.DONE
+    assert setpoint == HOLD
+
+
+# Transitions of the layers
+
+LAYERED = MissionConfig(kind="layers")
+
+
+def layer_sight(above_m: float, height_m: float = LAYERED.height_m) -> Sight:
+    up = RangeReading(RangeState.DISTANCE, above_m, 0.01)
+    at = Pose(10.0, 0.0, 0.0, -height_m, 0.0)
+    return Sight(at, {Beam.FRONT: up, Beam.UP: up}, 0.0)
+
+
+def test_a_layer_that_was_seen_ends_at_the_start() -> None:
+    seen = Layers(explore=Explore(ExplorePhase.DONE))
+    layers, _ = layering.step(seen, layer_sight(3.0), open_ground(), LAYERED)
+    assert layers.phase is LayersPhase.RETURN
+
+
+def test_from_the_start_it_climbs_while_there_is_room_above() -> None:
+    back = Layers(LayersPhase.RETURN)
+    layers, _ = layering.step(back, layer_sight(2.5), open_ground(), LAYERED)
+    assert (layers.phase, layers.number) == (LayersPhase.CLIMB, 1)
+    assert layers.height_m(LAYERED) == pytest.approx(LAYERED.height_m + LAYERED.layer_spacing_m)
+    layers, _ = layering.step(back, layer_sight(1.0), open_ground(), LAYERED)
+    assert layers.phase is LayersPhase.DONE
+
+
+def test_without_a_way_back_the_layers_end() -> None:
+    lost = Layers(LayersPhase.RETURN, travel=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    layers, _ = layering.step(lost, layer_sight(3.0), open_ground(), LAYERED)
+    assert layers.phase is LayersPhase.DONE
+
+
+def test_at_its_new_height_it_looks_round_first() -> None:
+    climbing = Layers(LayersPhase.CLIMB, number=1)
+    layers, _ = layering.step(climbing, layer_sight(3.0), open_ground(), LAYERED)
+    assert layers.phase is LayersPhase.CLIMB
+    there = layer_sight(3.0, climbing.height_m(LAYERED))
+    layers, _ = layering.step(climbing, there, Occupancy(), LAYERED)
+    assert (layers.phase, layers.number) == (LayersPhase.EXPLORE, 1)
+    assert layers.explore == Explore()
+
+
+def test_all_layers_seen_stays_so() -> None:
+    layers, setpoint = layering.step(Layers(LayersPhase.DONE), sight(), walled(), LAYERED)
+    assert layers.phase is LayersPhase.DONE
+    assert setpoint == HOLD
