@@ -195,7 +195,7 @@ class App:
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
             for space in self._spaces.values():
-                space.redraw(keyframes)
+                space.correct(keyframes)
         height_m = self.flight.layers.height_m(self._config.mission)
         is_level = abs(estimator.height_m - height_m) < AT_LAYER_M
         if self.flight.phase in EXPLORING_PHASES and is_level:

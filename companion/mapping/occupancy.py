@@ -7,6 +7,7 @@ person who has walked on is forgotten. Free space and ignorance never look alike
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,7 @@ FREE_TO_SIGMAS = 2.0
 
 Cells = NDArray[np.bool_]
 LogOdds = NDArray[np.float32]
+Metres = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +46,27 @@ class Ray:
     sigma_m: float
     is_hit: bool
     """False: nothing was met up to `end_m`."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rays:
+    """The same of many readings, (r, 2) and (r,)."""
+
+    origin_ne_m: Metres
+    bearing_rad: Metres
+    end_m: Metres
+    sigma_m: Metres
+    is_hit: Cells
+
+    @classmethod
+    def of(cls, rays: Sequence[Ray]) -> "Rays":
+        return cls(
+            np.array([ray.origin_ne_m for ray in rays]).reshape(-1, 2),
+            np.array([ray.bearing_rad for ray in rays]),
+            np.array([ray.end_m for ray in rays]),
+            np.array([ray.sigma_m for ray in rays]),
+            np.array([ray.is_hit for ray in rays], dtype=np.bool_),
+        )
 
 
 class Occupancy:
@@ -117,23 +140,40 @@ class Occupancy:
 
     def add(self, ray: Ray) -> None:
         """Take in one reading."""
-        free_to_m = ray.end_m - (FREE_TO_SIGMAS * ray.sigma_m + CELL_M if ray.is_hit else 0.0)
-        steps = np.arange(0.0, max(free_to_m, CELL_M), 0.5 * CELL_M)
-        cos_b, sin_b = math.cos(ray.bearing_rad), math.sin(ray.bearing_rad)
-        end = ray.origin_ne_m[0] + ray.end_m * cos_b, ray.origin_ne_m[1] + ray.end_m * sin_b
-        self._reach(ray.origin_ne_m)
-        self._reach(end)
-        rows = self._indices(ray.origin_ne_m[0] + steps * cos_b, 0)
-        columns = self._indices(ray.origin_ne_m[1] + steps * sin_b, 1)
+        self.draw(Rays.of([ray]))
+
+    def draw(self, rays: Rays) -> None:
+        """Take in many."""
+        if not len(rays.end_m):
+            return
+        unit = np.column_stack([np.cos(rays.bearing_rad), np.sin(rays.bearing_rad)])
+        ends = rays.origin_ne_m + rays.end_m[:, None] * unit
+        reached = np.concatenate([rays.origin_ne_m, ends])
+        self._reach((float(reached[:, 0].min()), float(reached[:, 1].min())))
+        self._reach((float(reached[:, 0].max()), float(reached[:, 1].max())))
+        self._free(rays, unit)
+        exact = rays.is_hit & (rays.sigma_m <= LEAST_EXACT_SIGMA_M)
+        weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
+        rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
+        np.add.at(self._log_odds, (rows[exact], columns[exact]), weight[exact])
+        well = exact & (rays.sigma_m <= WELL_SIGMA_M)
+        self._well_seen[rows[well], columns[well]] = True
+        met = rows[exact], columns[exact]
+        self._log_odds[met] = np.minimum(self._log_odds[met], MOST_LOG_ODDS)
+
+    def _free(self, rays: Rays, unit: Metres) -> None:
+        """Each cell that a ray went through, once for every ray."""
+        before_m = np.where(rays.is_hit, FREE_TO_SIGMAS * rays.sigma_m + CELL_M, 0.0)
+        free_to_m = np.maximum(rays.end_m - before_m, CELL_M)
+        steps = np.arange(0.0, float(free_to_m.max()), 0.5 * CELL_M)
+        ray, step = np.nonzero(steps < free_to_m[:, None])
+        places = rays.origin_ne_m[ray] + steps[step][:, None] * unit[ray]
+        rows, columns = self._indices(places[:, 0], 0), self._indices(places[:, 1], 1)
         cells = rows * self.shape[1] + columns
+        is_new = (np.diff(cells, prepend=-1) != 0) | (np.diff(ray, prepend=-1) != 0)
         flat = self._log_odds.reshape(-1)
-        # a cell that the steps met twice is still freed once: both write the same
-        flat[cells] = np.maximum(flat[cells] + MISS, -MOST_LOG_ODDS)
-        if ray.is_hit and ray.sigma_m <= LEAST_EXACT_SIGMA_M:
-            row, column = self.cell(end)
-            weight = HIT * min(1.0, EXACT_SIGMA_M / max(ray.sigma_m, 1e-3))
-            self._log_odds[row, column] = min(self._log_odds[row, column] + weight, MOST_LOG_ODDS)
-            self._well_seen[row, column] |= ray.sigma_m <= WELL_SIGMA_M
+        np.add.at(flat, cells[is_new], np.float32(MISS))
+        flat[cells] = np.maximum(flat[cells], -MOST_LOG_ODDS)
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
         """Something is there, whatever the beams have said."""

@@ -1,31 +1,27 @@
 """The space around, kept as rays, so that it can be drawn anew when the trajectory is set right.
 
-Each ray is kept relative to the keyframe before it. When the flight so far has been smoothed, a new
-grid is drawn from all rays and the corrected keyframes, a piece at each tick, and then takes the
-place of the old one.
+Each ray is kept relative to the keyframe before it. When smoothing has moved any keyframe by about
+half a cell since its rays were drawn, a new grid is drawn from all rays and the corrected
+keyframes, a piece at each tick, and then takes the place of the old one.
 """
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
-from companion.mapping.occupancy import Occupancy, Ray
+from companion.frames import ned_to_frd
+from companion.mapping.occupancy import CELL_M, Occupancy, Ray, Rays
 
 Array = NDArray[np.float64]
 """Keyframes (k, 3): north, east, yaw."""
 
-RAYS_A_PIECE = 60
-
-
-class _KeptRay(NamedTuple):
-    keyframe: int
-    offset_frd_m: Vector2
-    bearing_frd_rad: float
-    ray: Ray
+RAYS_A_PIECE = 200
+MOST_RAYS = 60_000
+"""Twelve minutes of all beams; then every second of the older ones is forgotten."""
+MOVED_M, TURNED_RAD = 0.4 * CELL_M, math.radians(0.5)
+_KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT = range(7)
 
 
 class Space:
@@ -33,23 +29,51 @@ class Space:
 
     def __init__(self) -> None:
         self.grid = Occupancy()
-        self._kept: list[_KeptRay] = []
+        self._rays = np.empty((256, 7))
+        self._count = 0
+        self._drawn: Array = np.empty((0, 3))
+        """The keyframes as they were when their rays were drawn."""
         self._drawing: Iterator[Occupancy | None] | None = None
 
     def add(self, rays: Sequence[Ray], keyframes: Array) -> None:
         """Take in what was seen from a pose shortly after the last keyframe."""
-        if not len(keyframes):
+        if not len(keyframes) or not rays:
             return
+        if len(keyframes) > len(self._drawn):
+            self._drawn = np.vstack([self._drawn, keyframes[len(self._drawn) :]])
+        self.grid.draw(Rays.of(rays))
         north_m, east_m, yaw_rad = keyframes[-1].tolist()
         for ray in rays:
-            offset = ned_to_frd(ray.origin_ne_m[0] - north_m, ray.origin_ne_m[1] - east_m, yaw_rad)
-            bearing_rad = wrap_rad(ray.bearing_rad - yaw_rad)
-            self._kept.append(_KeptRay(len(keyframes) - 1, offset, bearing_rad, ray))
-            self.grid.add(ray)
+            origin_north_m, origin_east_m = ray.origin_ne_m
+            offset = ned_to_frd(origin_north_m - north_m, origin_east_m - east_m, yaw_rad)
+            self._keep(
+                len(keyframes) - 1,
+                *offset,
+                ray.bearing_rad - yaw_rad,
+                ray.end_m,
+                ray.sigma_m,
+                float(ray.is_hit),
+            )
 
-    def redraw(self, keyframes: Array) -> None:
-        """Begin a new grid: the trajectory has been corrected."""
-        self._drawing = self._pieces(keyframes.copy())
+    def _keep(self, *row: float) -> None:
+        if self._count >= MOST_RAYS and self._drawing is None:
+            older = self._rays[: self._count // 2 : 2]
+            left = np.concatenate([older, self._rays[self._count // 2 : self._count]])
+            self._count = len(left)
+            self._rays[: self._count] = left
+        if self._count == len(self._rays):
+            self._rays = np.concatenate([self._rays, np.empty_like(self._rays)])
+        self._rays[self._count] = row
+        self._count += 1
+
+    def correct(self, keyframes: Array) -> None:
+        """The trajectory has been set right: begin a new grid, if that makes a difference."""
+        known = min(len(keyframes), len(self._drawn))
+        off = keyframes[:known] - self._drawn[:known]
+        turned_rad = np.abs((off[:, 2] + math.pi) % math.tau - math.pi)
+        if (np.hypot(off[:, 0], off[:, 1]) > MOVED_M).any() or (turned_rad > TURNED_RAD).any():
+            self._drawn = keyframes.copy()
+            self._drawing = self._pieces()
 
     def advance(self) -> None:
         """Draw some more, if there is something to draw."""
@@ -59,22 +83,28 @@ class Space:
         if grid is not None:
             self.grid, self._drawing = grid, None
 
-    def _pieces(self, keyframes: Array) -> Iterator[Occupancy | None]:
+    def _pieces(self) -> Iterator[Occupancy | None]:
         grid, done = Occupancy(), 0
-        while done < len(self._kept):
-            for kept in self._kept[done : done + RAYS_A_PIECE]:
-                grid.add(_placed(kept, keyframes))
-            done += RAYS_A_PIECE
+        while done < self._count:
+            some = self._rays[done : min(done + RAYS_A_PIECE, self._count)]
+            grid.draw(_placed(some, self._drawn))
+            done += len(some)
             yield None
         yield grid
 
 
-def _placed(kept: _KeptRay, keyframes: Array) -> Ray:
-    """Where the ray lies by the corrected keyframe; one that is newer stays where it was seen."""
-    if kept.keyframe >= len(keyframes):
-        return kept.ray
-    frame_north_m, frame_east_m, yaw_rad = keyframes[kept.keyframe].tolist()
-    north_m, east_m = frd_to_ned(*kept.offset_frd_m, yaw_rad)
-    origin = frame_north_m + north_m, frame_east_m + east_m
-    bearing_rad = math.remainder(yaw_rad + kept.bearing_frd_rad, math.tau)
-    return Ray(origin, bearing_rad, kept.ray.end_m, kept.ray.sigma_m, kept.ray.is_hit)
+def _placed(rays: Array, keyframes: Array) -> Rays:
+    """Where the rays (r, 7) lie by the keyframes."""
+    frames = keyframes[rays[:, _KEYFRAME].astype(np.int64)]
+    cos_yaw, sin_yaw = np.cos(frames[:, 2]), np.sin(frames[:, 2])
+    forward, right = rays[:, _FORWARD], rays[:, _RIGHT]
+    origin = frames[:, :2] + np.column_stack(
+        [cos_yaw * forward - sin_yaw * right, sin_yaw * forward + cos_yaw * right]
+    )
+    return Rays(
+        origin,
+        frames[:, 2] + rays[:, _BEARING],
+        rays[:, _END],
+        rays[:, _SIGMA],
+        rays[:, _IS_HIT] > 0,
+    )
