@@ -1,10 +1,14 @@
-"""Against a wall: beams that went through it."""
+"""Against a wall: beams that went through it, and walls that stand before it."""
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
+
+Mask = NDArray[np.bool_]
 
 THROUGH_M = 0.08
 """A beam went through a wall if its hit lies this far behind it, besides two sigmas."""
@@ -21,27 +25,31 @@ CELLS_AT_ONCE = 1_000_000
 
 def refuted(
     x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, opening_m: float
-) -> NDArray[np.bool_]:
+) -> Mask:
     """(n,): whether each hit is on a piece of wall that beams went through.
 
-    A piece is a short row of hits on one wall with no more than `opening_m` between them.
+    Or its own beam would have had to go through a piece that others did not go through. A piece
+    is a short row of hits on one wall with no more than `opening_m` between them.
     """
     hit, piece, ends = _pieces(x, seen.points, wall_of, opening_m)
-    passed = _passed_through(seen, sigma_m, ends)
+    passed = np.zeros(len(ends), dtype=np.int64)
+    for _, through in _went_through(seen, sigma_m, ends):
+        passed += through.sum(axis=0)
     stopped = np.bincount(piece, minlength=len(ends))
     against = (passed > MOST_PASSED_SHARE * stopped) & (passed >= LEAST_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
     wrong[hit] = against[piece]
+    for part, through in _went_through(seen, sigma_m, ends[~against]):
+        wrong[part] |= through.any(axis=1)
     return wrong
 
 
-def _passed_through(seen: Sightings, sigma_m: Array, pieces: Array) -> Indices:
-    """(p,): how many beams went through each straight piece of wall, (p, 2, 2)."""
+def _went_through(seen: Sightings, sigma_m: Array, pieces: Array) -> Iterator[tuple[slice, Mask]]:
+    """Which beams (n,) went through which straight pieces of wall (p, 2, 2), some at a time."""
     start, along = pieces[:, 0], pieces[:, 1] - pieces[:, 0]
     length = np.maximum(np.hypot(*along.T), 1e-9)
     normal = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
     offset = (start * normal).sum(axis=1)
-    count = np.zeros(len(pieces), dtype=np.int64)
     step = max(1, CELLS_AT_ONCE // max(len(pieces), 1))
     for low in range(0, len(seen.points), step):
         part = slice(low, low + step)
@@ -51,8 +59,7 @@ def _passed_through(seen: Sightings, sigma_m: Array, pieces: Array) -> Indices:
         through = (from_m * to_m < 0) & (np.abs(to_m) > margin_m)
         share = from_m / np.where(through, from_m - to_m, 1.0)
         met = (eye @ along.T) + share * ((point - eye) @ along.T) - (start * along).sum(axis=1)
-        count += (through & (met > 0) & (met < length**2)).sum(axis=0)
-    return count
+        yield part, through & (met > 0) & (met < length**2)
 
 
 def _pieces(

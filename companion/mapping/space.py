@@ -20,7 +20,9 @@ Array = NDArray[np.float64]
 RAYS_A_PIECE = 200
 MOST_RAYS = 60_000
 """Twelve minutes of all beams; then every second of the older ones is forgotten."""
-MOVED_M, TURNED_RAD = 0.4 * CELL_M, math.radians(0.5)
+MOVED_M, TURNED_RAD = 0.6 * CELL_M, math.radians(1.0)
+RAYS_AT_ONCE = 12
+"""Some ticks' rays are drawn together, which takes hardly longer than one."""
 _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT = range(7)
 
 
@@ -34,6 +36,7 @@ class Space:
         self._drawn: Array = np.empty((0, 3))
         """The keyframes as they were when their rays were drawn."""
         self._drawing: Iterator[Occupancy | None] | None = None
+        self._waiting: list[Ray] = []
 
     def add(self, rays: Sequence[Ray], keyframes: Array) -> None:
         """Take in what was seen from a pose shortly after the last keyframe."""
@@ -41,7 +44,10 @@ class Space:
             return
         if len(keyframes) > len(self._drawn):
             self._drawn = np.vstack([self._drawn, keyframes[len(self._drawn) :]])
-        self.grid.draw(Rays.of(rays))
+        self._waiting += rays
+        if len(self._waiting) >= RAYS_AT_ONCE:
+            self.grid.draw(Rays.of(self._waiting))
+            self._waiting = []
         north_m, east_m, yaw_rad = keyframes[-1].tolist()
         for ray in rays:
             origin_north_m, origin_east_m = ray.origin_ne_m
@@ -81,7 +87,7 @@ class Space:
             return
         grid = next(self._drawing)
         if grid is not None:
-            self.grid, self._drawing = grid, None
+            self.grid, self._drawing, self._waiting = grid, None, []
 
     def _pieces(self) -> Iterator[Occupancy | None]:
         grid, done = Occupancy(), 0

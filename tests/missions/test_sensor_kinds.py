@@ -32,7 +32,9 @@ def test_it_maps_the_room_with_other_sensors(sitl: Sitl, profile: str) -> None:
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
     assert flight.report.coverage >= 0.95
-    assert flight.report.wall_error_aligned_cm <= 4
+    assert (
+        flight.report.wall_error_aligned_cm <= 5
+    )  # a VL53L1X never sees two walls that face each other
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
