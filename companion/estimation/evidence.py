@@ -17,6 +17,8 @@ MOST_PASSED_SHARE = 0.5
 LEAST_PASSED = 3
 """A piece of wall through which so many beams went, and more than that share of those that it
 stopped, is none."""
+FIRM_PASSED_SHARE, FIRM_STOPPED = 0.1, 6
+"""One that stopped so many and let hardly any through is there; what was met behind it was not."""
 STRETCH_M = 0.5
 """Pieces are no longer than this: a wall may end where beams begin to go through."""
 CELLS_AT_ONCE = 1_000_000
@@ -28,7 +30,7 @@ def refuted(
 ) -> Mask:
     """(n,): whether each hit is on a piece of wall that beams went through.
 
-    Or its own beam would have had to go through a piece that others did not go through. A piece
+    Or its own beam would have had to go through one that is there for sure. A piece
     is a short row of hits on one wall with no more than `opening_m` between them.
     """
     hit, piece, ends = _pieces(x, seen.points, wall_of, opening_m)
@@ -39,7 +41,8 @@ def refuted(
     against = (passed > MOST_PASSED_SHARE * stopped) & (passed >= LEAST_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
     wrong[hit] = against[piece]
-    for part, through in _went_through(seen, sigma_m, ends[~against]):
+    firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
+    for part, through in _went_through(seen, sigma_m, ends[firm]):
         wrong[part] |= through.any(axis=1)
     return wrong
 
