@@ -65,8 +65,9 @@ def main() -> None:
         for place, row in zip(places, rows, strict=True):
             print(f"{place:<28g}" + "".join(f"{error:21.1f} cm" for error in row))
         axis.plot(places, rows, marker="o", label=LABELS)
-        axis.set(xlabel=name, ylim=(0, None))
+        axis.set(xlabel=name)
         axis.grid(visible=True, alpha=0.3)
+    axes[0].set_ylim(bottom=0)
     axes[0].set_ylabel(f"mean error over {options.seeds} seeds, cm")
     axes[0].legend()
     options.out.parent.mkdir(parents=True, exist_ok=True)
