@@ -46,8 +46,7 @@ def flight(profile: str, seed: int, world: str) -> Report:
         settings,
         plan,
         simulation.record,
-        completed=app.flight.completed,
-        ending=app.flight.ending,
+        outcome=app.flight,
         waited_s=time.monotonic() - began_s,
     )
 

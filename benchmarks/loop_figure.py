@@ -75,8 +75,7 @@ def main() -> None:
             settings,
             plan,
             simulation.record,
-            completed=app.flight.completed,
-            ending=app.flight.ending,
+            outcome=app.flight,
             waited_s=1.0,
         )
         error = f"walls off by {report['wall_error_aligned_cm']:.1f} cm"

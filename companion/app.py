@@ -182,25 +182,24 @@ class App:
         if self.flight.phase in SEEING_PHASES:
             self.estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self.estimator.height_m)
-            if self.flight.phase in EXPLORING_PHASES:
-                self._heights.see(inputs.scan, self.estimator.pose(inputs.scan.time_s))
-            self._draw_space(self.estimator, inputs.scan)
+            self._draw(self.estimator, inputs.scan)
             self.estimator.improve(now_s)
         return self.estimator.pose(now_s)
 
-    def _draw_space(self, estimator: Estimator, scan: RangeScan) -> None:
-        """Free and occupied cells, drawn anew whenever the trajectory has been set right."""
+    def _draw(self, estimator: Estimator, scan: RangeScan) -> None:
+        """Heights and cells; these are drawn anew whenever the trajectory has been set right."""
         sensors, pose = self._config.sensors, estimator.pose(scan.time_s)
         keyframes = estimator.record.poses
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
             for space in self._spaces.values():
                 space.correct(keyframes)
-        height_m = self.flight.layers.height_m(self._config.mission)
-        is_level = abs(estimator.height_m - height_m) < AT_LAYER_M
-        if self.flight.phase in EXPLORING_PHASES and is_level:
-            seen = rays(pose, scan, self._models, sensors.mount_offset_m)
-            self.space.add(seen, keyframes)
+        if self.flight.phase in EXPLORING_PHASES:
+            self._heights.see(scan, pose)
+            height_m = self.flight.layers.height_m(self._config.mission)
+            if abs(estimator.height_m - height_m) < AT_LAYER_M:
+                seen = rays(pose, scan, self._models, sensors.mount_offset_m)
+                self.space.add(seen, keyframes)
         self.space.advance()
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:

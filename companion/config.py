@@ -233,8 +233,6 @@ def _text(path: Path) -> str:
 def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
-    if first["type"] == "value_error" and not isinstance(first["input"], int | float | str):
-        return f"{key}: {first['msg'].removeprefix('Value error, ')}"
     if first["type"] == "union_tag_invalid":
         context = first["ctx"]
         return f"{key}.kind = {context['tag']!r}: should be one of {context['expected_tags']}"
@@ -242,7 +240,8 @@ def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
         known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
     complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-    return f"{key} = {first['input']!r}: {complaint}"
+    told = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
+    return f"{told}: {complaint}"
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:

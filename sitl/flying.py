@@ -51,8 +51,7 @@ def fly_in_one_process(
         settings,
         plan,
         simulation.record,
-        completed=app.flight.completed,
-        ending=app.flight.ending,
+        outcome=app.flight,
         waited_s=waited_s,
     )
 
@@ -79,7 +78,6 @@ def fly_in_two(
         settings,
         flight.plan,
         flight.truth,
-        completed=flight.completed,
-        ending="mission complete" if flight.completed else "mission not completed",
+        outcome=flight,
         waited_s=time.monotonic() - began_s,
     )

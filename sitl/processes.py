@@ -37,6 +37,10 @@ class TwoProcessFlight:
     flying_s: float
     """On the wall clock, from the companion's first request for time to its last."""
 
+    @property
+    def ending(self) -> str:
+        return "mission complete" if self.completed else "mission not completed"
+
 
 def fly_in_two_processes(
     sitl_arguments: Sequence[str], settings: Config, out: Path, *, quiet: bool = False

@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import Protocol
 
 from rich.table import Table
 
@@ -21,14 +22,23 @@ WALL_CLOCK_KEYS = ("speed_factor", "waited_s")
 """The only keys that may differ between two flights of the same seed."""
 
 
+class Outcome(Protocol):
+    """How a flight went, in the companion's words; its own last state is one."""
+
+    @property
+    def completed(self) -> bool: ...
+
+    @property
+    def ending(self) -> str: ...
+
+
 def make_report(
     setup: Setup,
     config: Config,
     plan: FloorPlan,
     truth: TruthRecord,
     *,
-    completed: bool,
-    ending: str,
+    outcome: Outcome,
     waited_s: float,
 ) -> Report:
     """All scores of one flight; lengths in the unit of their key."""
@@ -46,8 +56,8 @@ def make_report(
         "profile": "mixed" if setup.sensors.ranges else setup.sensors.profile,
         "beam": str(setup.beam),
         "seed": setup.seed,
-        "completed": completed and truth.collisions == 0,
-        "ending": ending,
+        "completed": outcome.completed and truth.collisions == 0,
+        "ending": outcome.ending,
     }
     report |= asdict(score_map(plan, surfaces, seeable, truth.take_off))
     report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))

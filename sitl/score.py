@@ -78,10 +78,7 @@ def score_map(
         wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
         coverage=float((to_mapped_m <= COVERED_WITHIN_M).mean()),
         false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
-        wall_sigma_cm=100
-        * float(
-            np.average([w.sigma_m for w in plan.walls], weights=[w.length_m for w in plan.walls])
-        ),
+        wall_sigma_cm=100 * _mean_sigma_m(plan),
         wall_error_sigmas=_error_in_sigmas(plan, true_walls, take_off),
     )
 

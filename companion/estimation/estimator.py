@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
-from companion.estimation.factors import Models
+from companion.estimation.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.flight_record import FlightRecord, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.in_flight import InFlightSmoothing, Walls
@@ -39,8 +39,7 @@ REACH_M = 1.0
 
 TRUSTED_SIGMA_M = 0.12
 SQUARE_WITHIN_RAD = math.radians(5)
-SQUARE_SIGMA_RAD = math.radians(0.5)
-"""Walls this near to a right angle are taken to be built so, this exactly."""
+"""Walls this near to a right angle are taken to be built so."""
 
 
 class Estimator:

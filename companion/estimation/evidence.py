@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.flight_record import NO_WALL
-from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
+from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns, in_rows
 
 Mask = NDArray[np.bool_]
 
@@ -70,11 +70,9 @@ def _pieces(
 ) -> tuple[Indices, Indices, Array]:
     """Hits that have a wall (h,), the piece of each (h,), and the pieces' ends (p, 2, 2)."""
     hit = np.flatnonzero(wall_of != NO_WALL)
-    along = (points[hit] * x.tangents[wall_of[hit]]).sum(axis=1)
-    order = np.lexsort((along, wall_of[hit]))
-    hit, along = hit[order], along[order]
+    order, along, is_first = in_rows(x, points[hit], wall_of[hit], opening_m)
+    hit = hit[order]
     wall = wall_of[hit]
-    is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > opening_m)
     is_first |= np.diff(np.floor(along / STRETCH_M), prepend=0) != 0
     first = np.flatnonzero(is_first)
     last = np.append(first[1:], len(hit)) - 1 if len(first) else first

@@ -10,7 +10,7 @@ from companion.estimation.candidates import Candidates
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.straightness import bend, longer_side
-from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns
+from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns, in_rows, reach_m
 from companion.frames import wrap_rad
 
 MOST_WALLS = 400
@@ -74,10 +74,8 @@ def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Sup
     wall, it is not.
     """
     hit, wall, worth = pairs.worths()
-    along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
-    order = np.lexsort((along, wall))
-    hit, wall, worth, along = hit[order], wall[order], worth[order], along[order]
-    is_first = (np.diff(wall, prepend=NO_WALL) != 0) | (np.diff(along, prepend=0) > LARGEST_GAP_M)
+    order, _, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
+    hit, wall, worth = hit[order], wall[order], worth[order]
     piece = np.cumsum(is_first) - 1
     of_piece = wall[is_first]
     worths = np.bincount(piece, worth, len(of_piece))
@@ -119,14 +117,11 @@ def worthy(
     """The walls that are worth having; the least worthy is taken out first, then all is redone."""
     kept = np.arange(len(x.walls))
     while len(kept) > known:
-        hit, wall, worth = pairs.worths()
+        _, wall, worth = pairs.worths()
         hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
         worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
-        along = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
-        low, high = np.full(len(x.walls), np.inf), np.full(len(x.walls), -np.inf)
-        np.minimum.at(low, wall, along)
-        np.maximum.at(high, wall, along)
-        worths[(hits < support.hits) | (high - low < support.extent_m)] = 0.0
+        low_m, high_m = reach_m(x, seen.points, pairs.best()).T
+        worths[(hits < support.hits) | (high_m - low_m < support.extent_m)] = 0.0
         judged = kept[kept >= known]
         least = judged[int(worths[judged].argmin())]
         if worths[least] >= 1 and len(kept) <= MOST_WALLS:

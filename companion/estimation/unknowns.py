@@ -174,3 +174,18 @@ def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
     np.minimum.at(ends[:, 0], wall_of[mine], along)
     np.maximum.at(ends[:, 1], wall_of[mine], along)
     return ends
+
+
+def in_rows(
+    x: Unknowns, points: Array, wall: Indices, largest_gap_m: float
+) -> tuple[Indices, Array, NDArray[np.bool_]]:
+    """Hits (h, 2) on walls (h,) put in rows without a larger gap between neighbours.
+
+    The order by wall and along it, (h,); where along it they are, in that order; and which begin
+    a row, likewise.
+    """
+    along = (points * x.tangents[wall]).sum(axis=1)
+    order = np.lexsort((along, wall))
+    wall, along = wall[order], along[order]
+    is_first = (np.diff(wall, prepend=-1) != 0) | (np.diff(along, prepend=0) > largest_gap_m)
+    return order, along, is_first

@@ -90,8 +90,7 @@ def fly(setup: Setup) -> FlightResult:
             settings,
             scored,
             simulation.record,
-            completed=app.flight.completed,
-            ending=app.flight.ending,
+            outcome=app.flight,
             waited_s=waited_s,
         )
 

@@ -103,8 +103,7 @@ def _fly(job: Job) -> Flown:
         settings,
         plan,
         simulation.record,
-        completed=app.flight.completed,
-        ending=app.flight.ending,
+        outcome=app.flight,
         waited_s=time.monotonic() - began_s,
     )
     truth = wall_surfaces(setup.world, settings.mission.height_m)

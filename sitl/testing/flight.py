@@ -79,8 +79,7 @@ class Flight:
                 self.config,
                 self.plan,
                 self.truth,
-                completed=self.app.flight.completed,
-                ending=self.ending,
+                outcome=self.app.flight,
                 waited_s=self.waited_s,
             )
         )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from companion.errors import ConfigError, LogError
@@ -113,6 +113,7 @@ COLUMNS = st.permutations([*HEADER.split(","), "left_m", "up_m", "gyro_z_rad_s"]
     rows=st.lists(st.lists(NUMBERS, min_size=7, max_size=9).map(",".join), max_size=12),
     raw=st.binary(max_size=60),
 )
+@example(header=HEADER, rows=["0,0,0,0,1e-320"], raw=b"")
 def test_garbage_ends_in_a_result_or_in_one_line(
     tmp_path_factory: pytest.TempPathFactory, header: str, rows: list[str], raw: bytes
 ) -> None:
