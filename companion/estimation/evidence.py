@@ -1,6 +1,6 @@
 """Against a wall: beams that went through it, and walls that stand before it."""
 
-from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,9 @@ FIRM_PASSED_SHARE, FIRM_STOPPED = 0.1, 6
 STRETCH_M = 0.5
 """Pieces are no longer than this: a wall may end where beams begin to go through."""
 CELLS_AT_ONCE = 1_000_000
-"""Beams times pieces looked at together, which bounds the memory."""
+"""Beams times walls looked at together, which bounds the memory."""
+FAR_M = 1e6
+"""Longer than any wall."""
 
 
 def refuted(
@@ -33,54 +35,67 @@ def refuted(
     Or its own beam would have had to go through one that is there for sure. A piece
     is a short row of hits on one wall with no more than `opening_m` between them.
     """
-    hit, piece, ends = _pieces(x, seen.points, wall_of, opening_m)
-    passed = np.zeros(len(ends), dtype=np.int64)
-    for _, through in _went_through(seen, sigma_m, ends):
-        passed += through.sum(axis=0)
-    stopped = np.bincount(piece, minlength=len(ends))
+    hit, piece, pieces = _pieces(x, seen.points, wall_of, opening_m)
+    beam, gone_through = _went_through(x, seen, sigma_m, pieces)
+    passed = np.bincount(gone_through, minlength=len(pieces.wall))
+    stopped = np.bincount(piece, minlength=len(pieces.wall))
     against = (passed > MOST_PASSED_SHARE * stopped) & (passed >= LEAST_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
     wrong[hit] = against[piece]
     firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
-    for part, through in _went_through(seen, sigma_m, ends[firm]):
-        wrong[part] |= through.any(axis=1)
+    wrong[beam[firm[gone_through]]] = True
     return wrong
 
 
-def _went_through(seen: Sightings, sigma_m: Array, pieces: Array) -> Iterator[tuple[slice, Mask]]:
-    """Which beams (n,) went through which straight pieces of wall (p, 2, 2), some at a time."""
-    start, along = pieces[:, 0], pieces[:, 1] - pieces[:, 0]
-    length = np.maximum(np.hypot(*along.T), 1e-9)
-    normal = np.column_stack([-along[:, 1], along[:, 0]]) / length[:, None]
-    offset = (start * normal).sum(axis=1)
-    step = max(1, CELLS_AT_ONCE // max(len(pieces), 1))
-    for low in range(0, len(seen.points), step):
-        part = slice(low, low + step)
-        eye, point = seen.eyes[part], seen.points[part]
-        from_m, to_m = eye @ normal.T - offset, point @ normal.T - offset
-        margin_m = THROUGH_M + THROUGH_SIGMAS * sigma_m[part, None]
-        through = (from_m * to_m < 0) & (np.abs(to_m) > margin_m)
-        share = from_m / np.where(through, from_m - to_m, 1.0)
-        met = (eye @ along.T) + share * ((point - eye) @ along.T) - (start * along).sum(axis=1)
-        yield part, through & (met > 0) & (met < length**2)
+@dataclass(frozen=True, slots=True)
+class _Pieces:
+    """Straight pieces of wall in order of wall and place, (p,)."""
+
+    wall: Indices
+    low_m: Array
+    """Along the wall."""
+    high_m: Array
+
+    def at(self, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
+        """The pieces at places on walls (n,), and whether there is one."""
+        before = np.searchsorted(FAR_M * self.wall + self.low_m, FAR_M * wall + along_m) - 1
+        piece = np.maximum(before, 0)
+        inside = (before >= 0) & (self.wall[piece] == wall) & (along_m < self.high_m[piece])
+        return piece, inside
 
 
 def _pieces(
     x: Unknowns, points: Array, wall_of: Indices, opening_m: float
-) -> tuple[Indices, Indices, Array]:
-    """Hits that have a wall (h,), the piece of each (h,), and the pieces' ends (p, 2, 2)."""
+) -> tuple[Indices, Indices, _Pieces]:
+    """Hits that have a wall (h,), the piece of each (h,), and the pieces."""
     hit = np.flatnonzero(wall_of != NO_WALL)
     order, along, is_first = in_rows(x, points[hit], wall_of[hit], opening_m)
     hit = hit[order]
-    wall = wall_of[hit]
     is_first |= np.diff(np.floor(along / STRETCH_M), prepend=0) != 0
     first = np.flatnonzero(is_first)
     last = np.append(first[1:], len(hit)) - 1 if len(first) else first
-    of_piece = wall[first]
-    foot = (x.walls[:, 1:] * x.normals)[of_piece]
-    direction = x.tangents[of_piece]
-    ends = (
-        foot[:, None]
-        + np.stack([along[first], along[last]], axis=1)[..., None] * direction[:, None]
-    )
-    return hit, np.cumsum(is_first) - 1, ends
+    pieces = _Pieces(wall_of[hit][first], along[first], along[last])
+    return hit, np.cumsum(is_first) - 1, pieces
+
+
+def _went_through(
+    x: Unknowns, seen: Sightings, sigma_m: Array, pieces: _Pieces
+) -> tuple[Indices, Indices]:
+    """Beams that went through pieces of wall: of each such pair the beam and the piece."""
+    if not len(pieces.wall):
+        return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+    margin_m = THROUGH_M + THROUGH_SIGMAS * sigma_m
+    step = max(1, CELLS_AT_ONCE // len(x.walls))
+    beams, passed = [], []
+    for low in range(0, len(seen.points), step):
+        eyes, points = seen.eyes[low : low + step], seen.points[low : low + step]
+        from_m, to_m = (ends @ x.normals.T - x.walls[:, 1] for ends in (eyes, points))
+        crosses = (from_m < 0) != (to_m < 0)
+        crosses &= np.abs(to_m) > margin_m[low : low + step, None]
+        beam, wall = np.nonzero(crosses)
+        share = from_m[beam, wall] / (from_m[beam, wall] - to_m[beam, wall])
+        met = eyes[beam] + share[:, None] * (points[beam] - eyes[beam])
+        piece, inside = pieces.at(wall, (met * x.tangents[wall]).sum(axis=1))
+        beams.append(low + beam[inside])
+        passed.append(piece[inside])
+    return np.concatenate(beams), np.concatenate(passed)

@@ -101,78 +101,83 @@ class Near:
 
     def see(self, scan: RangeScan) -> RangeScan:
         """Take in a sweep; the same with readings that have folded back called too near."""
-        points = self._points
-        is_near = np.hypot(*(points[:, :2] - np.array(self._ne_m)).T) < KEPT_WITHIN_M
-        self._points = points[is_near & (points[:, 2] > scan.time_s - KEPT_S)]
+        self._forget(scan.time_s)
+        relative = self._relative()
         readings = dict(scan.readings)
-        for beam in BEARING_FRD_RAD:
+        gone, met = np.zeros(len(relative), dtype=bool), []
+        for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
             reading = readings.get(beam)
-            if reading is not None:
-                readings[beam] = self._take_in(reading, beam, scan.time_s)
+            if reading is None:
+                continue
+            cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
+            along_m = relative @ (cos_b, sin_b)
+            aside_m = np.abs(relative @ (-sin_b, cos_b))
+            unfolded = self._unfolded(reading, beam, along_m, aside_m)
+            readings[beam] = unfolded
+            seen_to_m = self._seen_to_m(unfolded, beam)
+            gone |= (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < seen_to_m)
+            end_m = self._end_m(unfolded)
+            if end_m is not None:
+                met.append((end_m * cos_b, end_m * sin_b, unfolded is reading))
+        self._points = self._points[~gone]
+        for forward_m, right_m, is_measured in met:
+            self._put(forward_m, right_m, scan.time_s, is_measured)
         return replace(scan, readings=readings)
 
-    def _take_in(self, reading: RangeReading, beam: Beam, time_s: float) -> RangeReading:
-        sensor, bearing_frd_rad = self._sensors[beam], BEARING_FRD_RAD[beam]
-        along_m, aside_m = self._off_beam(bearing_frd_rad)
-        if math.isnan(reading.distance_m):
-            if reading.state is RangeState.NOTHING:
-                self._see_through(along_m, aside_m, sensor.max_m)
-            elif reading.state is RangeState.TOO_NEAR:
-                self._put(UNMEASURED_M, bearing_frd_rad, time_s)
+    def _forget(self, now_s: float) -> None:
+        points = self._points
+        off_m = points[:, :2] - self._ne_m
+        is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
+        self._points = points[is_near & (points[:, 2] > now_s - KEPT_S)]
+
+    def _unfolded(
+        self, reading: RangeReading, beam: Beam, along_m: Points, aside_m: Points
+    ) -> RangeReading:
+        """Too near, if what is known along the beam fits the reading's alias better."""
+        if not reading.is_distance or not len(along_m):
             return reading
-        before = along_m[(aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, 3] > 0)]
-        alias_m = self._folded_m(sensor.alias_m(reading.distance_m), reading.distance_m, before)
-        if alias_m is not None:
-            self._put(alias_m, bearing_frd_rad, time_s, measured=False)
-            return RangeReading(RangeState.TOO_NEAR, alias_m - self._mount_offset_m)
-        end_m = reading.distance_m + self._mount_offset_m
-        sigma_m = math.sqrt(reading.variance_m2) if reading.is_distance else 0.0
-        self._see_through(along_m, aside_m, end_m - 2 * sigma_m)
-        if end_m < WITHIN_M and sigma_m < MOST_SIGMA_M:
-            self._put(end_m, bearing_frd_rad, time_s)
-        return reading
-
-    def _folded_m(self, alias_m: float | None, distance_m: float, known_m: Points) -> float | None:
-        """From the drone's centre, if what is known along the beam fits the alias better."""
-        if alias_m is None or not len(known_m):
-            return None
+        alias_m = self._sensors[beam].alias_m(reading.distance_m)
+        if alias_m is None:
+            return reading
+        known_m = along_m[(aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, 3] > 0)]
+        if not len(known_m):
+            return reading
         nearest_m = float(known_m.min()) - self._mount_offset_m
-        if abs(nearest_m - alias_m) > min(ALIAS_M, abs(nearest_m - distance_m)):
+        if abs(nearest_m - alias_m) > min(ALIAS_M, abs(nearest_m - reading.distance_m)):
+            return reading
+        return RangeReading(RangeState.TOO_NEAR, alias_m)
+
+    def _seen_to_m(self, reading: RangeReading, beam: Beam) -> float:
+        """What lies along the beam up to here is gone."""
+        if reading.is_distance:
+            end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
+            return end_m + self._mount_offset_m - SEEN_THROUGH_M
+        if reading.state is RangeState.NOTHING:
+            return self._sensors[beam].max_m - SEEN_THROUGH_M
+        return 0.0
+
+    def _end_m(self, reading: RangeReading) -> float | None:
+        """Where there is something near, from the drone's centre, if the beam met something."""
+        if reading.state is RangeState.TOO_NEAR:
+            guessed_m = reading.distance_m + self._mount_offset_m
+            return UNMEASURED_M if math.isnan(guessed_m) else guessed_m
+        if not reading.is_distance or math.sqrt(reading.variance_m2) >= MOST_SIGMA_M:
             return None
-        return alias_m + self._mount_offset_m
+        end_m = reading.distance_m + self._mount_offset_m
+        return end_m if end_m < WITHIN_M else None
 
-    def _see_through(self, along_m: Points, aside_m: Points, end_m: float) -> None:
-        """What the beam has passed is gone."""
-        gone = (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < end_m - SEEN_THROUGH_M)
-        self._points = self._points[~gone]
-
-    def _off_beam(self, bearing_frd_rad: float) -> tuple[Points, Points]:
-        """Of each point: how far along the beam, and how far beside it."""
-        relative = self._relative()
-        cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
-        along_m = relative[:, 0] * cos_b + relative[:, 1] * sin_b
-        return along_m, np.abs(relative[:, 1] * cos_b - relative[:, 0] * sin_b)
-
-    def _put(
-        self, end_m: float, bearing_frd_rad: float, time_s: float, *, measured: bool = True
-    ) -> None:
-        bearing_rad = self._yaw_rad + bearing_frd_rad
-        place = np.array(
-            [
-                self._ne_m[0] + end_m * math.cos(bearing_rad),
-                self._ne_m[1] + end_m * math.sin(bearing_rad),
-                time_s,
-                float(measured),
-            ]
-        )
-        again = np.hypot(*(self._points[:, :2] - place[:2]).T) < SAME_M
-        if not measured:  # it says no more than what was measured
+    def _put(self, forward_m: float, right_m: float, time_s: float, is_measured: bool) -> None:
+        north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
+        place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
+        off_m = self._points[:, :2] - place
+        again = (off_m * off_m).sum(axis=1) < SAME_M**2
+        if not is_measured:  # it says no more than what was measured
             again &= self._points[:, 3] == 0
-        self._points = np.vstack([self._points[~again], place])
+        self._points = np.vstack([self._points[~again], (*place, time_s, is_measured)])
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
-        off = self._points[:, :2] - np.array(self._ne_m)
+        off = self._points[:, :2] - self._ne_m
         cos_y, sin_y = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         rotation = np.array([[cos_y, -sin_y], [sin_y, cos_y]])
         relative: Points = off @ rotation

@@ -28,6 +28,8 @@ WELL_SIGMA_M = 0.055
 """A reading as exact as this has seen a surface well."""
 GAP_CELLS = 2
 """Across a strip of space, so many cells may lie unseen between two beams."""
+STEP_CELLS = 0.5
+"""Along a beam, from one place that it frees to the next."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to so many sigmas before where the beam ended."""
 
@@ -77,6 +79,13 @@ class Occupancy:
         self._low = (-half, -half)
         self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
         self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+
+    def copy(self) -> "Occupancy":
+        """Another one, as it is now."""
+        copy = Occupancy()
+        copy._low = self._low
+        copy._log_odds, copy._well_seen = self._log_odds.copy(), self._well_seen.copy()
+        return copy
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -165,12 +174,16 @@ class Occupancy:
         """Each cell that a ray went through, once for every ray."""
         before_m = np.where(rays.is_hit, FREE_TO_SIGMAS * rays.sigma_m + CELL_M, 0.0)
         free_to_m = np.maximum(rays.end_m - before_m, CELL_M)
-        steps = np.arange(0.0, float(free_to_m.max()), 0.5 * CELL_M)
-        ray, step = np.nonzero(steps < free_to_m[:, None])
-        places = rays.origin_ne_m[ray] + steps[step][:, None] * unit[ray]
-        rows, columns = self._indices(places[:, 0], 0), self._indices(places[:, 1], 1)
+        steps = np.ceil(free_to_m / (STEP_CELLS * CELL_M)).astype(np.int64)
+        begin = np.cumsum(steps) - steps
+        ray = np.repeat(np.arange(len(steps)), steps)
+        cells_on = STEP_CELLS * (np.arange(len(ray)) - begin[ray])
+        passed = np.floor(rays.origin_ne_m[ray] / CELL_M + cells_on[:, None] * unit[ray])
+        rows, columns = (passed.astype(np.int64) - self._low).T
         cells = rows * self.shape[1] + columns
-        is_new = (np.diff(cells, prepend=-1) != 0) | (np.diff(ray, prepend=-1) != 0)
+        is_new = np.ones(len(cells), dtype=bool)
+        is_new[1:] = cells[1:] != cells[:-1]
+        is_new[begin] = True
         flat = self._log_odds.reshape(-1)
         np.add.at(flat, cells[is_new], np.float32(MISS))
         flat[cells] = np.maximum(flat[cells], -MOST_LOG_ODDS)

@@ -1,12 +1,18 @@
 """The space around, kept as rays, so that it can be drawn anew when the trajectory is set right.
 
-Each ray is kept relative to the keyframe before it. When smoothing has moved any keyframe by about
-half a cell since its rays were drawn, a new grid is drawn from all rays and the corrected
-keyframes, a piece at each tick, and then takes the place of the old one.
+Each ray is kept relative to the keyframe before it. When smoothing has moved a keyframe by about
+half a cell since its rays were drawn, all from there on are drawn again, a piece at each tick:
+
+    rays   |---------------|---------------|--------*------|-----|
+           0             stage           stage    moved       now
+                                           |═════════════════════>  drawn again
+
+A stage is a copy of the grid as it was after so many rays. Until the drawing has come to the end,
+the flight goes on with the grid as it was.
 """
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +29,8 @@ MOST_RAYS = 60_000
 MOVED_M, TURNED_RAD = 0.6 * CELL_M, math.radians(1.0)
 RAYS_AT_ONCE = 12
 """Some ticks' rays are drawn together, which takes hardly longer than one."""
+RAYS_A_STAGE = 500
+MOST_STAGES = 12
 _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT = range(7)
 
 
@@ -31,12 +39,14 @@ class Space:
 
     def __init__(self) -> None:
         self.grid = Occupancy()
+        self._canvas = self.grid
+        """The same, or what will take its place when all is drawn."""
+        self._drawn_rays = 0
+        self._stages: list[tuple[int, Occupancy]] = [(0, Occupancy())]
         self._rays = np.empty((256, 7))
         self._count = 0
         self._drawn: Array = np.empty((0, 3))
         """The keyframes as they were when their rays were drawn."""
-        self._drawing: Iterator[Occupancy | None] | None = None
-        self._waiting: list[Ray] = []
 
     def add(self, rays: Sequence[Ray], keyframes: Array) -> None:
         """Take in what was seen from a pose shortly after the last keyframe."""
@@ -44,10 +54,6 @@ class Space:
             return
         if len(keyframes) > len(self._drawn):
             self._drawn = np.vstack([self._drawn, keyframes[len(self._drawn) :]])
-        self._waiting += rays
-        if len(self._waiting) >= RAYS_AT_ONCE:
-            self.grid.draw(Rays.of(self._waiting))
-            self._waiting = []
         north_m, east_m, yaw_rad = keyframes[-1].tolist()
         for ray in rays:
             origin_north_m, origin_east_m = ray.origin_ne_m
@@ -62,41 +68,55 @@ class Space:
             )
 
     def _keep(self, *row: float) -> None:
-        if self._count >= MOST_RAYS and self._drawing is None:
-            older = self._rays[: self._count // 2 : 2]
-            left = np.concatenate([older, self._rays[self._count // 2 : self._count]])
-            self._count = len(left)
-            self._rays[: self._count] = left
+        if self._count >= MOST_RAYS and self._canvas is self.grid:
+            self._forget()
         if self._count == len(self._rays):
             self._rays = np.concatenate([self._rays, np.empty_like(self._rays)])
         self._rays[self._count] = row
         self._count += 1
 
+    def _forget(self) -> None:
+        """Every second of the older half; what they have drawn stays."""
+        half, waiting = self._count // 2, self._count - self._drawn_rays
+        left = np.concatenate([self._rays[:half:2], self._rays[half : self._count]])
+        self._count = len(left)
+        self._rays[: self._count] = left
+        self._drawn_rays = self._count - waiting
+        del self._stages[1:]
+
     def correct(self, keyframes: Array) -> None:
-        """The trajectory has been set right: begin a new grid, if that makes a difference."""
+        """The trajectory has been set right: begin anew where that makes a difference."""
         known = min(len(keyframes), len(self._drawn))
         off = keyframes[:known] - self._drawn[:known]
         turned_rad = np.abs((off[:, 2] + math.pi) % math.tau - math.pi)
-        if (np.hypot(off[:, 0], off[:, 1]) > MOVED_M).any() or (turned_rad > TURNED_RAD).any():
-            self._drawn = keyframes.copy()
-            self._drawing = self._pieces()
+        moved = (np.hypot(off[:, 0], off[:, 1]) > MOVED_M) | (turned_rad > TURNED_RAD)
+        if not moved.any():
+            return
+        first = int(moved.argmax())
+        keyframe_of = self._rays[: self._count, _KEYFRAME]
+        first_ray = int(np.searchsorted(keyframe_of, first))
+        if first_ray < self._drawn_rays:
+            while self._stages[-1][0] > first_ray:
+                self._stages.pop()
+            self._drawn_rays, stage = self._stages[-1]
+            self._canvas = stage.copy()
+            first = int(keyframe_of[self._drawn_rays])
+        self._drawn[first:known] = keyframes[first:known]
 
     def advance(self) -> None:
-        """Draw some more, if there is something to draw."""
-        if self._drawing is None:
+        """Draw some more, if there is enough to draw."""
+        is_behind = self._canvas is not self.grid
+        if self._count - self._drawn_rays < (1 if is_behind else RAYS_AT_ONCE):
             return
-        grid = next(self._drawing)
-        if grid is not None:
-            self.grid, self._drawing, self._waiting = grid, None, []
-
-    def _pieces(self) -> Iterator[Occupancy | None]:
-        grid, done = Occupancy(), 0
-        while done < self._count:
-            some = self._rays[done : min(done + RAYS_A_PIECE, self._count)]
-            grid.draw(_placed(some, self._drawn))
-            done += len(some)
-            yield None
-        yield grid
+        end = min(self._drawn_rays + RAYS_A_PIECE, self._count)
+        self._canvas.draw(_placed(self._rays[self._drawn_rays : end], self._drawn))
+        self._drawn_rays = end
+        if end - self._stages[-1][0] >= RAYS_A_STAGE:
+            self._stages.append((end, self._canvas.copy()))
+            if len(self._stages) > MOST_STAGES:
+                del self._stages[1 : MOST_STAGES // 2 : 2]  # the latest are the likeliest to help
+        if end == self._count:
+            self.grid = self._canvas
 
 
 def _placed(rays: Array, keyframes: Array) -> Rays:

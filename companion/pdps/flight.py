@@ -203,14 +203,20 @@ def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
 
 
 def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
-    """Home, when what is left of the time is needed for the way there."""
+    """Home, when what is left of the time is needed for the way there.
+
+    As long as it has flown for less than that, it could go back the way it came.
+    """
+    flown_s = view.time_s - flight.began_s
+    left_s = plan.time_limit_s - flown_s
+    if left_s > flown_s / HOME_SPEED_SHARE + HOME_TURNS_S + plan.reserve_s:
+        return flight
     if view.time_s - flight.way_home_asked_s > ASK_WAY_HOME_S:
         here = view.sight.pose.north_m, view.sight.pose.east_m
         ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
         way_m = ways.length_m(HOME_NE_M) if ways.reaches(HOME_NE_M) else math.dist(here, HOME_NE_M)
         way_home_s = HOME_TURNS_S + way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
         flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
-    left_s = plan.time_limit_s - (view.time_s - flight.began_s)
     if left_s > flight.way_home_s + plan.reserve_s:
         return flight
     return _go(flight, Phase.HOME, view, f"turned back for the limit of {plan.time_limit_s:.0f} s")

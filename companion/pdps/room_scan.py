@@ -27,7 +27,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from companion.config import MissionConfig
-from companion.frames import Vector2, frd_to_ned, wrap_rad
+from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps.control import approach_speed, keep_distance, turn_towards
@@ -45,8 +45,10 @@ SEEK_UNTIL_M = 4.0
 CORNER_READINGS = 2
 """Consecutive readings that must agree before a corner is believed."""
 CORNER_MARGIN_M = 0.12
-CLOSING_OVERLAP_M = 0.3
 CORNERS_OF_A_ROOM = 4
+CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
+CLOSING_RAD = math.radians(20)
+MARK_EVERY_M = 0.5
 REFINEMENT_RAD = math.radians(15)
 FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
@@ -98,6 +100,16 @@ class Sight:
 
 
 @value
+class Mark:
+    """Where the scan was."""
+
+    ne_m: Vector2
+    heading_rad: float
+    corners: int
+    """Turned until then."""
+
+
+@value
 class RoomScan:
     """The scan's whole memory."""
 
@@ -108,8 +120,8 @@ class RoomScan:
     heading_rad: float = 0.0
     standoff_m: float = 0.0
     """As planned, or as far as the first turn has shown that the drone may back away."""
-    first_heading_rad: float = 0.0
-    began_at_ne_m: Vector2 = (0.0, 0.0)
+    marks: tuple[Mark, ...] = ()
+    """The way along the walls so far."""
     corners: int = 0
     corner_readings: int = 0
     sweep_rad: tuple[float, ...] = ()
@@ -190,19 +202,13 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
     scan = _refined(scan, sight)
     distance_m = _wall_distance_m(sight)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
-        begun = replace(
-            scan,
-            phase=ScanPhase.SCAN,
-            first_heading_rad=scan.heading_rad,
-            began_at_ne_m=(sight.pose.north_m, sight.pose.east_m),
-        )
-        return begun, Setpoint()
+        return replace(scan, phase=ScanPhase.SCAN), Setpoint()
     forward = keep_distance(distance_m, scan.standoff_m, 0.7 * plan.speed_m_s)
     return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
 def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    scan = _refined(scan, sight)
+    scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
         return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
     gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
@@ -322,15 +328,26 @@ def _meets_wall(sight: Sight) -> bool:
     return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
 
 
+def _marked(scan: RoomScan, sight: Sight) -> RoomScan:
+    here = sight.pose.north_m, sight.pose.east_m
+    if scan.marks and math.dist(scan.marks[-1].ne_m, here) < MARK_EVERY_M:
+        return scan
+    return replace(scan, marks=(*scan.marks, Mark(here, scan.heading_rad, scan.corners)))
+
+
 def _is_closed(scan: RoomScan, sight: Sight) -> bool:
-    if scan.corners < CORNERS_OF_A_ROOM:
-        return False
-    if abs(wrap_rad(scan.heading_rad - scan.first_heading_rad)) > REFINEMENT_RAD:
-        return False
-    along = frd_to_ned(0.0, 1.0, scan.first_heading_rad)
-    north_m = sight.pose.north_m - scan.began_at_ne_m[0]
-    east_m = sight.pose.east_m - scan.began_at_ne_m[1]
-    return north_m * along[0] + east_m * along[1] > CLOSING_OVERLAP_M
+    """The walls behind were seen up to a mark a whole round ago, and from there on then."""
+    for mark in scan.marks:
+        if scan.corners - mark.corners < CORNERS_OF_A_ROOM:
+            break
+        north_m = sight.pose.north_m - mark.ne_m[0]
+        east_m = sight.pose.east_m - mark.ne_m[1]
+        _, along_m = ned_to_frd(north_m, east_m, mark.heading_rad)
+        is_past = along_m > CLOSING_OVERLAP_M
+        is_there = is_past and math.hypot(north_m, east_m) < CLOSING_WITHIN_M
+        if is_there and abs(wrap_rad(scan.heading_rad - mark.heading_rad)) < CLOSING_RAD:
+            return True
+    return False
 
 
 def _guarded(speed_m_s: float, beam: Beam, sight: Sight) -> float:

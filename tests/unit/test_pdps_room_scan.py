@@ -119,7 +119,6 @@ def test_at_the_stand_off_the_scan_begins() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
     scan, _ = step(taking, sight(front=at(1.52), position=(2.0, 3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
-    assert scan.began_at_ne_m == (2.0, 3.0)
 
 
 def test_it_never_backs_farther_than_its_turn_has_shown_free() -> None:
@@ -181,9 +180,21 @@ def test_after_the_corner_it_scans_the_next_wall() -> None:
 def test_the_room_is_closed_past_where_the_scan_began(
     corners: int, east_m: float, phase: ScanPhase
 ) -> None:
-    scan = replace(SCANNING, corners=corners)
+    scan, _ = step(SCANNING, sight(front=at(1.5)), FREE, PLAN)
+    scan = replace(scan, corners=corners)
     scan, _ = step(scan, sight(front=at(1.5), position=(0.0, east_m)), FREE, PLAN)
     assert scan.phase is phase
+
+
+def test_a_room_whose_first_wall_is_never_faced_again_is_closed_where_the_next_one_is() -> None:
+    scan, _ = step(SCANNING, sight(front=at(1.5)), FREE, PLAN)
+    second_rad = math.radians(60)
+    second = sight(front=at(1.5), position=(0.0, 0.6), yaw_rad=second_rad)
+    scan, _ = step(replace(scan, corners=1, heading_rad=second_rad), second, FREE, PLAN)
+    assert scan.phase is ScanPhase.SCAN
+    again = sight(front=at(1.5), position=(-0.5, 0.9), yaw_rad=second_rad)
+    scan, _ = step(replace(scan, corners=5), again, FREE, PLAN)
+    assert scan.phase is ScanPhase.CLOSED
 
 
 def test_a_closed_room_stays_closed_and_still() -> None:
