@@ -87,6 +87,25 @@ class Occupancy:
         copy._log_odds, copy._well_seen = self._log_odds.copy(), self._well_seen.copy()
         return copy
 
+    def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
+        """A copy of the part around some places."""
+        cells = np.array([self.cell(place) for place in places_ne_m])
+        margin = math.ceil(margin_m / CELL_M)
+        top, left = np.maximum(cells.min(axis=0) - margin, 0).tolist()
+        bottom, right = (cells.max(axis=0) + margin + 1).tolist()
+        part = Occupancy()
+        part._low = (self._low[0] + top, self._low[1] + left)
+        part._log_odds = self._log_odds[top:bottom, left:right].copy()
+        part._well_seen = self._well_seen[top:bottom, left:right].copy()
+        return part
+
+    def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
+        """A copy of no more than has been seen, and a place."""
+        seen = self._log_odds != 0
+        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        corners = [(rows[0], columns[0]), (rows[-1], columns[-1])] if len(rows) else []
+        return self.window([place_ne_m, *(self.place(cell) for cell in corners)], margin_m)
+
     @property
     def shape(self) -> tuple[int, int]:
         rows, columns = self._log_odds.shape

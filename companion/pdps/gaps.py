@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_closing, binary_dilation, label
+from scipy.ndimage import distance_transform_edt, label
 from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
@@ -34,9 +34,10 @@ LOOK_S = 4.0
 MOST_TARGETS = 500
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
+UNSEEN_WITHIN_M = 1.5
+"""What is unseen at a place can be told from what is so near to it."""
 TRIES = 2
 Indices = NDArray[np.int64]
-PLUS = np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]], dtype=bool)
 SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
 
@@ -54,22 +55,40 @@ def frontiers(grid: Occupancy) -> Cells:
 
     Gaps between two beams that are narrower than the drone count as seen.
     """
-    seen: Cells = binary_closing(np.pad(grid.free, BEAM_GAP_CELLS), SQUARE, BEAM_GAP_CELLS)
-    seen = seen[BEAM_GAP_CELLS:-BEAM_GAP_CELLS, BEAM_GAP_CELLS:-BEAM_GAP_CELLS]
-    unknown = ~(seen | grid.occupied)
-    beside_wall = binary_dilation(grid.occupied, SQUARE)
-    edge: Cells = np.logical_and(seen & ~beside_wall, binary_dilation(unknown, PLUS))
+    seen = ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
+    edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
     return _without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
 def vague_surfaces(grid: Occupancy) -> Cells:
     """Occupied cells beside free space that no exact reading has ended in, nor close by."""
-    vague = grid.occupied & ~binary_dilation(grid.well_seen, SQUARE)
-    return _without_specks(vague & binary_dilation(grid.free, SQUARE), LEAST_SURFACE_CELLS)
+    vague = grid.occupied & ~_grown(grid.well_seen)
+    return _without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
+
+
+def _grown(cells: Cells, times: int = 1) -> Cells:
+    """Every cell within so many of one that is set, diagonals included."""
+    for _ in range(times):
+        tall = cells.copy()
+        tall[1:] |= cells[:-1]
+        tall[:-1] |= cells[1:]
+        cells = tall.copy()
+        cells[:, 1:] |= tall[:, :-1]
+        cells[:, :-1] |= tall[:, 1:]
+    return cells
+
+
+def _beside(cells: Cells) -> Cells:
+    """Every cell that is set, or has one at its side that is."""
+    beside = cells.copy()
+    beside[1:] |= cells[:-1]
+    beside[:-1] |= cells[1:]
+    beside[:, 1:] |= cells[:, :-1]
+    beside[:, :-1] |= cells[:, 1:]
+    return beside
 
 
 def next_look(
-    grid: Occupancy,
     ways: Ways,
     speed_m_s: float,
     tried: tuple[Places, ...] = (),
@@ -80,9 +99,11 @@ def next_look(
     `tried` are the places that each look so far was for in vain; twice is enough. Only what is
     within `within_m` of something that stands there counts.
     """
+    grid = ways.grid
+    to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     targets = unseen(grid, tried)
-    targets = targets[ways.to_occupied_m[tuple(targets.T)] <= within_m]
-    views = _viewpoints(ways)
+    targets = targets[to_occupied_m[tuple(targets.T)] <= within_m]
+    views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= ROOM_TO_LOOK_M))
     if not len(targets) or not len(views):
         return None
     if len(targets) > MOST_TARGETS:
@@ -92,7 +113,7 @@ def next_look(
         return None
     shows = np.bincount(pairs[:, 0], minlength=len(views))
     time_s = ways.metres[tuple(views.T)] / speed_m_s + LOOK_S
-    crowded_m = np.maximum(AMPLE_ROOM_M - ways.to_occupied_m[tuple(views.T)], 0)
+    crowded_m = np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
     best = int(np.argmax(shows / (time_s + CROWDED_S * crowded_m)))
     at = targets[pairs[pairs[:, 0] == best, 1]]
     return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
@@ -113,8 +134,11 @@ def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
 
 def still_unseen(grid: Occupancy, places: Places) -> Places:
     """Those of the places that are, or have close by, something unseen."""
+    if not places:
+        return ()
+    grid = grid.window(places, UNSEEN_WITHIN_M)
     cells = unseen(grid)
-    if not len(cells) or not places:
+    if not len(cells):
         return ()
     tree = cKDTree(np.array([grid.place(_cell(cell)) for cell in cells]))
     near_m, _ = tree.query(np.array(places))
@@ -132,12 +156,9 @@ def _without_specks(cells: Cells, least: int) -> Cells:
     return kept
 
 
-def _viewpoints(ways: Ways) -> Indices:
-    """Reachable cells with room to look round, (n, 2), a few decimetres apart."""
-    may = np.isfinite(ways.metres) & (ways.to_occupied_m >= ROOM_TO_LOOK_M)
-    may[np.arange(may.shape[0]) % VIEW_EVERY_CELLS != 0] = False
-    may[:, np.arange(may.shape[1]) % VIEW_EVERY_CELLS != 0] = False
-    return np.argwhere(may)
+def _viewpoints(may: Cells) -> Indices:
+    """Cells where it may look round, (n, 2), a few decimetres apart."""
+    return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
 
 
 def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:

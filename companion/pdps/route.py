@@ -35,9 +35,9 @@ class Ways:
     """All ways from one place."""
 
     grid: Occupancy
+    """As much of the space as has been seen."""
     start: tuple[int, int]
     passable: Cells
-    to_occupied_m: NDArray[np.float64]
     room_m: NDArray[np.float64]
     """To what is there, or is not known to be free."""
     metres: NDArray[np.float64]
@@ -72,20 +72,13 @@ class Ways:
         return float(self.room_m[row, column])
 
 
-def distance_to_blocked_m(grid: Occupancy) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Of every cell: to what is occupied, and to what is not known to be free."""
-    to_occupied = distance_transform_edt(~grid.occupied) * CELL_M
-    to_unknown = distance_transform_edt(grid.free) * CELL_M
-    return to_occupied, to_unknown
-
-
 def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     """Dijkstra over the cells where the drone fits; the one it is in always counts as such.
 
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
-    to_occupied, to_unknown = distance_to_blocked_m(grid)
-    room = np.minimum(to_occupied, to_unknown)
+    grid = grid.seen_part(from_ne_m, clear_m + CELL_M)
+    room = distance_transform_edt(grid.free) * CELL_M
     tight_m = min(clear_m, TIGHT_CLEAR_M)
     passable: Cells = room >= tight_m
     row, column = grid.cell(from_ne_m)
@@ -97,9 +90,7 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     graph = _graph(passable, cost + (clear_m - room).clip(0) * TIGHT_COST)
     start = row * passable.shape[1] + column
     metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return Ways(
-        grid, (row, column), passable, to_occupied, room, metres.reshape(passable.shape), came_from
-    )
+    return Ways(grid, (row, column), passable, room, metres.reshape(passable.shape), came_from)
 
 
 def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:

@@ -8,8 +8,10 @@
 
     FLY, no way or no progress even so ─► GAVE_UP
 
-The way is planned anew every second, by what is known then. Somebody who stands in it is waited
-for; when he has stood for a while he is on the map, and the way leads round him, or there is none.
+The way is looked at every two seconds by what is known then, and planned anew where it is not free
+any more; after a while in any case, as there may be a shorter one. Somebody who stands in it is
+waited for; when he has stood for a while he is on the map, and the way leads round him, or there is
+none.
 
 Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
 appears ahead stops it.
@@ -30,9 +32,9 @@ from companion.pdps.control import turn_towards
 from companion.pdps.follow import Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
-from companion.pdps.route import Ways, find_ways
+from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
 
-PLAN_S = 1.0
+CHECK_S, PLAN_S = 2.0, 8.0
 STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
 DOORWAY_ROOM_M = 0.7
@@ -62,6 +64,8 @@ class Travel:
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
     planned_s: float = -math.inf
+    checked_s: float = -math.inf
+    """When the way was found, and when it was last found free."""
     doorways_ne_m: tuple[Vector2, ...] = ()
     swept_ne_m: tuple[Vector2, ...] = ()
     sweep_rad: tuple[float, ...] = ()
@@ -92,8 +96,11 @@ def _fly(
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
     travel = _progress(travel, sight)
-    if now_s - travel.planned_s > PLAN_S:
-        travel = _planned(travel, sight, space, plan)
+    if now_s - travel.checked_s > CHECK_S:
+        travel = replace(travel, checked_s=now_s)
+        is_due = now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
+        if is_due or not _is_free(travel.way, sight, space):
+            travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
         return travel, HOLD
     if sweep := _begin_sweep(travel, sight, space):
@@ -106,6 +113,18 @@ def _fly(
     return replace(travel, way=way), setpoint
 
 
+def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
+    """Whether there is a way, and it is known to be free, as wide as a doorway."""
+    start = sight.pose.north_m, sight.pose.east_m
+    for corner in way:
+        length_m = math.dist(start, corner)
+        bearing_rad = math.atan2(corner[1] - start[1], corner[0] - start[0])
+        if space.known_free_m(start, bearing_rad, TIGHT_CLEAR_M, length_m) < length_m:
+            return False
+        start = corner
+    return bool(way)
+
+
 def _progress(travel: Travel, sight: Sight) -> Travel:
     here = sight.pose.north_m, sight.pose.east_m
     if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < STUCK_M:
@@ -113,16 +132,20 @@ def _progress(travel: Travel, sight: Sight) -> Travel:
     return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
 
 
+def _is_stuck(travel: Travel, now_s: float) -> bool:
+    return travel.progress_s is not None and now_s - travel.progress_s >= STUCK_S
+
+
 def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
     now_s = sight.pose.time_s
     here = sight.pose.north_m, sight.pose.east_m
-    since_s = now_s if travel.progress_s is None else travel.progress_s
+    gets_on = not _is_stuck(travel, now_s)
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    if ways.reaches(travel.goal_ne_m) and now_s - since_s < STUCK_S:
+    if gets_on and ways.reaches(travel.goal_ne_m):
         way = ways.to(travel.goal_ne_m)
         doorways = _doorways(ways, here, way)
         return replace(travel, way=way, planned_s=now_s, doorways_ne_m=doorways)
-    if travel.way and now_s - since_s < STUCK_S:  # whoever stands there may go
+    if gets_on and travel.way:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
     if travel.looked_round:
         return replace(travel, phase=TravelPhase.GAVE_UP)
@@ -200,6 +223,10 @@ def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, S
     if later:
         return replace(travel, sweep_rad=tuple(later)), holding
     flying = replace(
-        travel, phase=TravelPhase.FLY, planned_s=-math.inf, progress_s=sight.pose.time_s
+        travel,
+        phase=TravelPhase.FLY,
+        planned_s=-math.inf,
+        checked_s=-math.inf,
+        progress_s=sight.pose.time_s,
     )
     return flying, holding

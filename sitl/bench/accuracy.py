@@ -32,6 +32,8 @@ ROWS = (
     ("office", "gp2y0a710k0f"),
 )
 """World and sensor profile."""
+MISSIONS = {"three_room_450": "building", "office": "building"}
+"""What has more than a room to it; in the others the room's walls are traced."""
 ERRORS = ("wall_error_aligned_cm", "wall_error_cm", "ate_cm")
 SCORES = (*ERRORS, "false_walls", "coverage", "wall_sigma_cm", "wall_error_sigmas")
 
@@ -72,7 +74,9 @@ class TimedApp(App):
 
 def fly(setup: Setup) -> FlightResult:
     """One whole flight, scored three times."""
-    settings = configuration.load(None, {"sensors.profile": setup.sensors.profile})
+    mission = MISSIONS.get(setup.world_name, "room")
+    chosen = {"sensors.profile": setup.sensors.profile, "mission.kind": mission}
+    settings = configuration.load(None, chosen)
     apps: list[TimedApp] = []
 
     def make_app(config: Config) -> App:
