@@ -26,7 +26,7 @@ EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
 exact than the other for nothing: its wall would be smeared."""
 WELL_SIGMA_M = 0.055
 """A reading as exact as this has seen a surface well."""
-GAP_CELLS = 2
+GAP_CELLS = 1
 """Across a strip of space, so many cells may lie unseen between two beams."""
 STEP_CELLS = 0.5
 """Along a beam, from one place that it frees to the next."""
@@ -138,17 +138,20 @@ class Occupancy:
             (cell[1] + self._low[1] + 0.5) * CELL_M,
         )
 
-    def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
-        """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
+    def occupied_near(self, place_ne_m: Vector2, within_m: float) -> Metres:
+        """Middles (n, 2) of the occupied cells that are so near, or hardly farther."""
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)
         top, left = max(row - reach, 0), max(column - reach, 0)
         window = self._log_odds[top : row + reach + 1, left : column + reach + 1]
-        rows, columns = np.nonzero(window > OCCUPIED_ABOVE)
-        if not len(rows):
-            return within_m
-        nearest = np.hypot(rows + top - row, columns + left - column).min() * CELL_M
-        return min(float(nearest), within_m)
+        cells = np.argwhere(window > OCCUPIED_ABOVE) + np.add(self._low, (top, left))
+        places: Metres = CELL_M * (cells.astype(np.float64) + 0.5)
+        return places
+
+    def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
+        """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
+        near = self.occupied_near(place_ne_m, within_m) - self.place(self.cell(place_ne_m))
+        return min(float(np.hypot(*near.T).min(initial=within_m)), within_m)
 
     def known_free_m(
         self, from_ne_m: Vector2, bearing_rad: float, half_width_m: float, most_m: float

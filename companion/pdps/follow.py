@@ -1,6 +1,8 @@
 """Along a way, nose first, so that the front beam looks where the drone goes.
 
 TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
+
+It begins to fly while it still turns, the slower the farther it has to.
 """
 
 import math
@@ -18,9 +20,9 @@ CORNER_M = 0.15
 CLOSE_M = 0.4
 """Within this the drone trims its position without turning: it hovers in space it came through."""
 NOSE_ON_RAD = math.radians(12)
+FLIES_FROM_RAD = math.radians(50)
 TRIM_GAIN_1_S = 0.8
-SIDE_GAIN_1_S = 0.8
-MOST_SIDE_M_S = 0.2
+MOST_SIDE_M_S = 0.3
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.25
@@ -75,12 +77,13 @@ def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Se
     bearing_rad = math.atan2(east_m, north_m)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
-    if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) > NOSE_ON_RAD:
-        return Setpoint(yaw_rate_rad_s=yaw_rate_rad_s)
+    off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
+    nose_on = max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
     room_m = min(sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M, distance_m)
+    speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(
-        approach_speed(room_m, most_m_s),
-        clamp(SIDE_GAIN_1_S * right_m, MOST_SIDE_M_S),
+        speed_m_s * math.cos(off_rad),
+        clamp(speed_m_s * math.sin(off_rad), MOST_SIDE_M_S),
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
 

@@ -14,7 +14,8 @@
     SCAN, not known to be free where it swept before ─► BLOCKED
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
-beam looks where the drone goes.
+beam looks where the drone goes. It swings its nose a little to and fro meanwhile, so that the beam
+passes over all of the way ahead and not only over its middle.
 
 Safety: it moves only forward and right, where a beam looks, and along the wall only through space
 that is known to be free as wide as the drone; it backs away from a wall no farther than the first
@@ -54,9 +55,12 @@ FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
 
 
+SWING_RAD, SWING_S = math.radians(20), 3.0
+"""Asked for; the vehicle's lag leaves about fourteen degrees. The beam then passes over what is
+half a metre aside from two metres ahead on."""
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
-HALF_WAY_M = 0.4
+HALF_WAY_M = 0.5
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(55), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
@@ -224,11 +228,12 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
             corner_readings=0,
         )
         return turned, Setpoint()
-    return scan, Setpoint(
-        forward_m_s=keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s),
-        right_m_s=approach_speed(gap_m, plan.speed_m_s),
-        yaw_rate_rad_s=_turn_rate(scan, sight, plan),
+    towards_m_s = keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s)
+    along_m_s = approach_speed(gap_m, plan.speed_m_s)
+    forward_m_s, right_m_s = ned_to_frd(
+        towards_m_s, along_m_s, wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
     )
+    return scan, Setpoint(forward_m_s, right_m_s, yaw_rate_rad_s=_swing_rate(scan, sight, plan))
 
 
 def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
@@ -312,6 +317,12 @@ def _on_heading(scan: RoomScan, sight: Sight) -> bool:
 def _turn_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     return turn_towards(scan.heading_rad, sight.pose.yaw_rad, most_rad_s)
+
+
+def _swing_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
+    off_rad = SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
+    most_rad_s = math.radians(plan.turn_rate_deg_s)
+    return turn_towards(scan.heading_rad + off_rad, sight.pose.yaw_rad, most_rad_s)
 
 
 def _wall_distance_m(sight: Sight) -> float:

@@ -49,6 +49,12 @@ class Ways:
         inside = 0 <= row < self.metres.shape[0] and 0 <= column < self.metres.shape[1]
         return inside and bool(np.isfinite(self.metres[row, column]))
 
+    def fits(self, place_ne_m: Vector2) -> bool:
+        """Whether the drone does, there."""
+        row, column = self.grid.cell(place_ne_m)
+        inside = 0 <= row < self.passable.shape[0] and 0 <= column < self.passable.shape[1]
+        return inside and bool(self.passable[row, column])
+
     def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
         """Corner points of the way there, the place last; straight where it can be."""
         row, column = self.grid.cell(place_ne_m)

@@ -19,26 +19,27 @@ appears ahead stops it.
 
 import enum
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
-
-import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
-from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Setpoint
 from companion.pdps.control import turn_towards
+from companion.pdps.doorways import (
+    DOORWAY_ROOM_M,
+    Doorway,
+    find_doorways,
+    passed_squarely,
+)
 from companion.pdps.follow import Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
-from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
+from companion.pdps.route import TIGHT_CLEAR_M, find_ways
 
 CHECK_S, PLAN_S = 2.0, 8.0
 STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
-DOORWAY_ROOM_M = 0.7
-"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEPT_WITHIN_M = 0.8
@@ -66,7 +67,7 @@ class Travel:
     planned_s: float = -math.inf
     checked_s: float = -math.inf
     """When the way was found, and when it was last found free."""
-    doorways_ne_m: tuple[Vector2, ...] = ()
+    doorways: tuple[Doorway, ...] = ()
     swept_ne_m: tuple[Vector2, ...] = ()
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
@@ -143,8 +144,9 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
     if gets_on and ways.reaches(travel.goal_ne_m):
         way = ways.to(travel.goal_ne_m)
-        doorways = _doorways(ways, here, way)
-        return replace(travel, way=way, planned_s=now_s, doorways_ne_m=doorways)
+        doorways = find_doorways(ways, here, way)
+        way = passed_squarely(ways, here, way, doorways)
+        return replace(travel, way=way, planned_s=now_s, doorways=doorways)
     if gets_on and travel.way:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
     if travel.looked_round:
@@ -160,42 +162,12 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     )
 
 
-def _doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Vector2, ...]:
-    """The narrowest place of each stretch of the way that is narrow and begins ahead."""
-    doorways: list[Vector2] = []
-    narrowest_m = math.inf
-    was_wide = False
-    for place in _along(here, way):
-        room_m = ways.clear_m(place)
-        if room_m >= DOORWAY_ROOM_M:
-            was_wide, narrowest_m = True, math.inf
-        elif was_wide and math.isinf(narrowest_m):
-            doorways.append(place)
-            narrowest_m = room_m
-        elif room_m < narrowest_m < math.inf:
-            doorways[-1] = place
-            narrowest_m = room_m
-    return tuple(doorways)
-
-
-def _along(here: Vector2, way: Way) -> Iterator[Vector2]:
-    """Places along the way, a cell apart."""
-    start = here
-    for corner in way:
-        for share in np.linspace(0, 1, max(1, round(math.dist(start, corner) / CELL_M))):
-            yield (
-                start[0] + float(share) * (corner[0] - start[0]),
-                start[1] + float(share) * (corner[1] - start[1]),
-            )
-        start = corner
-
-
 def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
     """Before the next doorway, if it has not been looked at yet, and not in one."""
     here = sight.pose.north_m, sight.pose.east_m
     if space.nearest_m(here, DOORWAY_ROOM_M) < DOORWAY_ROOM_M:
         return None
-    for doorway in travel.doorways_ne_m:
+    for doorway in (doorway.middle_ne_m for doorway in travel.doorways):
         to_go_m = math.dist(here, doorway)
         if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
             continue

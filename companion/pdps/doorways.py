@@ -1,0 +1,120 @@
+"""Doorways on a way: where their middles are, and how to pass them squarely.
+
+On a slant a doorway is narrower by the cosine of it, and the drone nearer to one of its jambs. So
+the way leads to a place before it, and straight on to one after it:
+
+         jamb █
+    before ─────► after
+         jamb █
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from companion.frames import Vector2
+from companion.mapping.occupancy import CELL_M
+from companion.pdps.follow import Way
+from companion.pdps.route import Ways
+from companion.values import value
+
+DOORWAY_ROOM_M = 0.7
+"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
+JAMBS_WITHIN_M = 1.0
+OPPOSITE_COS = -0.5
+AWAY_M = 0.7
+"""Before and after its middle a doorway's wall is passed, with room to turn."""
+
+
+@value
+class Doorway:
+    """A narrow place with something on both sides."""
+
+    leg: int
+    """Which of the way's corners is the next after it."""
+    middle_ne_m: Vector2
+    through_ne: Vector2
+    """Unit vector square to the line between the jambs, the way that it is passed."""
+
+    def at_m(self, along_m: float) -> Vector2:
+        """A place before (negative) or after the middle."""
+        return (
+            self.middle_ne_m[0] + along_m * self.through_ne[0],
+            self.middle_ne_m[1] + along_m * self.through_ne[1],
+        )
+
+    def along_m(self, place_ne_m: Vector2) -> float:
+        """How far past the middle a place is."""
+        return (place_ne_m[0] - self.middle_ne_m[0]) * self.through_ne[0] + (
+            place_ne_m[1] - self.middle_ne_m[1]
+        ) * self.through_ne[1]
+
+
+def find_doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Doorway, ...]:
+    """At the narrowest place of each stretch of the way that is narrow."""
+    narrowest: list[tuple[int, Vector2, Vector2]] = []
+    least_m = math.inf
+    for leg, place, heading in _along(here, way):
+        room_m = ways.clear_m(place)
+        if room_m >= DOORWAY_ROOM_M:
+            least_m = math.inf
+            continue
+        if math.isinf(least_m):
+            narrowest.append((leg, place, heading))
+        elif room_m < least_m:
+            narrowest[-1] = leg, place, heading
+        least_m = min(room_m, least_m)
+    found = (_doorway(ways, *one) for one in narrowest)
+    return tuple(doorway for doorway in found if doorway is not None)
+
+
+def passed_squarely(ways: Ways, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
+    """The way, through the doorways' middles."""
+    squared: list[Vector2] = []
+    for leg, corner in enumerate(way):
+        for doorway in doorways:
+            if doorway.leg != leg:
+                continue
+            squared += [
+                doorway.at_m(along_m)
+                for along_m in (-AWAY_M, AWAY_M)
+                if doorway.along_m(here) < along_m and ways.fits(doorway.at_m(along_m))
+            ]
+        is_last = leg == len(way) - 1
+        if is_last or all(math.dist(corner, d.middle_ne_m) > AWAY_M for d in doorways):
+            squared.append(corner)
+    return tuple(squared)
+
+
+def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
+    """Places along the way, a cell apart: their leg, and its direction."""
+    start = here
+    for leg, corner in enumerate(way):
+        length_m = math.dist(start, corner)
+        heading = (corner[0] - start[0], corner[1] - start[1])
+        for share in np.linspace(0, 1, max(1, round(length_m / CELL_M))).tolist():
+            yield leg, (start[0] + share * heading[0], start[1] + share * heading[1]), heading
+        start = corner
+
+
+def _doorway(ways: Ways, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
+    """Between the nearest thing and the nearest on the other side; None without that."""
+    jambs = ways.grid.occupied_near(place, JAMBS_WITHIN_M) - place
+    away_m = np.hypot(*jambs.T)
+    if not len(jambs) or away_m.min() < 0.5 * CELL_M:
+        return None
+    nearest = jambs[away_m.argmin()]
+    cos_between = jambs @ nearest / (away_m * away_m.min())
+    opposite = jambs[cos_between < OPPOSITE_COS]
+    if not len(opposite):
+        return None
+    other = opposite[np.hypot(*opposite.T).argmin()]
+    middle, across = 0.5 * (nearest + other), other - nearest
+    through = np.array([-across[1], across[0]]) / math.hypot(*across)
+    through *= 1.0 if through @ heading >= 0 else -1.0
+    return Doorway(
+        leg,
+        (place[0] + float(middle[0]), place[1] + float(middle[1])),
+        (float(through[0]), float(through[1])),
+    )
