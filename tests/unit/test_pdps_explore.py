@@ -189,6 +189,22 @@ def with_doorway(ahead_m: float) -> Occupancy:
     return grid
 
 
+def test_a_doorway_is_passed_squarely_through_its_middle() -> None:
+    travel, _ = gone(Travel((3.0, 1.5)), with_doorway(1.45))
+    before, after = travel.way[:2]
+    assert before[0] < 1.45 < after[0]
+    for _, east_m in (before, after):
+        assert east_m == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_wall_on_one_side_is_no_doorway() -> None:
+    grid = open_ground()
+    for row in range(-40, 41):
+        grid.block((0.1 * row + 0.05, -0.6), 0.01)
+    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    assert travel.doorways == ()
+
+
 def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     grid = with_doorway(1.45)
     travel, setpoint = gone(Travel((3.0, 0.0)), grid)

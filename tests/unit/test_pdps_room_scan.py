@@ -38,8 +38,9 @@ def sight(
     left: RangeReading = NOTHING,
     position: tuple[float, float] = (0.0, 0.0),
     wall_ahead: tuple[float, float] | None = None,
+    time_s: float = 0.0,
 ) -> Sight:
-    pose = Pose(0.0, *position, down_m=-PLAN.height_m, yaw_rad=yaw_rad)
+    pose = Pose(time_s, *position, down_m=-PLAN.height_m, yaw_rad=yaw_rad)
     ranges = {Beam.FRONT: front, Beam.RIGHT: right, Beam.LEFT: left}
     return Sight(pose, ranges, mount_offset_m=0.0, wall_ahead=wall_ahead)
 
@@ -134,6 +135,17 @@ def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
     assert scan.phase is ScanPhase.SCAN
     assert setpoint.right_m_s == PLAN.speed_m_s
     assert setpoint.forward_m_s == pytest.approx(0)
+
+
+def test_scanning_swings_the_nose_to_both_sides_of_the_wall_and_flies_along_it() -> None:
+    times_s = [0.1 * i for i in range(30)]
+    sights = (sight(front=at(1.5), right=NOTHING, time_s=time_s) for time_s in times_s)
+    rates_rad_s = [step(SCANNING, at_time, FREE, PLAN)[1].yaw_rate_rad_s for at_time in sights]
+    assert min(rates_rad_s) < -0.1 < 0.1 < max(rates_rad_s)
+    aside = sight(front=at(1.5), right=NOTHING, yaw_rad=0.2)
+    _, setpoint = step(SCANNING, aside, FREE, PLAN)
+    along = math.atan2(setpoint.right_m_s, setpoint.forward_m_s) + 0.2
+    assert along == pytest.approx(math.pi / 2, abs=0.05)
 
 
 def test_scanning_keeps_its_distance() -> None:
