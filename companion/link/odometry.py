@@ -20,6 +20,8 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EXTRAPOLATION_S = 0.2
+RESTARTED_MS = 2000
+"""No message is overtaken by one that is so much younger."""
 
 
 class OdometryReader:
@@ -48,6 +50,11 @@ class OdometryReader:
             return None
         at = self._position
         return (at.x, at.y, at.z) if at is not None else (0.0, 0.0, 0.0), self._attitude.yaw
+
+    def has_restarted(self, message: Message) -> bool:
+        """The autopilot's clock has begun anew, or was set back."""
+        known = (m.time_boot_ms for m in (self._position, self._attitude) if m is not None)
+        return bool(message.time_boot_ms < max(known, default=0) - RESTARTED_MS)
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry of now, if this was a position newer than the last."""
