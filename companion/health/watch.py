@@ -70,7 +70,7 @@ class Health:
     def _faults(self, now_s: float, vehicle: VehicleState) -> Iterator[Fault]:
         if vehicle.is_silent:
             yield Fault("the autopilot is silent", LINK_FAULT_LASTS_S)
-        if now_s - self._odometry_s > SILENT_S:
+        if now_s - self._odometry_s > SILENT_S > vehicle.silent_s:
             yield Fault("the autopilot tells no position", SENSOR_FAULT_LASTS_S)
         if now_s - self._gyro.heard_s > SILENT_S:
             yield Fault("the gyro is silent", SENSOR_FAULT_LASTS_S)

@@ -20,6 +20,8 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EXTRAPOLATION_S = 0.2
+LATE_S = 1.0
+"""When all messages have been late for so long, it is not the radio."""
 RESTARTED_MS = 2000
 """No message is overtaken by one that is so much younger."""
 
@@ -34,7 +36,7 @@ class OdometryReader:
         self._position: Message | None = None
         self._attitude: Message | None = None
         self._offset_s = float("inf")
-        self._heard_s = 0.0
+        self._heard_s = self._in_time_s = 0.0
 
     @property
     def has_position(self) -> bool:
@@ -61,6 +63,10 @@ class OdometryReader:
         boot_s = message.time_boot_ms * 1e-3
         self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
         self._offset_s = min(self._offset_s, now_s - boot_s)
+        if now_s - boot_s - self._offset_s <= MOST_EXTRAPOLATION_S:
+            self._in_time_s = now_s
+        elif now_s - self._in_time_s > LATE_S:  # its clock stood still
+            self._offset_s, self._in_time_s = now_s - boot_s, now_s
         self._heard_s = now_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
             if _is_newer(message, self._attitude):

@@ -55,6 +55,8 @@ CONNECT_TIMEOUT_S = 8.0
 PREPARE_TIMEOUT_S = 60.0
 ARM_TIMEOUT_S = 30.0
 TAKE_OFF_TIMEOUT_S = 20.0
+DISARMED_BY_S = 10.0
+"""An autopilot that stands on the ground disarms by itself; by then it is asked to."""
 TAKE_OFF_M_S = 0.5
 AT_HEIGHT_M = 0.15
 
@@ -343,7 +345,10 @@ def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     if flight.land_mode_seen and vehicle.mode != "LAND":
         return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}"), NOTHING
     if vehicle.mode == "LAND":
-        return replace(flight, land_mode_seen=True), NOTHING
+        stands = vehicle.landed_state is LandedState.ON_GROUND
+        disarm = stands and _age_s(flight, view) > DISARMED_BY_S
+        command = Command(CommandKind.DISARM) if disarm else None
+        return replace(flight, land_mode_seen=True), Action(command=command)
     return flight, Action(command=Command(CommandKind.LAND))
 
 

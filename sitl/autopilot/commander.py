@@ -70,7 +70,8 @@ class Commander:
         self._status.mode = mode
         self._broadcast.add(self._telemetry.heartbeat())
         if behaviour is Behaviour.LAND:
-            self.control.land()
+            if self._status.armed:
+                self.control.land()
         elif behaviour is not Behaviour.TAKE_OFF:
             self.control.hold()
         return ACCEPTED
