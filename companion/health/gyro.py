@@ -27,6 +27,7 @@ class GyroWatch:
         """In all, by the gyro without its bias."""
         self._sample_s: float | None = None
         self._yaw_rad: float | None = None
+        """The autopilot's, as last told."""
         self._yaw_before_gap_rad: float | None = None
         self._compared_rad = 0.0
         self._compared_s = -math.inf
@@ -61,7 +62,9 @@ class GyroWatch:
             self._is_saturated = any(abs(s.yaw_rate_rad_s) > MOST_RATE_RAD_S for s in samples)
             self._integrate(samples, bias_rad_s or 0.0)
         if odometry is not None:
-            self._compare(now_s, odometry.yaw_rad)
+            if now_s - self.heard_s <= GAP_S:
+                self._compare(now_s, odometry.yaw_rad)
+            self._yaw_rad = odometry.yaw_rad
         if bias_rad_s is None:
             self._apart_rad = self._turning_rad = 0.0
         if samples:
@@ -92,7 +95,7 @@ class GyroWatch:
 
     def _compare(self, now_s: float, yaw_rad: float) -> None:
         """Once for each odometry."""
-        last_rad, self._yaw_rad = self._yaw_rad, yaw_rad
+        last_rad = self._yaw_rad
         by_gyro_rad = self.turned_rad - self._compared_rad
         self._compared_rad = self.turned_rad
         dt_s = now_s - self._compared_s

@@ -62,12 +62,13 @@ class _Event(BaseModel):
         return at(self.at_s, action) if self.at_s is not None else when(self.when or "", action)
 
     def _action(self) -> Action:
+        values: list[object] = []
         named = {} if self.for_s is None else {"for_s": self.for_s}
         match self.given:
             case None:
-                values = []
+                pass
             case dict():
-                values, named = [], {**self.given, **named}
+                named = {**self.given, **named}
             case list():
                 values = self.given
             case _:
