@@ -169,6 +169,11 @@ class VehicleState:
         return self.silent_s > LINK_SILENT_S
 
 
+def is_ours(vehicle: VehicleState) -> bool:
+    """It flies, and follows us."""
+    return vehicle.armed and vehicle.in_offboard_mode
+
+
 @value
 class Fault:
     """Something is not well: the drone holds, and lands if it lasts."""

@@ -20,7 +20,7 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EXTRAPOLATION_S = 0.2
-LATE_S = 1.0
+LATE_S = 0.4
 """When all messages have been late for so long, it is not the radio."""
 RESTARTED_MS = 2000
 """No message is overtaken by one that is so much younger."""

@@ -57,6 +57,8 @@ class Recording:
     autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
     plan: FloorPlan | None = None
     """The flight's final map; None if it was cut short."""
+    continues: bool = False
+    """It begins with what another file has, that a crash had ended."""
     is_whole: bool = False
     """The file was closed in order."""
 
@@ -109,8 +111,21 @@ def _take_metadata(recording: Recording, entries: dict[str, str]) -> None:
             f"{recording.path}: recorded in format {entries['format']}, this program reads "
             f"{FORMAT}; use companion {entries['companion']}"
         )
+    if continues := entries.get("continues"):
+        _begin_with(recording, read(recording.path.with_name(Path(continues).name)))
     recording.companion_version = entries["companion"]
     recording.began_unix_s = float(entries["began_unix_s"])
+
+
+def _begin_with(recording: Recording, before: Recording) -> None:
+    """The flight had begun in another file, before a crash."""
+    recording.continues = True
+    recording.ticks += before.ticks
+    recording.poses += before.poses
+    recording.setpoints += before.setpoints
+    recording.phases += before.phases
+    recording.faults += before.faults
+    recording.autopilot_texts += before.autopilot_texts
 
 
 def _take(recording: Recording, topic: str, message: Message) -> None:

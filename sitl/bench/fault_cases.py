@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from random import Random
 from types import MappingProxyType
+from typing import Any
 
 from companion.messages import Beam
 from sitl.noise import stream
@@ -23,7 +24,7 @@ LEAST_ROOM_M, MOST_ROOM_M = 4.5, 8.0
 EARLY_SHARE, EARLY_S, LATEST_S = 0.1, 10.0, 50.0
 FOR_GOOD_SHARE, LONGEST_S = 0.3, 30.0
 
-Given = Mapping[str, object]
+Given = Mapping[str, Any]
 Draw = Callable[[Random], Given]
 
 
