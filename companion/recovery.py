@@ -4,8 +4,8 @@
       │                                               └────"land"─────► it lands
       └──otherwise──► it has landed, or is somebody else's: only the map is made
 
-LISTEN is in `recover_cli`, which loads nothing else before. Nothing here arms or takes off. While it
-holds, the flight is replayed from its recording, a piece at a tick; a flight that had crashed
+LISTEN is in `recover_cli`, which loads nothing else before. Nothing here arms or takes off. While
+it holds, the flight is replayed from its recording, a piece at a tick; a flight that had crashed
 before, or has no fresh recording, lands.
 """
 

@@ -111,7 +111,9 @@ class Lsm9ds1:
             self._configured = False  # it may come back freshly powered
             self._clock = None
             return []
-        if self._clock is None or not is_whole:  # what had been waiting is of unknown age
+        if not is_whole:  # those before were lost, these are the latest
+            self._clock = SampleClock(time_s - len(counts) / NOMINAL_ODR_HZ)
+        if self._clock is None:  # what had been waiting is of unknown age
             self._clock = SampleClock(time_s)
             return []
         if not counts:

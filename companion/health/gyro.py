@@ -9,6 +9,8 @@ from companion.messages import GyroSample, Odometry
 MOST_RATE_RAD_S = math.radians(240)
 """Nearly what the LSM9DS1 can tell: it may be more."""
 GAP_S = 0.25
+TOLD_S = 0.1
+"""The autopilot's heading is as old as that at most when a gap is bridged."""
 MEMORY_S = 5.0
 """The two turns are compared over this time, the older the less."""
 APART_RAD, APART_SHARE = math.radians(4.0), 0.08
@@ -28,6 +30,7 @@ class GyroWatch:
         self._sample_s: float | None = None
         self._yaw_rad: float | None = None
         """The autopilot's, as last told."""
+        self._told_s = -math.inf
         self._yaw_before_gap_rad: float | None = None
         self._compared_rad = 0.0
         self._compared_s = -math.inf
@@ -52,13 +55,19 @@ class GyroWatch:
     ) -> Sequence[GyroSample]:
         """The samples; the first after a silence carries the turn that the autopilot saw in it.
 
-        Before the bias is known, nothing is compared.
+        They wait until it has told its heading. Before the bias is known, nothing is compared.
         """
+        if odometry is not None:
+            self._told_s = now_s
         if not all(math.isfinite(sample.yaw_rate_rad_s) for sample in samples):
             samples = [sample for sample in samples if math.isfinite(sample.yaw_rate_rad_s)]
+        is_after_gap = bool(samples) and self._is_gap_before(samples[0])
+        if is_after_gap and now_s - self._told_s > TOLD_S:
+            samples = ()
         if samples:
             self.heard_s = now_s
-            samples = self._bridged(samples, odometry, bias_rad_s or 0.0)
+            if is_after_gap:
+                samples = self._bridged(samples, odometry, bias_rad_s or 0.0)
             self._is_saturated = any(abs(s.yaw_rate_rad_s) > MOST_RATE_RAD_S for s in samples)
             self._integrate(samples, bias_rad_s or 0.0)
         if odometry is not None:
@@ -71,12 +80,14 @@ class GyroWatch:
             self._yaw_before_gap_rad = self._yaw_rad
         return samples
 
+    def _is_gap_before(self, sample: GyroSample) -> bool:
+        return self._sample_s is not None and sample.time_s - self._sample_s > GAP_S
+
     def _bridged(
         self, samples: Sequence[GyroSample], odometry: Odometry | None, bias_rad_s: float
     ) -> Sequence[GyroSample]:
         first = samples[0]
-        if self._sample_s is None or first.time_s - self._sample_s <= GAP_S:
-            return samples
+        assert self._sample_s is not None
         self._apart_rad = 0.0
         self._compared_s = -math.inf
         yaw_rad = self._yaw_rad if odometry is None else odometry.yaw_rad
