@@ -31,7 +31,7 @@ class RangeWatch:
     def __init__(self) -> None:
         self.alive_s = -math.inf
         """When any sensor last answered."""
-        self._travel: Travel = (0.0, 0.0, 0.0, 0.0)
+        self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
         self._beams: dict[Beam, _BeamWatch] = {}
 
@@ -43,14 +43,14 @@ class RangeWatch:
             if reading.is_alive:
                 self.alive_s = scan.time_s
             watch = self._beams.get(beam) or self._beams.setdefault(beam, _BeamWatch(beam))
-            if watch.is_bad(scan.time_s, reading, self._travel):
+            if watch.is_bad(scan.time_s, reading, self.travel):
                 bad.append(beam)
         if not bad:
             return scan
         return replace(scan, readings={**scan.readings, **dict.fromkeys(bad, FAILED)})
 
     def _move(self, odometry: Odometry | None, turned_rad: float) -> None:
-        forward_m, right_m, down_m, _ = self._travel
+        forward_m, right_m, down_m, _ = self.travel
         if odometry is not None:
             if self._odometry is not None:
                 dt_s = min(odometry.time_s - self._odometry.time_s, STUCK_S)
@@ -60,7 +60,7 @@ class RangeWatch:
                 right_m += right_m_s * dt_s
                 down_m += down_m_s * dt_s
             self._odometry = odometry
-        self._travel = forward_m, right_m, down_m, turned_rad
+        self.travel = forward_m, right_m, down_m, turned_rad
 
 
 class _BeamWatch:

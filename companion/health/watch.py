@@ -58,9 +58,8 @@ class Health:
 
     def ranges(self, scan: RangeScan, odometry: Odometry | None) -> RangeScan:
         """Only what can be believed."""
-        turned_rad = self._gyro.turned_rad
-        self._scan = self._ranges.take(scan, odometry, turned_rad)
-        self._mounting.take(scan, self._place_ne_m, turned_rad)
+        self._scan = self._ranges.take(scan, odometry, self._gyro.turned_rad)
+        self._mounting.take(scan, self._place_ne_m, self._ranges.travel)
         return self._scan
 
     def fault(self, now_s: float, vehicle: VehicleState) -> Fault | None:
