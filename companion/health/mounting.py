@@ -24,7 +24,7 @@ QUARTER = BINS // 4
 WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(5)
 """Straight along a beam, and so far, before what it reads is compared."""
 EXACT_M, EDGE_M = 0.06, 0.25
-"""Sigma of a reading that tells something; a change from one reading to the next that is an edge."""
+"""Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.3, 3
 """Nearer by less than this share of the way, so many times on end."""
 Seen = dict[int, float]

@@ -23,7 +23,10 @@ from companion.recording.recorder import FORMAT
 from companion.recording.topics import PhaseRecord
 
 LARGEST_RECORD_BYTES = 1 << 28
-_TORN = (McapError, CRCValidationError, ZstdError, struct.error, UnicodeDecodeError)
+_TORN = (
+    *(McapError, CRCValidationError, ZstdError, struct.error),
+    *(RuntimeError, ValueError, EOFError, OverflowError, MemoryError),  # lz4's, and torn lengths
+)
 """What the end of a torn file may look like to the MCAP library."""
 _pose_decoder = json.Decoder(Pose)
 _phase_decoder = json.Decoder(PhaseRecord)
@@ -73,8 +76,9 @@ def read(path: Path) -> Recording:
     try:
         for topic, record in _records(path, recording):
             _take(recording, topic, record)
-    except (MsgspecError, DecodeError, ValidationError) as error:
-        raise RecordingError(f"{path}: not recorded by this version: {error}") from error
+    except (MsgspecError, DecodeError, ValidationError, KeyError, ValueError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RecordingError(f"{path}: not recorded by this version: {reason}") from error
     if not recording.companion_version:
         raise RecordingError(f"{path}: not a recording of companion's")
     return recording

@@ -60,6 +60,8 @@ class Judge:
     def __init__(self) -> None:
         self.collisions_caused = 0
         """While the companion had the drone."""
+        self.set_down = 0
+        """Landed straight down on furniture, which it cannot see when it must land at once."""
         self.flies_away = False
         self._collisions = 0
         self._troubled_since_s: float | None = None
@@ -71,14 +73,17 @@ class Judge:
             raise EndlessFlightError(f"still {app.flight.activity} after {now_s:.0f} s")
         hit = simulation.record.collisions > self._collisions
         self._collisions = simulation.record.collisions
-        self.collisions_caused += hit and phase not in FINAL_PHASES
+        north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
+        speed_m_s = math.hypot(north_m_s, east_m_s)
+        sinks = phase is Phase.LAND and speed_m_s < AT_REST_M_S
+        self.set_down += hit and sinks
+        self.collisions_caused += hit and not sinks and phase not in FINAL_PHASES
         if phase not in TROUBLED:
             self._troubled_since_s = None
             return
         if self._troubled_since_s is None:
             self._troubled_since_s = now_s
-        north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
-        moves = math.hypot(north_m_s, east_m_s) > AT_REST_M_S
+        moves = speed_m_s > AT_REST_M_S
         self.flies_away |= moves and now_s - self._troubled_since_s > SETTLES_S
 
 
@@ -140,6 +145,7 @@ def _fly(case: Case, folder: Path) -> Report:
         "completed": app.flight.completed,
         "flight_s": round(ended_s, 1),
         "collisions": judge.collisions_caused,
+        "set_down_on_furniture": judge.set_down,
         "collisions_in_all": simulation.record.collisions,
         "clearance_m": round(simulation.record.clearance_m, 2),
         "fly_away": judge.flies_away,
@@ -190,6 +196,7 @@ def _figures(rows: Sequence[Report]) -> Summary:
         "collisions": sum(int(row["collisions"] or 0) for row in rows),
         "fly_aways": sum(bool(row["fly_away"]) for row in rows),
         "maps_lost": sum(bool(row["map_lost"]) for row in rows),
+        "set_down_on_furniture": sum(int(row.get("set_down_on_furniture") or 0) for row in rows),
         "completed": completed,
         "landed": phases["DONE"] - completed,
         "handed_over": phases["HANDED_OVER"],
