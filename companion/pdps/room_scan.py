@@ -325,6 +325,8 @@ def _meets_wall(sight: Sight) -> bool:
 def _is_closed(scan: RoomScan, sight: Sight) -> bool:
     if scan.corners < CORNERS_OF_A_ROOM:
         return False
+    if scan.corners > CORNERS_OF_A_ROOM:  # it began nearer to the corner than it turns there
+        return True
     if abs(wrap_rad(scan.heading_rad - scan.first_heading_rad)) > REFINEMENT_RAD:
         return False
     along = frd_to_ned(0.0, 1.0, scan.first_heading_rad)
