@@ -16,7 +16,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 DEPLOY = ROOT / "deploy"
-UNIT = "pdps-companion.service"
+UNITS = ("pdps-companion.service", "pdps-recover.service")
 PYTHONS = ("3.11", "3.12", "3.13")
 GLIBCS = ("2_28", "2_27", "2_26", "2_24", "2_17")
 """Wheels for these; Debian 12 has glibc 2.36."""
@@ -32,28 +32,32 @@ def lint_scripts() -> str:
     return ended.stdout + ended.stderr
 
 
-def _unit_here(folder: str) -> Path:
-    """The unit with a program that this machine has."""
-    unit = Path(folder) / UNIT
-    text = (DEPLOY / UNIT).read_text()
-    unit.write_text(re.sub(r"/opt/pdps/venv/bin/companion", "/bin/true", text))
-    return unit
+def _units_here(folder: str) -> list[str]:
+    """The units with a program that this machine has."""
+    for name in UNITS:
+        text = (DEPLOY / name).read_text()
+        (Path(folder) / name).write_text(re.sub(r"/opt/pdps/venv/bin/companion", "/bin/true", text))
+    return [str(Path(folder) / name) for name in UNITS]
 
 
-def verify_unit() -> str:
+def verify_units() -> str:
     """What `systemd-analyze verify` complains of."""
     with tempfile.TemporaryDirectory() as folder:
-        command = ["systemd-analyze", "verify", str(_unit_here(folder))]
+        command = ["systemd-analyze", "verify", *_units_here(folder)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
     lines = (ended.stdout + ended.stderr).splitlines()
-    return "\n".join(line for line in lines if UNIT in line)
+    return "\n".join(line for line in lines if any(name in line for name in UNITS))
 
 
 def exposure() -> float:
-    """What `systemd-analyze security` makes of it: 0 is none, 10 all."""
+    """What `systemd-analyze security` makes of the worse: 0 is none, 10 all."""
     with tempfile.TemporaryDirectory() as folder:
-        command = ["systemd-analyze", "security", "--offline=true", str(_unit_here(folder))]
-        told = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+        return max(map(_exposure_of, _units_here(folder)))
+
+
+def _exposure_of(unit: str) -> float:
+    command = ["systemd-analyze", "security", "--offline=true", unit]
+    told = subprocess.run(command, capture_output=True, text=True, check=False).stdout
     found = re.search(r"Overall exposure level.*: ([\d.]+)", told)
     if found is None:
         raise SystemExit(f"systemd-analyze said nothing of exposure: {told[-300:]}")
@@ -89,7 +93,7 @@ def main() -> None:
     options = arguments.parse_args()
     print(f"shellcheck: {lint_scripts() or 'clean'}")
     if shutil.which("systemd-analyze"):
-        print(f"systemd-analyze verify: {verify_unit() or 'clean'}")
+        print(f"systemd-analyze verify: {verify_units() or 'clean'}")
         print(f"systemd-analyze security: {exposure()} of {MOST_EXPOSURE} allowed")
     for python in () if options.no_wheels else options.python or PYTHONS:
         print(f"aarch64, Python {python}: {wheels_mb(python):.0f} MB of {MOST_MB} allowed")

@@ -1,7 +1,8 @@
 """The whole flight on one page: what comes in at a tick, stage by stage, to what goes out.
 
-    telemetry, gyro, ranges ─► calibrate at rest ─► estimate ─► decide ─► setpoint or command
-                                                       └──────► map
+    telemetry, gyro, ranges ─► believe ─► calibrate at rest ─► estimate ─► decide ─► setpoint
+                                  │                               └──────► map ▲     or command
+                                  └──────────────── fault ─────────────────────┘
 
 No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
@@ -19,6 +20,7 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
+from companion.health.watch import Health
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
@@ -124,8 +126,8 @@ class App:
         self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
         self._heights = Heights(offset_m)
         self._near = Near(models, offset_m)
+        self._health = Health()
         self._resets = 0
-        self._last_gyro_s = self._last_scan_s = 0.0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
         self.flight = Flight()
 
@@ -136,8 +138,7 @@ class App:
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
-        inputs = replace(inputs, scan=self._mounts.level(inputs.scan))
-        self._note_arrivals(now_s, inputs)
+        inputs = self._believe(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
         inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
@@ -153,11 +154,16 @@ class App:
             inputs.scan,
         )
 
-    def _note_arrivals(self, now_s: float, inputs: Inputs) -> None:
-        if inputs.gyro:
-            self._last_gyro_s = inputs.gyro[-1].time_s
-        if any(reading.is_alive for reading in inputs.scan.readings.values()):
-            self._last_scan_s = inputs.scan.time_s
+    def _believe(self, now_s: float, inputs: Inputs) -> Inputs:
+        """What can be believed of it; what cannot is a fault."""
+        health, telemetry = self._health, inputs.telemetry
+        odometry = health.odometry(now_s, telemetry.odometry)
+        bias_rad_s = self.estimator.heading.bias_rad_s if self.estimator else None
+        gyro = health.gyro(now_s, inputs.gyro, odometry, bias_rad_s)
+        scan = health.ranges(inputs.scan, odometry)
+        if odometry is not telemetry.odometry:
+            telemetry = replace(telemetry, odometry=odometry)
+        return Inputs(telemetry, gyro, scan, inputs.land_requested)
 
     def _calibrate(self, inputs: Inputs) -> None:
         """The gyro's bias while the drone stands; origin and heading are where it ends."""
@@ -212,8 +218,7 @@ class App:
             space=self.space.grid,
             around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
-            gyro_age_s=now_s - self._last_gyro_s,
-            scan_age_s=now_s - self._last_scan_s,
+            fault=self._health.fault(now_s, inputs.telemetry.vehicle),
             land_requested=inputs.land_requested,
         )
         self.flight, action = flight.step(self.flight, view, self._config.mission)

@@ -20,6 +20,10 @@ EXIT_NOT_READY = 1
 COLOURS = {Verdict.GOOD: "green", Verdict.WAIT: "yellow", Verdict.BAD: "red"}
 
 
+commands = typer.Typer()
+
+
+@commands.command()
 def check(
     config: ConfigFile = None,
     link: LinkUrl = None,

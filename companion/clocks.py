@@ -69,16 +69,19 @@ class SitlClock:
 
 
 def open_clock(
-    config: Config, transport: UdpTransport | SerialTransport, warn: Callable[[str], None]
+    config: Config,
+    transport: UdpTransport | SerialTransport,
+    warn: Callable[[str], None],
+    start_s: float = 0.0,
 ) -> Clock:
-    """SITL's where the sensors are SITL's.
+    """SITL's where the sensors are SITL's; this machine's goes on from `start_s`.
 
     Raises:
         ConfigError: its time is kept by datagrams, and there are none.
         SensorError: nothing serves it.
     """
     if not config.sensors.bus.startswith("sitl://"):
-        return SystemClock()
+        return SystemClock(start_s)
     if not isinstance(transport, UdpTransport):
         raise ConfigError(
             f"link.url = {config.link.url!r}: with sensors at {config.sensors.bus} "

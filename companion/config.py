@@ -140,6 +140,12 @@ class MissionConfig(Group):
     """Of the flight: the drone turns back in time to be home by then."""
     reserve_s: float = Field(20.0, ge=0, le=600)
     """Left of the limit when it is home."""
+    after_crash: Literal["land", "resume"] = "land"
+    """What `companion recover` does with a drone that it finds in the air."""
+    battery_home_percent: float = Field(20.0, ge=0, le=100)
+    """With no more than this the drone turns back; 0: never."""
+    battery_land_percent: float = Field(10.0, ge=0, le=100)
+    """With no more than this it lands where it is."""
 
 
 class RecordingConfig(Group):

@@ -6,13 +6,14 @@ is the clock, the link's transport and the bus, and those are handed in.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Protocol
 
 from companion.app import App, Inputs, Outputs, Progress
 from companion.clocks import Clock
 from companion.drivers.gyro import Gyro
-from companion.drivers.ranges import RangeSensors
 from companion.link.link import Link
 from companion.link.reports import Reports
+from companion.messages import RangeScan
 from companion.pdps.flight import Flight
 
 TICK_S = 0.05
@@ -26,12 +27,18 @@ def record_nothing(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
     """A flight that is not recorded."""
 
 
+class Ranges(Protocol):
+    """Every beam's sensor."""
+
+    def read(self, time_s: float) -> RangeScan: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Rig:
     """All that the flight touches outside itself."""
 
     link: Link
-    ranges: RangeSensors
+    ranges: Ranges
     gyro: Gyro
     clock: Clock
     reports: Reports

@@ -57,6 +57,8 @@ class RangeReading:
     state: RangeState
     distance_m: float = float("nan")
     variance_m2: float = float("nan")
+    raw: float = float("nan")
+    """What the sensor itself put out, in its own unit, if that says more than the distance."""
 
     @property
     def is_distance(self) -> bool:
@@ -135,6 +137,9 @@ class LandedState(enum.Enum):
     LANDING = 4
 
 
+LINK_SILENT_S = 1.0
+
+
 @value
 class VehicleState:
     """What the link knows of the autopilot at this moment."""
@@ -155,6 +160,27 @@ class VehicleState:
     """Why not, in words."""
     refusal: str = ""
     """The latest reason why a command was refused, in the autopilot's own words."""
+    battery: float | None = None
+    """Share left, 0 to 1; None: it does not tell."""
+
+    @property
+    def is_silent(self) -> bool:
+        """For longer than messages are lost by chance."""
+        return self.silent_s > LINK_SILENT_S
+
+
+def is_ours(vehicle: VehicleState) -> bool:
+    """It flies, and follows us."""
+    return vehicle.armed and vehicle.in_offboard_mode
+
+
+@value
+class Fault:
+    """Something is not well: the drone holds, and lands if it lasts."""
+
+    text: str
+    lasts_s: float
+    """So long it is borne."""
 
 
 @value

@@ -63,7 +63,8 @@ put_files() {
     [ -e "$root/etc/pdps/drone.toml" ] ||
         install -m 644 "$here/drone.toml" "$root/etc/pdps/drone.toml"
     install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
-    install -m 644 "$here/pdps-companion.service" "$root/etc/systemd/system/"
+    install -m 644 "$here/pdps-companion.service" "$here/pdps-recover.service" \
+        "$root/etc/systemd/system/"
     install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$root/opt/pdps/docs/"
 }
 

@@ -4,7 +4,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from companion import cli
+from companion import calibrate_cli, check_cli, recovery
 from companion.app import App
 from companion.config import Config
 from companion.link.transport import make_codec
@@ -22,5 +22,5 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         files = save(FloorPlan(walls), Path(folder))
         missing = [str(file) for file in files if not file.stat().st_size]
-    loaded = all((cli.commands, periphery.SPI, serial.Serial, smbus2.SMBus))
+    loaded = all((check_cli, calibrate_cli, recovery, periphery.SPI, serial.Serial, smbus2.SMBus))
     sys.exit(f"not written: {missing}" if missing or not loaded else 0)

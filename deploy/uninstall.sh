@@ -15,10 +15,11 @@ done
 [ -n "$root" ] || [ "$(id -u)" = 0 ] || { echo "uninstall.sh: run it with sudo" >&2; exit 2; }
 
 if [ -z "$root" ]; then
-    systemctl disable --now --quiet pdps-companion.service 2>/dev/null || true
+    systemctl disable --now --quiet pdps-companion.service pdps-recover.service 2>/dev/null || true
 fi
 rm -rf "$root/opt/pdps"
-rm -f "$root/etc/systemd/system/pdps-companion.service" "$root/etc/udev/rules.d/70-pdps.rules" \
+rm -f "$root/etc/systemd/system/pdps-companion.service" \
+    "$root/etc/systemd/system/pdps-recover.service" "$root/etc/udev/rules.d/70-pdps.rules" \
     "$root/etc/modules-load.d/pdps.conf"
 if [ "$purge" = yes ]; then
     rm -rf "$root/etc/pdps" "$root/var/lib/pdps"

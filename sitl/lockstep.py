@@ -32,7 +32,7 @@ class LockstepClock:
 
     def wait_until(self, time_s: float) -> float:
         self._happens()
-        self._simulation.advance(time_s)
+        self._simulation.advance(max(time_s, self._simulation.companion_hangs_until_s))
         return self._simulation.time_s
 
 

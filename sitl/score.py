@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from evo.core import metrics, sync
+from evo.core.geometry import GeometryException
 from evo.core.trajectory import PoseTrajectory3D
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -115,7 +116,10 @@ def score_trajectory(
     )
     true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.001)
     as_is_cm = _rmse_cm(true, estimated)
-    estimated.align(true)
+    try:
+        estimated.align(true)
+    except GeometryException:  # it never moved
+        return TrajectoryScore(as_is_cm, as_is_cm)
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
 
 

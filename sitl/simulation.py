@@ -22,6 +22,7 @@ from sitl.autopilot.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.personality import boot_values, system_id
 from sitl.noise import stream
+from sitl.radio import Radio, Troubles
 from sitl.record import TruthRecord
 from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
@@ -78,8 +79,13 @@ class Simulation:
         others: Others = nobody,
     ) -> None:
         self._transports = transports
-        self.is_link_down = False
-        """A fault for tests: MAVLink is lost in both directions."""
+        self._radios = [
+            (Radio(stream(setup.seed, f"uplink {link}")), Radio(stream(setup.seed, f"link {link}")))
+            for link in range(len(transports))
+        ]
+        """Of each link, to the vehicle and from it."""
+        self.companion_hangs_until_s = 0.0
+        """A fault for tests: until then the companion does nothing."""
         self._setup = setup
         self._others = others
         self.bystanders: list[Vector3] = []
@@ -113,17 +119,21 @@ class Simulation:
     def advance(self, time_s: float) -> None:
         """Take in what has been sent to it, and let time pass until `time_s`."""
         for link, transport in enumerate(self._transports):
-            for message in transport.receive():
-                if not self.is_link_down:
-                    self.autopilot.receive(message, link)
+            for message in self._radios[link][0].carry(transport.receive(), self.time_s):
+                self.autopilot.receive(message, link)
         while self.autopilot.time_s < time_s - 1e-9:
             self.autopilot.step()
             self._observe(self.autopilot.truth)
             for link, transport in enumerate(self._transports):
-                for message in self.autopilot.take_outbox(link):
-                    if not self.is_link_down:
-                        transport.send(message)
+                outbox = self.autopilot.take_outbox(link)
+                for message in self._radios[link][1].carry(outbox, self.time_s):
+                    transport.send(message)
         self.board.bus.set_time(self.autopilot.time_s)
+
+    def disturb_link(self, troubles: Troubles) -> None:
+        """A fault for tests: MAVLink suffers in both directions."""
+        for to_vehicle, from_vehicle in self._radios:
+            to_vehicle.troubles = from_vehicle.troubles = troubles
 
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)

@@ -44,6 +44,8 @@ class Vehicle:
         self._steps = 0
         self._quick_ne = self._slow_ne = self._gust_ne = STILL
         self._floor = start.position_ned_m[2]
+        self.wind_ne_m_s: Vector2 = STILL
+        """A fault for tests: a gust that carries the vehicle along."""
         self.state = start
 
     @property
@@ -62,8 +64,9 @@ class Vehicle:
         slow_e += (east - slow_e) * STEP_S / SLOW_S
         self._quick_ne, self._slow_ne = (quick_n, quick_e), (slow_n, slow_e)
         gust_n, gust_e = self._gust_ne
-        north = QUICK_SHARE * quick_n + SLOW_SHARE * slow_n + gust_n
-        east = QUICK_SHARE * quick_e + SLOW_SHARE * slow_e + gust_e
+        wind_n, wind_e = self.wind_ne_m_s
+        north = QUICK_SHARE * quick_n + SLOW_SHARE * slow_n + gust_n + wind_n
+        east = QUICK_SHARE * quick_e + SLOW_SHARE * slow_e + gust_e + wind_e
         was_north, was_east, sinking = self.state.velocity_ned_m_s
         sinking += (down - sinking) * STEP_S / CLIMB_S
         turning = self.state.yaw_rate_rad_s

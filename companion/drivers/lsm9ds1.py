@@ -27,6 +27,7 @@ BLOCK_UPDATE_AND_AUTO_INCREMENT = 0x44
 FIFO_ENABLE = 0x02
 FIFO_CONTINUOUS = 0xC0
 FIFO_COUNT_BITS = 0x3F
+FIFO_OVERRUN = 0x40
 RAD_S_PER_COUNT = math.radians(8.75e-3)
 SAMPLE = struct.Struct("<hhh")
 """OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
@@ -105,11 +106,13 @@ class Lsm9ds1:
         try:
             if not self._configured:
                 self._configure()
-            counts = self._drain()
+            counts, is_whole = self._drain()
         except OSError:
             self._configured = False  # it may come back freshly powered
             self._clock = None
             return []
+        if not is_whole:  # those before were lost, these are the latest
+            self._clock = SampleClock(time_s - len(counts) / NOMINAL_ODR_HZ)
         if self._clock is None:  # what had been waiting is of unknown age
             self._clock = SampleClock(time_s)
             return []
@@ -121,12 +124,13 @@ class Lsm9ds1:
             for sample_s, count in zip(times_s, counts, strict=True)
         ]
 
-    def _drain(self) -> list[int]:
-        """The z axis of all that the FIFO holds, in one burst."""
+    def _drain(self) -> tuple[list[int], bool]:
+        """The z axis of all that the FIFO holds, in one burst, and whether nothing was lost."""
         ((source,),) = self._bus.transfer([self._ask_level])
         count = source & FIFO_COUNT_BITS
+        is_whole = not source & FIFO_OVERRUN
         if not count:
-            return []
+            return [], is_whole
         burst = Transaction(self._address, bytes([REG_OUT_X_G]), count * SAMPLE.size)
         (answer,) = self._bus.transfer([burst])
-        return [z for _, _, z in SAMPLE.iter_unpack(answer)]
+        return [z for _, _, z in SAMPLE.iter_unpack(answer)], is_whole

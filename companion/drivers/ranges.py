@@ -71,6 +71,7 @@ def corrected(reading: RangeReading, calibration: Calibration) -> RangeReading:
         RangeState.DISTANCE,
         (reading.distance_m - calibration.offset_m) / calibration.gain,
         reading.variance_m2 / calibration.gain**2,
+        reading.raw,
     )
 
 

@@ -19,6 +19,11 @@ DEAD_BELOW_V = 0.20
 class Profile(RangeModel, Protocol):
     """One kind of sensor."""
 
+    @property
+    def noise_v(self) -> float:
+        """Sigma of its output."""
+        ...
+
     def reading(self, volts: float) -> RangeReading:
         """What a voltage says."""
         ...
@@ -132,6 +137,8 @@ class LinearProfile:
     error_m: float
     period_s: float
     gain_sigma: float = 0.0
+    noise_v: float = 0.0
+    """None where nothing returns."""
     zero_v: float = 0.3
     volts_per_m: float = 0.5
     open_v: float = 3.3

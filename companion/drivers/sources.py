@@ -7,7 +7,7 @@ from companion.drivers import ads1115
 from companion.drivers.ads1115 import Channel, Sweep
 from companion.drivers.bus import Bus, Spi
 from companion.drivers.mcp3008 import Mcp3008
-from companion.drivers.sharp import PROFILES
+from companion.drivers.sharp import PROFILES, Profile
 from companion.messages import Beam, RangeReading
 from companion.range_config import SharpOnAds1115, SharpOnMcp3008
 
@@ -64,7 +64,8 @@ class SharpsOnAds1115:
             for sweep in self._sweeps_alone:
                 volts |= self._volts(sweep)
         return {
-            self._beams[channel]: self._profiles[channel].reading(v) for channel, v in volts.items()
+            self._beams[channel]: sharp_reading(self._profiles[channel], v)
+            for channel, v in volts.items()
         }
 
     def _volts(self, sweep: Sweep) -> dict[Channel, float]:
@@ -93,6 +94,14 @@ class SharpsOnMcp3008:
         except OSError:
             return {}
         return {
-            beam: PROFILES[sensor.curve].reading(volts[sensor.channel])
+            beam: sharp_reading(PROFILES[sensor.curve], volts[sensor.channel])
             for beam, sensor in self._sensors.items()
         }
+
+
+def sharp_reading(profile: Profile, volts: float) -> RangeReading:
+    """What a voltage says, and the voltage itself where it is never twice the same."""
+    reading = profile.reading(volts)
+    if not profile.noise_v:
+        return reading
+    return RangeReading(reading.state, reading.distance_m, reading.variance_m2, volts)

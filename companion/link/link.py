@@ -65,8 +65,10 @@ class Link:
         self._armed = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
+        self._battery: float | None = None
         self._estimate_complaint = "its estimator has not been heard"
-        self._odometry = OdometryReader(by_velocity=config.send_pose)
+        self._by_velocity = config.send_pose
+        self._odometry = OdometryReader(by_velocity=self._by_velocity)
         self._pose_report = PoseReport() if config.send_pose else None
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
@@ -87,6 +89,8 @@ class Link:
             if kind == "STATUSTEXT":
                 texts += self._text(message)
             elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
+                if self._odometry.has_restarted(message):
+                    self._start_over()
                 odometry = self._odometry.read(message, now_s) or odometry
             else:
                 self._note(kind, message)
@@ -99,11 +103,20 @@ class Link:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
 
+    def _start_over(self) -> None:
+        """The autopilot has rebooted: it may have forgotten what it was asked and set to."""
+        self._odometry = OdometryReader(by_velocity=self._by_velocity)
+        self._parameters_set.clear()
+        self._landed_state = LandedState.UNKNOWN
+
     def _note(self, kind: str, message: Message) -> None:
         if kind == "HEARTBEAT":
             self._dialect = self._dialect or self._meet(message.autopilot)
             self._custom_mode = message.custom_mode
             self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        elif kind == "SYS_STATUS":
+            known = 0 <= message.battery_remaining <= 100  # -1: not known
+            self._battery = message.battery_remaining / 100 if known else None
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
         elif kind == "COMMAND_ACK":
@@ -125,6 +138,7 @@ class Link:
                 mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
                 mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
+                mavlink.MAVLINK_MSG_ID_SYS_STATUS: SLOW_HZ,
                 dialect.estimator_message: SLOW_HZ,
             }
             for listener in self._listeners:
@@ -158,6 +172,7 @@ class Link:
             estimate_ready=not waits_for,
             waits_for=waits_for,
             refusal=self._commands.refusal,
+            battery=self._battery,
         )
 
     def transmit(self, messages: Sequence[Message]) -> None:

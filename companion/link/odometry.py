@@ -20,6 +20,10 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EXTRAPOLATION_S = 0.2
+LATE_S = 0.4
+"""When all messages have been late for so long, it is not the radio."""
+RESTARTED_MS = 2000
+"""No message is overtaken by one that is so much younger."""
 
 
 class OdometryReader:
@@ -32,7 +36,7 @@ class OdometryReader:
         self._position: Message | None = None
         self._attitude: Message | None = None
         self._offset_s = float("inf")
-        self._heard_s = 0.0
+        self._heard_s = self._in_time_s = 0.0
 
     @property
     def has_position(self) -> bool:
@@ -49,11 +53,20 @@ class OdometryReader:
         at = self._position
         return (at.x, at.y, at.z) if at is not None else (0.0, 0.0, 0.0), self._attitude.yaw
 
+    def has_restarted(self, message: Message) -> bool:
+        """The autopilot's clock has begun anew, or was set back."""
+        known = (m.time_boot_ms for m in (self._position, self._attitude) if m is not None)
+        return bool(message.time_boot_ms < max(known, default=0) - RESTARTED_MS)
+
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry of now, if this was a position newer than the last."""
         boot_s = message.time_boot_ms * 1e-3
         self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
         self._offset_s = min(self._offset_s, now_s - boot_s)
+        if now_s - boot_s - self._offset_s <= MOST_EXTRAPOLATION_S:
+            self._in_time_s = now_s
+        elif now_s - self._in_time_s > LATE_S:  # its clock stood still
+            self._offset_s, self._in_time_s = now_s - boot_s, now_s
         self._heard_s = now_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
             if _is_newer(message, self._attitude):

@@ -4,8 +4,8 @@
     CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► LAND ─► DONE
                                                  │└─► BUILDING ─┘    │        ▲
                                                  └────────┬──────────┘        │
-                                                fault     ▼                   │ fault lasts,
-                                                         HOLD ────────────────┘ time is up
+                                                fault     ▼                   │ fault lasts, time
+                                                         HOLD ────────────────┘ or battery is up
                                                           │ fault gone: back to where it was
                                                           ▼
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
@@ -35,8 +35,8 @@ from companion.messages import (
     Beam,
     Command,
     CommandKind,
+    Fault,
     LandedState,
-    RangeState,
     Setpoint,
     VehicleState,
 )
@@ -50,20 +50,15 @@ from companion.pdps.route import find_ways
 from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
-LINK_SILENT_S = 1.0
-SENSOR_SILENT_S = 0.5
-FAULT_LASTS_S = 3.0
-"""A fault that lasts this long ends in landing."""
-SENSOR_FAULT_LASTS_S = 1.0
-"""Blind in a room, the drone drifts; it lands sooner than for a silent link."""
 LINK_LOST_S = 10.0
 CONNECT_TIMEOUT_S = 8.0
 PREPARE_TIMEOUT_S = 60.0
 ARM_TIMEOUT_S = 30.0
 TAKE_OFF_TIMEOUT_S = 20.0
+DISARMED_BY_S = 10.0
+"""An autopilot that stands on the ground disarms by itself; by then it is asked to."""
 TAKE_OFF_M_S = 0.5
 AT_HEIGHT_M = 0.15
-HORIZONTAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
 
 
 class Phase(enum.Enum):
@@ -108,8 +103,8 @@ class View:
     space: Occupancy
     gyro_at_rest: bool
     """The gyro's bias has been averaged."""
-    gyro_age_s: float
-    scan_age_s: float
+    fault: Fault | None = None
+    """What is not well."""
     around: Surroundings = field(default_factory=Surroundings)
     land_requested: bool = False
     """The user or the operating system asks the program to end."""
@@ -131,6 +126,8 @@ class Flight:
     way_home_asked_s: float = -math.inf
     way_home: Travel = Travel(HOME_NE_M)
     held_from: Phase = Phase.CONNECT
+    held_trouble: str = ""
+    """Phase and trouble to go back to when the fault is gone."""
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
     land_mode_seen: bool = False
@@ -337,11 +334,9 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
 
 
 def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    fault = _fault(view)
-    if fault is None:
-        return _go(flight, flight.held_from, view, ""), Action(HOLD)
-    lasts_s = FAULT_LASTS_S if _link_is_silent(view) else SENSOR_FAULT_LASTS_S
-    if _age_s(flight, view) > lasts_s:
+    if view.fault is None:
+        return _go(flight, flight.held_from, view, flight.held_trouble), Action(HOLD)
+    if _age_s(flight, view) > view.fault.lasts_s:
         return _go(flight, Phase.LAND, view), Action(command=Command(CommandKind.LAND))
     return flight, Action(HOLD)
 
@@ -351,12 +346,15 @@ def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     if vehicle.silent_s > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING
-    if not vehicle.armed and not _link_is_silent(view):
+    if not vehicle.armed and not vehicle.is_silent:
         return _go(flight, Phase.DONE, view), NOTHING
     if flight.land_mode_seen and vehicle.mode != "LAND":
         return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}"), NOTHING
     if vehicle.mode == "LAND":
-        return replace(flight, land_mode_seen=True), NOTHING
+        stands = vehicle.landed_state is LandedState.ON_GROUND
+        disarm = stands and _age_s(flight, view) > DISARMED_BY_S
+        command = Command(CommandKind.DISARM) if disarm else None
+        return replace(flight, land_mode_seen=True), Action(command=command)
     return flight, Action(command=Command(CommandKind.LAND))
 
 
@@ -365,7 +363,7 @@ def _taken_away(flight: Flight, view: View) -> Flight | None:
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
         return _go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
-    if _link_is_silent(view):
+    if vehicle.is_silent:
         return None
     if not vehicle.armed:
         return _go(flight, Phase.FAILED, view, "the autopilot disarmed in the air")
@@ -380,29 +378,20 @@ def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None
         return _go(flight, Phase.LAND, view, "landing was requested")
     if view.time_s - flight.began_s > plan.time_limit_s:
         return _go(flight, Phase.LAND, view, f"time limit of {plan.time_limit_s:.0f} s reached")
-    fault = _fault(view)
-    if fault is not None and flight.phase is not Phase.HOLD:
-        return replace(_go(flight, Phase.HOLD, view, fault), held_from=flight.phase)
+    if view.fault is not None and flight.phase is not Phase.HOLD:
+        held = replace(flight, held_from=flight.phase, held_trouble=flight.trouble)
+        return _go(held, Phase.HOLD, view, view.fault.text)
+    return _with_the_battery(flight, view, plan)
+
+
+def _with_the_battery(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+    """Home while there is enough for the way, down before it is empty."""
+    percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
+    if percent <= plan.battery_land_percent:
+        return _go(flight, Phase.LAND, view, f"{percent:.0f} % of the battery is left")
+    if percent <= plan.battery_home_percent and flight.phase in MISSION_PHASES.values():
+        return _go(flight, Phase.HOME, view, f"turned back with {percent:.0f} % of the battery")
     return None
-
-
-def _link_is_silent(view: View) -> bool:
-    return view.vehicle.silent_s > LINK_SILENT_S
-
-
-def _fault(view: View) -> str | None:
-    if _link_is_silent(view):
-        return "the autopilot is silent"
-    if view.gyro_age_s > SENSOR_SILENT_S:
-        return "the gyro is silent"
-    if view.scan_age_s > SENSOR_SILENT_S:
-        return "the range sensors are silent"
-    failed = [
-        beam.value
-        for beam in HORIZONTAL_BEAMS
-        if (reading := view.sight.ranges.get(beam)) is None or reading.state is RangeState.FAILED
-    ]
-    return f"range sensor failed: {', '.join(failed)}" if failed else None
 
 
 _STEPS = {

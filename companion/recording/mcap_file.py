@@ -7,13 +7,12 @@ takes its place, and the last one brings the index.
 
 from collections.abc import Mapping
 
-from mcap.data_stream import RecordBuilder
-from mcap.records import DataEnd, Footer
-from mcap.writer import MCAP0_MAGIC, CompressionType, Writer
+from mcap.writer import CompressionType, Writer
 
 from companion.recording import topics
 from companion.recording.disk import Disk
 from companion.recording.foxglove import to_ns
+from companion.recording.shortest_end import SHORTEST_END
 
 CHUNK_BYTES = 1 << 20
 """More than ever comes together between two flushes."""
@@ -77,13 +76,3 @@ class _Output:
         data, self._data = bytes(self._data), bytearray()
         self._taken += len(data)
         return data
-
-
-def _shortest_end() -> bytes:
-    builder = RecordBuilder()
-    DataEnd(data_section_crc=0).write(builder)
-    Footer(summary_start=0, summary_offset_start=0, summary_crc=0).write(builder)
-    return bytes(builder.end()) + MCAP0_MAGIC
-
-
-SHORTEST_END = _shortest_end()

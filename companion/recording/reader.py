@@ -23,7 +23,10 @@ from companion.recording.recorder import FORMAT
 from companion.recording.topics import PhaseRecord
 
 LARGEST_RECORD_BYTES = 1 << 28
-_TORN = (McapError, CRCValidationError, ZstdError, struct.error, UnicodeDecodeError)
+_TORN = (
+    *(McapError, CRCValidationError, ZstdError, struct.error),
+    *(RuntimeError, ValueError, EOFError, OverflowError, MemoryError),  # lz4's, and torn lengths
+)
 """What the end of a torn file may look like to the MCAP library."""
 _pose_decoder = json.Decoder(Pose)
 _phase_decoder = json.Decoder(PhaseRecord)
@@ -57,6 +60,8 @@ class Recording:
     autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
     plan: FloorPlan | None = None
     """The flight's final map; None if it was cut short."""
+    continues: bool = False
+    """It begins with what another file has, that a crash had ended."""
     is_whole: bool = False
     """The file was closed in order."""
 
@@ -71,8 +76,9 @@ def read(path: Path) -> Recording:
     try:
         for topic, record in _records(path, recording):
             _take(recording, topic, record)
-    except (MsgspecError, DecodeError, ValidationError) as error:
-        raise RecordingError(f"{path}: not recorded by this version: {error}") from error
+    except (MsgspecError, DecodeError, ValidationError, KeyError, ValueError) as error:
+        reason = " ".join(f"{type(error).__name__}: {error}".split())
+        raise RecordingError(f"{path}: not recorded by this version: {reason}") from error
     if not recording.companion_version:
         raise RecordingError(f"{path}: not a recording of companion's")
     return recording
@@ -109,8 +115,21 @@ def _take_metadata(recording: Recording, entries: dict[str, str]) -> None:
             f"{recording.path}: recorded in format {entries['format']}, this program reads "
             f"{FORMAT}; use companion {entries['companion']}"
         )
+    if continues := entries.get("continues"):
+        _begin_with(recording, read(recording.path.with_name(Path(continues).name)))
     recording.companion_version = entries["companion"]
     recording.began_unix_s = float(entries["began_unix_s"])
+
+
+def _begin_with(recording: Recording, before: Recording) -> None:
+    """The flight had begun in another file, before a crash."""
+    recording.continues = True
+    recording.ticks += before.ticks
+    recording.poses += before.poses
+    recording.setpoints += before.setpoints
+    recording.phases += before.phases
+    recording.faults += before.faults
+    recording.autopilot_texts += before.autopilot_texts
 
 
 def _take(recording: Recording, topic: str, message: Message) -> None:

@@ -67,9 +67,17 @@ NOT_RECORDED = NotRecorded()
 
 
 def open_recorder(
-    folder: Path, config: Config, began_unix_s: float, warn: Warn, clock: Clock = time.monotonic
+    folder: Path,
+    config: Config,
+    began_unix_s: float,
+    warn: Warn,
+    clock: Clock = time.monotonic,
+    *,
+    continues: str = "",
 ) -> Recorder:
     """A recorder into new files in `folder`, named by the time; if it cannot be, a warning.
+
+    `continues` names the recording beside it that a crash has ended.
 
     `clock` tells when to write, and nothing else: a simulated flight, which may take a second in
     all, is written in a few pieces, and so as quickly as it is flown.
@@ -83,7 +91,7 @@ def open_recorder(
         number += 1
         path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
     try:
-        return FlightRecorder(path, config, began_unix_s, warn, clock)
+        return FlightRecorder(path, config, began_unix_s, warn, clock, continues=continues)
     except RecordingError as error:
         warn(f"this flight is not recorded: {error}")
         return NOT_RECORDED
@@ -103,7 +111,14 @@ class FlightRecorder:
     """Into `path` and, beside it, a tlog."""
 
     def __init__(
-        self, path: Path, config: Config, began_unix_s: float, warn: Warn, clock: Clock
+        self,
+        path: Path,
+        config: Config,
+        began_unix_s: float,
+        warn: Warn,
+        clock: Clock,
+        *,
+        continues: str,
     ) -> None:
         self.path = path
         self._clock = clock
@@ -123,6 +138,7 @@ class FlightRecorder:
                 "format": FORMAT,
                 "companion": version("pdps-companion"),
                 "began_unix_s": repr(began_unix_s),
+                **({"continues": continues} if continues else {}),
             },
         )
         self._file.add(topics.CONFIG, 0.0, config.model_dump_json().encode())

@@ -96,7 +96,7 @@ def _ground_station_lost(condition: Condition, parameters: ParameterValues) -> b
 
 FAILSAFES = (
     Failsafe(
-        lambda condition, _: condition.needs_outside and condition.outside_age_s > EKF_LOST_AFTER_S,
+        lambda condition, _: condition.unaided_s > EKF_LOST_AFTER_S,
         ("EKF variance", "EKF Failsafe: changed to LAND Mode"),
         "EKF Failsafe Cleared",
         lambda _: LAND,

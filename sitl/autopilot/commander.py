@@ -40,6 +40,8 @@ class Commander:
         self._failsafes = FailsafeWatch(self._is.failsafes)
         self._setpoint_step: int | None = None
         self.control = Control(self._navigation.estimator)
+        self.arming_fault = ""
+        """A fault for tests: what its own checks complain about."""
 
     # Modes
 
@@ -68,7 +70,8 @@ class Commander:
         self._status.mode = mode
         self._broadcast.add(self._telemetry.heartbeat())
         if behaviour is Behaviour.LAND:
-            self.control.land()
+            if self._status.armed:
+                self.control.land()
         elif behaviour is not Behaviour.TAKE_OFF:
             self.control.hold()
         return ACCEPTED
@@ -80,6 +83,8 @@ class Commander:
         status, navigation = self._status, self._navigation
         if status.crashed:
             return "Crashed: restart the simulator"
+        if self.arming_fault:
+            return self.arming_fault
         if not navigation.estimator.has_settled:
             return "AHRS: not healthy"
         if told := self._is.peripheral_complaint(
@@ -181,8 +186,7 @@ class Commander:
         now_s, outside = navigation.time_s, navigation.outside
         condition = Condition(
             flying=status.manoeuvre is not Manoeuvre.GROUND,
-            outside_age_s=navigation.outside_age_s,
-            needs_outside=navigation.sources.needs_outside,
+            unaided_s=navigation.unaided_s,
             battery=status.battery,
             battery_v=self._telemetry.battery_v,
             ground_station_age_s=outside.ground_station_age_s(now_s),

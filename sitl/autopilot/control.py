@@ -61,10 +61,10 @@ class Control:
         self.manoeuvre, self._since_s, self._height_m = Manoeuvre.CLIMB, now_s, height_m
 
     def land(self) -> None:
-        if self.manoeuvre is not Manoeuvre.GROUND:
-            self._begin_hold()
-            self.manoeuvre = Manoeuvre.LAND
-            self._on_ground_s = 0.0
+        """On the ground, too: it finds out, and disarms."""
+        self._begin_hold()
+        self.manoeuvre = Manoeuvre.LAND
+        self._on_ground_s = 0.0
 
     def hold(self) -> None:
         """Brake, then stay: what every mode without a pilot's stick movement does."""

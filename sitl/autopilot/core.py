@@ -33,6 +33,7 @@ PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "
 
 HEARTBEAT_STEPS = 100
 FAILSAFE_STEPS = 10
+RESTART_STEPS = 150
 FLIGHT_BATTERY_S = 600.0
 """How long a full battery flies."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
@@ -92,6 +93,7 @@ class Autopilot:
             self._broadcast,
         )
         self._commander = Commander(parts, self._vehicle)
+        self._silent_until_step = 0
         self.system_id = system_id(self._is, values)
         self._protocol = Protocol(self.system_id, parts, self._commander)
 
@@ -143,6 +145,8 @@ class Autopilot:
 
     def _speak(self) -> None:
         step = self._status.step
+        if step < self._silent_until_step:
+            return
         if step % FAILSAFE_STEPS == 0:
             self._commander.check_failsafes()
         if step % HEARTBEAT_STEPS == 0:
@@ -161,6 +165,8 @@ class Autopilot:
 
     def receive(self, message: Message, link: int = 0) -> None:
         """Anything a client may send on one of the links."""
+        if self._status.step < self._silent_until_step:
+            return
         self._protocol.receive(message, self._channels[link])
 
     def take_outbox(self, link: int = 0) -> list[Message]:
@@ -172,6 +178,38 @@ class Autopilot:
         self._status.crashed = True
         self._commander.stop()
         self._broadcast.text(mavlink.MAV_SEVERITY_EMERGENCY, f"Crash: {reason}")
+
+    # Faults for tests
+
+    def restart(self) -> None:
+        """It reboots where it is, with its motors off meanwhile."""
+        status = self._status
+        self._commander.stop()
+        status.mode, status.booted_step = self._is.boot_mode, status.step
+        self._silent_until_step = status.step + RESTART_STEPS
+        self._navigation.restart()
+        for channel in self._channels:
+            channel.outbox.take()
+            channel.streams.restart()
+
+    def jump_clock(self, seconds: float) -> None:
+        """Its time since boot leaps."""
+        self._status.booted_step -= round(seconds / STEP_S)
+
+    def set_battery(self, share: float) -> None:
+        self._status.battery = share
+
+    def blow(self, north_m_s: float, east_m_s: float) -> None:
+        """A gust carries the vehicle along."""
+        self._vehicle.wind_ne_m_s = (north_m_s, east_m_s)
+
+    def lose_flow(self, *, lost: bool) -> None:
+        self._navigation.lose_flow(lost=lost)
+
+    def refuse_arming(self, *, refuse: bool) -> None:
+        self._commander.arming_fault = "Compass not calibrated" if refuse else ""
+
+    # The pilot
 
     def pilot_mode(self, custom_mode: int) -> None:
         """The pilot's mode switch."""

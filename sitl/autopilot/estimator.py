@@ -75,6 +75,7 @@ class Estimator:
         self._gyro_bias = random.gauss(0, noise.gyro_bias_rad_s)
         self._gyro_scale = 1 + random.gauss(0, noise.gyro_scale)
         self._truth = start
+        self._settles_at_s = CONVERGES_S
         self._floor = start.position_ned_m[2]
         self._steps = 0
         self._drift_m = self._height_error_m = 0.0
@@ -90,7 +91,19 @@ class Estimator:
 
     @property
     def has_settled(self) -> bool:
-        return self._truth.time_s >= CONVERGES_S
+        return self._truth.time_s >= self._settles_at_s
+
+    def restart(self) -> None:
+        """From where the vehicle is now, as after power-on."""
+        self._settles_at_s = self._truth.time_s + CONVERGES_S
+        self.position_ned_m = self.velocity_ned_m_s = (0.0, 0.0, 0.0)
+
+    def jump(self, north_m: float, east_m: float, down_m: float, yaw_rad: float) -> None:
+        """A fault for tests: it believes to be elsewhere from one moment to the next."""
+        x, y, _ = self.position_ned_m
+        self.position_ned_m = (x + north_m, y + east_m, self.position_ned_m[2])
+        self._drift_m += down_m
+        self.yaw_rad = wrap_rad(self.yaw_rad + yaw_rad)
 
     def update(
         self, truth: TrueState, sources: Sources = FLOW_ONLY, pose: OutsidePose | None = None

@@ -1,10 +1,11 @@
 """Where the vehicle thinks it is, out of its own sensors and of what it is told."""
 
 import math
+from dataclasses import replace
 
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
 from sitl.autopilot.outside import Outside
-from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality
+from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality, Sources
 from sitl.truth import TrueState
 
 SOURCES_STEPS = 10
@@ -31,14 +32,38 @@ class Navigation:
         self.origin: tuple[int, int, int] | None = None
         """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""
         self.time_s = 0.0
+        self._flow_lost_s: float | None = None
+
+    def lose_flow(self, *, lost: bool) -> None:
+        """A fault for tests: the floor shows no texture."""
+        self._flow_lost_s = self.time_s if lost else None
+        self.sources = self._read_sources()
+
+    def restart(self) -> None:
+        """As after power-on."""
+        self.origin = None
+        self.estimator.restart()
 
     def update(self, truth: TrueState) -> None:
         """Take in one step of true motion."""
         if self._steps % SOURCES_STEPS == 0:
-            self.sources = self._is.sources(self._parameters)
+            self.sources = self._read_sources()
         self._steps += 1
         self.time_s = truth.time_s
         self.estimator.update(truth, self.sources, self.outside.take_pose())
+
+    def _read_sources(self) -> Sources:
+        sources = self._is.sources(self._parameters)
+        return sources if self._flow_lost_s is None else replace(sources, flow=False)
+
+    @property
+    def unaided_s(self) -> float:
+        """How long nothing has told it how it moves; infinite if nothing ever did."""
+        if self.sources.flow:
+            return 0.0
+        if self.sources.needs_outside:
+            return self.outside_age_s
+        return 0.0 if self._flow_lost_s is None else self.time_s - self._flow_lost_s
 
     @property
     def outside_age_s(self) -> float:

@@ -75,8 +75,8 @@ class Condition:
     """What failsafes look at; ages in seconds, infinite for what was never heard."""
 
     flying: bool
-    outside_age_s: float
-    needs_outside: bool
+    unaided_s: float
+    """How long the estimator has had nothing to tell it how it moves."""
     battery: float
     """Share left."""
     battery_v: float

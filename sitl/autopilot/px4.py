@@ -97,7 +97,7 @@ def _lost(age_s: float, timeout_s: float) -> bool:
 
 FAILSAFES = (
     Failsafe(
-        lambda condition, _: condition.needs_outside and condition.outside_age_s > NO_AID_S,
+        lambda condition, _: condition.unaided_s > NO_AID_S,
         ("Position estimate lost", "Failsafe activated: landing"),
         "Position estimate regained",
         lambda _: AUTO_LAND,

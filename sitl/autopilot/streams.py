@@ -18,10 +18,17 @@ class Streams:
 
     def __init__(self, makers: dict[int, Maker], unasked_hz: dict[int, float]) -> None:
         self._makers = makers
+        self._unasked_hz = unasked_hz
         self._every: dict[int, int] = {}
         self._timetable: list[tuple[int, int, Maker]] = []
         """Of what is asked for: every how many steps, at which of them, and how it is made."""
-        for message_id, rate_hz in unasked_hz.items():
+        self.restart()
+
+    def restart(self) -> None:
+        """Only what nobody has asked for."""
+        self._every.clear()
+        self._timetable.clear()
+        for message_id, rate_hz in self._unasked_hz.items():
             self.set_interval(message_id, 1e6 / rate_hz)
 
     def knows(self, message_id: int) -> bool:

@@ -45,14 +45,16 @@ class Status:
     manoeuvre: Manoeuvre = Manoeuvre.GROUND
     battery: float = 1.0
     step: int = 0
+    booted_step: int = 0
+    """When its clock was zero."""
 
     @property
     def boot_ms(self) -> int:
-        return self.step * 10
+        return max(self.step - self.booted_step, 0) * 10
 
     @property
     def boot_us(self) -> int:
-        return self.step * 10_000
+        return self.boot_ms * 1000
 
 
 class Telemetry:

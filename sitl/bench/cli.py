@@ -114,3 +114,33 @@ def missions(
         print(json.dumps(result, indent=1))
     else:
         show(result, Console(highlight=False))
+
+
+@commands.command()
+def faults(
+    flights: Annotated[int, typer.Option(help="How many.", min=1)] = 500,
+    seed: Annotated[int, typer.Option(help="The same seed draws the same flights.")] = 1,
+    first: Annotated[int, typer.Option(help="Number of the first.", min=0)] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Flights by chance in which something goes wrong: does each end well, and leave its map?
+
+    Ctrl-C ends it early and shows what has been flown. Ends with 1 if anything went wrong.
+    """
+    from sitl.bench.fault_table import fault_table, told  # noqa: PLC0415 - slow to load
+    from sitl.bench.faults import FaultJob, fly, lost, sum_up  # noqa: PLC0415
+    from sitl.bench.lanes import with_a_bar  # noqa: PLC0415
+
+    jobs = [FaultJob(seed, number) for number in range(first, first + flights)]
+    rows = [flown.row for flown in with_a_bar(jobs, told, fly, lost)]
+    result = sum_up(seed, rows)
+    if as_json:
+        print(json.dumps(result, indent=1))
+    else:
+        Console(highlight=False).print(fault_table(result))
+        for row in result["wrong"]:
+            print(
+                f"{row['number']}: {row['injected']}; {row['world']}, {row['profile']}, "
+                f"{row['autopilot']}: {row['ending']}"
+            )
+    raise typer.Exit(1 if result["wrong"] else 0)

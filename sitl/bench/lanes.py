@@ -1,53 +1,98 @@
-"""Many flights at once, each lane a process; a process that dies loses only its own flight."""
+"""Many flights at once, each lane a process; a process that dies loses only its own flight.
+
+Ctrl-C lets the flights that are under way end, and gives what has been flown by then.
+"""
 
 import multiprocessing
 import os
+import signal
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor, as_completed
+from concurrent.futures import (
+    CancelledError,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    as_completed,
+)
 from concurrent.futures.process import BrokenProcessPool
 from queue import SimpleQueue
+from typing import Generic, TypeVar
 
 from rich.console import Console
 from rich.progress import Progress
 
 from sitl.bench.missions import Flown, Job, fly, lost
 
+J = TypeVar("J")
+F = TypeVar("F")
+
 
 def fly_all(
-    jobs: Sequence[Job], tell: Callable[[Flown], None], fly_one: Callable[[Job], Flown] = fly
-) -> list[Flown]:
-    """All flights in the order of the jobs; `tell` hears of each as it ends."""
-    number = min(cores(), len(jobs))
-    lanes: SimpleQueue[_Lane] = SimpleQueue()
-    for _ in range(number):
-        lanes.put(_Lane())
+    jobs: Sequence[J],
+    tell: Callable[[F], None],
+    fly_one: Callable[[J], F],
+    lose_one: Callable[[J, str], F],
+) -> list[F]:
+    """All flights in the order of the jobs; `tell` hears of each as it ends.
 
-    def on_a_lane(job: Job) -> Flown:
+    `lose_one` makes the row of a job whose process has died.
+    """
+    number = min(cores(), len(jobs))
+    lanes: SimpleQueue[_Lane[J, F]] = SimpleQueue()
+    for _ in range(number):
+        lanes.put(_Lane(fly_one, lose_one))
+
+    def on_a_lane(job: J) -> F:
         lane = lanes.get()
         try:
-            return lane.fly(job, fly_one)
+            return lane.fly(job)
         finally:
             lanes.put(lane)
 
     with ThreadPoolExecutor(max(number, 1)) as crew:
         flights = [crew.submit(on_a_lane, job) for job in jobs]
-        for flight in as_completed(flights):
-            tell(flight.result())
+        try:
+            for flight in as_completed(flights):
+                tell(flight.result())
+        except KeyboardInterrupt:
+            crew.shutdown(cancel_futures=True)
     for _ in range(number):
         lanes.get().close()
-    return [flight.result() for flight in flights]
+    return [flown for flight in flights for flown in _results(flight)]
+
+
+def _results(flight: Future[F]) -> list[F]:
+    """One, or none of a flight that was called off."""
+    try:
+        return [flight.result()]
+    except CancelledError:
+        return []
 
 
 def fly_and_show(jobs: Sequence[Job]) -> list[Flown]:
-    """The same with a bar on stderr, where it is not in the way of what is printed."""
+    """Missions with a bar on stderr, where it is not in the way of what is printed."""
+
+    def told(flown: Flown) -> str:
+        verdict = "completed" if flown.row["completed"] else "not completed"
+        return f"{flown.row['world']} {verdict}"
+
+    return with_a_bar(jobs, told, fly, lost)
+
+
+def with_a_bar(
+    jobs: Sequence[J],
+    told: Callable[[F], str],
+    fly_one: Callable[[J], F],
+    lose_one: Callable[[J, str], F],
+) -> list[F]:
+    """The same with a bar that says of each flight what `told` makes of it."""
     with Progress(console=Console(stderr=True, highlight=False), transient=True) as progress:
         bar = progress.add_task("flying", total=len(jobs))
 
-        def tell(flown: Flown) -> None:
-            verdict = "completed" if flown.row["completed"] else "not completed"
-            progress.update(bar, advance=1, description=f"{flown.row['world']} {verdict}")
+        def tell(flown: F) -> None:
+            progress.update(bar, advance=1, description=told(flown))
 
-        return fly_all(jobs, tell)
+        return fly_all(jobs, tell, fly_one, lose_one)
 
 
 def cores() -> int:
@@ -57,24 +102,28 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-class _Lane:
+class _Lane(Generic[J, F]):
     """A process for one flight after another, and a new one when it has died."""
 
-    def __init__(self) -> None:
+    def __init__(self, fly_one: Callable[[J], F], lose_one: Callable[[J, str], F]) -> None:
+        self._fly_one, self._lose_one = fly_one, lose_one
         self._process = _process()
 
-    def fly(self, job: Job, fly_one: Callable[[Job], Flown]) -> Flown:
+    def fly(self, job: J) -> F:
         try:
-            return self._process.submit(fly_one, job).result()
+            return self._process.submit(self._fly_one, job).result()
         except BrokenProcessPool:
             self.close()
             self._process = _process()
-            return lost(job, "its process died")
+            return self._lose_one(job, "its process died")
 
     def close(self) -> None:
         self._process.shutdown()
 
 
 def _process() -> ProcessPoolExecutor:
-    """Spawned: a process with threads must not be forked."""
-    return ProcessPoolExecutor(1, multiprocessing.get_context("spawn"))
+    """Spawned: a process with threads must not be forked. Ctrl-C is not for it."""
+    context = multiprocessing.get_context("spawn")
+    return ProcessPoolExecutor(
+        1, context, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)
+    )

@@ -75,7 +75,10 @@ class SensorBoard:
                 else TofUnit(physics, true_range, random)
             )
         devices = dict(self._i2c_devices(config))
-        devices[config.gyro_address] = Lsm9ds1Device(
+        self.adc_addresses = frozenset(devices)
+        """Every chip of the range sensors."""
+        self.gyro_address = config.gyro_address
+        devices[config.gyro_address] = self.gyro = Lsm9ds1Device(
             # A state's rate is that of the step which led to it.
             lambda time_s: truth_at(time_s + 0.5 * STEP_S).yaw_rate_rad_s,
             stream(seed, "gyro"),
@@ -95,6 +98,19 @@ class SensorBoard:
 
     def plug_in(self, beam: str) -> None:
         self._sensors[Beam(beam)].is_unplugged = False
+
+    def stick(self, beam: str, *, stuck: bool) -> None:
+        """A fault for tests: a range sensor that tells its last measurement for ever."""
+        self._sensors[Beam(beam)].is_stuck = stuck
+
+    def set_noise(self, beam: str, factor: float) -> None:
+        """A fault for tests: a range sensor with so many times its noise."""
+        self._sensors[Beam(beam)].noise_factor = factor
+
+    def swap(self, one: str, other: str) -> None:
+        """A fault for tests: two range sensors that look where the other should."""
+        first, second = self._sensors[Beam(one)], self._sensors[Beam(other)]
+        first.true_range, second.true_range = second.true_range, first.true_range
 
     def set_gain(self, beam: str, gain: float) -> None:
         """A fault for tests: a range sensor that reads so many times the distance."""

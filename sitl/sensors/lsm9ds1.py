@@ -31,6 +31,7 @@ FIFO_DEPTH = 32
 OVERRUN = 0x40
 WALK_SAMPLES = 10
 NOMINAL_ODR_HZ = 119.0
+MOST_RATE_RAD_S = 32767 * RAD_S_PER_COUNT
 YawRate = Callable[[float], float]
 """time_s -> true body rate about down, rad/s."""
 
@@ -102,6 +103,9 @@ class Lsm9ds1Device:
         self._bias = self._turn_on_bias
         self._walk_kick = noise.bias_walk_rad_s_sqrt_s * math.sqrt(WALK_SAMPLES * self._period_s)
         self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
+        self.fault_bias_rad_s = 0.0
+        self.is_saturated = False
+        """Faults for tests."""
         self._sampled = 0
         self._fifo: deque[bytes] = deque(maxlen=FIFO_DEPTH)
         """As it is read: x, y and z of each sample."""
@@ -161,7 +165,9 @@ class Lsm9ds1Device:
         if self._sampled % WALK_SAMPLES == 0:
             self._drift(time_s)
         rate = self._yaw_rate(time_s) * self._scale + self._bias
-        rate += self._random.gauss(0, self._white)
+        rate += self._random.gauss(0, self._white) + self.fault_bias_rad_s
+        if self.is_saturated:
+            rate = math.copysign(MOST_RATE_RAD_S, rate)
         # The chip's z axis points up: its positive rate is counter-clockwise.
         return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
 

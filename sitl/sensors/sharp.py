@@ -37,20 +37,23 @@ class SharpUnit:
 
     def __init__(self, physics: SharpPhysics, true_range: TrueRange, random: Random) -> None:
         self._physics = physics
-        self._true_range = true_range
+        self.true_range = true_range
         self._random = random
         self._period_s = physics.period_s * (1 + random.gauss(0, physics.period_spread))
         self._phase_s = random.uniform(0, self._period_s)
         self.gain = 1 + random.gauss(0, physics.gain_sigma)
         self._refresh = -1
         self._volts = 0.0
-        self.is_unplugged = False
-        """A fault for tests."""
+        self.is_unplugged = self.is_stuck = False
+        self.noise_factor = 1.0
+        """Faults for tests."""
 
     def volts(self, time_s: float) -> float:
         """The output at a time; evaluated only when somebody looks."""
         if self.is_unplugged:
             return 0.0
+        if self.is_stuck:
+            return self._volts
         refresh = int((time_s + self._phase_s) / self._period_s)
         if refresh != self._refresh:
             self._refresh = refresh
@@ -58,9 +61,11 @@ class SharpUnit:
         return self._volts
 
     def _measure(self, time_s: float) -> float:
-        physics = self._physics
-        distance_m = self._true_range(time_s)
+        physics, times = self._physics, self.noise_factor
+        distance_m = self.true_range(time_s)
         if distance_m is not None:
-            distance_m = distance_m * self.gain + self._random.gauss(0, physics.distance_noise_m)
+            noise_m = times * self._random.gauss(0, physics.distance_noise_m)
+            distance_m = distance_m * self.gain + noise_m
             distance_m = distance_m if distance_m <= physics.sees_to_m else None
-        return physics.profile.volts(distance_m) + self._random.gauss(0, physics.output_noise_v)
+        noise_v = times * self._random.gauss(0, physics.output_noise_v)
+        return physics.profile.volts(distance_m) + noise_v

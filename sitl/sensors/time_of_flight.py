@@ -43,15 +43,16 @@ class TofUnit:
 
     def __init__(self, physics: TofPhysics, true_range: TrueRange, random: Random) -> None:
         self._physics = physics
-        self._true_range = true_range
+        self.true_range = true_range
         self._random = random
         self._period_s = physics.period_s * (1 + random.gauss(0, physics.period_spread))
         self._phase_s = random.uniform(0, self._period_s)
         self.gain = 1 + random.gauss(0, physics.gain_sigma)
         self._count = -1
         self._distance_m: float | None = None
-        self.is_unplugged = False
-        """A fault for tests."""
+        self.is_unplugged = self.is_stuck = False
+        self.noise_factor = 1.0
+        """Faults for tests."""
 
     def count(self, time_s: float) -> int:
         """How many measurements have ended until then."""
@@ -60,15 +61,15 @@ class TofUnit:
     def distance_m(self, time_s: float) -> float | None:
         """The latest measurement that had ended by then; None: no light came back."""
         count = self.count(time_s)
-        if count != self._count:
+        if count != self._count and not self.is_stuck:
             self._count = count
             self._distance_m = self._measure(count * self._period_s - self._phase_s)
         return self._distance_m
 
     def _measure(self, ended_s: float) -> float | None:
         physics = self._physics
-        true_m = self._true_range(ended_s - physics.gathers_s / 2)
-        noise = self._random.gauss(0, 1)
+        true_m = self.true_range(ended_s - physics.gathers_s / 2)
+        noise = self.noise_factor * self._random.gauss(0, 1)
         if true_m is None:
             return None
         model = physics.model

@@ -1,4 +1,4 @@
-"""Random and mutated input for the simulator's two doors: MAVLink frames and bus requests."""
+"""Random and mutated input: MAVLink frames both ways, bus requests, and bytes of serial ports."""
 
 import struct
 from collections.abc import Sequence
@@ -67,6 +67,47 @@ def mavlink_frame(random: Random) -> bytes:
             mutated[random.randrange(len(mutated))] = random.randrange(256)
         return bytes(mutated)
     return bytes(frame)
+
+
+TOLD = tuple(
+    mavlink.mavlink_map[message_id]
+    for message_id in (
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+        mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR,
+        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT,
+        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS,
+        mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_PARAM_VALUE,
+        mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+    )
+)
+
+
+def vehicle_frame(random: Random) -> bytes:
+    """What an autopilot gone mad may tell its companion."""
+    message = _message(random, TOLD)
+    if message.get_type() == "HEARTBEAT":
+        message.autopilot = random.choice((3, 12, 12, message.autopilot))
+    frame = bytearray(message.pack(make_codec(1, 1)))
+    if random.random() < 0.1:
+        frame[random.randrange(len(frame))] = random.randrange(256)
+    return bytes(frame)
+
+
+def serial_bytes(random: Random) -> bytes:
+    """Frames of a TFmini-S, whole, torn or wrong, and noise."""
+    told = b""
+    for _ in range(random.randrange(4)):
+        frame = b"\x59\x59" + random.randbytes(6)
+        frame += bytes([sum(frame) % 256 if random.random() < 0.8 else random.randrange(256)])
+        told += frame[: random.choice((9, 9, 9, random.randrange(9)))]
+        told += random.randbytes(random.choice((0, 0, 0, 5)))
+    return told if random.random() < 0.95 else random.randbytes(2000)
 
 
 def foreign_frame(random: Random) -> bytes:

@@ -6,9 +6,9 @@
 
     [[events]]           # faults and the pilot, as in docs/testing.md
     when = "scanning"    # or at_s = 20
-    do = "link_down"     # break_bus, crash, link_down, pilot_mode, unplug
-    for_s = 5            # link_down and break_bus: for good if left out
-    # with = "LOITER"    # pilot_mode: the mode; unplug: the beam
+    do = "link_down"     # or any other action
+    for_s = 5            # for good if left out
+    # with = "LOITER"    # what the action takes: one value, a list, or a table of names
 
 A Python file defines the same as `mission`, a dict, and `events`, a list of `sitl.testing` events.
 """
@@ -18,22 +18,12 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator, validate_call
 
 from sitl.errors import SitlError, complaint
-from sitl.testing.script import (
-    Action,
-    Event,
-    at,
-    break_bus,
-    crash,
-    link_down,
-    pilot_mode,
-    unplug,
-    when,
-)
+from sitl.testing.script import ACTIONS, Action, Event, at, when
 
 SUFFIXES = (".toml", ".py")
 
@@ -55,16 +45,16 @@ class _Event(BaseModel):
 
     at_s: float | None = Field(None, ge=0)
     when: str | None = None
-    do: Literal["break_bus", "crash", "link_down", "pilot_mode", "unplug"]
+    do: str
     for_s: float | None = Field(None, gt=0)
-    detail: str | None = Field(None, alias="with")
+    given: Any = Field(None, alias="with")
 
     @model_validator(mode="after")
     def _begins_once(self) -> "_Event":
         if (self.at_s is None) == (self.when is None):
             raise ValueError("either at_s or when is needed, not both")
-        if (self.do in ("pilot_mode", "unplug")) != (self.detail is not None):
-            raise ValueError("with is needed by pilot_mode and unplug, and by nothing else")
+        if self.do not in ACTIONS:
+            raise ValueError(f"no action {self.do!r}; known: {', '.join(ACTIONS)}")
         return self
 
     def event(self) -> Event:
@@ -72,17 +62,19 @@ class _Event(BaseModel):
         return at(self.at_s, action) if self.at_s is not None else when(self.when or "", action)
 
     def _action(self) -> Action:
-        match self.do:
-            case "break_bus":
-                return break_bus(self.for_s)
-            case "link_down":
-                return link_down(self.for_s)
-            case "crash":
-                return crash()
-            case "pilot_mode":
-                return pilot_mode(self.detail or "")
-            case "unplug":
-                return unplug(self.detail or "")
+        values: list[object] = []
+        named = {} if self.for_s is None else {"for_s": self.for_s}
+        match self.given:
+            case None:
+                pass
+            case dict():
+                named = {**self.given, **named}
+            case list():
+                values = self.given
+            case _:
+                values = [self.given]
+        action: Action = validate_call(ACTIONS[self.do])(*values, **named)
+        return action
 
 
 class _File(BaseModel):
@@ -115,6 +107,8 @@ def _toml(path: Path) -> MissionFile:
     file = _File.model_validate(tomllib.loads(path.read_text()))
     try:
         events = tuple(event.event() for event in file.events)
+    except ValidationError as error:
+        raise MissionError(f"{path}: {error.title}: {complaint(error)}") from error
     except ValueError as error:
         raise MissionError(f"{path}: {error}") from error
     return MissionFile(_overrides(file.mission), events)

@@ -3,13 +3,16 @@
 script=[at(30, link_down(for_s=5)), when("scanning", pilot_mode("LOITER"))]
 """
 
-from collections.abc import Callable, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 from companion.app import App
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
 from sitl.lockstep import Script
+from sitl.radio import NO_TROUBLES, Troubles
 from sitl.simulation import Simulation
 
 Switch = Callable[[Simulation], None]
@@ -46,16 +49,31 @@ def when(activity: str, action: Action) -> Event:
     return Event(lambda simulation, app: activity in app.flight.activity, action)
 
 
+# The link
+
+
+def bad_link(
+    loss: float = 0.0,
+    duplicates: float = 0.0,
+    reordering: float = 0.0,
+    jitter_s: float = 0.0,
+    for_s: float | None = None,
+) -> Action:
+    """MAVLink suffers in both directions: shares of all messages, and the most they are late."""
+    troubles = Troubles(loss, duplicates, reordering, jitter_s)
+    return Action(
+        lambda simulation: simulation.disturb_link(troubles),
+        lambda simulation: simulation.disturb_link(NO_TROUBLES),
+        for_s,
+    )
+
+
 def link_down(for_s: float | None = None) -> Action:
     """MAVLink is lost in both directions."""
+    return bad_link(loss=1.0, for_s=for_s)
 
-    def switch(*, down: bool) -> Switch:
-        def turn(simulation: Simulation) -> None:
-            simulation.is_link_down = down
 
-        return turn
-
-    return Action(switch(down=True), switch(down=False), for_s)
+# The sensors
 
 
 def break_bus(for_s: float | None = None) -> Action:
@@ -70,11 +88,153 @@ def break_bus(for_s: float | None = None) -> Action:
     return Action(switch(broken=True), switch(broken=False), for_s)
 
 
-def unplug(beam: str) -> Action:
+def dead_adc(for_s: float | None = None) -> Action:
+    """The chips of the range sensors do not answer; the gyro does."""
+
+    def die(simulation: Simulation) -> None:
+        simulation.board.bus.dead_addresses |= simulation.board.adc_addresses
+
+    def come_back(simulation: Simulation) -> None:
+        simulation.board.bus.dead_addresses -= simulation.board.adc_addresses
+
+    return Action(die, come_back, for_s)
+
+
+def unplug(beam: str, for_s: float | None = None) -> Action:
     """A range sensor loses its plug: "front", "left", "right", "up" or "down"."""
-    if beam not in list(Beam):
-        raise ValueError(f"no beam {beam!r}; known: {', '.join(Beam)}")
-    return Action(lambda simulation: simulation.board.unplug(beam))
+    _check(beam)
+    return Action(
+        lambda simulation: simulation.board.unplug(beam),
+        lambda simulation: simulation.board.plug_in(beam),
+        for_s,
+    )
+
+
+def stick(beam: str, for_s: float | None = None) -> Action:
+    """A range sensor tells its last measurement again and again."""
+    _check(beam)
+    return Action(
+        lambda simulation: simulation.board.stick(beam, stuck=True),
+        lambda simulation: simulation.board.stick(beam, stuck=False),
+        for_s,
+    )
+
+
+def noisy(beam: str, times: float = 10.0, for_s: float | None = None) -> Action:
+    """A range sensor has so many times its noise."""
+    _check(beam)
+    return Action(
+        lambda simulation: simulation.board.set_noise(beam, times),
+        lambda simulation: simulation.board.set_noise(beam, 1.0),
+        for_s,
+    )
+
+
+def swap(one: str, other: str) -> Action:
+    """Two range sensors look where the other one should."""
+    _check(one)
+    _check(other)
+    return Action(lambda simulation: simulation.board.swap(one, other))
+
+
+def dead_gyro(for_s: float | None = None) -> Action:
+    """The gyro does not answer; the range sensors do."""
+
+    def die(simulation: Simulation) -> None:
+        simulation.board.bus.dead_addresses.add(simulation.board.gyro_address)
+
+    def come_back(simulation: Simulation) -> None:
+        simulation.board.bus.dead_addresses.discard(simulation.board.gyro_address)
+
+    return Action(die, come_back, for_s)
+
+
+def saturate_gyro(for_s: float | None = None) -> Action:
+    """The gyro reads as much as it can."""
+
+    def switch(*, saturated: bool) -> Switch:
+        def turn(simulation: Simulation) -> None:
+            simulation.board.gyro.is_saturated = saturated
+
+        return turn
+
+    return Action(switch(saturated=True), switch(saturated=False), for_s)
+
+
+def bias_gyro(deg_s: float, for_s: float | None = None) -> Action:
+    """The gyro reads so much more than before."""
+
+    def switch(rad_s: float) -> Switch:
+        def turn(simulation: Simulation) -> None:
+            simulation.board.gyro.fault_bias_rad_s = rad_s
+
+        return turn
+
+    return Action(switch(math.radians(deg_s)), switch(0.0), for_s)
+
+
+# The vehicle
+
+
+def crash(reason: str = "test") -> Action:
+    """The autopilot disarms as after hitting something."""
+    return Action(lambda simulation: simulation.autopilot.crash(reason))
+
+
+def restart_autopilot() -> Action:
+    """The autopilot reboots: silent for 1.5 s, its motors off, then in its first mode."""
+    return Action(lambda simulation: simulation.autopilot.restart())
+
+
+def jump_clock(seconds: float) -> Action:
+    """The autopilot's time since boot leaps, forward or back."""
+    return Action(lambda simulation: simulation.autopilot.jump_clock(seconds))
+
+
+def jump_odometry(
+    north_m: float = 0.0, east_m: float = 0.0, down_m: float = 0.0, yaw_deg: float = 0.0
+) -> Action:
+    """The autopilot's estimate is elsewhere from one moment to the next."""
+    yaw_rad = math.radians(yaw_deg)
+    return Action(
+        lambda simulation: simulation.autopilot.believed.jump(north_m, east_m, down_m, yaw_rad)
+    )
+
+
+def lose_flow(for_s: float | None = None) -> Action:
+    """The floor shows no texture: the autopilot has no position, and lands after some seconds."""
+    return Action(
+        lambda simulation: simulation.autopilot.lose_flow(lost=True),
+        lambda simulation: simulation.autopilot.lose_flow(lost=False),
+        for_s,
+    )
+
+
+def battery(percent: float) -> Action:
+    """So much is left from now on."""
+    return Action(lambda simulation: simulation.autopilot.set_battery(percent / 100))
+
+
+def refuse_arming(for_s: float | None = None) -> Action:
+    """The autopilot's own checks complain."""
+    return Action(
+        lambda simulation: simulation.autopilot.refuse_arming(refuse=True),
+        lambda simulation: simulation.autopilot.refuse_arming(refuse=False),
+        for_s,
+    )
+
+
+def pilot_mode(name: str) -> Action:
+    """The pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on."""
+    numbers = {
+        mode: number for modes in (ARDUCOPTER_MODES, PX4_MODES) for number, mode in modes.items()
+    }
+    if name not in numbers:
+        raise ValueError(f"no mode {name!r}; known: {', '.join(sorted(numbers))}")
+    return Action(lambda simulation: simulation.autopilot.pilot_mode(numbers[name]))
+
+
+# The world, and the companion itself
 
 
 def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None = None) -> Action:
@@ -91,19 +251,42 @@ def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None =
     return Action(come, go, for_s)
 
 
-def crash(reason: str = "test") -> Action:
-    """The autopilot disarms as after hitting something."""
-    return Action(lambda simulation: simulation.autopilot.crash(reason))
+def gust(north_m_s: float, east_m_s: float, for_s: float | None = None) -> Action:
+    """The air carries the drone along."""
+    return Action(
+        lambda simulation: simulation.autopilot.blow(north_m_s, east_m_s),
+        lambda simulation: simulation.autopilot.blow(0.0, 0.0),
+        for_s,
+    )
 
 
-def pilot_mode(name: str) -> Action:
-    """The pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on."""
-    numbers = {
-        mode: number for modes in (ARDUCOPTER_MODES, PX4_MODES) for number, mode in modes.items()
+def hang(for_s: float) -> Action:
+    """The companion does nothing for so long, then goes on."""
+
+    def stop(simulation: Simulation) -> None:
+        simulation.companion_hangs_until_s = simulation.time_s + for_s
+
+    return Action(stop)
+
+
+ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
+    {
+        action.__name__: action
+        for action in (
+            *(bad_link, link_down),
+            *(break_bus, dead_adc, unplug, stick, noisy, swap),
+            *(dead_gyro, saturate_gyro, bias_gyro),
+            *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),
+            *(refuse_arming, pilot_mode, somebody, gust, hang),
+        )
     }
-    if name not in numbers:
-        raise ValueError(f"no mode {name!r}; known: {', '.join(sorted(numbers))}")
-    return Action(lambda simulation: simulation.autopilot.pilot_mode(numbers[name]))
+)
+"""All of them by name."""
+
+
+def _check(beam: str) -> None:
+    if beam not in list(Beam):
+        raise ValueError(f"no beam {beam!r}; known: {', '.join(Beam)}")
 
 
 def play(events: Sequence[Event]) -> Script:

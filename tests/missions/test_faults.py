@@ -1,10 +1,56 @@
 """What goes wrong in flight, and that each ends in its written reaction (docs/faults.md)."""
 
+from pathlib import Path
+
 import pytest
 
 from companion.pdps.flight import Phase
 from sitl.autopilot.ardupilot import LAND, LOITER
-from sitl.testing import Flight, Sitl, at, break_bus, crash, link_down, pilot_mode, unplug
+from sitl.testing import (
+    Action,
+    Flight,
+    Sitl,
+    at,
+    bad_link,
+    battery,
+    bias_gyro,
+    break_bus,
+    crash,
+    dead_adc,
+    dead_gyro,
+    gust,
+    hang,
+    jump_clock,
+    jump_odometry,
+    link_down,
+    lose_flow,
+    noisy,
+    pilot_mode,
+    refuse_arming,
+    restart_autopilot,
+    saturate_gyro,
+    stick,
+    swap,
+    unplug,
+    when,
+)
+
+ROOM = """
+name = "small room"
+height_m = 2.6
+walls = [{ points = [[0, 0], [5, 0], [5, 5.5], [0, 5.5]], closed = true }]
+starts = [{ name = "middle", position = [2.5, 2.6] }]
+"""
+FRONT_STUCK = "landed: range sensor failed: front"
+NO_POSITION = "landed: the autopilot tells no position"
+
+
+@pytest.fixture
+def small(tmp_path: Path) -> str:
+    """A room that is flown in 50 s."""
+    path = tmp_path / "small.toml"
+    path.write_text(ROOM)
+    return str(path)
 
 
 def phase(flight: Flight) -> Phase:
@@ -68,3 +114,89 @@ def test_a_crash_fails_the_flight(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, crash())])
     assert phase(flight) is Phase.FAILED
     assert flight.ending == "failed: the autopilot disarmed in the air"
+
+
+@pytest.mark.parametrize(
+    ("action", "ending"),
+    [
+        (stick("front"), FRONT_STUCK),
+        (noisy("front"), FRONT_STUCK),
+        (dead_adc(), "landed: range sensor failed: front, left, right"),
+        (dead_gyro(), "landed: the gyro is silent"),
+        (saturate_gyro(), "landed: the gyro is saturated"),
+        (bias_gyro(5), "landed: gyro and autopilot do not turn alike"),
+        (lose_flow(), NO_POSITION),
+        (battery(5), "landed: 5 % of the battery is left"),
+        (battery(15), "landed: turned back with 15 % of the battery"),
+        (link_down(30), "failed: the autopilot is silent; nothing heard for 10 s"),
+        (restart_autopilot(), "failed: the autopilot disarmed in the air"),
+    ],
+)
+def test_what_lasts_ends_the_flight_in_its_way(
+    sitl: Sitl, small: str, action: Action, ending: str
+) -> None:
+    flight = sitl.fly(small, script=[at(20, action)])
+    assert flight.ending.startswith(ending)
+    assert flight.truth.collisions == 0
+    assert flight.plan.walls
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "profile"),
+    [("left", "right", "vl53l1x"), ("left", "right", "paper"), ("front", "right", "gp2y0a710k0f")],
+)
+def test_swapped_sensors_show_before_they_do_harm(
+    sitl: Sitl, small: str, one: str, other: str, profile: str
+) -> None:
+    flight = sitl.fly(small, script=[at(0, swap(one, other))], profile=profile)
+    assert flight.ending.startswith("landed: range sensors look elsewhere than they should")
+    assert flight.truth.collisions == 0
+
+
+@pytest.mark.parametrize(
+    "action",
+    [
+        unplug("up"),
+        stick("down"),
+        dead_adc(for_s=0.8),
+        dead_gyro(for_s=0.9),
+        link_down(for_s=0.2),
+        link_down(for_s=1),
+        lose_flow(for_s=0.6),
+        jump_odometry(north_m=2, east_m=-1, down_m=0.3, yaw_deg=40),
+        jump_clock(10),
+        jump_clock(-10),
+        hang(for_s=3),
+        gust(0.2, -0.2, for_s=2),
+        bad_link(loss=0.2, duplicates=0.2, reordering=0.2, jitter_s=0.3),
+    ],
+)
+def test_what_passes_does_not_end_the_mission(sitl: Sitl, small: str, action: Action) -> None:
+    flight = sitl.fly(small, script=[at(20, action)])
+    assert flight.completed, flight.ending
+    assert len(flight.plan.walls) == 4
+
+
+def test_a_turn_that_a_hanging_companion_has_missed_is_known_all_the_same(
+    sitl: Sitl, small: str
+) -> None:
+    flight = sitl.fly(small, script=[when("corner", hang(for_s=3))])
+    assert flight.completed, flight.ending
+    assert flight.report.wall_error_aligned_cm < 5
+
+
+def test_an_autopilot_that_restarts_before_take_off_is_waited_for(sitl: Sitl, small: str) -> None:
+    flight = sitl.fly(small, script=[at(2, restart_autopilot())])
+    assert flight.completed, flight.ending
+
+
+def test_refused_arming_ends_with_the_autopilots_words(sitl: Sitl, small: str) -> None:
+    flight = sitl.fly(small, script=[at(0, refuse_arming())])
+    assert flight.ending.startswith("failed: cannot arm after 30 s")
+    assert "Compass not calibrated" in flight.ending
+
+
+def test_a_drone_that_is_given_back_is_left_where_it_is(sitl: Sitl, small: str) -> None:
+    script = [at(20, pilot_mode("LOITER")), at(20.5, pilot_mode("GUIDED"))]
+    flight = sitl.fly(small, script=script)
+    assert flight.ending == "handed over: mode changed to LOITER"

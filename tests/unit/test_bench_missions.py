@@ -106,7 +106,9 @@ def fly_or_die(job: Job) -> Flown:
 def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lanes, "cores", lambda: 1)
     told: list[Flown] = []
-    flights = lanes.fly_all([job("room_100", seed) for seed in (2, 3)], told.append, fly_or_die)
+    flights = lanes.fly_all(
+        [job("room_100", seed) for seed in (2, 3)], told.append, fly_or_die, lost
+    )
     assert [flown.row["seed"] for flown in flights] == [2, 3]
     assert [flown.row["lost"] for flown in flights] == [True, False]
     assert flights[0].row["ending"] == "lost: its process died"
@@ -146,7 +148,7 @@ def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "fly_all", lambda jobs, tell: [fly(job) for job in jobs])
+    monkeypatch.setattr(lanes, "fly_all", lambda jobs, tell, *_: [fly(job) for job in jobs])
     (plans / "a_room.json").unlink()
     out = tmp_path / "out"
     done = CliRunner().invoke(

@@ -16,6 +16,7 @@ from companion.link.serial_transport import SerialTransport
 from companion.link.transport import direct_pair
 from companion.messages import Beam, RangeReading, RangeState
 from companion.rig import make_rig
+from sitl.radio import Troubles
 from sitl.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from tests.contract.bench import STILL, Bench, make_bench
@@ -76,7 +77,7 @@ def test_an_unplugged_sensor_is_silent() -> None:
 
 def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
     drone = Drone()
-    drone.simulation.is_link_down = True
+    drone.simulation.disturb_link(Troubles(loss=1.0))
     link = drone.looked_at()["link"]
     assert link.verdict is Verdict.BAD
     assert "udpin:127.0.0.1:14550" in link.remedy

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.deploy import DEPLOY, exposure, lint_scripts, verify_unit
+from benchmarks.deploy import DEPLOY, exposure, lint_scripts, verify_units
 from companion import config as configuration
 from sitl.autopilot.parameters.table import load_table
 
@@ -33,12 +33,12 @@ def test_the_scripts_pass_shellcheck() -> None:
 
 
 @needs_systemd
-def test_systemd_takes_the_unit() -> None:
-    assert verify_unit() == ""
+def test_systemd_takes_the_units() -> None:
+    assert verify_units() == ""
 
 
 @needs_systemd
-def test_the_unit_is_hardened() -> None:
+def test_the_units_are_hardened() -> None:
     assert exposure() <= 3.0
 
 

@@ -81,7 +81,7 @@ def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> No
     vehicle.says(heartbeat())
     vehicle.tick()
     asked = {int(m.param1) for m in vehicle.heard if m.get_type() == "COMMAND_LONG"}
-    assert asked == {32, 30, 245, 193}
+    assert asked == {32, 30, 245, 193, 1}
     kinds = {m.get_type() for m in vehicle.heard}
     assert {"SET_GPS_GLOBAL_ORIGIN", "PARAM_SET"} <= kinds
     (timeout,) = [m for m in vehicle.heard if m.get_type() == "PARAM_SET"]

@@ -1,7 +1,6 @@
 """Every arrow of the flight's diagram, and what it asks of the autopilot on the way."""
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -14,6 +13,7 @@ from companion.messages import (
     HOLD,
     Beam,
     CommandKind,
+    Fault,
     LandedState,
     Pose,
     RangeReading,
@@ -54,8 +54,7 @@ def view(
     right: RangeReading = CLEAR,
     up: RangeReading = CLEAR,
     gyro_at_rest: bool = True,
-    gyro_age_s: float = 0.0,
-    scan_age_s: float = 0.0,
+    fault: Fault | None = None,
     land_requested: bool = False,
 ) -> View:
     ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR, Beam.UP: up}
@@ -66,8 +65,7 @@ def view(
         sight,
         SPACE,
         gyro_at_rest,
-        gyro_age_s,
-        scan_age_s,
+        fault,
         land_requested=land_requested,
     )
 
@@ -178,31 +176,49 @@ def test_disarmed_in_the_air_has_failed() -> None:
     assert (flight.phase, flight.completed) == (Phase.FAILED, False)
 
 
-FAULTS: dict[str, Callable[[float], View]] = {
-    "link": lambda time_s: view(replace(FLYING, silent_s=1.5), time_s=time_s),
-    "gyro": lambda time_s: view(gyro_age_s=0.7, time_s=time_s),
-    "scan": lambda time_s: view(scan_age_s=0.7, time_s=time_s),
-    "one beam": lambda time_s: view(right=RangeReading(RangeState.FAILED), time_s=time_s),
-}
+SILENT = Fault("the gyro is silent", 1.0)
 
 
-@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS.keys())
-def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on(fault: Callable[[float], View]) -> None:
-    held, action = step(flying(Phase.ROOM), fault(100.0), PLAN)
-    assert (held.phase, action) == (Phase.HOLD, Action(HOLD))
-    assert held.trouble
+def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on() -> None:
+    held, action = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
+    assert (held.phase, held.trouble, action) == (Phase.HOLD, SILENT.text, Action(HOLD))
     resumed, _ = step(held, view(time_s=100.5), PLAN)
     assert (resumed.phase, resumed.trouble) == (Phase.ROOM, "")
 
 
-@pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS.keys())
-def test_a_fault_that_lasts_lands_the_drone(fault: Callable[[float], View]) -> None:
-    held, _ = step(flying(Phase.ROOM), fault(100.0), PLAN)
-    landing, action = step(held, fault(103.5), PLAN)
+def test_a_fault_that_lasts_lands_the_drone() -> None:
+    held, _ = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
+    waiting, action = step(held, view(time_s=100.9, fault=SILENT), PLAN)
+    assert (waiting.phase, action) == (Phase.HOLD, Action(HOLD))
+    landing, action = step(held, view(time_s=101.1, fault=SILENT), PLAN)
     assert (landing.phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
     landed, _ = step(landing, view(ON_GROUND, time_s=110.0), PLAN)
     assert landed.phase is Phase.DONE
     assert not landed.completed
+
+
+def test_a_fault_does_not_hide_why_it_was_going_home() -> None:
+    going = replace(flying(Phase.HOME), trouble="turned back for the limit of 600 s")
+    held, _ = step(going, view(fault=SILENT), PLAN)
+    resumed, _ = step(held, view(time_s=100.5), PLAN)
+    assert resumed.trouble == going.trouble
+
+
+def test_a_battery_that_runs_low_sends_it_home_and_then_down() -> None:
+    low, empty, unknown = (replace(FLYING, battery=share) for share in (0.15, 0.05, None))
+    flight, _ = step(flying(Phase.ROOM), view(low), PLAN)
+    assert (flight.phase, flight.trouble) == (Phase.HOME, "turned back with 15 % of the battery")
+    assert step(flight, view(low), PLAN)[0].phase is Phase.HOME
+    assert step(flight, view(empty), PLAN)[0].phase is Phase.LAND
+    assert after(Phase.ROOM, view(unknown))[0] is Phase.ROOM
+
+
+def test_an_autopilot_that_stands_on_the_ground_and_does_not_disarm_is_told_to() -> None:
+    stands = replace(FLYING, mode="LAND", landed_state=LandedState.ON_GROUND)
+    assert asks(after(Phase.LAND, view(stands))[1]) is None
+    assert asks(after(Phase.LAND, view(stands, time_s=110.0))[1]) is CommandKind.DISARM
+    sinking = replace(stands, landed_state=LandedState.LANDING)
+    assert asks(after(Phase.LAND, view(sinking, time_s=110.0))[1]) is None
 
 
 def test_nothing_heard_for_ten_seconds_is_the_end() -> None:

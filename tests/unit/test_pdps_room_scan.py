@@ -187,7 +187,11 @@ def test_after_the_corner_it_scans_the_next_wall() -> None:
 
 @pytest.mark.parametrize(
     ("corners", "east_m", "phase"),
-    [(4, 0.5, ScanPhase.CLOSED), (4, 0.1, ScanPhase.SCAN), (3, 0.5, ScanPhase.SCAN)],
+    [
+        (4, 0.5, ScanPhase.CLOSED),
+        (4, 0.1, ScanPhase.SCAN),
+        (3, 0.5, ScanPhase.SCAN),
+    ],
 )
 def test_the_room_is_closed_past_where_the_scan_began(
     corners: int, east_m: float, phase: ScanPhase

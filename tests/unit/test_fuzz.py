@@ -1,21 +1,23 @@
-"""Nothing that comes in may break the simulator; `python -m benchmarks.fuzz_sitl` asks for more."""
+"""Nothing that comes in may break us; `python -m benchmarks.fuzz` asks for more."""
 
 from random import Random
 
 import pytest
 
-from benchmarks.fuzz_sitl import fuzz_autopilot, fuzz_bus
+from benchmarks.fuzz import TARGETS, fuzz
 from companion.link.transport import decode, make_codec
 from sitl.testing.fuzz import OTHER_SYSTEM, foreign_frame
 
+INPUTS = {
+    **{"ardupilot": 3000, "px4": 3000, "companion": 3000},
+    **{"bus": 3000, "replies": 2000, "serial": 5000},
+}
+OF_A_FILE = 300
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_odd_mavlink_frames_are_survived(personality: str) -> None:
-    fuzz_autopilot(personality, 3000, seed=1)
 
-
-def test_odd_bus_requests_are_survived() -> None:
-    fuzz_bus(3000, seed=1)
+@pytest.mark.parametrize("target", TARGETS)
+def test_odd_input_is_survived(target: str) -> None:
+    fuzz(target, INPUTS.get(target, OF_A_FILE), seed=1)
 
 
 def test_foreign_frames_hold_nothing_for_this_vehicle() -> None:

@@ -1,0 +1,117 @@
+"""The command that flies, and the one place where the flight's parts are put together."""
+
+import signal
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.app import App, Progress
+from companion.clocks import open_clock
+from companion.config import Config
+from companion.console import ProgressLine, summary
+from companion.drivers.bus import open_bus
+from companion.fly import Rig, fly
+from companion.link.open_link import open_transport
+from companion.mapping.files import AutoSave, save, save_as, save_json
+from companion.messages import FloorPlan
+from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
+from companion.recording.recorder import Recorder, open_recorder
+from companion.rig import make_rig
+from companion.service import Service
+
+EXIT_NOT_COMPLETED = 1
+
+commands = typer.Typer()
+
+
+@commands.command("fly")
+def fly_command(
+    config: ConfigFile = None,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    profile: Profile = None,
+    mission: Annotated[str | None, typer.Option(help="room, building, exterior, layers.")] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
+) -> None:
+    """Take off, scan, return, land; leave map.png, map.ply and map.json."""
+    settings = load_settings(config, link, bus, profile, mission=mission)
+    console = Console(highlight=False)
+    transport = open_transport(settings.link)
+    wires = open_bus(settings.sensors.bus)
+    console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
+    recorder = open_recorder(out, settings, time.time(), console.print)
+    clock = open_clock(settings, transport, console.print)
+    rig = make_rig(settings, recorder.tap(transport), wires, clock)
+    app = App(settings)
+    code = fly_to_the_end(app, rig, recorder, out, console)
+    if not app.flight.took_off:
+        console.print(_remedy(settings), soft_wrap=True)
+    raise typer.Exit(code)
+
+
+def fly_to_the_end(app: App, rig: Rig, recorder: Recorder, out: Path, console: Console) -> int:
+    """Fly, and leave the map; the exit status.
+
+    An error leaves the map so far and the recording as they are, without delay, so that `companion
+    recover` can go on with them.
+    """
+    autosave = AutoSave(out, app.floor_plan, console.print)
+    service = Service()
+    interrupted = _Interruption(console)
+    began_s = time.monotonic()
+    try:
+        with ProgressLine(console) as line:
+
+            def watch(progress: Progress) -> None:
+                service.alive(progress.activity)
+                line.show(progress)
+                autosave.update(progress.time_s)
+
+            fly(app, rig, watch, interrupted.requested, recorder.tick)
+    except KeyboardInterrupt:
+        _leave(app, recorder, out, service)
+        raise
+    except Exception:
+        save_as(save_json, app.floor_plan(), out / "map.json")
+        raise
+    plan, files = _leave(app, recorder, out, service)
+    console.print(summary(app.flight, plan, files, time.monotonic() - began_s))
+    return 0 if app.flight.completed else EXIT_NOT_COMPLETED
+
+
+def _leave(
+    app: App, recorder: Recorder, out: Path, service: Service
+) -> tuple[FloorPlan, list[Path]]:
+    service.landed()
+    plan = app.final_floor_plan()
+    recorder.close(plan)
+    return plan, save(plan, out)
+
+
+def _remedy(settings: Config) -> str:
+    return (
+        f"tried the autopilot at {settings.link.url} and sensors on {settings.sensors.bus}; "
+        "on a laptop start the simulator first: sitl run room_100"
+    )
+
+
+class _Interruption:
+    """Ctrl-C or a stop of the service asks for landing; the second Ctrl-C ends the flight here."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._requested = False
+        signal.signal(signal.SIGINT, self._request)
+        signal.signal(signal.SIGTERM, self._request)
+
+    def _request(self, number: int, frame: object) -> None:
+        if self._requested and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        self._requested = True
+        self._console.print("landing; press Ctrl-C again to leave the drone to the autopilot")
+
+    def requested(self) -> bool:
+        return self._requested

@@ -1,0 +1,122 @@
+"""Whether the level beams look where they should.
+
+While the drone turns once on the spot, each beam sees the same all around, one after the other. A
+beam that agrees with the front one only if it looks elsewhere is wired or mounted wrongly. Where
+that says nothing, as in the middle of a square, moving does: what a beam looks at comes nearer by
+as much as the drone goes there.
+"""
+
+import math
+from collections.abc import Mapping
+from statistics import median
+
+from companion.health.ranges import Travel
+from companion.messages import BEARING_FRD_RAD, Beam, RangeReading, RangeScan
+
+BINS = 36
+ENOUGH_TURN_RAD = math.radians(330)
+ON_THE_SPOT_M = 0.4
+LEAST_COMMON = 12
+LEAST_OFF_M = 0.4
+CLEARLY = 0.5
+"""The other direction explains what was seen with so much less error, or better."""
+QUARTER = BINS // 4
+WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(5)
+"""Straight along a beam, and so far, before what it reads is compared."""
+EXACT_M, EDGE_M = 0.06, 0.25
+"""Sigma of a reading that tells something; a change between two readings that is an edge."""
+LEAST_SHARE, AGAINST = 0.3, 3
+"""Nearer by less than this share of the way, so many times on end."""
+Seen = dict[int, float]
+"""Distance by heading of the drone, in bins."""
+
+
+class MountingWatch:
+    """Looks at every full turn."""
+
+    def __init__(self) -> None:
+        self.misplaced: tuple[Beam, ...] = ()
+        self._began_rad = 0.0
+        self._began_at_ne_m = (math.nan, math.nan)
+        self._seen: dict[Beam, Seen] = {}
+        self._ways = {beam: _Way(bearing_rad) for beam, bearing_rad in BEARING_FRD_RAD.items()}
+
+    def take(self, scan: RangeScan, place_ne_m: tuple[float, float], travel: Travel) -> None:
+        """Take in one sweep; `travel` is how far the drone has gone and turned in all."""
+        turned_rad = travel[3]
+        if not math.dist(place_ne_m, self._began_at_ne_m) < ON_THE_SPOT_M:  # true for NaN too
+            self._begin(place_ne_m, turned_rad)
+        heading = round(turned_rad * BINS / math.tau) % BINS
+        for beam in BEARING_FRD_RAD:
+            reading = scan.readings.get(beam)
+            if reading is None:
+                continue
+            if reading.is_distance:
+                self._seen.setdefault(beam, {})[heading] = reading.distance_m
+            if self._ways[beam].is_wrong(reading, travel) and beam not in self.misplaced:
+                self.misplaced += (beam,)
+        if abs(turned_rad - self._began_rad) > ENOUGH_TURN_RAD:
+            self.misplaced += tuple(b for b in misplaced(self._seen) if b not in self.misplaced)
+            self._begin(place_ne_m, turned_rad)
+
+    def _begin(self, place_ne_m: tuple[float, float], turned_rad: float) -> None:
+        self._began_at_ne_m, self._began_rad = place_ne_m, turned_rad
+        self._seen.clear()
+
+
+class _Way:
+    """Along one beam: does it read less by as much as the drone comes nearer?"""
+
+    def __init__(self, bearing_rad: float) -> None:
+        self._axis_frd = math.cos(bearing_rad), math.sin(bearing_rad)
+        self._from: tuple[float, Travel] | None = None
+        self._last_m = math.nan
+        self._against = 0
+
+    def is_wrong(self, reading: RangeReading, travel: Travel) -> bool:
+        """Take in one reading."""
+        is_exact = reading.is_distance and reading.variance_m2 < EXACT_M**2
+        is_edge = abs(reading.distance_m - self._last_m) > EDGE_M
+        self._last_m = reading.distance_m
+        if not is_exact or is_edge:
+            self._from = None
+        elif self._from is None:
+            self._from = reading.distance_m, travel
+        else:
+            self._compare(reading.distance_m, travel, *self._from)
+        return self._against >= AGAINST
+
+    def _compare(self, now_m: float, travel: Travel, then_m: float, then: Travel) -> None:
+        forward_m, right_m, _, turn_rad = (a - b for a, b in zip(travel, then, strict=True))
+        x, y = self._axis_frd
+        along_m, aside_m = forward_m * x + right_m * y, right_m * x - forward_m * y
+        if abs(aside_m) > MOST_ASIDE_M or abs(turn_rad) > MOST_TURN_RAD:
+            self._from = now_m, travel
+        elif abs(along_m) > WAY_M:
+            agrees = (then_m - now_m) / along_m > LEAST_SHARE
+            self._against = 0 if agrees else self._against + 1
+            self._from = now_m, travel
+
+
+def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
+    """The beams that do not fit the front one as they are, but would looking elsewhere."""
+    front = seen.get(Beam.FRONT, {})
+    return tuple(
+        beam for beam in seen if beam is not Beam.FRONT and _is_misplaced(beam, front, seen[beam])
+    )
+
+
+def _is_misplaced(beam: Beam, front: Seen, other: Seen) -> bool:
+    own = round(BEARING_FRD_RAD[beam] / (math.pi / 2)) % 4
+    off_m = [_off_m(front, other, quarters) for quarters in range(4)]
+    return off_m[own] > LEAST_OFF_M and min(off_m) < CLEARLY * off_m[own]
+
+
+def _off_m(front: Seen, other: Seen, quarters: int) -> float:
+    """How far apart the two are if the other looks so many quarters clockwise of the front."""
+    pairs = [
+        abs(front[there] - distance_m)
+        for heading, distance_m in other.items()
+        if (there := (heading + quarters * QUARTER) % BINS) in front
+    ]
+    return median(pairs) if len(pairs) >= LEAST_COMMON else math.inf

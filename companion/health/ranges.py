@@ -1,0 +1,112 @@
+"""Range sensors that answer, but not with what is there: stuck ones and noisy ones."""
+
+import math
+from collections import deque
+from dataclasses import replace
+
+from companion.frames import ned_to_frd
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    Odometry,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
+
+STUCK_S, STUCK_M, STUCK_RAD = 0.5, 0.2, math.radians(20)
+"""A reading that has not changed at all for so long, while the drone went so far along the beam or
+turned so far, is none."""
+ROUGH_SIGMAS, ROUGH_OF, ROUGH = 6.0, 20, 12
+"""Of the last readings, so many are this far off the middle of those before and after: edges of
+furniture are, too, but not most of all readings."""
+FAILED = RangeReading(RangeState.FAILED)
+Travel = tuple[float, float, float, float]
+"""Forward, right, down in metres, and the turn in radians, each added up since the start."""
+
+
+class RangeWatch:
+    """All beams."""
+
+    def __init__(self) -> None:
+        self.alive_s = -math.inf
+        """When any sensor last answered."""
+        self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
+        self._odometry: Odometry | None = None
+        self._beams: dict[Beam, _BeamWatch] = {}
+
+    def take(self, scan: RangeScan, odometry: Odometry | None, turned_rad: float) -> RangeScan:
+        """The scan; what cannot be believed has failed."""
+        self._move(odometry, turned_rad)
+        bad = []
+        for beam, reading in scan.readings.items():
+            if reading.is_alive:
+                self.alive_s = scan.time_s
+            watch = self._beams.get(beam) or self._beams.setdefault(beam, _BeamWatch(beam))
+            if watch.is_bad(scan.time_s, reading, self.travel):
+                bad.append(beam)
+        if not bad:
+            return scan
+        return replace(scan, readings={**scan.readings, **dict.fromkeys(bad, FAILED)})
+
+    def _move(self, odometry: Odometry | None, turned_rad: float) -> None:
+        forward_m, right_m, down_m, _ = self.travel
+        if odometry is not None:
+            if self._odometry is not None:
+                dt_s = min(odometry.time_s - self._odometry.time_s, STUCK_S)
+                north_m_s, east_m_s, down_m_s = odometry.velocity_ned_m_s
+                forward_m_s, right_m_s = ned_to_frd(north_m_s, east_m_s, odometry.yaw_rad)
+                forward_m += forward_m_s * dt_s
+                right_m += right_m_s * dt_s
+                down_m += down_m_s * dt_s
+            self._odometry = odometry
+        self.travel = forward_m, right_m, down_m, turned_rad
+
+
+class _BeamWatch:
+    """One of them."""
+
+    def __init__(self, beam: Beam) -> None:
+        bearing_rad = BEARING_FRD_RAD.get(beam)
+        self._is_level = bearing_rad is not None
+        self._axis_frd = (
+            (0.0, 0.0, 1.0)
+            if bearing_rad is None
+            else (math.cos(bearing_rad), math.sin(bearing_rad), 0.0)
+        )
+        self._value = math.nan
+        self._changed_s = 0.0
+        self._changed_at: Travel = (0.0, 0.0, 0.0, 0.0)
+        self._last: tuple[float, float] = (math.nan, math.nan)
+        """The two distances before."""
+        self._rough: deque[bool] = deque(maxlen=ROUGH_OF)
+
+    def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
+        if not reading.is_alive:
+            self._value = math.nan
+            return False
+        is_noisy = self._is_noisy(reading)
+        return self._is_stuck(time_s, reading, travel) or is_noisy
+
+    def _is_stuck(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
+        value = reading.distance_m if math.isnan(reading.raw) else reading.raw
+        if value != self._value:  # true for NaN, which nothing follows from
+            self._value, self._changed_s, self._changed_at = value, time_s, travel
+            return False
+        if time_s - self._changed_s < STUCK_S:
+            return False
+        forward_m, right_m, down_m, turn_rad = (
+            now - then for now, then in zip(travel, self._changed_at, strict=True)
+        )
+        x, y, z = self._axis_frd
+        along_m = forward_m * x + right_m * y + down_m * z
+        return abs(along_m) > STUCK_M or (self._is_level and abs(turn_rad) > STUCK_RAD)
+
+    def _is_noisy(self, reading: RangeReading) -> bool:
+        before_m, middle_m = self._last
+        after_m = reading.distance_m if reading.is_distance else math.nan
+        self._last = middle_m, after_m
+        off_m = abs(before_m - 2 * middle_m + after_m)
+        is_rough = reading.is_distance and off_m > ROUGH_SIGMAS * math.sqrt(reading.variance_m2)
+        self._rough.append(is_rough)
+        return is_rough + sum(self._rough) > ROUGH

@@ -1,0 +1,204 @@
+"""Flights with faults: does every one end well, and is its map left?"""
+
+import math
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from companion import config as configuration
+from companion.app import App, Progress
+from companion.errors import OutputError
+from companion.mapping.files import AutoSave, load_json, save_as, save_json
+from companion.pdps.flight import FINAL_PHASES, Phase
+from sitl.bench.fault_cases import Case, draw_case
+from sitl.lockstep import fly_in_lockstep
+from sitl.report import Report
+from sitl.simulation import Setup, Simulation
+from sitl.testing.script import play
+
+TIME_LIMIT_S = 150.0
+MOST_TIME_S = 400.0
+"""A flight that goes on for longer has not ended."""
+SETTLES_S = 10.0
+"""So long after it is in trouble for good, the drone must be at rest, or the pilot's."""
+AFTERWARDS_S = 12.0
+AT_REST_M_S = 0.3
+TROUBLED = frozenset({Phase.HOLD, Phase.LAND, *FINAL_PHASES})
+ENOUGH_HITS = 100
+"""With so many there is a map to lose."""
+
+
+Summary = dict[str, Any]
+
+
+class EndlessFlightError(Exception):
+    """It should have ended long ago."""
+
+
+@dataclass(frozen=True, slots=True)
+class FaultJob:
+    """A flight to be flown: the campaign's seed, and its number in it."""
+
+    seed: int
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class FaultFlown:
+    """How it went."""
+
+    row: Report
+
+
+class Judge:
+    """Watches a flight, tick by tick."""
+
+    def __init__(self) -> None:
+        self.collisions_caused = 0
+        """While the companion had the drone."""
+        self.set_down = 0
+        """Landed straight down on furniture, which it cannot see when it must land at once."""
+        self.flies_away = False
+        self._collisions = 0
+        self._troubled_since_s: float | None = None
+
+    def watch(self, simulation: Simulation, app: App) -> None:
+        """Once a tick; afterwards, too."""
+        now_s, phase = simulation.time_s, app.flight.phase
+        if now_s > MOST_TIME_S:
+            raise EndlessFlightError(f"still {app.flight.activity} after {now_s:.0f} s")
+        hit = simulation.record.collisions > self._collisions
+        self._collisions = simulation.record.collisions
+        north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
+        speed_m_s = math.hypot(north_m_s, east_m_s)
+        sinks = phase is Phase.LAND and speed_m_s < AT_REST_M_S
+        self.set_down += hit and sinks
+        self.collisions_caused += hit and not sinks and phase not in FINAL_PHASES
+        if phase not in TROUBLED:
+            self._troubled_since_s = None
+            return
+        if self._troubled_since_s is None:
+            self._troubled_since_s = now_s
+        moves = speed_m_s > AT_REST_M_S
+        self.flies_away |= moves and now_s - self._troubled_since_s > SETTLES_S
+
+
+def fly(job: FaultJob) -> FaultFlown:
+    """Fly; a flight that breaks off by an error is a row that tells it."""
+    case = draw_case(job.seed, job.number)
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            return FaultFlown({**_key(case), **_fly(case, Path(folder))})
+    except Exception as error:  # one flight of hundreds must not end the others
+        return lost(job, f"{type(error).__name__}: {error}")
+
+
+def lost(job: FaultJob, why: str) -> FaultFlown:
+    """A flight that has not come to an end: nobody knows where the drone is."""
+    bad = {"collisions": 0, "fly_away": True, "map_lost": True}
+    ending = f"lost: {' '.join(why.split())}"
+    return FaultFlown({**_key(draw_case(job.seed, job.number)), "ending": ending, **bad})
+
+
+def _key(case: Case) -> Report:
+    return {
+        "number": case.number,
+        "fault": case.faults[0].name,
+        "injected": "; ".join(map(str, case.faults)),
+        "world": case.world.name,
+        "profile": case.profile,
+        "autopilot": case.autopilot,
+    }
+
+
+def _fly(case: Case, folder: Path) -> Report:
+    settings = configuration.load(
+        None, {"sensors.profile": case.profile, "mission.time_limit_s": TIME_LIMIT_S}
+    )
+    setup = Setup(case.world, case.world.name, case.number, settings.sensors, case.autopilot)
+    inject, judge = play([fault.event() for fault in case.faults]), Judge()
+    savers: list[AutoSave] = []
+
+    def script(simulation: Simulation, app: App) -> None:
+        if not savers:
+            savers.append(AutoSave(folder, app.floor_plan, _nobody_hears))
+        inject(simulation, app)
+        judge.watch(simulation, app)
+
+    def save_now_and_then(progress: Progress) -> None:
+        for saver in savers:
+            saver.update(progress.time_s)
+
+    began_s = time.monotonic()
+    app, simulation = fly_in_lockstep(setup, settings, save_now_and_then, script=script)
+    ended_s = simulation.time_s
+    while simulation.time_s < ended_s + AFTERWARDS_S:
+        simulation.advance(simulation.time_s + 0.05)
+        judge.watch(simulation, app)
+    return {
+        "ending": app.flight.ending,
+        "phase": app.flight.phase.name,
+        "completed": app.flight.completed,
+        "flight_s": round(ended_s, 1),
+        "collisions": judge.collisions_caused,
+        "set_down_on_furniture": judge.set_down,
+        "collisions_in_all": simulation.record.collisions,
+        "clearance_m": round(simulation.record.clearance_m, 2),
+        "fly_away": judge.flies_away,
+        "map_lost": _is_map_lost(app, folder / "map.json"),
+        "waited_s": round(time.monotonic() - began_s, 1),
+    }
+
+
+def _is_map_lost(app: App, path: Path) -> bool:
+    """What the flight has seen is not in the file that it leaves."""
+    if app.estimator is None or len(app.estimator.record.hits) < ENOUGH_HITS:
+        return False
+    try:
+        save_as(save_json, app.final_floor_plan(), path)
+        plan = load_json(path)
+    except (OutputError, OSError, ValueError):
+        return True
+    return not plan.path or (not plan.walls and bool(app.floor_plan().walls))
+
+
+def _nobody_hears(warning: str) -> None:
+    """Of a folder that is there only for a moment."""
+
+
+def sum_up(seed: int, rows: Sequence[Report]) -> Summary:
+    """All figures, a row for each fault, and the flights that went wrong."""
+    names = list(dict.fromkeys(str(row["fault"]) for row in rows))
+    return {
+        "seed": seed,
+        **_figures(rows),
+        "faults": [
+            {"fault": name, **_figures([row for row in rows if row["fault"] == name])}
+            for name in names
+        ],
+        "wrong": [row for row in rows if is_wrong(row)],
+    }
+
+
+def is_wrong(row: Report) -> bool:
+    return bool(row["collisions"] or row["fly_away"] or row["map_lost"])
+
+
+def _figures(rows: Sequence[Report]) -> Summary:
+    phases = Counter(row.get("phase", "") for row in rows)
+    completed = sum(bool(row.get("completed")) for row in rows)
+    return {
+        "flights": len(rows),
+        "collisions": sum(int(row["collisions"] or 0) for row in rows),
+        "fly_aways": sum(bool(row["fly_away"]) for row in rows),
+        "maps_lost": sum(bool(row["map_lost"]) for row in rows),
+        "set_down_on_furniture": sum(int(row.get("set_down_on_furniture") or 0) for row in rows),
+        "completed": completed,
+        "landed": phases["DONE"] - completed,
+        "handed_over": phases["HANDED_OVER"],
+        "failed": phases["FAILED"],
+    }

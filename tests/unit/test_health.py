@@ -1,0 +1,178 @@
+"""What is believed of what comes in, and what is a fault."""
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from companion.health.gyro import GyroWatch
+from companion.health.mounting import misplaced
+from companion.health.odometry import SteadyOdometry
+from companion.health.ranges import RangeWatch
+from companion.messages import (
+    Beam,
+    GyroSample,
+    Odometry,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
+
+TICK_S = 0.05
+STILL = Odometry(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0)
+
+
+def flown(ticks: int, north_m_s: float = 1.0, yaw_rad_s: float = 0.0) -> list[Odometry]:
+    """Straight north."""
+    return [
+        Odometry(
+            i * TICK_S,
+            (north_m_s * i * TICK_S, 0.0, -1.0),
+            (north_m_s, 0.0, 0.0),
+            yaw_rad_s * i * TICK_S,
+        )
+        for i in range(ticks)
+    ]
+
+
+def test_odometry_without_jumps_is_left_as_it_is() -> None:
+    steady = SteadyOdometry()
+    for told in flown(20):
+        assert steady.take(told) is told
+
+
+def test_a_jump_is_taken_out_and_motion_goes_on_from_before_it() -> None:
+    steady = SteadyOdometry()
+    for told in flown(20):
+        x, y, z = told.position_ned_m
+        jumped = told.time_s > 0.5
+        moved = replace(told, position_ned_m=(x + 2.0, y - 1.0, z - 0.5)) if jumped else told
+        given = steady.take(moved)
+    assert given is not None
+    north_m, east_m, down_m = given.position_ned_m
+    assert north_m == pytest.approx(19 * TICK_S, abs=0.06)
+    assert (east_m, down_m) == pytest.approx((0.0, -1.0))
+
+
+def test_after_a_jump_of_the_heading_north_is_where_it_was() -> None:
+    steady = SteadyOdometry()
+    for told in flown(20):
+        turned = replace(  # the autopilot now calls north what was west
+            told,
+            position_ned_m=(0.0, told.position_ned_m[0], -1.0),
+            velocity_ned_m_s=(0.0, 1.0, 0.0),
+            yaw_rad=math.pi / 2,
+        )
+        given = steady.take(turned if told.time_s > 0.5 else told)
+    assert given is not None
+    assert given.yaw_rad == pytest.approx(0.0)
+    assert given.position_ned_m[0] == pytest.approx(19 * TICK_S, abs=0.06)
+    assert given.velocity_ned_m_s == pytest.approx((1.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    "told",
+    [
+        replace(STILL, position_ned_m=(math.nan, 0.0, 0.0)),
+        replace(STILL, yaw_rad=math.inf),
+        replace(STILL, velocity_ned_m_s=(math.nan, 0.0, 0.0)),
+        replace(STILL, velocity_ned_m_s=(80.0, 0.0, 0.0)),
+    ],
+)
+def test_what_no_drone_does_is_not_believed(told: Odometry) -> None:
+    assert SteadyOdometry().take(told) is None
+
+
+def samples(now_s: float, rate_rad_s: float) -> list[GyroSample]:
+    return [GyroSample(now_s - TICK_S + 0.01 * i, rate_rad_s) for i in range(1, 6)]
+
+
+def watched(gyro_rad_s: float, autopilot_rad_s: float, seconds: float = 5.0) -> GyroWatch:
+    watch = GyroWatch()
+    for told in flown(round(seconds / TICK_S), yaw_rad_s=autopilot_rad_s):
+        watch.take(told.time_s, samples(told.time_s, gyro_rad_s), told, 0.0)
+    return watch
+
+
+def test_a_gyro_that_turns_as_the_autopilot_does_is_well() -> None:
+    assert watched(0.8, 0.78).complaint == ""
+
+
+@pytest.mark.parametrize(
+    ("gyro_deg_s", "autopilot_deg_s"), [(5.0, 0.0), (0.0, 45.0), (0.0, 90.0), (45.0, 0.0)]
+)
+def test_a_gyro_that_turns_otherwise_is_not(gyro_deg_s: float, autopilot_deg_s: float) -> None:
+    watch = watched(math.radians(gyro_deg_s), math.radians(autopilot_deg_s))
+    assert watch.complaint == "gyro and autopilot do not turn alike"
+
+
+def test_a_compass_that_aligns_anew_is_no_fault_of_the_gyro() -> None:
+    watch = watched(0.0, 0.0, seconds=1.0)
+    watch.take(1.0, samples(1.0, 0.0), replace(STILL, time_s=1.0, yaw_rad=0.4), 0.0)
+    assert watch.complaint == ""
+
+
+def test_a_gyro_at_its_end_is_saturated() -> None:
+    assert watched(4.27, 4.27, seconds=0.2).complaint == "the gyro is saturated"
+
+
+def test_the_turn_in_a_gap_is_the_autopilots() -> None:
+    watch = watched(0.0, 0.0, seconds=1.0)
+    turned = replace(STILL, time_s=3.0, yaw_rad=1.0)
+    waiting = watch.take(2.9, samples(2.9, 0.0), None, 0.01)
+    assert not waiting  # until the autopilot has told
+    before_s = 19 * TICK_S
+    first, *_ = watch.take(3.0, samples(3.0, 0.0), turned, 0.01)
+    assert (first.yaw_rate_rad_s - 0.01) * (first.time_s - before_s) == pytest.approx(1.0)
+
+
+def seen_by(watch: RangeWatch, told: Odometry, front: RangeReading) -> RangeState:
+    scan = RangeScan(told.time_s, {Beam.FRONT: front})
+    return watch.take(scan, told, 0.0).readings[Beam.FRONT].state
+
+
+STUCK = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
+OPEN = RangeReading(RangeState.NOTHING, raw=1.25)
+
+
+@pytest.mark.parametrize("reading", [STUCK, OPEN])
+def test_a_reading_that_stays_the_same_on_the_way_has_failed(reading: RangeReading) -> None:
+    watch = RangeWatch()
+    states = [seen_by(watch, told, reading) for told in flown(20)]
+    assert states[5] is reading.state
+    assert states[-1] is RangeState.FAILED
+
+
+def test_a_reading_that_stays_the_same_while_the_drone_stands_is_well() -> None:
+    watch = RangeWatch()
+    assert {seen_by(watch, told, STUCK) for told in flown(60, 0.0)} == {RangeState.DISTANCE}
+
+
+def test_nothing_in_range_is_well_on_the_way() -> None:
+    watch, nothing = RangeWatch(), RangeReading(RangeState.NOTHING)
+    assert {seen_by(watch, told, nothing) for told in flown(60)} == {RangeState.NOTHING}
+
+
+def test_a_sensor_that_leaps_from_reading_to_reading_has_failed() -> None:
+    watch = RangeWatch()
+    leaps = [
+        seen_by(watch, told, RangeReading(RangeState.DISTANCE, 2.0 + (i % 2), 0.01))
+        for i, told in enumerate(flown(30))
+    ]
+    assert leaps[-1] is RangeState.FAILED
+
+
+def profile(quarters: int) -> dict[int, float]:
+    """Of a room with four unlike walls, seen by a beam that looks so far clockwise of the front."""
+    walls_m = (1.0, 2.0, 3.0, 4.0)
+    return {heading: walls_m[(heading // 9 + quarters) % 4] for heading in range(36)}
+
+
+def test_beams_that_look_where_they_should_are_not_misplaced() -> None:
+    seen = {Beam.FRONT: profile(0), Beam.RIGHT: profile(1), Beam.LEFT: profile(3)}
+    assert misplaced(seen) == ()
+
+
+def test_swapped_beams_show_in_one_turn() -> None:
+    seen = {Beam.FRONT: profile(0), Beam.RIGHT: profile(3), Beam.LEFT: profile(1)}
+    assert misplaced(seen) == (Beam.RIGHT, Beam.LEFT)
