@@ -67,6 +67,8 @@ class Travel:
     planned_s: float = -math.inf
     checked_s: float = -math.inf
     """When the way was found, and when it was last found free."""
+    resets: int = 0
+    """Of the pose, when the way was found: a step of the pose moves the map under the way."""
     doorways: tuple[Doorway, ...] = ()
     swept_ne_m: tuple[Vector2, ...] = ()
     sweep_rad: tuple[float, ...] = ()
@@ -97,9 +99,10 @@ def _fly(
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
     travel = _progress(travel, sight)
-    if now_s - travel.checked_s > CHECK_S:
+    has_stepped = sight.pose.reset_counter != travel.resets
+    if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s)
-        is_due = now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
+        is_due = has_stepped or now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
         if is_due or not _is_free(travel.way, sight, space):
             travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
@@ -146,9 +149,10 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         way = ways.to(travel.goal_ne_m)
         doorways = find_doorways(ways, here, way)
         way = passed_squarely(ways, here, way, doorways)
-        return replace(travel, way=way, planned_s=now_s, doorways=doorways)
+        resets = sight.pose.reset_counter
+        return replace(travel, way=way, planned_s=now_s, doorways=doorways, resets=resets)
     if gets_on and travel.way:  # whoever stands there may go
-        return replace(travel, planned_s=now_s)
+        return replace(travel, planned_s=now_s, resets=sight.pose.reset_counter)
     if travel.looked_round:
         return replace(travel, phase=TravelPhase.GAVE_UP)
     thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
