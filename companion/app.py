@@ -34,6 +34,7 @@ from companion.messages import (
     Pose,
     RangeScan,
     Setpoint,
+    Sketch,
     WallSegment,
 )
 from companion.pdps import flight
@@ -54,6 +55,8 @@ EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HO
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
+MOST_SKETCHED = 3000
+"""Points, and places of the path."""
 
 
 @value
@@ -233,6 +236,14 @@ class App:
     def floor_plan(self) -> FloorPlan:
         """The map so far, as the flight uses it."""
         return self._drawn_up(self.estimator.so_far()) if self.estimator else FloorPlan()
+
+    def sketch(self) -> Sketch:
+        """The map so far, for those who look on; takes some milliseconds."""
+        if self.estimator is None:
+            return Sketch()
+        traced = self.estimator.so_far()
+        walls = wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
+        return Sketch(walls, *traced.thinned(MOST_SKETCHED), self._ceiling.height_m)
 
     def _drawn_up(self, traced: Traced) -> FloorPlan:
         return FloorPlan(

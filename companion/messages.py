@@ -277,3 +277,15 @@ class FloorPlan:
     ceiling_m: float | None = None
     floor_m: float | None = None
     tops: tuple[Surface, ...] = ()
+
+
+@value
+class Sketch:
+    """The map so far, for the eye: thinned out to what can be sent and drawn every second."""
+
+    walls: tuple[WallSegment, ...] = ()
+    points_ned_m: tuple[Vector3, ...] = ()
+    """Where beams have met something."""
+    path_ned_m: tuple[Vector3, ...] = ()
+    ceiling_m: float | None = None
+    """Above the take-off point."""

@@ -1,0 +1,110 @@
+"""Numbers and plots beside the scene: ranges, heading and what the gyro is off by."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import GuiApi, GuiUplotHandle, uplot
+
+from companion.messages import Beam, RangeReading
+from companion.view.mapped import SURE_HEX, UNSURE_HEX, UNSURE_M
+from companion.view.snapshot import Snapshot
+
+Series = NDArray[np.float64]
+WINDOW_S = 60.0
+PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
+COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
+HEIGHT_PX = 150
+
+
+class Instruments:
+    """A table of numbers, which others may add to, and three plots over the last minute."""
+
+    def __init__(self, gui: GuiApi) -> None:
+        self._table = gui.add_html("")
+        gui.add_html(_LEGEND)
+        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS)
+        self._yaw = _plot(gui, "heading, °", ("estimated", "true"), (COLOURS[2], COLOURS[4]))
+        self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],))
+
+    def tell(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
+        """The numbers of this moment."""
+        pose = snapshot.pose
+        rows = {
+            "doing": snapshot.activity,
+            **({"trouble": snapshot.trouble} if snapshot.trouble else {}),
+            "time": f"{snapshot.time_s:.1f} s",
+            "height": "–" if pose is None else f"{pose.height_m:.2f} m",
+            "position known to": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
+            **more,
+        }
+        self._table.content = _html_table(rows)
+
+    def plot(self, window: Sequence[Snapshot], true_yaw_rad: Sequence[float] | None = None) -> None:
+        """The last minute of these snapshots, in their order."""
+        if not window:
+            return
+        since_s = window[-1].time_s - WINDOW_S
+        first = next(i for i, snapshot in enumerate(window) if snapshot.time_s >= since_s)
+        shown = window[first:]
+        times = np.array([snapshot.time_s for snapshot in shown])
+        self._ranges.data = (
+            times,
+            *(_column(shown, lambda s, b=beam: _range_m(s.readings.get(b))) for beam in PLOTTED),  # type: ignore[misc]
+        )
+        yaw = _column(shown, lambda s: math.degrees(s.pose.yaw_rad) if s.pose else math.nan)
+        true = np.degrees(true_yaw_rad[first:]) if true_yaw_rad else np.full(len(shown), math.nan)
+        self._yaw.data = (times, yaw, np.asarray(true, dtype=float))
+        self._bias.data = (times, _column(shown, _bias_deg_s))
+
+
+def _column(shown: Sequence[Snapshot], value: Callable[[Snapshot], float]) -> Series:
+    return np.array([value(snapshot) for snapshot in shown], dtype=float)
+
+
+def _bias_deg_s(snapshot: Snapshot) -> float:
+    bias_rad_s = snapshot.gyro_bias_rad_s
+    return math.nan if bias_rad_s is None else math.degrees(bias_rad_s)
+
+
+def _range_m(reading: RangeReading | None) -> float:
+    return reading.distance_m if reading is not None and reading.is_distance else math.nan
+
+
+def _plot(gui: GuiApi, title: str, names: Sequence[str], colours: Sequence[str]) -> GuiUplotHandle:
+    empty = np.zeros(1)
+    lines = [
+        uplot.Series(label=str(name), stroke=colour, width=1.5)
+        for name, colour in zip(names, colours, strict=True)
+    ]
+    return gui.add_uplot(
+        (empty, *(np.full(1, math.nan) for _ in names)),
+        (uplot.Series(label="s"), *lines),
+        title=title,
+        scales={"x": uplot.Scale(time=False)},
+        legend=uplot.Legend(show=len(names) > 1),
+        height=HEIGHT_PX,
+    )
+
+
+def _html_table(rows: Mapping[str, str]) -> str:
+    cells = "".join(
+        f'<tr><td style="opacity:.65;padding-right:.8em;white-space:nowrap">{_plain(key)}</td>'
+        f"<td><b>{_plain(value)}</b></td></tr>"
+        for key, value in rows.items()
+    )
+    return f'<table style="font-size:.85em;margin:.4em .8em">{cells}</table>'
+
+
+def _plain(text: str) -> str:
+    """As text, whatever stands in it."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+_LEGEND = (
+    '<div style="font-size:.8em;margin:.2em 1em .6em">walls are known to (1σ): 0'
+    f' <span style="display:inline-block;width:6em;height:.7em;'
+    f'background:linear-gradient(90deg,{SURE_HEX},{UNSURE_HEX})"></span>'
+    f" {100 * UNSURE_M:.0f} cm</div>"
+)

@@ -1,0 +1,148 @@
+"""The mapped side of the scene: what the drone knows, and how sure it is of it."""
+
+import numpy as np
+from viser import LabelHandle, PointCloudHandle, ViserServer
+
+from companion.frames import Vector2, Vector3, ned_to_enu
+from companion.messages import Sketch, WallSegment
+from companion.view.shapes import (
+    LEAST_THICKNESS_M,
+    SHOWN_HEIGHT_M,
+    Array,
+    Drone,
+    Line,
+    Upright,
+    about_up,
+    position_ned_m,
+    to_scene,
+)
+from companion.view.snapshot import Snapshot
+
+SURE, UNSURE = (42, 157, 143), (230, 57, 70)
+UNSURE_M = 0.10
+"""The sigma from which on a wall has the colour `UNSURE`."""
+SURE_HEX, UNSURE_HEX = ("#{:02x}{:02x}{:02x}".format(*colour) for colour in (SURE, UNSURE))
+BAND_SIGMAS = 2
+BAND_HEIGHT_M = 0.02
+LABELLED_FROM_M = 1.5
+MOST_LABELS = 60
+POINT_COLOUR = (38, 70, 83)
+PATH_COLOUR = (58, 134, 200)
+DRONE_COLOUR = (29, 53, 87)
+
+
+class MappedSide:
+    """Walls in the colour of their sigma with a band of so many times two sigma, points, path."""
+
+    def __init__(self, server: ViserServer, name: str = "/mapped") -> None:
+        scene = server.scene
+        self._server = server
+        self._name = name
+        self._frame = scene.add_frame(name, show_axes=False)
+        self._walls = Upright(scene, f"{name}/walls")
+        self._bands = Upright(scene, f"{name}/bands", opacity=0.3)
+        self._points: PointCloudHandle = scene.add_point_cloud(
+            f"{name}/points",
+            np.zeros((1, 3)),
+            POINT_COLOUR,
+            point_size=0.035,
+            point_shape="circle",
+            precision="float32",
+            visible=False,
+        )
+        self._path = Line(scene, f"{name}/path", PATH_COLOUR, 0.04)
+        self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
+        self._labels: dict[int, LabelHandle] = {}
+        self._sketch = Sketch()
+        self._exaggeration = 5.0
+
+    def place(self, origin_ned_m: Vector3, heading_rad: float) -> None:
+        """Where in the scene the take-off is drawn, and whither it pointed."""
+        self._frame.position = ned_to_enu(origin_ned_m)
+        self._frame.wxyz = about_up(-heading_rad)
+
+    def exaggerate(self, times: float) -> None:
+        """How much wider than true to scale the bands of uncertainty are drawn."""
+        self._exaggeration = times
+        self._draw(self._sketch)
+
+    def show(self, snapshot: Snapshot) -> None:
+        if snapshot.sketch is not None:
+            self._draw(snapshot.sketch)
+        if snapshot.pose is None:
+            return
+        here = position_ned_m(snapshot.pose)
+        self._drone.move(here, snapshot.pose.yaw_rad)
+        self._drone.look(snapshot.readings, snapshot.mount_offset_m)
+        if snapshot.sketch is not None:
+            self._path.show([*snapshot.sketch.path_ned_m, here])
+
+    def clear(self) -> None:
+        self._drone.hide()
+        self._path.show([])
+        self._draw(Sketch())
+
+    def _draw(self, sketch: Sketch) -> None:
+        self._sketch = sketch
+        top_m = min(SHOWN_HEIGHT_M, sketch.ceiling_m or SHOWN_HEIGHT_M)
+        ends = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.walls]
+        sigmas_m = np.array([wall.sigma_m for wall in sketch.walls])
+        colours = colours_of(sigmas_m)
+        with self._server.atomic():
+            thickness_m = LEAST_THICKNESS_M
+            self._walls.show(ends, 0.0, top_m, thickness_m, colours, overlap_m=thickness_m)
+            widths_m = 2 * BAND_SIGMAS * self._exaggeration * sigmas_m
+            self._bands.show(ends, 0.0, BAND_HEIGHT_M, widths_m, colours)
+            points = to_scene(sketch.points_ned_m)
+            self._points.visible = len(points) > 0
+            if len(points):
+                self._points.points = points.astype(np.float32)
+            self._label(sketch.walls, top_m)
+
+    def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
+        """Sigma of each longer wall, over its middle."""
+        long = sorted(walls, key=lambda wall: -wall.length_m)[:MOST_LABELS]
+        told = [wall for wall in long if wall.length_m >= LABELLED_FROM_M]
+        for number, wall in enumerate(told):
+            text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
+            place = ned_to_enu((*_middle(wall), -top_m - 0.1))
+            label = self._labels.get(number)
+            if label is None:
+                self._labels[number] = self._server.scene.add_label(
+                    f"{self._name}/labels/{number}",
+                    text,
+                    position=place,
+                    anchor="bottom-center",
+                    font_screen_scale=0.8,
+                )
+                continue
+            label.visible = True
+            if label.text != text:
+                label.text = text
+            label.position = place
+        for number in range(len(told), len(self._labels)):
+            self._labels[number].visible = False
+
+
+def colours_of(sigmas_m: Array) -> Array:
+    """From `SURE` to `UNSURE`, (n, 3)."""
+    share = np.clip(sigmas_m / UNSURE_M, 0, 1)[:, None]
+    colours: Array = (1 - share) * np.array(SURE) + share * np.array(UNSURE)
+    return colours
+
+
+def _middle(wall: WallSegment) -> Vector2:
+    (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
+    return (north_a + north_b) / 2, (east_a + east_b) / 2
+
+
+def extent_ne_m(sketch: Sketch) -> tuple[Vector2, Vector2]:
+    """Least and greatest north and east of the map, with some room around it."""
+    places = [point for wall in sketch.walls for point in (wall.start_ne_m, wall.end_ne_m)]
+    places += [(north, east) for north, east, _ in sketch.path_ned_m]
+    norths, easts = zip(*places, strict=True) if places else ((0.0,), (0.0,))
+    margin_m = 1.0 if places else 5.0
+    return (
+        (min(norths) - margin_m, min(easts) - margin_m),
+        (max(norths) + margin_m, max(easts) + margin_m),
+    )
