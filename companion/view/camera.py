@@ -2,28 +2,27 @@
 
 import math
 
-from viser import ViserServer
+from viser import ClientHandle
 
 from companion.frames import Vector2, Vector3
 
 ELEVATION_RAD = math.radians(58)
 FIELD_RAD = math.radians(40)
-WIDE = 1.5
-"""The page's shape, width over height, as long as it has not told."""
 LEAST_EXTENT_M = 4.0
+PANEL_PX = 320
+"""Of the panels on either side, which lie over the scene."""
+LEAST_SEEN_SHARE = 0.4
 
 
-def look_at(server: ViserServer, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
-    """Frame a rectangle of floor, (north, east), for those who look and those who come later."""
-    centre, south_m = _framed(least_ne_m, most_ne_m, WIDE)
-    first = server.initial_camera
-    first.fov, first.look_at, first.position = FIELD_RAD, centre, _eye(centre, south_m)
-    for client in server.get_clients().values():
-        centre, distance_m = _framed(least_ne_m, most_ne_m, client.camera.aspect)
-        with client.atomic():
-            client.camera.fov = FIELD_RAD
-            client.camera.position = _eye(centre, distance_m)
-            client.camera.look_at = centre
+def look_at(client: ClientHandle, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
+    """Frame a rectangle of floor, (north, east)."""
+    camera = client.camera
+    seen_share = max(1 - 2 * PANEL_PX / max(camera.image_width, 1), LEAST_SEEN_SHARE)
+    centre, distance_m = _framed(least_ne_m, most_ne_m, seen_share * camera.aspect)
+    with client.atomic():
+        camera.fov = FIELD_RAD
+        camera.position = _eye(centre, distance_m)
+        camera.look_at = centre
 
 
 def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vector3, float]:

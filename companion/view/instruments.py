@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from viser import GuiApi, GuiUplotHandle, uplot
 
 from companion.messages import Beam, RangeReading
-from companion.view.mapped import SURE_HEX, UNSURE_HEX, UNSURE_M
+from companion.view.mapped import SIGMA_COLOURS, UNSURE_M
 from companion.view.snapshot import Snapshot
 
 Series = NDArray[np.float64]
@@ -16,6 +16,8 @@ WINDOW_S = 60.0
 PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
 HEIGHT_PX = 150
+MOST_RANGE_M = 8.0
+BIAS_DEG_S = (-1.0, 1.0)
 
 
 class Instruments:
@@ -23,10 +25,12 @@ class Instruments:
 
     def __init__(self, gui: GuiApi) -> None:
         self._table = gui.add_html("")
-        gui.add_html(_LEGEND)
-        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS)
-        self._yaw = _plot(gui, "heading, °", ("estimated", "true"), (COLOURS[2], COLOURS[4]))
-        self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],))
+        gui.add_html(_legend())
+        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MOST_RANGE_M))
+        self._yaw = _plot(
+            gui, "heading, °", ("estimated", "true"), (COLOURS[2], COLOURS[4]), (-180, 180)
+        )
+        self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
 
     def tell(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
         """The numbers of this moment."""
@@ -72,17 +76,30 @@ def _range_m(reading: RangeReading | None) -> float:
     return reading.distance_m if reading is not None and reading.is_distance else math.nan
 
 
-def _plot(gui: GuiApi, title: str, names: Sequence[str], colours: Sequence[str]) -> GuiUplotHandle:
+def _plot(
+    gui: GuiApi,
+    title: str,
+    names: Sequence[str],
+    colours: Sequence[str],
+    between: tuple[float, float],
+) -> GuiUplotHandle:
+    """What is not known is NaN, of which uPlot can make no scale."""
     empty = np.zeros(1)
-    lines = [
-        uplot.Series(label=str(name), stroke=colour, width=1.5)
+    # dots, because a line would go on where there is nothing
+    dots = [
+        uplot.Series(
+            label=str(name),
+            stroke=colour,
+            width=0,
+            points=uplot.Series_Points(show=True, size=3, fill=colour),
+        )
         for name, colour in zip(names, colours, strict=True)
     ]
     return gui.add_uplot(
         (empty, *(np.full(1, math.nan) for _ in names)),
-        (uplot.Series(label="s"), *lines),
+        (uplot.Series(label="s"), *dots),
         title=title,
-        scales={"x": uplot.Scale(time=False)},
+        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=between)},
         legend=uplot.Legend(show=len(names) > 1),
         height=HEIGHT_PX,
     )
@@ -102,9 +119,10 @@ def _plain(text: str) -> str:
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
-_LEGEND = (
-    '<div style="font-size:.8em;margin:.2em 1em .6em">walls are known to (1σ): 0'
-    f' <span style="display:inline-block;width:6em;height:.7em;'
-    f'background:linear-gradient(90deg,{SURE_HEX},{UNSURE_HEX})"></span>'
-    f" {100 * UNSURE_M:.0f} cm</div>"
-)
+def _legend() -> str:
+    gradient = ",".join("rgb({},{},{})".format(*colour) for colour in SIGMA_COLOURS)
+    return (
+        '<div style="font-size:.8em;margin:.2em 1em .6em">walls are known to (1σ): 0 '
+        '<span style="display:inline-block;width:7em;height:.7em;'
+        f'background:linear-gradient(90deg,{gradient})"></span> {100 * UNSURE_M:.0f} cm</div>'
+    )

@@ -18,15 +18,15 @@ from companion.view.shapes import (
 )
 from companion.view.snapshot import Snapshot
 
-SURE, UNSURE = (42, 157, 143), (230, 57, 70)
 UNSURE_M = 0.10
-"""The sigma from which on a wall has the colour `UNSURE`."""
-SURE_HEX, UNSURE_HEX = ("#{:02x}{:02x}{:02x}".format(*colour) for colour in (SURE, UNSURE))
+"""The sigma from which on a wall has the last of these colours."""
+SIGMA_COLOURS = ((0, 150, 136), (255, 193, 7), (211, 47, 47))
 BAND_SIGMAS = 2
 BAND_HEIGHT_M = 0.02
 LABELLED_FROM_M = 1.5
 MOST_LABELS = 60
-POINT_COLOUR = (38, 70, 83)
+LABEL_SCALE = 1.2
+POINT_COLOUR = (84, 98, 111)
 PATH_COLOUR = (58, 134, 200)
 DRONE_COLOUR = (29, 53, 87)
 
@@ -45,7 +45,7 @@ class MappedSide:
             f"{name}/points",
             np.zeros((1, 3)),
             POINT_COLOUR,
-            point_size=0.035,
+            point_size=0.025,
             point_shape="circle",
             precision="float32",
             visible=False,
@@ -113,7 +113,7 @@ class MappedSide:
                     text,
                     position=place,
                     anchor="bottom-center",
-                    font_screen_scale=0.8,
+                    font_screen_scale=LABEL_SCALE,
                 )
                 continue
             label.visible = True
@@ -125,10 +125,10 @@ class MappedSide:
 
 
 def colours_of(sigmas_m: Array) -> Array:
-    """From `SURE` to `UNSURE`, (n, 3)."""
-    share = np.clip(sigmas_m / UNSURE_M, 0, 1)[:, None]
-    colours: Array = (1 - share) * np.array(SURE) + share * np.array(UNSURE)
-    return colours
+    """The colour of each sigma, (n, 3)."""
+    steps_m = np.linspace(0, UNSURE_M, len(SIGMA_COLOURS))
+    channels = np.array(SIGMA_COLOURS, dtype=float).T
+    return np.column_stack([np.interp(sigmas_m, steps_m, channel) for channel in channels])
 
 
 def _middle(wall: WallSegment) -> Vector2:

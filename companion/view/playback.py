@@ -61,7 +61,6 @@ class Playback:
 
     def _add_controls(self, first_s: float, last_s: float) -> None:
         gui = self._server.gui
-        gui.main_panel.dock_left()
         with gui.add_folder(self._title):
             self._slider = gui.add_slider("time, s", first_s, last_s, 0.1, first_s)
             self._button = gui.add_button("Play", color="teal")

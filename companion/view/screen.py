@@ -4,13 +4,11 @@ from collections.abc import Mapping, Sequence
 
 from companion.frames import Vector2
 from companion.messages import Sketch
-from companion.view.camera import look_at
+from companion.view.camera import PANEL_PX, look_at
 from companion.view.instruments import Instruments
 from companion.view.mapped import MappedSide, extent_ne_m
 from companion.view.server import PageServer
 from companion.view.snapshot import Snapshot
-
-PANEL_PX = 320
 
 
 class Screen:
@@ -19,13 +17,15 @@ class Screen:
     def __init__(self, server: PageServer) -> None:
         self._server = server
         self._mapped = MappedSide(server)
+        server.gui.main_panel.dock_left()
+        server.gui.main_panel.set_width(PANEL_PX)
         panel = server.gui.add_panel()
         with panel.add_tab("Flight"):
             self._instruments = Instruments(server.gui)
         panel.dock_right()
         panel.set_width(PANEL_PX)
         self._extent = extent_ne_m(Sketch())
-        self.fit()
+        server.on_client_connect(lambda client: look_at(client, *self._extent))
 
     def show(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
         with self._server.atomic():
@@ -44,7 +44,8 @@ class Screen:
         self._mapped.exaggerate(times)
 
     def fit(self) -> None:
-        look_at(self._server, *self._extent)
+        for client in self._server.get_clients().values():
+            look_at(client, *self._extent)
 
 
 def _reaches_beyond(extent: tuple[Vector2, Vector2], shown: tuple[Vector2, Vector2]) -> bool:

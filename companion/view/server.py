@@ -44,6 +44,16 @@ def open_page(host: str, port: int, token_file: Path | None, title: str) -> tupl
         server.stop()
         raise ViewError("this version of viser cannot be guarded: pip install 'viser<1.2'")
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+    server.scene.add_grid(
+        "/grid",
+        infinite_grid=True,
+        cell_size=1.0,
+        section_size=5.0,
+        cell_color=(226, 230, 233),
+        section_color=(200, 206, 210),
+        shadow_opacity=0.0,
+        position=(0.0, 0.0, -0.01),
+    )
     shown = f"[{host}]" if ":" in host else host
     return server, f"http://{shown}:{port}/" + (f"?token={token}" if token else "")
 

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Quaternion = tuple[float, float, float, float]
 
-SHOWN_HEIGHT_M = 1.0
+SHOWN_HEIGHT_M = 1.2
 """Walls are cut off here, so that one looks in from above."""
 LEAST_THICKNESS_M = 0.06
 SEEN_COLOUR: Colour = (231, 111, 81)

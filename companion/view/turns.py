@@ -1,4 +1,4 @@
-"""What happens on a page, in turn: of viser's threads, of those who bring news, one act at a time."""
+"""What happens on a page, in turn: what people press and what news come, one act at a time."""
 
 import queue
 import time

@@ -11,12 +11,14 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
+from viser import ClientHandle
+
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.frames import Place, wrap_rad
 from companion.messages import FloorPlan
 from companion.view import downloads
-from companion.view.camera import look_at
+from companion.view.camera import PANEL_PX, look_at
 from companion.view.instruments import Instruments
 from companion.view.mapped import MappedSide
 from companion.view.server import PageServer
@@ -40,10 +42,10 @@ REMEMBERED = 1500
 """Moments: a minute and more, at twenty a second."""
 BETWEEN_M = 2.5
 """From the true building to the mapped one."""
-LABELS_M = 0.8
+LABELS_M = 1.8
 """So far north of its side stands its name."""
+NAME_SCALE = 1.8
 SPEED_OVER_S = 2.0
-PANEL_PX = 320
 
 
 @dataclass
@@ -87,6 +89,7 @@ class Page:
         panel.set_width(PANEL_PX)
         self._connect_controls()
         self._show_world(world, first)
+        server.on_client_connect(self._look_for)
         self._hangar = Hangar(self._hear)
 
     def run(self, is_over: Callable[[], bool]) -> None:
@@ -194,12 +197,17 @@ class Page:
                 title,
                 position=((west + east) / 2 + shift_m, north + LABELS_M, 0.0),
                 anchor="bottom-center",
+                font_screen_scale=NAME_SCALE,
             )
         self._look()
 
     def _look(self) -> None:
+        for client in self._server.get_clients().values():
+            self._look_for(client)
+
+    def _look_for(self, client: ClientHandle) -> None:
         least, (north, east) = self._bounds
-        look_at(self._server, least, (north + 2 * LABELS_M, east + self._mapped_shift_m))
+        look_at(client, least, (north + LABELS_M, east + self._mapped_shift_m))
 
     def _place_mapped_side(self, take_off: TrueState) -> None:
         """As the building stands, so that the two can be compared."""
