@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 
 from companion import afterwards
-from companion.app import App, Progress
+from companion.app import App, Inputs, Outputs, Progress
 from companion.calibrate_cli import commands as calibrate_commands
 from companion.check_cli import check
 from companion.clocks import open_clock
@@ -29,6 +29,8 @@ from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_setting
 from companion.recording.recorder import open_recorder
 from companion.rig import make_rig
 from companion.service import Service
+from companion.view.cli import view
+from companion.view.feed import open_feed
 
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
@@ -42,6 +44,7 @@ commands = typer.Typer(
 commands.add_typer(afterwards.commands)
 commands.command()(check)
 commands.add_typer(calibrate_commands, name="calibrate")
+commands.command()(view)
 
 
 @commands.command("fly")
@@ -87,6 +90,7 @@ def _fly(settings: Config, out: Path) -> int:
     clock = open_clock(settings, transport, console.print)
     rig = make_rig(settings, recorder.tap(transport), bus, clock)
     app = App(settings)
+    feed = open_feed(settings, app, console.print)
     autosave = AutoSave(out, app.floor_plan, console.print)
     service = Service()
     interrupted = _Interruption(console)
@@ -99,9 +103,14 @@ def _fly(settings: Config, out: Path) -> int:
                 line.show(progress)
                 autosave.update(progress.time_s)
 
-            flight = fly(app, rig, watch, interrupted.requested, recorder.tick)
+            def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+                recorder.tick(now_s, inputs, outputs)
+                feed.tick(now_s, inputs, outputs)
+
+            flight = fly(app, rig, watch, interrupted.requested, record)
     finally:
         service.landed()
+        feed.close()
         plan = app.final_floor_plan()
         recorder.close(plan)
         files = save(plan, out)

@@ -77,6 +77,13 @@ class MappedSide:
         if snapshot.sketch is not None:
             self._path.show([*snapshot.sketch.path_ned_m, here])
 
+    @property
+    def in_numbers(self) -> dict[str, str]:
+        """What is mapped so far."""
+        walls = self._sketch.walls
+        length_m = sum(wall.length_m for wall in walls)
+        return {"walls mapped": f"{len(walls)}, {length_m:.1f} m"}
+
     def clear(self) -> None:
         self._drone.hide()
         self._path.show([])

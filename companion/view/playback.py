@@ -120,7 +120,7 @@ class Playback:
         sketch = None
         if map_number != self._shown_sketch and map_number >= 0:
             sketch = self._snapshots[self._sketched[map_number]].sketch
-        self._screen.show(replace(self._snapshots[number], sketch=sketch), {})
+        self._screen.show(replace(self._snapshots[number], sketch=sketch))
         self._shown, self._shown_sketch = number, map_number
         wall_s = time.monotonic()
         if wall_s - self._plotted_wall_s > PLOT_PERIOD_S or not self._is_playing:

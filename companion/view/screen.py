@@ -1,6 +1,6 @@
 """A page without a truth to compare with: the map, the numbers and the plots."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from companion.frames import Vector2
 from companion.messages import Sketch
@@ -27,10 +27,10 @@ class Screen:
         self._extent = extent_ne_m(Sketch())
         server.on_client_connect(lambda client: look_at(client, *self._extent))
 
-    def show(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
+    def show(self, snapshot: Snapshot) -> None:
         with self._server.atomic():
             self._mapped.show(snapshot)
-        self._instruments.tell(snapshot, more)
+        self._instruments.tell(snapshot, self._mapped.in_numbers)
         if snapshot.sketch is not None:
             extent = extent_ne_m(snapshot.sketch)
             if _reaches_beyond(extent, self._extent):

@@ -286,7 +286,8 @@ class Page:
         if shown is None or not shown.seen:
             return
         _, seen = shown.seen[-1]
-        known = {"battery": f"{seen.battery:.0%}", "speed": self._speed(shown)}
+        known = self._mapped_side.in_numbers
+        known |= {"battery": f"{seen.battery:.0%}", "speed": self._speed(shown)}
         truth = {} if self._controls.hide_truth.value else _truth_rows(shown, seen)
         self._instruments.tell(seen.snapshot, known | truth)
 
