@@ -10,7 +10,7 @@ from companion.view.shapes import (
     SHOWN_HEIGHT_M,
     Array,
     Drone,
-    Line,
+    Trail,
     Upright,
     about_up,
     position_ned_m,
@@ -50,7 +50,7 @@ class MappedSide:
             precision="float32",
             visible=False,
         )
-        self._path = Line(scene, f"{name}/path", PATH_COLOUR, 0.04)
+        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
         self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
         self._labels: dict[int, LabelHandle] = {}
         self._sketch = Sketch()
@@ -75,7 +75,8 @@ class MappedSide:
         self._drone.move(here, snapshot.pose.yaw_rad)
         self._drone.look(snapshot.readings, snapshot.mount_offset_m)
         if snapshot.sketch is not None:
-            self._path.show([*snapshot.sketch.path_ned_m, here])
+            self._path.show(snapshot.sketch.path_ned_m)
+        self._path.extend(here)
 
     @property
     def in_numbers(self) -> dict[str, str]:

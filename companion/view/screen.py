@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from companion.frames import Vector2
 from companion.messages import Sketch
-from companion.view.camera import PANEL_PX, look_at
+from companion.view.camera import PANEL_PX, Framing
 from companion.view.instruments import Instruments
 from companion.view.mapped import MappedSide, extent_ne_m
 from companion.view.server import PageServer
@@ -25,7 +25,7 @@ class Screen:
         panel.dock_right()
         panel.set_width(PANEL_PX)
         self._extent = extent_ne_m(Sketch())
-        server.on_client_connect(lambda client: look_at(client, *self._extent))
+        self._framing = Framing(server, *self._extent)
 
     def show(self, snapshot: Snapshot) -> None:
         with self._server.atomic():
@@ -35,7 +35,7 @@ class Screen:
             extent = extent_ne_m(snapshot.sketch)
             if _reaches_beyond(extent, self._extent):
                 self._extent = extent
-                self.fit()
+                self._framing.frame(*extent)
 
     def plot(self, window: Sequence[Snapshot]) -> None:
         self._instruments.plot(window)
@@ -44,8 +44,7 @@ class Screen:
         self._mapped.exaggerate(times)
 
     def fit(self) -> None:
-        for client in self._server.get_clients().values():
-            look_at(client, *self._extent)
+        self._framing.all_in_view()
 
 
 def _reaches_beyond(extent: tuple[Vector2, Vector2], shown: tuple[Vector2, Vector2]) -> bool:

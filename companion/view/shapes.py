@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import trimesh
 from numpy.typing import NDArray
-from viser import BatchedMeshHandle, LineSegmentsHandle, SceneApi
+from viser import BatchedMeshHandle, SceneApi
 
 from companion.frames import Vector2, Vector3, ned_to_enu, yaw_ned_to_enu
 from companion.messages import Beam, Pose, RangeReading, RangeState
@@ -22,6 +22,8 @@ SEEN_COLOUR: Colour = (231, 111, 81)
 NOTHING_COLOUR: Colour = (170, 178, 184)
 TOO_NEAR_COLOUR: Colour = (214, 40, 40)
 NOSE_COLOUR: Colour = (244, 162, 97)
+TRAIL_STEP_M = 0.05
+MOST_END = 50
 NOTHING_TO_M = 3.0
 """So far a beam is drawn that meets nothing."""
 BEAM_FLU: Mapping[Beam, Vector3] = {
@@ -102,19 +104,40 @@ class Upright:
             self._handle = None
 
 
-class Line:
-    """A path that grows."""
+class Trail:
+    """A path that grows: of a long one, only the end is sent at every step."""
 
-    def __init__(self, scene: SceneApi, name: str, colour: Colour, thickness_m: float) -> None:
-        self._handle: LineSegmentsHandle = scene.add_line_segments(
-            name, np.zeros((1, 2, 3)), colour, thickness=thickness_m, visible=False
-        )
+    def __init__(self, scene: SceneApi, name: str, colour: Colour) -> None:
+        self._flown: list[Vector3] = []
+        self._end: list[Vector3] = []
+        self._lines = [
+            scene.add_line_segments(
+                f"{name}/{part}", np.zeros((1, 2, 3)), colour, thickness=0.04, visible=False
+            )
+            for part in ("flown", "end")
+        ]
 
-    def show(self, points_ned: Sequence[Vector3] | Array) -> None:
+    def show(self, points_ned: Sequence[Vector3]) -> None:
+        """Another path."""
+        self._flown, self._end = list(points_ned), list(points_ned[-1:])
+        self._draw(0, self._flown)
+        self._draw(1, self._end)
+
+    def extend(self, point_ned: Vector3) -> None:
+        if self._end and math.dist(self._end[-1], point_ned) < TRAIL_STEP_M:
+            return
+        self._end.append(point_ned)
+        if len(self._end) > MOST_END:
+            self.show([*self._flown, *self._end[1:]])
+        else:
+            self._draw(1, self._end)
+
+    def _draw(self, line: int, points_ned: Sequence[Vector3]) -> None:
+        handle = self._lines[line]
         points = to_scene(points_ned)
-        self._handle.visible = len(points) > 1
+        handle.visible = len(points) > 1
         if len(points) > 1:
-            self._handle.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
+            handle.points = np.stack([points[:-1], points[1:]], axis=1).astype(np.float32)
 
 
 class Drone:

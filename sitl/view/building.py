@@ -1,15 +1,14 @@
 """The true side of the scene: the building, and where the drone really is."""
 
-import math
 from collections.abc import Mapping
 
 import numpy as np
 import trimesh
 from viser import MeshHandle, ViserServer
 
-from companion.frames import Vector2, Vector3
+from companion.frames import Vector2
 from companion.messages import Beam, RangeReading
-from companion.view.shapes import LEAST_THICKNESS_M, SHOWN_HEIGHT_M, Drone, Line, Upright, to_scene
+from companion.view.shapes import LEAST_THICKNESS_M, SHOWN_HEIGHT_M, Drone, Trail, Upright, to_scene
 from sitl.truth import TrueState
 from sitl.world.format import Segment, World
 
@@ -17,7 +16,6 @@ WALL_COLOUR = (108, 117, 125)
 BOX_COLOUR = (176, 164, 148)
 PATH_COLOUR = (231, 111, 81)
 DRONE_COLOUR = (61, 64, 91)
-PATH_STEP_M = 0.05
 
 
 class TrueSide:
@@ -31,9 +29,8 @@ class TrueSide:
         self._walls = Upright(scene, f"{name}/walls")
         self._boxes = Upright(scene, f"{name}/boxes")
         self._mesh: MeshHandle | None = None
-        self._path = Line(scene, f"{name}/path", PATH_COLOUR, 0.04)
+        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
         self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
-        self._flown: list[Vector3] = []
 
     def hide(self, *, hidden: bool) -> None:
         self._frame.visible = not hidden
@@ -81,7 +78,6 @@ class TrueSide:
             )
 
     def restart(self) -> None:
-        self._flown = []
         self._path.show([])
         self._drone.hide()
 
@@ -92,12 +88,7 @@ class TrueSide:
         here = truth.position_ned_m
         self._drone.move(here, truth.yaw_rad)
         self._drone.look(readings, mount_offset_m)
-        if not self._flown or math.dist(self._flown[-1], here) > PATH_STEP_M:
-            self._flown.append(here)
-
-    def show_path(self) -> None:
-        """As flown so far; a path of an hour is not sent twenty times a second."""
-        self._path.show(self._flown)
+        self._path.extend(here)
 
 
 def _middle_line(corner: Vector2, size: Vector2) -> Segment:

@@ -11,14 +11,12 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from viser import ClientHandle
-
 from companion.config import Config
 from companion.errors import CompanionError
 from companion.frames import Place, wrap_rad
 from companion.messages import FloorPlan
 from companion.view import downloads
-from companion.view.camera import PANEL_PX, look_at
+from companion.view.camera import PANEL_PX, Framing
 from companion.view.instruments import Instruments
 from companion.view.mapped import MappedSide
 from companion.view.server import PageServer
@@ -75,6 +73,7 @@ class Page:
         self._unseen: Seen | None = None
         self._unseen_lock = threading.Lock()
         self._plotted_wall_s = 0.0
+        self._framing = Framing(server, *first.bounds)
         self._flights = 0
         self._shown: Shown | None = None
         self._true_side = TrueSide(server)
@@ -89,7 +88,6 @@ class Page:
         panel.set_width(PANEL_PX)
         self._connect_controls()
         self._show_world(world, first)
-        server.on_client_connect(self._look_for)
         self._hangar = Hangar(self._hear)
 
     def run(self, is_over: Callable[[], bool]) -> None:
@@ -117,7 +115,7 @@ class Page:
         controls.exaggeration.on_update(
             pressed(lambda: self._mapped_side.exaggerate(controls.exaggeration.value))
         )
-        controls.fit.on_click(pressed(self._look))
+        controls.fit.on_click(pressed(self._framing.all_in_view))
         controls.download.on_click(self._download)
 
     def _order(self, *orders: Order) -> None:
@@ -184,7 +182,8 @@ class Page:
 
     def _show_world(self, name: str, world: World) -> None:
         self._world_name = name
-        (_, west), (north, east) = self._bounds = world.bounds
+        least, (north, east) = world.bounds
+        _, west = least
         self._mapped_shift_m = east - west + BETWEEN_M
         self._true_side.build(world)
         self._mapped_side.clear()
@@ -199,15 +198,7 @@ class Page:
                 anchor="bottom-center",
                 font_screen_scale=NAME_SCALE,
             )
-        self._look()
-
-    def _look(self) -> None:
-        for client in self._server.get_clients().values():
-            self._look_for(client)
-
-    def _look_for(self, client: ClientHandle) -> None:
-        least, (north, east) = self._bounds
-        look_at(client, least, (north + LABELS_M, east + self._mapped_shift_m))
+        self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
 
     def _place_mapped_side(self, take_off: TrueState) -> None:
         """As the building stands, so that the two can be compared."""
@@ -261,7 +252,6 @@ class Page:
             self._true_side.show(seen.truth, snapshot.readings, snapshot.mount_offset_m)
             self._mapped_side.show(snapshot)
         if snapshot.sketch is not None:
-            self._true_side.show_path()
             shown.scoring.update(snapshot.sketch.walls)
         if time.monotonic() - self._plotted_wall_s > PLOT_PERIOD_S or snapshot.has_ended:
             self._plotted_wall_s = time.monotonic()
