@@ -13,6 +13,10 @@ from companion.view.snapshot import Snapshot
 
 Series = NDArray[np.float64]
 WINDOW_S = 60.0
+PERIOD_S = 1.0
+"""By the clock on the wall: plots cost a browser more than the scene does."""
+MOST_DOTS = 150
+"""Of one series."""
 PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
 HEIGHT_PX = 150
@@ -51,14 +55,19 @@ class Instruments:
             return
         since_s = window[-1].time_s - WINDOW_S
         first = next(i for i, snapshot in enumerate(window) if snapshot.time_s >= since_s)
-        shown = window[first:]
+        stride = max(1, (len(window) - first) // MOST_DOTS)
+        shown = list(window)[first::stride]
         times = np.array([snapshot.time_s for snapshot in shown])
         self._ranges.data = (
             times,
             *(_column(shown, lambda s, b=beam: _range_m(s.readings.get(b))) for beam in PLOTTED),  # type: ignore[misc]
         )
         yaw = _column(shown, lambda s: math.degrees(s.pose.yaw_rad) if s.pose else math.nan)
-        true = np.degrees(true_yaw_rad[first:]) if true_yaw_rad else np.full(len(shown), math.nan)
+        true = (
+            np.degrees(true_yaw_rad[first::stride])
+            if true_yaw_rad
+            else np.full(len(shown), math.nan)
+        )
         self._yaw.data = (times, yaw, np.asarray(true, dtype=float))
         self._bias.data = (times, _column(shown, _bias_deg_s))
 

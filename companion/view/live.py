@@ -4,13 +4,13 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+from companion.view.instruments import PERIOD_S
 from companion.view.looker import Looker
 from companion.view.screen import Screen
 from companion.view.server import PageServer
 from companion.view.snapshot import Snapshot
 from companion.view.turns import Turns
 
-PLOT_PERIOD_S = 0.3
 REMEMBERED = 700
 """Moments, at ten a second: a minute and more."""
 
@@ -53,6 +53,6 @@ class Live:
         self._seen.append(snapshot)
         self._screen.show(snapshot)
         wall_s = time.monotonic()
-        if wall_s - self._plotted_wall_s > PLOT_PERIOD_S:
+        if wall_s - self._plotted_wall_s > PERIOD_S:
             self._plotted_wall_s = wall_s
             self._screen.plot(self._seen)

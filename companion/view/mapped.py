@@ -1,5 +1,7 @@
 """The mapped side of the scene: what the drone knows, and how sure it is of it."""
 
+import time
+
 import numpy as np
 from viser import LabelHandle, PointCloudHandle, ViserServer
 
@@ -26,6 +28,8 @@ BAND_HEIGHT_M = 0.02
 LABELLED_FROM_M = 1.5
 MOST_LABELS = 60
 LABEL_SCALE = 1.2
+LABEL_PERIOD_S = 2.0
+"""By the clock on the wall; letters cost a browser much."""
 POINT_COLOUR = (84, 98, 111)
 PATH_COLOUR = (58, 134, 200)
 DRONE_COLOUR = (29, 53, 87)
@@ -55,6 +59,7 @@ class MappedSide:
         self._labels: dict[int, LabelHandle] = {}
         self._sketch = Sketch()
         self._exaggeration = 5.0
+        self._labelled_wall_s = 0.0
 
     def place(self, origin_ned_m: Vector3, heading_rad: float) -> None:
         """Where in the scene the take-off is drawn, and whither it pointed."""
@@ -67,9 +72,13 @@ class MappedSide:
         self._draw(self._sketch)
 
     def show(self, snapshot: Snapshot) -> None:
+        if snapshot.has_ended:
+            self._labelled_wall_s = 0.0  # the last map is labelled in any case
         if snapshot.sketch is not None:
             self._draw(snapshot.sketch)
         if snapshot.pose is None:
+            self._drone.hide()
+            self._path.show([])
             return
         here = position_ned_m(snapshot.pose)
         self._drone.move(here, snapshot.pose.yaw_rad)
@@ -105,7 +114,9 @@ class MappedSide:
             self._points.visible = len(points) > 0
             if len(points):
                 self._points.points = points.astype(np.float32)
-            self._label(sketch.walls, top_m)
+            if time.monotonic() - self._labelled_wall_s > LABEL_PERIOD_S or not sketch.walls:
+                self._labelled_wall_s = time.monotonic()
+                self._label(sketch.walls, top_m)
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
         """Sigma of each longer wall, over its middle."""

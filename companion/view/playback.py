@@ -11,6 +11,7 @@ from companion.frames import Place
 from companion.messages import FloorPlan
 from companion.recording.reader import read
 from companion.view import downloads
+from companion.view.instruments import PERIOD_S
 from companion.view.replayed import Replayed
 from companion.view.screen import Screen
 from companion.view.server import PageServer
@@ -19,7 +20,6 @@ from companion.view.turns import Event, Turns
 
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
 FIRST_SPEED = "5 ×"
-PLOT_PERIOD_S = 0.3
 PLOTTED = 700
 """Moments, at ten a second: a minute and more."""
 
@@ -92,13 +92,17 @@ class Playback:
 
     def _seek(self) -> None:
         self._now_s = self._slider.value
+        self._shown_sketch = -1  # the path since the last map is another one
 
     def _play_or_pause(self) -> None:
-        self._is_playing = not self._is_playing
-        if self._now_s >= self._slider.max:
+        if not self._is_playing and self._now_s >= self._slider.max:
             self._now_s = self._slider.min
+        self._set_playing(is_playing=not self._is_playing)
+
+    def _set_playing(self, *, is_playing: bool) -> None:
+        self._is_playing = is_playing
         self._frame_wall_s = time.monotonic()
-        self._button.label = "Pause" if self._is_playing else "Play"
+        self._button.label = "Pause" if is_playing else "Play"
 
     def _play(self) -> None:
         """One frame."""
@@ -110,7 +114,7 @@ class Playback:
             self._now_s = min(self._now_s, self._times_s[-1])
             self._frame_wall_s = wall_s
             if self._plan is not None and self._now_s >= self._times_s[-1]:
-                self._play_or_pause()
+                self._set_playing(is_playing=False)
         self._show(max(bisect.bisect_right(self._times_s, self._now_s) - 1, 0))
 
     def _show(self, number: int) -> None:
@@ -123,7 +127,7 @@ class Playback:
         self._screen.show(replace(self._snapshots[number], sketch=sketch))
         self._shown, self._shown_sketch = number, map_number
         wall_s = time.monotonic()
-        if wall_s - self._plotted_wall_s > PLOT_PERIOD_S or not self._is_playing:
+        if wall_s - self._plotted_wall_s > PERIOD_S or not self._is_playing:
             self._plotted_wall_s = wall_s
             self._slider.value = round(self._now_s, 1)  # type: ignore[misc]
             self._screen.plot(self._snapshots[max(number - PLOTTED, 0) : number + 1])

@@ -44,6 +44,7 @@ def open_page(host: str, port: int, token_file: Path | None, title: str) -> tupl
         server.stop()
         raise ViewError("this version of viser cannot be guarded: pip install 'viser<1.2'")
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
+    server.scene.configure_default_lights(cast_shadow=False)
     server.scene.add_grid(
         "/grid",
         infinite_grid=True,

@@ -31,7 +31,7 @@ from sitl.view.news import (
 from sitl.view.outbox import Outbox
 
 SEEN_PERIOD_S = 0.05
-SKETCH_PERIOD_S = 0.2
+SKETCH_PERIOD_S = 0.5
 """By the clock on the wall; a map that nobody can follow with the eye is not drawn up."""
 FLOWN_SKETCH_PERIOD_S = 1.0
 """By the flight's own."""

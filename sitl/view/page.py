@@ -17,7 +17,7 @@ from companion.frames import Place, wrap_rad
 from companion.messages import FloorPlan
 from companion.view import downloads
 from companion.view.camera import PANEL_PX, Framing
-from companion.view.instruments import Instruments
+from companion.view.instruments import PERIOD_S, Instruments
 from companion.view.mapped import MappedSide
 from companion.view.server import PageServer
 from companion.view.snapshot import sketch_of
@@ -35,7 +35,7 @@ from sitl.view.outbox import later
 from sitl.world.format import World
 from sitl.world.loading import load_world
 
-PLOT_PERIOD_S = 0.3
+TELL_PERIOD_S = 0.2
 REMEMBERED = 1500
 """Moments: a minute and more, at twenty a second."""
 BETWEEN_M = 2.5
@@ -72,7 +72,7 @@ class Page:
         self._turns = Turns(server, (SitlError, CompanionError))
         self._unseen: Seen | None = None
         self._unseen_lock = threading.Lock()
-        self._plotted_wall_s = 0.0
+        self._told_wall_s = self._plotted_wall_s = 0.0
         self._framing = Framing(server, *first.bounds)
         self._flights = 0
         self._shown: Shown | None = None
@@ -253,9 +253,12 @@ class Page:
             self._mapped_side.show(snapshot)
         if snapshot.sketch is not None:
             shown.scoring.update(snapshot.sketch.walls)
-        if time.monotonic() - self._plotted_wall_s > PLOT_PERIOD_S or snapshot.has_ended:
-            self._plotted_wall_s = time.monotonic()
+        wall_s = time.monotonic()
+        if wall_s - self._told_wall_s > TELL_PERIOD_S or snapshot.has_ended:
+            self._told_wall_s = wall_s
             self._tell()
+        if wall_s - self._plotted_wall_s > PERIOD_S or snapshot.has_ended:
+            self._plotted_wall_s = wall_s
             self._plot()
 
     def _take(self, news: News) -> None:

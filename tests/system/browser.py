@@ -26,8 +26,8 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
 )
-SIZE = {"width": 1100, "height": 640}
-DEADLINE_MS = 20_000
+SIZE = {"width": 1000, "height": 480}
+DEADLINE_MS = 60_000
 
 
 @contextmanager
@@ -101,7 +101,8 @@ def choose(page: Page, label: str, option: str) -> None:
 
 
 def text_field(page: Page, label: str) -> Locator:
-    return page.locator(f"//label[text()='{label}']/following::input[1]")
+    named = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+    return named.locator("xpath=following::input[not(@type='hidden')][1]")
 
 
 def press(page: Page, name: str) -> None:

@@ -141,7 +141,6 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
     (recording,) = tmp_path.glob("*.mcap")
     end_s = flight.simulation.time_s
     with simulator(browser, str(recording)) as page:
-        choose(page, "speed", "20 ×")
         press(page, "Play")
         until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
         press(page, "Pause")
