@@ -31,6 +31,7 @@ from companion.messages import (
     Command,
     FloorPlan,
     GyroSample,
+    Order,
     Pose,
     RangeScan,
     Setpoint,
@@ -46,11 +47,13 @@ from companion.values import value
 SEEING_PHASES = frozenset(
     {
         *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
-        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD),
+        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD),
     }
 )
 """What the beams meet on the ground already ties the walls to the origin."""
-EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD})
+EXPLORING_PHASES = frozenset(
+    {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
+)
 """In these the space around is drawn."""
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
@@ -67,6 +70,8 @@ class Inputs:
     gyro: Sequence[GyroSample]
     scan: RangeScan
     land_requested: bool = False
+    order: Order | None = None
+    """A script's; None: the whole mission is flown."""
 
 
 @dataclass(frozen=True)
@@ -218,8 +223,12 @@ class App:
             gyro_age_s=now_s - self._last_gyro_s,
             scan_age_s=now_s - self._last_scan_s,
             land_requested=inputs.land_requested,
+            order=inputs.order,
         )
-        self.flight, action = flight.step(self.flight, view, self._config.mission)
+        plan = self._config.mission
+        if inputs.order is not None and inputs.order.mission:
+            plan = plan.model_copy(update={"kind": inputs.order.mission})
+        self.flight, action = flight.step(self.flight, view, plan)
         return action
 
     def _report(self, now_s: float) -> Progress:

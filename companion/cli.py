@@ -12,13 +12,10 @@ from companion import afterwards
 from companion.app import App, Inputs, Outputs, Progress
 from companion.calibrate_cli import commands as calibrate_commands
 from companion.check_cli import check
-from companion.clocks import open_clock
 from companion.config import Config
 from companion.console import ProgressLine, summary
-from companion.drivers.bus import open_bus
 from companion.errors import CompanionError, OutputError
-from companion.fly import fly
-from companion.link.open_link import open_transport
+from companion.fly import Rig, fly
 from companion.mapping.files import AutoSave, save
 from companion.offline import sensors as log_sensors
 from companion.offline.console import LogProgress, log_summary
@@ -26,8 +23,8 @@ from companion.offline.files import save_results
 from companion.offline.mapper import map_log
 from companion.offline.readers import read_log
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
-from companion.recording.recorder import open_recorder
-from companion.rig import make_rig
+from companion.recording.recorder import Recorder
+from companion.rig import open_rig
 from companion.service import Service
 from companion.view.cli import view
 from companion.view.feed import open_feed
@@ -83,12 +80,12 @@ def map_command(
 
 def _fly(settings: Config, out: Path) -> int:
     console = Console(highlight=False)
-    transport = open_transport(settings.link)
-    bus = open_bus(settings.sensors.bus)
-    console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
-    recorder = open_recorder(out, settings, time.time(), console.print)
-    clock = open_clock(settings, transport, console.print)
-    rig = make_rig(settings, recorder.tap(transport), bus, clock)
+    with open_rig(settings, out, console.print) as (rig, recorder):
+        console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
+        return _fly_with(rig, recorder, settings, out, console)
+
+
+def _fly_with(rig: Rig, recorder: Recorder, settings: Config, out: Path, console: Console) -> int:
     app = App(settings)
     feed = open_feed(settings, app, console.print)
     autosave = AutoSave(out, app.floor_plan, console.print)

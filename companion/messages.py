@@ -207,6 +207,26 @@ class Command:
     """For TAKE_OFF: above the ground."""
 
 
+class Task(enum.Enum):
+    """What a script may order, step by step."""
+
+    WAIT = "wait"
+    TAKE_OFF = "take off"
+    SCAN = "scan"
+    HOME = "return to the start"
+    LAND = "land"
+
+
+@value
+class Order:
+    """One step of a script; a higher number is a new one."""
+
+    number: int = 0
+    task: Task = Task.WAIT
+    mission: str = ""
+    """Which mission is scanned by; empty: the configuration's."""
+
+
 @value
 class Hit:
     """A point where a beam met something, local NED, with the variance along the beam."""

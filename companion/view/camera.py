@@ -26,7 +26,7 @@ class Framing:
         self._placed: dict[int, tuple[Vector3, float]] = {}
         """Where each client's camera was put, and for which shape of its window."""
         server.on_client_connect(self._welcome)
-        server.on_client_disconnect(lambda client: self._placed.pop(client.client_id, None))
+        server.on_client_disconnect(self._forget)
 
     def frame(self, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
         self._extent = least_ne_m, most_ne_m
@@ -39,6 +39,9 @@ class Framing:
     def _welcome(self, client: ClientHandle) -> None:
         self._place(client)
         client.camera.on_update(lambda camera: self._follow_window(client, camera))
+
+    def _forget(self, client: ClientHandle) -> None:
+        self._placed.pop(client.client_id, None)
 
     def _follow_window(self, client: ClientHandle, camera: CameraHandle) -> None:
         """A window that has another shape, as when panels come up, from where it was put."""

@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from companion.errors import CompanionError, RecordingError
+from companion.export.write import FORMATS
 from companion.frames import Place
 from companion.messages import FloorPlan
 from companion.recording.reader import read
@@ -67,7 +68,7 @@ class Playback:
             self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
             self._bands = gui.add_slider("2σ bands ×", 1.0, 20.0, 1.0, 5.0)
             self._fit = gui.add_button("All in view")
-            self._format = gui.add_dropdown("map as", downloads.NAMES)
+            self._format = gui.add_dropdown("map as", FORMATS)
             self._download = gui.add_button("Download map", disabled=True)
         self._now_s = first_s
         pressed = self._turns.pressed

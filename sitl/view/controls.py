@@ -11,9 +11,9 @@ from viser import (
 )
 
 from companion.config import STANDOFFS
+from companion.export.write import FORMATS
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
-from companion.view.downloads import NAMES
 from sitl.errors import SitlError
 from sitl.view.faults import FAULTS
 from sitl.view.news import Inject, TakeOver
@@ -51,7 +51,7 @@ class Controls:
                 "speed", tuple(SPEEDS), initial_value=FIRST_SPEED, hint="Times real time"
             )
             self.stop = gui.add_button("Stop: land now", color="red")
-            self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", NAMES)
+            self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", FORMATS)
             self.download = gui.add_button("Download map", disabled=True)
         with gui.add_folder("What is shown"):
             self.hide_truth = gui.add_checkbox("hide the truth", False)
