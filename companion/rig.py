@@ -49,6 +49,6 @@ def open_rig(
     """
     transport = open_transport(config.link)
     with closing(transport), closing(open_bus(config.sensors.bus)) as wires:
-        clock = open_clock(config, transport, warn)
-        recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
-        yield make_rig(config, recorder.tap(transport), wires, clock), recorder
+        with closing(open_clock(config, transport, warn)) as clock:
+            recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
+            yield make_rig(config, recorder.tap(transport), wires, clock), recorder
