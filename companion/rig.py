@@ -48,7 +48,10 @@ def open_rig(
         CompanionError: something is missing or is not what it should be.
     """
     transport = open_transport(config.link)
-    with closing(transport), closing(open_bus(config.sensors.bus)) as wires:
-        with closing(open_clock(config, transport, warn)) as clock:
-            recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
-            yield make_rig(config, recorder.tap(transport), wires, clock), recorder
+    with (
+        closing(transport),
+        closing(open_bus(config.sensors.bus)) as wires,
+        closing(open_clock(config, transport, warn)) as clock,
+    ):
+        recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
+        yield make_rig(config, recorder.tap(transport), wires, clock), recorder

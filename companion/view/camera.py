@@ -71,7 +71,7 @@ def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vec
     nearer_m = 0.5 * deep_m * math.cos(ELEVATION_RAD)
     for_width_m = 0.5 * wide_m / (half * max(aspect, LEAST_ASPECT)) + nearer_m
     for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / half + nearer_m
-    return ((west + east) / 2, (south + north) / 2, 0.0), 1.04 * max(for_width_m, for_depth_m)
+    return ((west + east) / 2, (south + north) / 2, 0.0), 1.08 * max(for_width_m, for_depth_m)
 
 
 def _eye(centre: Vector3, distance_m: float) -> Vector3:

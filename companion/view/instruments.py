@@ -32,7 +32,7 @@ class Instruments:
         gui.add_html(_legend())
         self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MOST_RANGE_M))
         self._yaw = _plot(
-            gui, "heading, °", ("estimated", "true"), (COLOURS[2], COLOURS[4]), (-180, 180)
+            gui, "heading, °", ("estimated", "true"), (COLOURS[4], COLOURS[2]), (-180, 180)
         )
         self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
 
@@ -42,7 +42,7 @@ class Instruments:
         rows = {
             "doing": snapshot.activity,
             **({"trouble": snapshot.trouble} if snapshot.trouble else {}),
-            "time": f"{snapshot.time_s:.1f} s",
+            "time": f"{snapshot.time_s:.2f} s",
             "height": "–" if pose is None else f"{pose.height_m:.2f} m",
             "position known to": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
             **more,

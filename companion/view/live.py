@@ -53,6 +53,6 @@ class Live:
         self._seen.append(snapshot)
         self._screen.show(snapshot)
         wall_s = time.monotonic()
-        if wall_s - self._plotted_wall_s > PERIOD_S:
+        if wall_s - self._plotted_wall_s > PERIOD_S or snapshot.has_ended:
             self._plotted_wall_s = wall_s
             self._screen.plot(self._seen)

@@ -1,5 +1,6 @@
 """The mapped side of the scene: what the drone knows, and how sure it is of it."""
 
+import math
 import time
 
 import numpy as np
@@ -27,6 +28,7 @@ BAND_SIGMAS = 2
 BAND_HEIGHT_M = 0.02
 LABELLED_FROM_M = 1.5
 MOST_LABELS = 60
+LABELS_APART_M = 1.0
 LABEL_SCALE = 1.2
 LABEL_PERIOD_S = 2.0
 """By the clock on the wall; letters cost a browser much."""
@@ -120,8 +122,7 @@ class MappedSide:
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
         """Sigma of each longer wall, over its middle."""
-        long = sorted(walls, key=lambda wall: -wall.length_m)[:MOST_LABELS]
-        told = [wall for wall in long if wall.length_m >= LABELLED_FROM_M]
+        told = _apart(sorted(walls, key=lambda wall: -wall.length_m))
         for number, wall in enumerate(told):
             text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
             place = ned_to_enu((*_middle(wall), -top_m - 0.1))
@@ -148,6 +149,16 @@ def colours_of(sigmas_m: Array) -> Array:
     steps_m = np.linspace(0, UNSURE_M, len(SIGMA_COLOURS))
     channels = np.array(SIGMA_COLOURS, dtype=float).T
     return np.column_stack([np.interp(sigmas_m, steps_m, channel) for channel in channels])
+
+
+def _apart(walls: list[WallSegment]) -> list[WallSegment]:
+    """Those that get a label: long ones whose labels do not cover each other."""
+    told: list[WallSegment] = []
+    for wall in walls:
+        is_free = all(math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in told)
+        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MOST_LABELS:
+            told.append(wall)
+    return told
 
 
 def _middle(wall: WallSegment) -> Vector2:

@@ -40,7 +40,7 @@ REMEMBERED = 1500
 """Moments: a minute and more, at twenty a second."""
 BETWEEN_M = 2.5
 """From the true building to the mapped one."""
-LABELS_M = 1.8
+LABELS_M = 2.4
 """So far north of its side stands its name."""
 NAME_SCALE = 1.8
 SPEED_OVER_S = 2.0
@@ -73,6 +73,7 @@ class Page:
         self._unseen: Seen | None = None
         self._unseen_lock = threading.Lock()
         self._told_wall_s = self._plotted_wall_s = 0.0
+        self._is_untold = self._is_unplotted = False
         self._framing = Framing(server, *first.bounds)
         self._flights = 0
         self._shown: Shown | None = None
@@ -92,7 +93,7 @@ class Page:
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Until it is over."""
-        self._turns.run(is_over)
+        self._turns.run(is_over, self._keep_up)
 
     def close(self) -> None:
         self._forget_flight()
@@ -253,12 +254,16 @@ class Page:
             self._mapped_side.show(snapshot)
         if snapshot.sketch is not None:
             shown.scoring.update(snapshot.sketch.walls)
+        self._is_untold = self._is_unplotted = True
+
+    def _keep_up(self) -> None:
+        """Numbers and plots of the latest moment, not at every one."""
         wall_s = time.monotonic()
-        if wall_s - self._told_wall_s > TELL_PERIOD_S or snapshot.has_ended:
-            self._told_wall_s = wall_s
+        if self._is_untold and wall_s - self._told_wall_s > TELL_PERIOD_S:
+            self._told_wall_s, self._is_untold = wall_s, False
             self._tell()
-        if wall_s - self._plotted_wall_s > PERIOD_S or snapshot.has_ended:
-            self._plotted_wall_s = wall_s
+        if self._is_unplotted and wall_s - self._plotted_wall_s > PERIOD_S:
+            self._plotted_wall_s, self._is_unplotted = wall_s, False
             self._plot()
 
     def _take(self, news: News) -> None:

@@ -113,7 +113,8 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         press(page, "Go on")
         until(lambda: has_row(page, "trouble"), "a fault", DEADLINE_S)
         press(page, "Start")
-        until(lambda: 1 < walls_m(page) < 12, "walls again", DEADLINE_S)
+        until(lambda: number(page, "time") < paused_s, "another flight", DEADLINE_S)
+        until(lambda: "turning 360°" in row(page, "doing"), "in the air again", DEADLINE_S)
         press(page, "Take over")
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over", DEADLINE_S)
 
@@ -141,10 +142,9 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
     (recording,) = tmp_path.glob("*.mcap")
     end_s = flight.simulation.time_s
     with simulator(browser, str(recording)) as page:
+        expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
         press(page, "Play")
         until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
-        press(page, "Pause")
-        expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
         time = text_field(page, "time, s")
         time.fill(f"{end_s:.1f}")
         time.press("Enter")
