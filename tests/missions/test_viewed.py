@@ -3,6 +3,7 @@
 from multiprocessing import Pipe
 from queue import Queue
 from threading import Thread
+from typing import TypeVar
 
 import pytest
 
@@ -15,6 +16,7 @@ from sitl.view.request import OWN_PROFILE, FlightRequest
 
 DEADLINE_S = 60
 FAST = 1000.0
+N = TypeVar("N", Seen, Refused, Ended)
 
 
 def test_sensors_of_ones_own_fly() -> None:
@@ -47,17 +49,17 @@ class Page:
         except (EOFError, OSError):
             return
 
-    def until(self, kind: type[News]) -> News:
-        while not isinstance(news := self.news.get(timeout=DEADLINE_S), kind):
-            continue
-        return news
+    def until(self, kind: type[N]) -> N:
+        while True:
+            news = self.news.get(timeout=DEADLINE_S)
+            if isinstance(news, kind):
+                return news
 
 
 def test_a_flight_is_seen_paused_stepped_and_ended_by_the_pilot() -> None:
     page = Page()
     page.orders.send(Begin(7, FlightRequest("room_100"), FAST))
     seen = page.until(Seen)
-    assert isinstance(seen, Seen)
     assert seen.flight == 7
     page.orders.send(Pace(0.0))
     page.orders.send(Step())
@@ -65,10 +67,9 @@ def test_a_flight_is_seen_paused_stepped_and_ended_by_the_pilot() -> None:
     page.orders.send(Inject("somebody in the way", "front", 1.0))
     page.orders.send(Pace(FAST))
     while seen.truth.position_ned_m[2] > -1.0:
-        seen = page.until(Seen)  # type: ignore[assignment]
+        seen = page.until(Seen)
     page.orders.send(TakeOver("LOITER"))
     ended = page.until(Ended)
-    assert isinstance(ended, Ended)
     assert ended.ending == "handed over: mode changed to LOITER"
 
 
@@ -79,7 +80,6 @@ def test_what_was_given_up_is_not_finished() -> None:
     page.orders.send(GiveUp())
     page.orders.send(Begin(2, FlightRequest("nowhere"), FAST))
     refused = page.until(Refused)
-    assert isinstance(refused, Refused)
     assert "no world 'nowhere'" in refused.reason
 
 
