@@ -1,1 +1,46 @@
-"""What runs on the drone: sensors in, a floor plan and velocity setpoints out."""
+"""What runs on the drone: sensors in, a floor plan and velocity setpoints out.
+
+For scripts: `from companion import connect`; see docs/scripts.md.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from companion.errors import CompanionError, FlightEndedError
+    from companion.messages import Beam, FloorPlan, Pose, RangeReading, RangeState, WallSegment
+    from companion.script import Drone, connect
+
+_PLACES = {
+    "CompanionError": "errors",
+    "FlightEndedError": "errors",
+    "Beam": "messages",
+    "FloorPlan": "messages",
+    "Pose": "messages",
+    "RangeReading": "messages",
+    "RangeState": "messages",
+    "WallSegment": "messages",
+    "Drone": "script",
+    "connect": "script",
+}
+
+__all__ = [
+    "Beam",
+    "CompanionError",
+    "Drone",
+    "FlightEndedError",
+    "FloorPlan",
+    "Pose",
+    "RangeReading",
+    "RangeState",
+    "WallSegment",
+    "connect",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Loaded when asked for: most of the program's modules do without."""
+    if name not in _PLACES:
+        raise AttributeError(f"module 'companion' has no attribute {name!r}")
+    from importlib import import_module  # noqa: PLC0415
+
+    return getattr(import_module(f"companion.{_PLACES[name]}"), name)

@@ -1,7 +1,5 @@
 """The commands that look at a recording: replay, export, report. They belong on a laptop."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 from math import radians
@@ -12,7 +10,8 @@ import typer
 from rich.console import Console
 
 from companion.console import summary
-from companion.errors import MissingExtraError, RecordingError
+from companion.errors import RecordingError
+from companion.extras import needs_extra
 from companion.frames import Place
 from companion.messages import FloorPlan
 
@@ -82,7 +81,7 @@ def export_command(
         link.origin_lon_deg if lon_deg is None else lon_deg,
         radians(heading_deg),
     )
-    with _needs_extra():
+    with needs_extra("export"):
         from companion.export.formats import Labels, export  # noqa: PLC0415
         from companion.export.survey import survey  # noqa: PLC0415
 
@@ -104,7 +103,7 @@ def report_command(
 
     recording = read(flight)
     path = out or flight.with_suffix(".html")
-    with _needs_extra():
+    with needs_extra("export"):
         from companion.report.page import write_report  # noqa: PLC0415
 
         write_report(recording, _plan(recording), _title(recording), path)
@@ -127,14 +126,3 @@ def _end_s(recording: "Recording") -> float:
     if not recording.ticks:
         raise RecordingError(f"{recording.path}: it ends before the flight began")
     return recording.ticks[-1].now_s
-
-
-@contextmanager
-def _needs_extra() -> Iterator[None]:
-    """What only laptops have installed."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise MissingExtraError(
-            f"this needs {error.name}, which is not installed: pip install 'pdps-companion[export]'"
-        ) from error

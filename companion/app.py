@@ -33,9 +33,11 @@ from companion.messages import (
     Command,
     FloorPlan,
     GyroSample,
+    Order,
     Pose,
     RangeScan,
     Setpoint,
+    Sketch,
     WallSegment,
 )
 from companion.pdps import flight
@@ -47,15 +49,19 @@ from companion.values import value
 SEEING_PHASES = frozenset(
     {
         *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
-        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD),
+        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD),
     }
 )
 """What the beams meet on the ground already ties the walls to the origin."""
-EXPLORING_PHASES = frozenset({Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOLD})
+EXPLORING_PHASES = frozenset(
+    {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
+)
 """In these the space around is drawn."""
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
+MOST_SKETCHED = 3000
+"""Points, and places of the path."""
 
 
 @value
@@ -66,6 +72,8 @@ class Inputs:
     gyro: Sequence[GyroSample]
     scan: RangeScan
     land_requested: bool = False
+    order: Order | None = None
+    """A script's; None: the whole mission is flown."""
 
 
 @dataclass(frozen=True)
@@ -220,8 +228,12 @@ class App:
             gyro_at_rest=self.estimator is not None,
             fault=self._health.fault(now_s, inputs.telemetry.vehicle),
             land_requested=inputs.land_requested,
+            order=inputs.order,
         )
-        self.flight, action = flight.step(self.flight, view, self._config.mission)
+        plan = self._config.mission
+        if inputs.order is not None and inputs.order.mission:
+            plan = plan.model_copy(update={"kind": inputs.order.mission})
+        self.flight, action = flight.step(self.flight, view, plan)
         return action
 
     def _report(self, now_s: float) -> Progress:
@@ -238,6 +250,14 @@ class App:
     def floor_plan(self) -> FloorPlan:
         """The map so far, as the flight uses it."""
         return self._drawn_up(self.estimator.so_far()) if self.estimator else FloorPlan()
+
+    def sketch(self) -> Sketch:
+        """The map so far, for those who look on; takes some milliseconds."""
+        if self.estimator is None:
+            return Sketch()
+        traced = self.estimator.so_far()
+        walls = wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
+        return Sketch(walls, *traced.thinned(MOST_SKETCHED), self._ceiling.height_m)
 
     def _drawn_up(self, traced: Traced) -> FloorPlan:
         return FloorPlan(

@@ -23,6 +23,7 @@ MODULES = {
     "replay": "companion.afterwards",
     "export": "companion.afterwards",
     "report": "companion.afterwards",
+    "view": "companion.view.cli",
 }
 
 

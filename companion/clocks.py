@@ -34,6 +34,9 @@ class SystemClock:
     def _now_s(self) -> float:
         return time.monotonic() - self._epoch_s
 
+    def close(self) -> None:
+        """It goes on by itself."""
+
 
 class SitlClock:
     """SITL's virtual time, in step with the MAVLink datagrams that belong to each moment.
@@ -67,13 +70,17 @@ class SitlClock:
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
         return self._last_s
 
+    def close(self) -> None:
+        """SITL does not wait for this clock any more."""
+        self._served.close()
+
 
 def open_clock(
     config: Config,
     transport: UdpTransport | SerialTransport,
     warn: Callable[[str], None],
     start_s: float = 0.0,
-) -> Clock:
+) -> SystemClock | SitlClock:
     """SITL's where the sensors are SITL's; this machine's goes on from `start_s`.
 
     Raises:

@@ -154,6 +154,15 @@ class RecordingConfig(Group):
     enabled: bool = True
 
 
+class ViewConfig(Group):
+    """Looking on while it flies: map and pose, read-only."""
+
+    listen: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
+    """HOST:PORT for `companion view`; empty: nobody looks on."""
+    token_file: Path | None = None
+    """File with the token that lookers must have; needed unless only this machine can connect."""
+
+
 class Config(Group):
     """Everything that can be set."""
 
@@ -161,6 +170,7 @@ class Config(Group):
     sensors: SensorsConfig = SensorsConfig()
     mission: MissionConfig = MissionConfig()
     recording: RecordingConfig = RecordingConfig()
+    view: ViewConfig = ViewConfig()
 
 
 def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:

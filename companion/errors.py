@@ -29,5 +29,13 @@ class RecordingError(CompanionError, OSError):
     """A recording that cannot be written or read."""
 
 
+class ViewError(CompanionError, OSError):
+    """A page or a feed that cannot be opened."""
+
+
+class FlightEndedError(CompanionError, RuntimeError):
+    """A flight that ended otherwise than its script meant it to."""
+
+
 class MissingExtraError(CompanionError, ImportError):
     """A library that only an extra brings along."""

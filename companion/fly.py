@@ -13,7 +13,7 @@ from companion.clocks import Clock
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
 from companion.link.reports import Reports
-from companion.messages import RangeScan
+from companion.messages import Order, RangeScan
 from companion.pdps.flight import Flight
 
 TICK_S = 0.05
@@ -50,13 +50,19 @@ def fly(
     watch: Callable[[Progress], None],
     land_requested: Callable[[], bool] = lambda: False,
     record: Record = record_nothing,
+    *,
+    orders: Callable[[], Order | None] = lambda: None,
 ) -> Flight:
     """Fly until the flight has ended, one way or another; its last state."""
     now_s = rig.clock.wait_until(0.0)
     tick = 0
     while True:
         inputs = Inputs(
-            rig.link.poll(now_s), rig.gyro.read(now_s), rig.ranges.read(now_s), land_requested()
+            rig.link.poll(now_s),
+            rig.gyro.read(now_s),
+            rig.ranges.read(now_s),
+            land_requested(),
+            orders(),
         )
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)

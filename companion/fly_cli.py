@@ -2,25 +2,24 @@
 
 import signal
 import time
+from contextlib import closing
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from companion.app import App, Progress
-from companion.clocks import open_clock
+from companion.app import App, Inputs, Outputs, Progress
 from companion.config import Config
 from companion.console import ProgressLine, summary
-from companion.drivers.bus import open_bus
-from companion.fly import Rig, fly
-from companion.link.open_link import open_transport
+from companion.fly import Record, Rig, fly, record_nothing
 from companion.mapping.files import AutoSave, save, save_as, save_json
 from companion.messages import FloorPlan
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
-from companion.recording.recorder import Recorder, open_recorder
-from companion.rig import make_rig
+from companion.recording.recorder import Recorder
+from companion.rig import open_rig
 from companion.service import Service
+from companion.view.feed import open_feed
 
 EXIT_NOT_COMPLETED = 1
 
@@ -39,20 +38,26 @@ def fly_command(
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""
     settings = load_settings(config, link, bus, profile, mission=mission)
     console = Console(highlight=False)
-    transport = open_transport(settings.link)
-    wires = open_bus(settings.sensors.bus)
-    console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
-    recorder = open_recorder(out, settings, time.time(), console.print)
-    clock = open_clock(settings, transport, console.print)
-    rig = make_rig(settings, recorder.tap(transport), wires, clock)
     app = App(settings)
-    code = fly_to_the_end(app, rig, recorder, out, console)
+    with (
+        open_rig(settings, out, console.print) as (rig, recorder),
+        closing(open_feed(settings, app, console.print)) as feed,
+    ):
+        console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
+        code = fly_to_the_end(app, rig, recorder, out, console, feed.tick)
     if not app.flight.took_off:
         console.print(_remedy(settings), soft_wrap=True)
     raise typer.Exit(code)
 
 
-def fly_to_the_end(app: App, rig: Rig, recorder: Recorder, out: Path, console: Console) -> int:
+def fly_to_the_end(
+    app: App,
+    rig: Rig,
+    recorder: Recorder,
+    out: Path,
+    console: Console,
+    look_on: Record = record_nothing,
+) -> int:
     """Fly, and leave the map; the exit status.
 
     An error leaves the map so far and the recording as they are, without delay, so that `companion
@@ -70,7 +75,11 @@ def fly_to_the_end(app: App, rig: Rig, recorder: Recorder, out: Path, console: C
                 line.show(progress)
                 autosave.update(progress.time_s)
 
-            fly(app, rig, watch, interrupted.requested, recorder.tick)
+            def record(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+                recorder.tick(now_s, inputs, outputs)
+                look_on(now_s, inputs, outputs)
+
+            fly(app, rig, watch, interrupted.requested, record)
     except KeyboardInterrupt:
         _leave(app, recorder, out, service)
         raise

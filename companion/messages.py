@@ -233,6 +233,26 @@ class Command:
     """For TAKE_OFF: above the ground."""
 
 
+class Task(enum.Enum):
+    """What a script may order, step by step."""
+
+    WAIT = "wait"
+    TAKE_OFF = "take off"
+    SCAN = "scan"
+    HOME = "return to the start"
+    LAND = "land"
+
+
+@value
+class Order:
+    """One step of a script; a higher number is a new one."""
+
+    number: int = 0
+    task: Task = Task.WAIT
+    mission: str = ""
+    """Which mission is scanned by; empty: the configuration's."""
+
+
 @value
 class Hit:
     """A point where a beam met something, local NED, with the variance along the beam."""
@@ -303,3 +323,15 @@ class FloorPlan:
     ceiling_m: float | None = None
     floor_m: float | None = None
     tops: tuple[Surface, ...] = ()
+
+
+@value
+class Sketch:
+    """The map so far, for the eye: thinned out to what can be sent and drawn every second."""
+
+    walls: tuple[WallSegment, ...] = ()
+    points_ned_m: tuple[Vector3, ...] = ()
+    """Where beams have met something."""
+    path_ned_m: tuple[Vector3, ...] = ()
+    ceiling_m: float | None = None
+    """Above the take-off point."""

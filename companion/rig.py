@@ -1,16 +1,23 @@
 """All that a flight touches outside itself, put together as the configuration says."""
 
-from companion.clocks import Clock
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from companion.clocks import Clock, open_clock
 from companion.config import Config
 from companion.drivers.autopilot import AutopilotGyro
-from companion.drivers.bus import Wires
+from companion.drivers.bus import Wires, open_bus
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
 from companion.fly import Rig
 from companion.link.link import Link, Listener
+from companion.link.open_link import open_transport
 from companion.link.reports import Reports
 from companion.link.transport import Transport
+from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 
 
 def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -> Rig:
@@ -29,3 +36,22 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
     link = Link(transport, config.link, listeners)
     reports = Reports(config.link, range_models(config.sensors))
     return Rig(link, ranges, calibrated(gyro, config.sensors), clock, reports)
+
+
+@contextmanager
+def open_rig(
+    config: Config, out: Path | None, warn: Callable[[str], None]
+) -> Iterator[tuple[Rig, Recorder]]:
+    """As the configuration says where everything is; recorded into `out`.
+
+    Raises:
+        CompanionError: something is missing or is not what it should be.
+    """
+    transport = open_transport(config.link)
+    with (
+        closing(transport),
+        closing(open_bus(config.sensors.bus)) as wires,
+        closing(open_clock(config, transport, warn)) as clock,
+    ):
+        recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
+        yield make_rig(config, recorder.tap(transport), wires, clock), recorder

@@ -29,6 +29,7 @@ from sitl.options import (
 from sitl.record import TruthRecord
 from sitl.run import Door, Server
 from sitl.serving import external_door, fleet_doors
+from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
 
@@ -46,6 +47,7 @@ commands = typer.Typer(
 )
 commands.add_typer(world_commands, name="world")
 commands.add_typer(bench_commands, name="bench")
+commands.command()(view)
 
 
 class RunAutopilot(StrEnum):

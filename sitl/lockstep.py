@@ -46,6 +46,7 @@ def fly_in_lockstep(
     parameter_watch: ParameterWatch = keep_nothing,
     make_app: Callable[[Config], App] = App,
     recorder: Recorder = NOT_RECORDED,
+    land_requested: Callable[[], bool] = lambda: False,
 ) -> tuple[App, Simulation]:
     """Fly one mission to its end; `make_app` is for those who want to look into it."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
@@ -53,5 +54,5 @@ def fly_in_lockstep(
     app = make_app(config)
     clock = LockstepClock(simulation, lambda: script(simulation, app))
     rig = make_rig(config, recorder.tap(companion_end), simulation.board.bus, clock)
-    fly(app, rig, watch, record=recorder.tick)
+    fly(app, rig, watch, land_requested, recorder.tick)
     return app, simulation

@@ -155,3 +155,6 @@ class VirtualClock:
             self._connection.close()
             raise SensorError(f"sitl's clock is gone ({error})") from error
         return reached_s, datagrams
+
+    def close(self) -> None:
+        self._connection.close()

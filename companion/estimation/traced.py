@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, project
-from companion.frames import wrap_rad
+from companion.frames import Vector3, wrap_rad
 from companion.messages import Hit, Pose, WallLine
 
 
@@ -51,6 +53,15 @@ class Traced:
             )
         )
 
+    def thinned(self, most: int) -> tuple[tuple[Vector3, ...], tuple[Vector3, ...]]:
+        """At most so many of the points where beams ended, and of the places flown through; NED."""
+        ended_down_m = self.record.hits[:, [HitColumn.DOWN_M]]
+        flown_down_m = self.record.frames[:, [FrameColumn.DOWN_M]]
+        return (
+            _every_nth(np.hstack([self.points_ne_m, ended_down_m]), most),
+            _every_nth(np.hstack([self.poses[:, :2], flown_down_m]), most),
+        )
+
     def path(self) -> tuple[Pose, ...]:
         """As values."""
         columns = [
@@ -65,3 +76,8 @@ class Traced:
                 self.record.frames[:, columns].tolist(), self.poses.tolist(), strict=True
             )
         )
+
+
+def _every_nth(points: Array, most: int) -> tuple[Vector3, ...]:
+    stride = max(1, -(-len(points) // most))
+    return tuple((north, east, down) for north, east, down in points[::stride].tolist())

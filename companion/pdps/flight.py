@@ -8,13 +8,17 @@
                                                          HOLD ────────────────┘ or battery is up
                                                           │ fault gone: back to where it was
                                                           ▼
+    a script orders it step by step: PREPARE waits to be told to take off; TAKE_OFF, the missions
+    and HOME end in HOVER, which goes to a mission, HOME or LAND when told to
+
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
+    before arming:                 the program is to end             ─► FAILED
     before take-off:               no autopilot, no estimate, arming
                                    refused, each for too long           ─► FAILED
 
-Safety: setpoints that move the drone go out only in TAKE_OFF (PX4), ROOM, HOME and HOLD, that is
+Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, HOVER and HOLD, that is
 while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
 velocity and show PX4 that a companion is there. When somebody else changes the mode, the companion
 stops sending at once and does not ask for the mode again. HOLD is a setpoint of zero velocity; if
@@ -37,7 +41,9 @@ from companion.messages import (
     CommandKind,
     Fault,
     LandedState,
+    Order,
     Setpoint,
+    Task,
     VehicleState,
 )
 from companion.pdps import explore, layers, room_scan, travel
@@ -73,6 +79,7 @@ class Phase(enum.Enum):
     BUILDING = "exploring the building"
     LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
+    HOVER = "waiting for orders"
     HOLD = "holding"
     LAND = "landing"
     DONE = "landed"
@@ -88,7 +95,10 @@ MISSION_PHASES = {
 }
 HOME_NE_M: Vector2 = (0.0, 0.0)
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
-FLYING_PHASES = frozenset({Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOLD})
+UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD})
+FLYING_PHASES = frozenset(
+    {Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOVER, Phase.HOLD}
+)
 LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
 """In these the height is kept and every velocity is guarded."""
 
@@ -108,6 +118,8 @@ class View:
     around: Surroundings = field(default_factory=Surroundings)
     land_requested: bool = False
     """The user or the operating system asks the program to end."""
+    order: Order | None = None
+    """A script's; None: the whole mission is flown."""
 
 
 @value
@@ -131,6 +143,8 @@ class Flight:
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
     land_mode_seen: bool = False
+    obeyed: int = 0
+    """The number of the last order that was taken up."""
 
     @property
     def completed(self) -> bool:
@@ -179,6 +193,8 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
         return flight, NOTHING
     if math.isinf(flight.since_s):
         flight = replace(flight, since_s=view.time_s)
+    if flight.phase in UNARMED_PHASES and view.land_requested:
+        return _go(flight, Phase.FAILED, view, "it was to end before it took off"), NOTHING
     if flight.phase in FLYING_PHASES and (ended := _taken_away(flight, view)):
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
@@ -243,7 +259,11 @@ def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     if view.vehicle.armed:
         return _go(flight, Phase.FAILED, view, "the vehicle is armed already; disarm it"), NOTHING
     if view.vehicle.estimate_ready and view.gyro_at_rest:
-        return _go(flight, Phase.OFFBOARD, view), NOTHING
+        if view.order is None:
+            return _go(flight, Phase.OFFBOARD, view), NOTHING
+        if view.order.task is Task.TAKE_OFF:
+            return _obey(flight, Phase.OFFBOARD, view, view.order), NOTHING
+        return replace(flight, since_s=view.time_s), NOTHING
     if _age_s(flight, view) > PREPARE_TIMEOUT_S:
         missing = (
             "the gyro is not at rest" if view.vehicle.estimate_ready else "no position estimate"
@@ -268,7 +288,7 @@ def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
 def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     height_m = view.sight.pose.height_m
     if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
-        return _go(flight, MISSION_PHASES[plan.kind], view), Action(HOLD)
+        return _go(flight, _after(MISSION_PHASES[plan.kind], view), view), Action(HOLD)
     if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
         return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
     if view.vehicle.takes_off_by_setpoint:
@@ -299,7 +319,7 @@ def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     if room is not flight.room:
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
-        flight = _go(flight, Phase.HOME, view)
+        flight = _go(flight, _after(Phase.HOME, view), view)
     elif room.phase is ScanPhase.BLOCKED:
         flight = _go(flight, Phase.BUILDING, view)
     return flight, Action(setpoint)
@@ -309,7 +329,7 @@ def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
     building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
-        flight = _go(flight, Phase.HOME, view)
+        flight = _go(flight, _after(Phase.HOME, view), view)
     return flight, Action(setpoint)
 
 
@@ -317,7 +337,7 @@ def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Ac
     seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
     flight = replace(flight, layers=seen)
     if seen.phase is LayersPhase.DONE:
-        flight = _go(flight, Phase.HOME, view)
+        flight = _go(flight, _after(Phase.HOME, view), view)
     return flight, Action(setpoint)
 
 
@@ -326,11 +346,37 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return _go(flight, Phase.LAND, view), Action(HOLD)
+            return _go(flight, _after(Phase.LAND, view), view), Action(HOLD)
         case TravelPhase.GAVE_UP:
             return _go(flight, Phase.LAND, view, NO_WAY_HOME), Action(HOLD)
         case _:
             return flight, Action(setpoint)
+
+
+def _after(planned: Phase, view: View) -> Phase:
+    """What follows: as planned, or whatever a script will order."""
+    return planned if view.order is None else Phase.HOVER
+
+
+def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    order = view.order
+    if order is None or order.number <= flight.obeyed:
+        return flight, Action(HOLD)
+    match order.task:
+        case Task.SCAN:
+            fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
+            return _obey(fresh, MISSION_PHASES[plan.kind], view, order), Action(HOLD)
+        case Task.HOME:
+            homeward = replace(flight, way_home=Travel(HOME_NE_M))
+            return _obey(homeward, Phase.HOME, view, order), Action(HOLD)
+        case Task.LAND:
+            return _obey(flight, Phase.LAND, view, order), Action(HOLD)
+        case _:
+            return replace(flight, obeyed=order.number), Action(HOLD)
+
+
+def _obey(flight: Flight, phase: Phase, view: View, order: Order) -> Flight:
+    return replace(_go(flight, phase, view), obeyed=order.number)
 
 
 def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -404,6 +450,7 @@ _STEPS = {
     Phase.BUILDING: _building,
     Phase.LAYERS: _layers,
     Phase.HOME: _home,
+    Phase.HOVER: _hover,
     Phase.HOLD: _hold,
     Phase.LAND: _land,
 }

@@ -107,6 +107,11 @@ class Autopilot:
         return self._status.mode
 
     @property
+    def battery(self) -> float:
+        """What is left of it, 0 to 1."""
+        return self._status.battery
+
+    @property
     def truth(self) -> TrueState:
         return self._vehicle.state
 

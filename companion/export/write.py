@@ -1,0 +1,35 @@
+"""The map as one file, in the format that its name says."""
+
+from pathlib import Path
+
+from companion.extras import needs_extra
+from companion.frames import Place
+from companion.mapping.files import save_as, save_json
+from companion.mapping.picture import draw
+from companion.messages import FloorPlan
+
+FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson")
+
+
+def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:
+    """PNG and JSON as `companion fly` leaves them, everything else as `companion export`.
+
+    Raises:
+        ValueError: no such format.
+        MissingExtraError: the library that writes it is not installed.
+        OutputError: it cannot be written.
+    """
+    name = path.suffix.removeprefix(".")
+    match name:
+        case "png":
+            save_as(draw, plan, path)
+        case "json":
+            save_as(save_json, plan, path)
+        case _ if name in FORMATS:
+            with needs_extra("export"):
+                from companion.export.formats import Labels, export  # noqa: PLC0415
+                from companion.export.survey import survey  # noqa: PLC0415
+
+                export(survey(plan), [name], path.parent, path.stem, Labels(title, place))
+        case _:
+            raise ValueError(f"{path}: no format {name!r}; known: {', '.join(FORMATS)}")

@@ -1,0 +1,35 @@
+"""The finished map as a file in the browser's downloads."""
+
+import io
+import tempfile
+import zipfile
+from pathlib import Path
+
+from viser import ClientHandle
+
+from companion.export.write import write
+from companion.frames import Place
+from companion.messages import FloorPlan
+
+
+def send(client: ClientHandle, plan: FloorPlan, name: str, title: str, place: Place) -> None:
+    """One format; more than one file comes as a ZIP.
+
+    Raises:
+        MissingExtraError: the library that writes it is not installed.
+        OutputError: it cannot be written.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        write(plan, Path(folder) / f"map.{name}", title, place)
+        files = sorted(Path(folder).iterdir())
+        content = files[0].read_bytes() if len(files) == 1 else _zipped(files)
+    file_name = f"map.{name}" if len(files) == 1 else f"map_{name}.zip"
+    client.send_file_download(file_name, content, save_immediately=True)
+
+
+def _zipped(files: list[Path]) -> bytes:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for file in files:
+            archive.write(file, file.name)
+    return content.getvalue()

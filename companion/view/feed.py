@@ -1,0 +1,204 @@
+"""The drone's side of looking on: snapshots over TCP, to be read and nothing else.
+
+    drone  ─► "PDPS view 1", a line feed, 16 bytes of challenge
+    looker ─► HMAC-SHA256(token, challenge), 32 bytes
+    drone  ─► length, 4 bytes, big endian; a snapshot in MessagePack; again and again
+
+Nothing that a looker sends later is read, none is waited for, and without one nothing is done. Who
+is slow misses moments, but never the latest map.
+"""
+
+import contextlib
+import hmac
+import secrets
+import socket
+import socketserver
+import struct
+import threading
+from collections.abc import Callable, Iterator
+from typing import Protocol
+
+from companion.app import App, Inputs, Outputs
+from companion.config import Config
+from companion.errors import ViewError
+from companion.view.secret import answer, is_loopback, needs_token, read_token
+from companion.view.snapshot import encode, snapshot
+
+GREETING = b"PDPS view 1\n"
+CHALLENGE_BYTES, ANSWER_BYTES = 16, 32
+LENGTH = struct.Struct(">I")
+PERIOD_S = 0.1
+SKETCH_PERIOD_S = 1.0
+PATIENCE_S = 5.0
+"""With a looker that does not answer, or does not take what it is sent."""
+MOST_LOOKERS = 8
+"""At once, admitted or not yet."""
+
+
+class Feed(Protocol):
+    """What the control loop tells those who look on."""
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class NoFeed:
+    """Nobody may look on."""
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        pass
+
+    def close(self) -> None:
+        pass
+
+
+def open_feed(config: Config, app: App, warn: Callable[[str], None]) -> Feed:
+    """As [view] says.
+
+    Raises:
+        ViewError: others could look on and there is no token, or the address is taken.
+    """
+    view = config.view
+    if not view.listen:
+        return NoFeed()
+    host, _, port = view.listen.rpartition(":")
+    if view.token_file is None and not is_loopback(host):
+        raise ViewError(needs_token("view.listen =", repr(view.listen), "view.token_file"))
+    token = read_token(view.token_file, "view.token_file =") if view.token_file else ""
+    try:
+        return TcpFeed((host, int(port)), token, app, config.sensors.mount_offset_m, warn)
+    except (OSError, OverflowError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise ViewError(f"view.listen = {view.listen!r}: {reason}; take another port") from error
+
+
+class TcpFeed:
+    """Keeps the latest moment and the latest map ready for every looker's thread."""
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        token: str,
+        app: App,
+        mount_offset_m: float,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._token = token
+        self._app = app
+        self._mount_offset_m = mount_offset_m
+        self._warn = warn
+        self._told_s = self._sketched_s = float("-inf")
+        self._lookers = 0
+        self._seats = threading.Semaphore(MOST_LOOKERS)
+        self._is_closed = False
+        self._news = threading.Condition()
+        self._number = self._sketch_number = 0
+        self._latest = self._sketched = b""
+        feed = self
+
+        class Looker(socketserver.BaseRequestHandler):
+            def handle(self) -> None:
+                feed._serve(self.request)
+
+        self._server = _Server(address, Looker)
+        threading.Thread(target=self._server.serve_forever, daemon=True).start()
+
+    @property
+    def port(self) -> int:
+        port: int = self._server.server_address[1]
+        return port
+
+    def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
+        """Whatever goes wrong here ends the looking on, and not the flight."""
+        if self._is_closed or not self._lookers:
+            return
+        is_due = now_s - self._told_s >= PERIOD_S - 1e-6
+        if not is_due and not outputs.finished:
+            return
+        self._told_s = now_s
+        try:
+            self._tell(now_s, outputs)
+        except Exception as error:
+            self._warn(f"nobody can look on any more: {error!r}")
+            self._send_away()
+
+    def _tell(self, now_s: float, outputs: Outputs) -> None:
+        with_sketch = now_s - self._sketched_s >= SKETCH_PERIOD_S or outputs.finished
+        taken = snapshot(self._app, now_s, outputs, self._mount_offset_m, with_sketch=with_sketch)
+        frame = encode(taken)
+        with self._news:
+            self._number += 1
+            self._latest = LENGTH.pack(len(frame)) + frame
+            if with_sketch:
+                self._sketched_s = now_s
+                self._sketched, self._sketch_number = self._latest, self._number
+            self._news.notify_all()
+
+    def close(self) -> None:
+        self._send_away()
+        self._server.shutdown()
+        self._server.server_close()
+
+    def _send_away(self) -> None:
+        """Those who look on; the control loop does not wait until they have gone."""
+        with self._news:
+            self._is_closed = True
+            self._news.notify_all()
+
+    def _serve(self, looker: socket.socket) -> None:
+        """In the looker's own thread."""
+        looker.settimeout(PATIENCE_S)
+        if not self._seats.acquire(blocking=False):
+            return
+        try:
+            if self._is_admitted(looker):
+                with self._looking():
+                    self._send_news(looker)
+        except OSError:
+            return  # it has gone
+        finally:
+            self._seats.release()
+
+    @contextlib.contextmanager
+    def _looking(self) -> Iterator[None]:
+        with self._news:
+            self._lookers += 1
+        try:
+            yield
+        finally:
+            with self._news:
+                self._lookers -= 1
+
+    def _is_admitted(self, looker: socket.socket) -> bool:
+        challenge = secrets.token_bytes(CHALLENGE_BYTES)
+        looker.sendall(GREETING + challenge)
+        told = b""
+        while len(told) < ANSWER_BYTES:
+            piece = looker.recv(ANSWER_BYTES - len(told))
+            if not piece:
+                return False
+            told += piece
+        return hmac.compare_digest(told, answer(self._token, challenge))
+
+    def _send_news(self, looker: socket.socket) -> None:
+        sent = 0
+        while (news := self._since(sent)) is not None:
+            sent, frames = news
+            looker.sendall(frames)
+
+    def _since(self, sent: int) -> tuple[int, bytes] | None:
+        """The latest moment, after the latest map if that was missed; None when all is over."""
+        with self._news:
+            self._news.wait_for(lambda: self._is_closed or self._number > sent)
+            if self._number == sent:
+                return None
+            has_missed_map = sent < self._sketch_number < self._number
+            frames = self._sketched + self._latest if has_missed_map else self._latest
+            return self._number, frames
+
+
+class _Server(socketserver.ThreadingTCPServer):
+    allow_reuse_address = True
+    daemon_threads = True
+    block_on_close = False

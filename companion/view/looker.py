@@ -1,0 +1,122 @@
+"""The other end of the feed: snapshots of a drone elsewhere, as they come."""
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable
+
+import msgspec
+
+from companion.errors import ViewError
+from companion.view.feed import CHALLENGE_BYTES, GREETING, LENGTH, PATIENCE_S
+from companion.view.secret import answer
+from companion.view.snapshot import Snapshot, decode
+
+FEED_PORT = 5795
+MOST_BYTES = 1 << 24
+"""Of one snapshot."""
+SILENT_S = 10.0
+"""A drone that flies tells ten moments a second."""
+RETRY_S = 1.0
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """HOST or HOST:PORT.
+
+    Raises:
+        ViewError: it is neither.
+    """
+    host, colon, port = text.rpartition(":")
+    if not colon:
+        return text, FEED_PORT
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ViewError(f"{text}: should be HOST or HOST:PORT; the port is {FEED_PORT} if left out")
+    return host, int(port)
+
+
+class Looker:
+    """Listens in a thread, which tells snapshots, and why there are none.
+
+    Raises:
+        ViewError: nobody answers, or the token is not the drone's.
+    """
+
+    def __init__(
+        self,
+        address: tuple[str, int],
+        token: str,
+        tell: Callable[[Snapshot], None],
+        complain: Callable[[str], None],
+    ) -> None:
+        self._address = address
+        self._token = token
+        self._tell = tell
+        self._complain = complain
+        self._is_closed = threading.Event()
+        self._socket = self._connect()
+        self._thread = threading.Thread(target=self._listen, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        self._is_closed.set()
+        with contextlib.suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._thread.join(PATIENCE_S)
+        self._socket.close()
+
+    def _connect(self) -> socket.socket:
+        host, port = self._address
+        where = f"{host}:{port}"
+        try:
+            drone = socket.create_connection(self._address, PATIENCE_S)
+        except OSError as error:
+            reason = error.strerror or "no answer"
+            raise ViewError(
+                f"{where}: {reason}; the drone's configuration needs view.listen, "
+                "and a flight has to be under way"
+            ) from error
+        try:
+            if _read(drone, len(GREETING)) != GREETING:
+                raise ViewError(f"{where}: this is no companion, or one of another version")
+            drone.sendall(answer(self._token, _read(drone, CHALLENGE_BYTES)))
+            drone.settimeout(SILENT_S)
+        except OSError as error:
+            drone.close()
+            raise (
+                error if isinstance(error, ViewError) else ViewError(f"{where}: {error}")
+            ) from error
+        return drone
+
+    def _listen(self) -> None:
+        has_heard = False
+        while not self._is_closed.is_set():
+            try:
+                (length,) = LENGTH.unpack(_read(self._socket, LENGTH.size))
+                if length > MOST_BYTES:
+                    raise ViewError(f"a snapshot of {length} bytes")
+                self._tell(decode(_read(self._socket, length)))
+                has_heard = True
+            except (OSError, msgspec.MsgspecError) as error:
+                if self._is_closed.is_set():
+                    return
+                hint = "" if has_heard else "; is --drone-token-file the drone's?"
+                self._complain(f"the drone is not heard: {error}{hint}")
+                self._connect_again()
+
+    def _connect_again(self) -> None:
+        self._socket.close()
+        while not self._is_closed.wait(RETRY_S):
+            with contextlib.suppress(ViewError):
+                self._socket = self._connect()
+                return
+
+
+def _read(drone: socket.socket, count: int) -> bytes:
+    """Exactly so many bytes."""
+    data = b""
+    while len(data) < count:
+        piece = drone.recv(count - len(data))
+        if not piece:
+            raise ConnectionError("the connection was closed")
+        data += piece
+    return data

@@ -1,0 +1,145 @@
+"""A recording on the page, with a time to slide along."""
+
+import bisect
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from companion.errors import CompanionError, RecordingError
+from companion.export.write import FORMATS
+from companion.frames import Place
+from companion.messages import FloorPlan
+from companion.recording.reader import read
+from companion.view import downloads
+from companion.view.instruments import PERIOD_S
+from companion.view.replayed import Replayed
+from companion.view.screen import Screen
+from companion.view.server import PageServer
+from companion.view.snapshot import Snapshot, sketch_of
+from companion.view.turns import Event, Turns
+
+SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
+FIRST_SPEED = "5 ×"
+PLOTTED = 700
+"""Moments, at ten a second: a minute and more."""
+
+
+class Playback:
+    """Plays while the rest is still being worked out.
+
+    Raises:
+        RecordingError: there is no such recording, or nothing in it.
+    """
+
+    def __init__(self, server: PageServer, path: Path) -> None:
+        recording = read(path)
+        if not recording.ticks:
+            raise RecordingError(f"{path}: it ends before the flight began")
+        self._config = recording.config
+        self._title = path.stem
+        self._server = server
+        self._turns = Turns(server)
+        self._snapshots: list[Snapshot] = []
+        self._times_s: list[float] = []
+        self._sketched: list[int] = []
+        """Which of them bring a map."""
+        self._plan: FloorPlan | None = None
+        self._now_s = self._frame_wall_s = self._plotted_wall_s = 0.0
+        self._is_playing = False
+        self._shown = self._shown_sketch = -1
+        self._screen = Screen(server)
+        self._add_controls(recording.ticks[0].now_s, recording.ticks[-1].now_s)
+        self._replayed = Replayed(path, lambda news: self._turns.put(lambda: self._take(news)))
+
+    def run(self, is_over: Callable[[], bool]) -> None:
+        """Until it is over."""
+        self._turns.run(is_over, self._play)
+
+    def close(self) -> None:
+        self._replayed.close()
+        self._server.stop()
+
+    def _add_controls(self, first_s: float, last_s: float) -> None:
+        gui = self._server.gui
+        with gui.add_folder(self._title):
+            self._slider = gui.add_slider("time, s", first_s, last_s, 0.1, first_s)
+            self._button = gui.add_button("Play", color="teal")
+            self._speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
+            self._bands = gui.add_slider("2σ bands ×", 1.0, 20.0, 1.0, 5.0)
+            self._fit = gui.add_button("All in view")
+            self._format = gui.add_dropdown("map as", FORMATS)
+            self._download = gui.add_button("Download map", disabled=True)
+        self._now_s = first_s
+        pressed = self._turns.pressed
+        self._slider.on_update(pressed(self._seek))
+        self._button.on_click(pressed(self._play_or_pause))
+        self._bands.on_update(pressed(lambda: self._screen.exaggerate(self._bands.value)))
+        self._fit.on_click(pressed(self._screen.fit))
+        self._download.on_click(self._send_map)
+
+    def _take(self, news: Snapshot | FloorPlan) -> None:
+        if isinstance(news, FloorPlan):
+            self._plan = news
+            last = self._snapshots[-1]
+            self._snapshots[-1] = replace(last, sketch=sketch_of(news))
+            self._sketched.append(len(self._snapshots) - 1)
+            self._download.disabled = False
+            return
+        if news.sketch is not None:
+            self._sketched.append(len(self._snapshots))
+        self._snapshots.append(news)
+        self._times_s.append(news.time_s)
+
+    def _seek(self) -> None:
+        self._now_s = self._slider.value
+        self._shown_sketch = -1  # the path since the last map is another one
+
+    def _play_or_pause(self) -> None:
+        if not self._is_playing and self._now_s >= self._slider.max:
+            self._now_s = self._slider.min
+        self._set_playing(is_playing=not self._is_playing)
+
+    def _set_playing(self, *, is_playing: bool) -> None:
+        self._is_playing = is_playing
+        self._frame_wall_s = time.monotonic()
+        self._button.label = "Pause" if is_playing else "Play"
+
+    def _play(self) -> None:
+        """One frame."""
+        if not self._times_s:
+            return
+        if self._is_playing:
+            wall_s = time.monotonic()
+            self._now_s += SPEEDS[self._speed.value] * (wall_s - self._frame_wall_s)
+            self._now_s = min(self._now_s, self._times_s[-1])
+            self._frame_wall_s = wall_s
+            if self._plan is not None and self._now_s >= self._times_s[-1]:
+                self._set_playing(is_playing=False)
+        self._show(max(bisect.bisect_right(self._times_s, self._now_s) - 1, 0))
+
+    def _show(self, number: int) -> None:
+        map_number = bisect.bisect_right(self._sketched, number) - 1
+        if number == self._shown and map_number == self._shown_sketch:
+            return
+        sketch = None
+        if map_number != self._shown_sketch and map_number >= 0:
+            sketch = self._snapshots[self._sketched[map_number]].sketch
+        self._screen.show(replace(self._snapshots[number], sketch=sketch))
+        self._shown, self._shown_sketch = number, map_number
+        wall_s = time.monotonic()
+        if wall_s - self._plotted_wall_s > PERIOD_S or not self._is_playing:
+            self._plotted_wall_s = wall_s
+            self._slider.value = round(self._now_s, 1)  # type: ignore[misc]
+            self._screen.plot(self._snapshots[max(number - PLOTTED, 0) : number + 1])
+
+    def _send_map(self, event: Event) -> None:
+        """In viser's thread: a drawing takes a second."""
+        if self._plan is None or event.client is None:
+            return
+        link = self._config.link
+        place = Place(link.origin_lat_deg, link.origin_lon_deg)
+        try:
+            downloads.send(event.client, self._plan, self._format.value, self._title, place)
+        except CompanionError as error:
+            self._turns.complain(str(error), event.client)

@@ -1,0 +1,97 @@
+"""The true side of the scene: the building, and where the drone really is."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import trimesh
+from viser import MeshHandle, ViserServer
+
+from companion.frames import Vector2
+from companion.messages import Beam, RangeReading
+from companion.view.shapes import LEAST_THICKNESS_M, SHOWN_HEIGHT_M, Drone, Trail, Upright, to_scene
+from sitl.truth import TrueState
+from sitl.world.format import Segment, World
+
+WALL_COLOUR = (108, 117, 125)
+BOX_COLOUR = (176, 164, 148)
+PATH_COLOUR = (231, 111, 81)
+DRONE_COLOUR = (61, 64, 91)
+
+
+class TrueSide:
+    """The building as the world file has it, in the world's own frame."""
+
+    def __init__(self, server: ViserServer, name: str = "/true") -> None:
+        scene = server.scene
+        self._scene = scene
+        self._name = name
+        self._frame = scene.add_frame(name, show_axes=False)
+        self._walls = Upright(scene, f"{name}/walls")
+        self._boxes = Upright(scene, f"{name}/boxes")
+        self._mesh: MeshHandle | None = None
+        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
+        self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
+
+    def hide(self, *, hidden: bool) -> None:
+        self._frame.visible = not hidden
+
+    def build(self, world: World) -> None:
+        """Another building, and nobody in it."""
+        panels = [panel for panel in world.panels if panel.bottom_m < SHOWN_HEIGHT_M]
+        self._walls.show(
+            [(panel.start, panel.end) for panel in panels],
+            [panel.bottom_m for panel in panels],
+            [min(panel.top_m, SHOWN_HEIGHT_M) for panel in panels],
+            [max(panel.thickness_m, LEAST_THICKNESS_M) for panel in panels],
+            WALL_COLOUR,
+            overlap_m=LEAST_THICKNESS_M,
+        )
+        boxes = [box for box in world.boxes if box.bottom_m < SHOWN_HEIGHT_M]
+        self._boxes.show(
+            [_middle_line(box.corner, box.size) for box in boxes],
+            [box.bottom_m for box in boxes],
+            [min(box.top_m, SHOWN_HEIGHT_M) for box in boxes],
+            [box.size[1] for box in boxes],
+            BOX_COLOUR,
+        )
+        self._build_mesh(world)
+        self.restart()
+
+    def _build_mesh(self, world: World) -> None:
+        """What an importer brought, without what is above the cut."""
+        if self._mesh is not None:
+            self._mesh.remove()
+            self._mesh = None
+        if world.mesh is None:
+            return
+        whole = trimesh.Trimesh(to_scene(world.mesh.vertices), world.mesh.faces, process=False)
+        cut = whole.slice_plane((0, 0, SHOWN_HEIGHT_M), (0, 0, -1))
+        if cut is not None and len(cut.faces):
+            self._mesh = self._scene.add_mesh_simple(
+                f"{self._name}/mesh",
+                np.asarray(cut.vertices),
+                np.asarray(cut.faces),
+                color=WALL_COLOUR,
+                side="double",
+                flat_shading=True,
+                cast_shadow=False,
+            )
+
+    def restart(self) -> None:
+        self._path.show([])
+        self._drone.hide()
+
+    def show(
+        self, truth: TrueState, readings: Mapping[Beam, RangeReading], mount_offset_m: float
+    ) -> None:
+        """The drone where it is, with what its sensors read."""
+        here = truth.position_ned_m
+        self._drone.move(here, truth.yaw_rad)
+        self._drone.look(readings, mount_offset_m)
+        self._path.extend(here)
+
+
+def _middle_line(corner: Vector2, size: Vector2) -> Segment:
+    """Of a box, along north."""
+    (north, east), (depth_m, width_m) = corner, size
+    return (north, east + width_m / 2), (north + depth_m, east + width_m / 2)

@@ -1,0 +1,36 @@
+"""`sitl view`: a page in the browser, served until Ctrl-C."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from companion.extras import needs_extra
+from companion.view.options import PAGE_PORT, Host, Port, TokenFile, until_interrupted
+
+RECORDING_SUFFIX = ".mcap"
+
+
+def view(
+    what: Annotated[
+        str, typer.Argument(metavar="[WORLD | FLIGHT.mcap]", help="What is shown at first.")
+    ] = "room_100",
+    host: Host = "127.0.0.1",
+    port: Port = PAGE_PORT,
+    token_file: TokenFile = None,
+) -> None:
+    """Fly on a page in the browser, or play a recording back; Ctrl-C ends it."""
+    with needs_extra("viewer"):
+        from companion.view.playback import Playback  # noqa: PLC0415
+        from companion.view.server import open_page  # noqa: PLC0415 - an extra
+        from sitl.view.page import Page  # noqa: PLC0415
+
+    is_over = until_interrupted()
+    server, address = open_page(host, port, token_file, "PDPS simulator")
+    is_recording = what.endswith(RECORDING_SUFFIX)
+    page = Playback(server, Path(what)) if is_recording else Page(server, what)
+    print(f"open     {address}", flush=True)
+    try:
+        page.run(is_over)
+    finally:
+        page.close()

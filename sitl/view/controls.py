@@ -1,0 +1,146 @@
+"""The controls on the page: what is flown, and what is done to it."""
+
+from viser import (
+    GuiApi,
+    GuiButtonHandle,
+    GuiDropdownHandle,
+    GuiEvent,
+    GuiNumberHandle,
+    GuiSliderHandle,
+    GuiTextHandle,
+)
+
+from companion.config import STANDOFFS
+from companion.export.write import FORMATS
+from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
+from companion.messages import Beam
+from sitl.errors import SitlError
+from sitl.view.faults import FAULTS
+from sitl.view.news import Inject, TakeOver
+from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest
+from sitl.world.loading import world_names
+
+MISSIONS = ("room", "building", "exterior", "layers")
+MODES = {
+    "ardupilot": tuple(sorted(ARDUCOPTER_MODES.values())),
+    "px4": tuple(sorted(PX4_MODES.values())),
+}
+FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
+FAST = 1000.0
+SPEEDS = {"¼ ×": 0.25, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0, "all": FAST}
+"""Times real time; the last as fast as it goes."""
+FIRST_SPEED = "10 ×"
+
+
+class Controls:
+    """Handles of all controls; the page gives them their meaning."""
+
+    def __init__(self, gui: GuiApi) -> None:
+        with gui.add_folder("World"):
+            self.worlds = gui.add_button_group("built in", world_names())
+            self.file: GuiTextHandle = gui.add_text(
+                "file or name",
+                "",
+                hint="A world file (.toml, .json, .yaml, .stl, .obj, .ply, .glb) or random_17",
+            )
+            self.open = gui.add_button("Open")
+        with gui.add_folder("Flight"):
+            self.start = gui.add_button("Start", color="teal")
+            self.time = gui.add_button_group("time", ("Pause", "Go on", "Step"))
+            self.speed: GuiDropdownHandle[str] = gui.add_dropdown(
+                "speed", tuple(SPEEDS), initial_value=FIRST_SPEED, hint="Times real time"
+            )
+            self.stop = gui.add_button("Stop: land now", color="red")
+            self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", FORMATS)
+            self.download = gui.add_button("Download map", disabled=True)
+        with gui.add_folder("What is shown"):
+            self.hide_truth = gui.add_checkbox("hide the truth", False)
+            self.exaggeration: GuiSliderHandle[float] = gui.add_slider(
+                "2σ bands ×", 1.0, 20.0, 1.0, 5.0, hint="Times true to scale"
+            )
+            self.fit = gui.add_button("All in view")
+        with gui.add_folder("Mission"):
+            self.mission: GuiDropdownHandle[str] = gui.add_dropdown("kind", MISSIONS)
+            self.standoff: GuiTextHandle = gui.add_text(
+                "stand-off", "1.5", hint="Metres, 0.6 to 5, or range, or accurate"
+            )
+            self.flight_speed: GuiSliderHandle[float] = gui.add_slider(
+                "speed, m/s", 0.1, 2.0, 0.1, 1.0
+            )
+            self.seed: GuiNumberHandle[int] = gui.add_number("seed", 1, min=0, step=1)
+        with gui.add_folder("Sensors and noise"):
+            self.profile: GuiDropdownHandle[str] = gui.add_dropdown("profile", PROFILES)
+            self.range: GuiSliderHandle[float] = gui.add_slider(
+                "range, m", 1.0, 15.0, 0.5, 5.0, disabled=True, hint="Of the profile own"
+            )
+            self.sigma: GuiSliderHandle[float] = gui.add_slider(
+                "noise σ, cm", 0.5, 20.0, 0.5, 5.0, disabled=True, hint="Of the profile own"
+            )
+            self.noise: GuiSliderHandle[float] = gui.add_slider(
+                "odometry ×", 0.0, 4.0, 0.25, 1.0, hint="Times the reference noise"
+            )
+            self.autopilot: GuiDropdownHandle[str] = gui.add_dropdown("autopilot", tuple(MODES))
+        with gui.add_folder("Pilot and faults"):
+            self.mode: GuiDropdownHandle[str] = gui.add_dropdown(
+                "mode", MODES["ardupilot"], initial_value=FIRST_MODE["ardupilot"]
+            )
+            self.take_over: GuiButtonHandle = gui.add_button("Take over")
+            self.fault: GuiDropdownHandle[str] = gui.add_dropdown("fault", tuple(FAULTS))
+            self.beam: GuiDropdownHandle[str] = gui.add_dropdown(
+                "beam", tuple(beam.value for beam in Beam if beam is not Beam.BACK)
+            )
+            self.lasts: GuiNumberHandle[float] = gui.add_number(
+                "for, s", 2.0, min=0.0, max=600.0, step=0.5, hint="0: for good"
+            )
+            self.inject: GuiButtonHandle = gui.add_button("Inject")
+        self.profile.on_update(self._offer_own)
+        self.autopilot.on_update(self._offer_modes)
+
+    def _offer_own(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
+        is_fixed = self.profile.value != OWN_PROFILE
+        self.range.disabled = self.sigma.disabled = is_fixed
+
+    def _offer_modes(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
+        self.mode.options = MODES[self.autopilot.value]
+        self.mode.value = FIRST_MODE[self.autopilot.value]  # type: ignore[misc]
+
+    def request(self, world: str) -> FlightRequest:
+        """What is to be flown.
+
+        Raises:
+            SitlError: a stand-off that is neither a number nor a word.
+        """
+        return FlightRequest(
+            world,
+            int(self.seed.value),
+            self.profile.value,
+            self.range.value,
+            self.sigma.value / 100,
+            self.noise.value,
+            self.autopilot.value,
+            self.mission.value,
+            _standoff(self.standoff.value),
+            self.flight_speed.value,
+        )
+
+    @property
+    def times_real_time(self) -> float:
+        return SPEEDS[self.speed.value]
+
+    @property
+    def fault_to_inject(self) -> Inject:
+        return Inject(self.fault.value, self.beam.value, self.lasts.value or None)
+
+    @property
+    def mode_to_take(self) -> TakeOver:
+        return TakeOver(self.mode.value)
+
+
+def _standoff(text: str) -> float | str:
+    if text.strip() in STANDOFFS:
+        return text.strip()
+    try:
+        return float(text)
+    except ValueError:
+        words = " or ".join(STANDOFFS)
+        raise SitlError(f"stand-off = {text!r}: should be metres, or {words}") from None

@@ -1,0 +1,29 @@
+"""What can be made to go wrong on the page: the actions of `sitl.testing`, by name."""
+
+import math
+from collections.abc import Callable
+
+from companion.frames import frd_to_ned
+from sitl.simulation import Simulation
+from sitl.testing.script import Action, break_bus, crash, link_down, somebody, unplug
+
+AHEAD_M = 1.8
+HEAD_M = 1.2
+
+
+def _in_the_way(simulation: Simulation, beam: str, for_s: float | None) -> Action:
+    """Somebody steps before the drone."""
+    truth = simulation.autopilot.truth
+    north_m, east_m = frd_to_ned(AHEAD_M, 0.0, truth.yaw_rad)
+    north, east, down = truth.position_ned_m
+    height_m = -down if math.isfinite(down) and down < 0 else HEAD_M
+    return somebody([(north + north_m, east + east_m, height_m)], for_s)
+
+
+FAULTS: dict[str, Callable[[Simulation, str, float | None], Action]] = {
+    "link down": lambda simulation, beam, for_s: link_down(for_s),
+    "sensor bus fails": lambda simulation, beam, for_s: break_bus(for_s),
+    "sensor unplugged": lambda simulation, beam, for_s: unplug(beam),
+    "somebody in the way": _in_the_way,
+    "crash": lambda simulation, beam, for_s: crash(),
+}

@@ -1,0 +1,56 @@
+"""The page's end of the process that flies: it is started when needed, and again if it dies."""
+
+import multiprocessing
+import threading
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnProcess
+
+from sitl.view.flying import serve
+from sitl.view.news import News, Order, Refused
+
+END_TIMEOUT_S = 5.0
+_SPAWN = multiprocessing.get_context("spawn")
+"""Not a copy of the page's process, which has threads."""
+
+
+class Hangar:
+    """`tell` hears all news, in a thread of its own, and has to return quickly."""
+
+    def __init__(self, tell: Callable[[News], None]) -> None:
+        self._tell = tell
+        self._lock = threading.Lock()
+        self._is_closing = False
+        self._open()
+
+    def _open(self) -> None:
+        ours, theirs = _SPAWN.Pipe()
+        self._orders: Connection = ours
+        self._process: SpawnProcess = _SPAWN.Process(target=serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+        self._listener = threading.Thread(target=self._listen, args=(ours,), daemon=True)
+        self._listener.start()
+
+    def order(self, order: Order) -> None:
+        with self._lock:
+            if not self._process.is_alive():
+                self._orders.close()
+                self._open()
+            self._orders.send(order)
+
+    def _listen(self, connection: Connection) -> None:
+        try:
+            while True:
+                self._tell(connection.recv())
+        except (EOFError, OSError):
+            if not self._is_closing:
+                self._tell(Refused("the flight's process has ended; start the flight again"))
+
+    def close(self) -> None:
+        self._is_closing = True
+        with self._lock:
+            self._process.terminate()
+            self._process.join(END_TIMEOUT_S)
+            self._listener.join(END_TIMEOUT_S)
+            self._orders.close()

@@ -1,0 +1,62 @@
+"""How good the map is so far, worked out beside the page whenever there is time for it."""
+
+import threading
+import time
+from collections.abc import Callable
+
+from companion.messages import FloorPlan, WallSegment
+from sitl.score import MapScore, score_map
+from sitl.truth import TrueState
+from sitl.world.format import World
+from sitl.world.plan import seeable_points, wall_surfaces
+
+REST_SHARE = 4.0
+"""It rests so many times as long as it has worked: the page comes first."""
+LEAST_REST_S = 0.5
+
+
+class LiveScore:
+    """Scores of one flight's map; `tell` hears them, in a thread of its own."""
+
+    def __init__(
+        self, world: World, height_m: float, take_off: TrueState, tell: Callable[[MapScore], None]
+    ) -> None:
+        self._world = world
+        self._height_m = height_m
+        self._take_off = take_off
+        self._tell = tell
+        self._walls: tuple[WallSegment, ...] | None = None
+        self._is_over = False
+        self._change = threading.Condition()
+        threading.Thread(target=self._work, daemon=True).start()
+
+    def update(self, walls: tuple[WallSegment, ...]) -> None:
+        with self._change:
+            self._walls = walls
+            self._change.notify()
+
+    def end(self) -> None:
+        with self._change:
+            self._is_over = True
+            self._change.notify()
+
+    def _work(self) -> None:
+        surfaces = wall_surfaces(self._world, self._height_m)
+        north, east, _ = self._take_off.position_ned_m
+        seeable = seeable_points(self._world, self._height_m, (north, east))
+        while (walls := self._next()) is not None:
+            began_s = time.monotonic()
+            score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off)
+            if not self._is_over:
+                self._tell(score)
+            self._rest(max(LEAST_REST_S, REST_SHARE * (time.monotonic() - began_s)))
+
+    def _next(self) -> tuple[WallSegment, ...] | None:
+        with self._change:
+            self._change.wait_for(lambda: self._is_over or self._walls)
+            walls, self._walls = self._walls, None
+            return None if self._is_over else walls
+
+    def _rest(self, rest_s: float) -> None:
+        with self._change:
+            self._change.wait_for(lambda: self._is_over, rest_s)

@@ -1,0 +1,45 @@
+"""News for the page, which is never waited for."""
+
+import threading
+from collections import deque
+from dataclasses import replace
+from multiprocessing.connection import Connection
+
+from sitl.view.news import News, Seen
+
+
+class Outbox:
+    """A thread hands news over; a moment that was not taken in time gives way to the next."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._waiting: deque[News] = deque()
+        self._is_filled = threading.Condition()
+        threading.Thread(target=self._send, daemon=True).start()
+
+    def put(self, news: News) -> None:
+        with self._is_filled:
+            last = self._waiting[-1] if self._waiting else None
+            if isinstance(last, Seen) and isinstance(news, Seen):
+                self._waiting[-1] = later(last, news)
+            else:
+                self._waiting.append(news)
+            self._is_filled.notify()
+
+    def _send(self) -> None:
+        while True:
+            with self._is_filled:
+                while not self._waiting:
+                    self._is_filled.wait()
+                news = self._waiting.popleft()
+            try:
+                self._connection.send(news)
+            except OSError:  # the page has gone
+                return
+
+
+def later(first: Seen | None, second: Seen) -> Seen:
+    """The second, with the first one's map if it brings none of its own."""
+    if second.snapshot.sketch is not None or first is None or first.flight != second.flight:
+        return second
+    return replace(second, snapshot=replace(second.snapshot, sketch=first.snapshot.sketch))

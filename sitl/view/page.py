@@ -1,0 +1,325 @@
+"""The simulator's page: the true building on one side, on the other what is mapped of it.
+
+controls ───────────┐                ┌──► scene, numbers, plots
+news of the flight ─┼─► in `Turns` ──┤
+scores ─────────────┘                └──► orders to the flight's process
+"""
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+
+from companion.config import Config
+from companion.errors import CompanionError
+from companion.frames import Place, wrap_rad
+from companion.messages import FloorPlan
+from companion.view import downloads
+from companion.view.camera import PANEL_PX, Framing
+from companion.view.instruments import PERIOD_S, Instruments
+from companion.view.mapped import MappedSide
+from companion.view.server import PageServer
+from companion.view.snapshot import sketch_of
+from companion.view.turns import Event, Turns
+from sitl.errors import SitlError
+from sitl.score import MapScore
+from sitl.simulation import start_state
+from sitl.truth import TrueState
+from sitl.view.building import TrueSide
+from sitl.view.controls import Controls
+from sitl.view.hangar import Hangar
+from sitl.view.live_score import LiveScore
+from sitl.view.news import Begin, Ended, GiveUp, Land, News, Order, Pace, Refused, Seen, Step
+from sitl.view.outbox import later
+from sitl.world.format import World
+from sitl.world.loading import load_world
+
+TELL_PERIOD_S = 0.2
+REMEMBERED = 1500
+"""Moments: a minute and more, at twenty a second."""
+BETWEEN_M = 2.5
+"""From the true building to the mapped one."""
+LABELS_M = 2.4
+"""So far north of its side stands its name."""
+NAME_SCALE = 1.8
+SPEED_OVER_S = 2.0
+
+
+@dataclass
+class Shown:
+    """The flight that is on the page."""
+
+    config: Config
+    take_off: TrueState
+    scoring: LiveScore
+    seen: deque[tuple[float, Seen]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    """With the times on the wall clock."""
+    score: MapScore | None = None
+    plan: FloorPlan | None = None
+
+
+class Page:
+    """One page, which all who open it share.
+
+    Raises:
+        WorldError: the first world cannot be used.
+    """
+
+    def __init__(self, server: PageServer, world: str) -> None:
+        first = load_world(world)
+        self._server = server
+        self._turns = Turns(server, (SitlError, CompanionError))
+        self._unseen: Seen | None = None
+        self._unseen_lock = threading.Lock()
+        self._told_wall_s = self._plotted_wall_s = 0.0
+        self._is_untold = self._is_unplotted = False
+        self._framing = Framing(server, *first.bounds)
+        self._flights = 0
+        self._shown: Shown | None = None
+        self._true_side = TrueSide(server)
+        self._mapped_side = MappedSide(server)
+        server.gui.main_panel.dock_left()
+        server.gui.main_panel.set_width(PANEL_PX)
+        self._controls = Controls(server.gui)
+        panel = server.gui.add_panel()
+        with panel.add_tab("Flight"):
+            self._instruments = Instruments(server.gui)
+        panel.dock_right()
+        panel.set_width(PANEL_PX)
+        self._connect_controls()
+        self._show_world(world, first)
+        self._hangar = Hangar(self._hear)
+
+    def run(self, is_over: Callable[[], bool]) -> None:
+        """Until it is over."""
+        self._turns.run(is_over, self._keep_up)
+
+    def close(self) -> None:
+        self._forget_flight()
+        self._hangar.close()
+        self._server.stop()
+
+    # The controls
+
+    def _connect_controls(self) -> None:
+        controls, pressed = self._controls, self._turns.pressed
+        controls.worlds.on_click(pressed(lambda: self._open_world(controls.worlds.value)))
+        controls.open.on_click(pressed(lambda: self._open_world(controls.file.value.strip())))
+        controls.start.on_click(pressed(self._start))
+        controls.time.on_click(pressed(self._let_time_pass))
+        controls.speed.on_update(pressed(self._change_speed))
+        controls.stop.on_click(pressed(self._stop))
+        controls.take_over.on_click(pressed(lambda: self._order(controls.mode_to_take)))
+        controls.inject.on_click(pressed(lambda: self._order(controls.fault_to_inject)))
+        controls.hide_truth.on_update(pressed(self._hide_truth))
+        controls.exaggeration.on_update(
+            pressed(lambda: self._mapped_side.exaggerate(controls.exaggeration.value))
+        )
+        controls.fit.on_click(pressed(self._framing.all_in_view))
+        controls.download.on_click(self._download)
+
+    def _order(self, *orders: Order) -> None:
+        if self._shown is None or self._shown.plan is not None:
+            raise SitlError("no flight is under way; press Start")
+        for order in orders:
+            self._hangar.order(order)
+
+    def _start(self) -> None:
+        request = self._controls.request(self._world_name)
+        config = request.config()
+        setup = request.setup(config)
+        self._forget_flight()
+        self._flights += 1
+        self._hangar.order(Begin(self._flights, request, self._controls.times_real_time))
+        take_off = start_state(setup)
+        height_m = config.mission.height_m
+        scoring = LiveScore(setup.world, height_m, take_off, self._hear_score(self._flights))
+        self._shown = Shown(config, take_off, scoring)
+        self._place_mapped_side(take_off)
+        self._controls.download.disabled = True
+
+    def _stop(self) -> None:
+        """It lands; for that time has to pass."""
+        self._order(Land(), Pace(self._controls.times_real_time))
+
+    def _let_time_pass(self) -> None:
+        match self._controls.time.value:
+            case "Pause":
+                self._order(Pace(0.0))
+            case "Go on":
+                self._order(Pace(self._controls.times_real_time))
+            case _:
+                self._order(Step())
+
+    def _change_speed(self) -> None:
+        if self._shown is not None and self._shown.plan is None:
+            self._order(Pace(self._controls.times_real_time))
+
+    def _hide_truth(self) -> None:
+        self._true_side.hide(hidden=self._controls.hide_truth.value)
+        self._tell()
+        self._plot()
+
+    def _download(self, event: Event) -> None:
+        """In viser's thread: a drawing takes a second."""
+        shown = self._shown
+        if shown is None or shown.plan is None or event.client is None:
+            return
+        link = shown.config.link
+        place = Place(link.origin_lat_deg, link.origin_lon_deg)
+        try:
+            title = self._world_name
+            downloads.send(event.client, shown.plan, self._controls.format.value, title, place)
+        except CompanionError as error:
+            self._turns.complain(str(error), event.client)
+
+    # The building
+
+    def _open_world(self, name: str) -> None:
+        world = load_world(name)
+        self._forget_flight()
+        self._show_world(name, world)
+
+    def _show_world(self, name: str, world: World) -> None:
+        self._world_name = name
+        least, (north, east) = world.bounds
+        _, west = least
+        self._mapped_shift_m = east - west + BETWEEN_M
+        self._true_side.build(world)
+        self._mapped_side.clear()
+        for side, title, shift_m in (
+            ("true", f"the building: {world.name}", 0.0),
+            ("mapped", "what is mapped of it", self._mapped_shift_m),
+        ):
+            self._server.scene.add_label(
+                f"/name of {side} side",
+                title,
+                position=((west + east) / 2 + shift_m, north + LABELS_M, 0.0),
+                anchor="bottom-center",
+                font_screen_scale=NAME_SCALE,
+            )
+        self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
+
+    def _place_mapped_side(self, take_off: TrueState) -> None:
+        """As the building stands, so that the two can be compared."""
+        north, east, down = take_off.position_ned_m
+        self._mapped_side.place((north, east + self._mapped_shift_m, down), take_off.yaw_rad)
+
+    def _forget_flight(self) -> None:
+        if self._shown is None:
+            return
+        if self._shown.plan is None:
+            self._hangar.order(GiveUp())
+        self._shown.scoring.end()
+        self._shown = None
+        self._true_side.restart()
+        self._mapped_side.clear()
+
+    # The flight
+
+    def _hear(self, news: News) -> None:
+        """In the hangar's thread."""
+        if not isinstance(news, Seen):
+            self._turns.put(lambda: self._take(news))
+            return
+        with self._unseen_lock:
+            is_first = self._unseen is None
+            self._unseen = later(self._unseen, news)
+        if is_first:
+            self._turns.put(self._see)
+
+    def _hear_score(self, flight: int) -> Callable[[MapScore], None]:
+        def hear(score: MapScore) -> None:
+            """In the scorer's thread."""
+            self._turns.put(lambda: self._take_score(flight, score))
+
+        return hear
+
+    def _take_score(self, flight: int, score: MapScore) -> None:
+        if self._shown is not None and flight == self._flights:
+            self._shown.score = score
+            self._tell()
+
+    def _see(self) -> None:
+        with self._unseen_lock:
+            seen, self._unseen = self._unseen, None
+        shown = self._shown
+        if seen is None or shown is None or seen.flight != self._flights:
+            return
+        shown.seen.append((time.monotonic(), seen))
+        snapshot = seen.snapshot
+        with self._server.atomic():
+            self._true_side.show(seen.truth, snapshot.readings, snapshot.mount_offset_m)
+            self._mapped_side.show(snapshot)
+        if snapshot.sketch is not None:
+            shown.scoring.update(snapshot.sketch.walls)
+        self._is_untold = self._is_unplotted = True
+
+    def _keep_up(self) -> None:
+        """Numbers and plots of the latest moment, not at every one."""
+        wall_s = time.monotonic()
+        if self._is_untold and wall_s - self._told_wall_s > TELL_PERIOD_S:
+            self._told_wall_s, self._is_untold = wall_s, False
+            self._tell()
+        if self._is_unplotted and wall_s - self._plotted_wall_s > PERIOD_S:
+            self._plotted_wall_s, self._is_unplotted = wall_s, False
+            self._plot()
+
+    def _take(self, news: News) -> None:
+        match news:
+            case Ended(flight, _, plan, _) if self._shown is not None and flight == self._flights:
+                self._shown.plan = plan
+                self._shown.scoring.update(plan.walls)
+                _, last = self._shown.seen[-1]
+                self._mapped_side.show(replace(last.snapshot, sketch=sketch_of(plan)))
+                self._controls.download.disabled = False
+            case Ended():
+                pass
+            case Refused(reason):
+                self._turns.complain(reason)
+
+    def _tell(self) -> None:
+        shown = self._shown
+        if shown is None or not shown.seen:
+            return
+        _, seen = shown.seen[-1]
+        known = self._mapped_side.in_numbers
+        known |= {"battery": f"{seen.battery:.0%}", "speed": self._speed(shown)}
+        truth = {} if self._controls.hide_truth.value else _truth_rows(shown, seen)
+        self._instruments.tell(seen.snapshot, known | truth)
+
+    def _plot(self) -> None:
+        shown = self._shown
+        if shown is None:
+            return
+        moments = [seen for _, seen in shown.seen]
+        heading_rad = shown.take_off.yaw_rad
+        is_hidden = self._controls.hide_truth.value
+        true_yaw_rad = [wrap_rad(seen.truth.yaw_rad - heading_rad) for seen in moments]
+        snapshots = [seen.snapshot for seen in moments]
+        self._instruments.plot(snapshots, None if is_hidden else true_yaw_rad)
+
+    @staticmethod
+    def _speed(shown: Shown) -> str:
+        """Of the last seconds, as measured."""
+        last_wall_s, last = shown.seen[-1]
+        first_wall_s, first = next(
+            moment for moment in shown.seen if last_wall_s - moment[0] < SPEED_OVER_S
+        )
+        if last_wall_s <= first_wall_s:
+            return "–"
+        flown_s = last.snapshot.time_s - first.snapshot.time_s
+        return f"{flown_s / (last_wall_s - first_wall_s):.1f} × real time"
+
+
+def _truth_rows(shown: Shown, seen: Seen) -> dict[str, str]:
+    score = shown.score
+    rows = {"least clearance": f"{seen.clearance_m:.2f} m", "collisions": str(seen.collisions)}
+    if score is not None:
+        rows |= {
+            "coverage": f"{score.coverage:.0%}",
+            "wall error, aligned": f"{score.wall_error_aligned_cm:.1f} cm",
+            "in take-off frame": f"{score.wall_error_cm:.1f} cm",
+        }
+    return rows

@@ -1,0 +1,99 @@
+"""Flights as the page asks for them, and the process that flies them, without a browser."""
+
+from multiprocessing import Pipe
+from queue import Queue
+from threading import Thread
+from typing import TypeVar
+
+import pytest
+
+from companion.errors import ConfigError
+from sitl.lockstep import fly_in_lockstep
+from sitl.view.flying import serve
+from sitl.view.hangar import Hangar
+from sitl.view.news import Begin, Ended, GiveUp, Inject, News, Pace, Refused, Seen, Step, TakeOver
+from sitl.view.request import OWN_PROFILE, FlightRequest
+
+DEADLINE_S = 60
+FAST = 1000.0
+N = TypeVar("N", Seen, Refused, Ended)
+
+
+def test_sensors_of_ones_own_fly() -> None:
+    request = FlightRequest("room_100", profile=OWN_PROFILE, range_m=4.0, range_sigma_m=0.03)
+    config = request.config()
+    app, simulation = fly_in_lockstep(request.setup(config), config, lambda progress: None)
+    assert app.flight.completed, app.flight.ending
+    assert simulation.record.collisions == 0
+
+
+def test_what_cannot_be_flown_is_told_by_its_key() -> None:
+    with pytest.raises(ConfigError, match=r"this page: mission\.standoff = 9"):
+        FlightRequest("room_100", standoff=9.0).config()
+
+
+class Page:
+    """The page's end of the process that flies, here in a thread."""
+
+    def __init__(self) -> None:
+        self.orders, theirs = Pipe()
+        self._thread = Thread(target=serve, args=(theirs,), daemon=True)
+        self._thread.start()
+        self.news: Queue[News] = Queue()
+        Thread(target=self._listen, daemon=True).start()
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                self.news.put(self.orders.recv())
+        except (EOFError, OSError):
+            return
+
+    def until(self, kind: type[N]) -> N:
+        while True:
+            news = self.news.get(timeout=DEADLINE_S)
+            if isinstance(news, kind):
+                return news
+
+
+def test_a_flight_is_seen_paused_stepped_and_ended_by_the_pilot() -> None:
+    page = Page()
+    page.orders.send(Begin(7, FlightRequest("room_100"), FAST))
+    seen = page.until(Seen)
+    assert seen.flight == 7
+    page.orders.send(Pace(0.0))
+    page.orders.send(Step())
+    page.orders.send(Step())
+    page.orders.send(Inject("somebody in the way", "front", 1.0))
+    page.orders.send(Pace(FAST))
+    while seen.truth.position_ned_m[2] > -1.0:
+        seen = page.until(Seen)
+    page.orders.send(TakeOver("LOITER"))
+    ended = page.until(Ended)
+    assert ended.ending == "handed over: mode changed to LOITER"
+
+
+def test_what_was_given_up_is_not_finished() -> None:
+    page = Page()
+    page.orders.send(Begin(1, FlightRequest("room_100"), FAST))
+    page.until(Seen)
+    page.orders.send(GiveUp())
+    page.orders.send(Begin(2, FlightRequest("nowhere"), FAST))
+    refused = page.until(Refused)
+    assert "no world 'nowhere'" in refused.reason
+
+
+def test_a_process_that_died_is_started_again() -> None:
+    news: Queue[News] = Queue()
+    hangar = Hangar(news.put)
+    hangar.order(Begin(1, FlightRequest("room_100"), 1.0))
+    assert isinstance(news.get(timeout=DEADLINE_S), Seen)
+    hangar._process.kill()
+    while not isinstance(news.get(timeout=DEADLINE_S), Refused):
+        continue
+    hangar._process.join(DEADLINE_S)
+    hangar.order(Begin(2, FlightRequest("room_100"), 1.0))
+    seen = news.get(timeout=DEADLINE_S)
+    assert isinstance(seen, Seen)
+    assert seen.flight == 2
+    hangar.close()

@@ -1,0 +1,121 @@
+"""A real browser, and pages in it, for system tests."""
+
+import re
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from io import BytesIO
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Browser, Locator, Page, sync_playwright
+
+from companion.view.camera import PANEL_PX
+from tests.system.processes import read_until, started, stop
+
+CHROMIUM = "chromium"
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--disable-quic",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+)
+SIZE = {"width": 1000, "height": 480}
+DEADLINE_MS = 60_000
+
+
+@contextmanager
+def chromium() -> Iterator[Browser]:
+    """Skips aloud where there is none."""
+    path = shutil.which(CHROMIUM)
+    if path is None:
+        pytest.skip("Chromium is missing; on Debian: apt install chromium")
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=path, args=FLAGS)
+        try:
+            yield browser
+        finally:
+            browser.close()
+
+
+@contextmanager
+def served(command: list[str]) -> Iterator[str]:
+    """The address that a command says to open; the command ends well when told to."""
+    with started(command) as process:
+        said = read_until(process, "http://")
+        address = re.search(r"http://\S+", said)
+        assert address is not None
+        yield address[0]
+        stop(process)
+        assert process.returncode == 0
+
+
+@contextmanager
+def opened(browser: Browser, address: str) -> Iterator[Page]:
+    """A page that has nothing to complain of."""
+    errors: list[str] = []
+    with browser.new_context(viewport=SIZE, accept_downloads=True) as context:  # type: ignore[arg-type]
+        page = context.new_page()
+        page.set_default_timeout(DEADLINE_MS)
+        page.on("pageerror", lambda error: errors.append(str(error)))
+        page.on(
+            "console",
+            lambda message: errors.append(message.text) if message.type == "error" else None,
+        )
+        page.goto(address)
+        yield page
+    assert not errors
+
+
+def number(page: Page, name: str) -> float:
+    """The first number in a row of the table."""
+    found = re.search(r"-?\d+(\.\d+)?", row(page, name).split(",")[-1])
+    assert found is not None
+    return float(found[0])
+
+
+def row(page: Page, name: str) -> str:
+    """What stands beside a name in the table of numbers; nothing if it is not there."""
+    cells = _cells(page, name)
+    return cells.nth(1).inner_text() if cells.count() else ""
+
+
+def has_row(page: Page, name: str) -> bool:
+    return _cells(page, name).count() > 0
+
+
+def _cells(page: Page, name: str) -> Locator:
+    return page.locator("tr", has=page.get_by_text(name, exact=True)).locator("td")
+
+
+def choose(page: Page, label: str, option: str) -> None:
+    """In a dropdown."""
+    page.get_by_label(label, exact=True).first.click()
+    page.get_by_role("option", name=option, exact=True).click()
+
+
+def text_field(page: Page, label: str) -> Locator:
+    named = page.locator("label").filter(has_text=re.compile(f"^{re.escape(label)}$"))
+    return named.locator("xpath=following::input[not(@type='hidden')][1]")
+
+
+def press(page: Page, name: str) -> None:
+    page.get_by_role("button", name=name, exact=True).click()
+
+
+def coloured(page: Page, from_share: float, to_share: float) -> int:
+    """How many pixels have a colour, in a part of the scene from left (0) to right (1)."""
+    width = SIZE["width"] - 2 * PANEL_PX
+    x = PANEL_PX + from_share * width
+    # notifications, such as that of rendering in software, come up at the top
+    top, height = 0.3 * SIZE["height"], 0.7 * SIZE["height"]
+    clip = {"x": x, "y": top, "width": (to_share - from_share) * width, "height": height}
+    shot = Image.open(BytesIO(page.screenshot(clip=clip)))  # type: ignore[arg-type]
+    pixels = np.asarray(shot.convert("RGB")).astype(int)
+    return int((np.ptp(pixels, axis=2) > 40).sum())

@@ -1,0 +1,47 @@
+"""What the commands of the pages refuse, in one line, and what the drone does not load for them."""
+
+import subprocess
+import sys
+
+import pytest
+
+DEADLINE_S = 60
+WITHOUT_VISER = "import sys; sys.modules['viser'] = None; from {}.cli import main; main()"
+
+
+def run(*command: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, *command], capture_output=True, text=True, timeout=DEADLINE_S, check=False
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (("sitl", "view", "--host", "0.0.0.0"), "--host 0.0.0.0: others can reach this address"),
+        (("sitl", "view", "nowhere", "--port", "0"), "no world 'nowhere'; known: complex"),
+        (("sitl", "view", "none.mcap", "--port", "0"), "none.mcap: No such file or directory"),
+        (("companion", "view", "127.0.0.1:1", "--port", "0"), "needs view.listen"),
+        (("companion", "view", "drone:port"), "should be HOST or HOST:PORT"),
+    ],
+)
+def test_what_cannot_be_shown_is_one_line(command: tuple[str, ...], words: str) -> None:
+    refused = run("-m", *command)
+    assert refused.returncode == 2, refused.stderr
+    assert words in refused.stderr
+    assert len(refused.stderr.splitlines()) == 1
+    assert "http" not in refused.stdout
+
+
+@pytest.mark.parametrize("program", ["sitl", "companion"])
+def test_without_the_extra_the_remedy_is_told(program: str) -> None:
+    refused = run("-c", WITHOUT_VISER.format(program), "view", "room_100")
+    assert refused.returncode == 2
+    assert refused.stderr.strip() == (
+        f"{program}: this needs viser, which is not installed: pip install 'pdps-companion[viewer]'"
+    )
+
+
+def test_the_drone_does_not_load_what_draws_pages() -> None:
+    loaded = run("-c", "import sys, companion.cli; print('viser' in sys.modules)")
+    assert loaded.stdout.strip() == "False"

@@ -1,0 +1,203 @@
+"""What a drone tells those who look on, and whom it tells nothing."""
+
+import socket
+import struct
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from queue import Queue
+from threading import Event, Thread
+
+import pytest
+
+from companion.app import App, Inputs, Outputs, Progress
+from companion.config import Config, ViewConfig, load
+from companion.errors import ConfigError, ViewError
+from companion.link.link import Telemetry
+from companion.messages import (
+    Beam,
+    Pose,
+    RangeReading,
+    RangeScan,
+    RangeState,
+    Sketch,
+    VehicleState,
+    WallSegment,
+)
+from companion.pdps.flight import Flight
+from companion.view.feed import NoFeed, TcpFeed, open_feed
+from companion.view.looker import Looker, parse_address
+from companion.view.snapshot import Snapshot, decode, encode
+
+TOKEN = "0123456789abcdef"
+DEADLINE_S = 10
+WALL = WallSegment((0.0, 1.0), (2.0, 1.0), 0.02, 40, 0.01)
+INPUTS = Inputs(Telemetry(VehicleState()), [], RangeScan(0.0, {}))
+PAUSE = Event()
+
+
+class Mapping(App):
+    """An app that has mapped a wall."""
+
+    def sketch(self) -> Sketch:
+        return Sketch((WALL,), ((0.0, 1.0, -1.2),), ((0.0, 0.0, 0.0),), 2.5)
+
+
+def outputs(time_s: float) -> Outputs:
+    reading = RangeReading(RangeState.DISTANCE, 1.5, 0.01)
+    scan = RangeScan(time_s, {Beam.FRONT: reading, Beam.UP: RangeReading(RangeState.NOTHING)})
+    pose = Pose(time_s, 1.0, 2.0, -1.2, 0.5)
+    return Outputs(None, None, pose, Progress(time_s, "", "", tuple), Flight(), scan)
+
+
+def fail(warning: str) -> None:
+    raise AssertionError(warning)
+
+
+@pytest.fixture
+def feed() -> Iterator[TcpFeed]:
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Mapping(Config()), 0.08, fail)
+    yield feed
+    feed.close()
+
+
+def tick_until(feed: TcpFeed, is_done: Callable[[], bool], first_s: float = 0.0) -> float:
+    """Let the flight go on until then; its time."""
+    for number in range(20 * DEADLINE_S):
+        if is_done():
+            return first_s + number * 0.05
+        feed.tick(first_s + number * 0.05, INPUTS, outputs(first_s + number * 0.05))
+        PAUSE.wait(0.02)
+    raise AssertionError("not within the deadline")
+
+
+def test_a_looker_sees_map_and_pose(feed: TcpFeed) -> None:
+    seen: Queue[Snapshot] = Queue()
+    looker = Looker(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    tick_until(feed, lambda: seen.qsize() > 3)
+    first = seen.get(timeout=DEADLINE_S)
+    assert first.sketch == Mapping(Config()).sketch()
+    assert first.pose is not None
+    assert first.pose.north_m == 1.0
+    assert first.readings[Beam.FRONT].distance_m == 1.5
+    assert first.readings[Beam.UP].state is RangeState.NOTHING
+    assert first.mount_offset_m == 0.08
+    looker.close()
+
+
+def test_who_comes_late_gets_the_map_at_once(feed: TcpFeed) -> None:
+    early: Queue[Snapshot] = Queue()
+    late: Queue[Snapshot] = Queue()
+    first = Looker(("127.0.0.1", feed.port), TOKEN, early.put, lambda reason: None)
+    time_s = tick_until(feed, lambda: early.qsize() > 1)
+    second = Looker(("127.0.0.1", feed.port), TOKEN, late.put, lambda reason: None)
+    tick_until(feed, lambda: not late.empty(), time_s)
+    assert late.get(timeout=DEADLINE_S).sketch is not None
+    first.close()
+    second.close()
+
+
+def test_the_wrong_token_sees_nothing(feed: TcpFeed) -> None:
+    seen: list[Snapshot] = []
+    complaints: Queue[str] = Queue()
+    looker = Looker(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
+    tick_until(feed, lambda: not complaints.empty())
+    assert "--drone-token-file" in complaints.get(timeout=DEADLINE_S)
+    assert not seen
+    looker.close()
+
+
+def test_who_says_nothing_or_nonsense_does_not_hold_up_the_flight(feed: TcpFeed) -> None:
+    silent = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
+    babbling = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
+    babbling.sendall(b"GET / HTTP/1.1\r\nHost: drone\r\n\r\n" + b"x" * 1000)
+    seen: Queue[Snapshot] = Queue()
+    looker = Looker(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    tick_until(feed, lambda: seen.qsize() > 1)
+    for other in (looker, silent, babbling):
+        other.close()
+
+
+def test_without_a_looker_nothing_is_done(feed: TcpFeed) -> None:
+    class Untouched(App):
+        def sketch(self) -> Sketch:
+            raise AssertionError("nobody looks")
+
+    quiet = TcpFeed(("127.0.0.1", 0), TOKEN, Untouched(Config()), 0.08, fail)
+    quiet.tick(1.0, INPUTS, outputs(1.0))
+    quiet.close()
+
+
+def test_an_error_ends_the_looking_on_and_not_the_flight() -> None:
+    class Broken(App):
+        def sketch(self) -> Sketch:
+            raise ZeroDivisionError
+
+    warnings: list[str] = []
+    feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
+    looker = Looker(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
+    tick_until(feed, lambda: bool(warnings))
+    assert "ZeroDivisionError" in warnings[0]
+    looker.close()
+
+
+def test_a_snapshot_is_the_same_after_the_wire() -> None:
+    snapshot = Snapshot(
+        1.0, "scanning", pose=Pose(1.0, 0.1, 0.2, -1.0, 0.3), sketch=Sketch((WALL,))
+    )
+    assert decode(encode(snapshot)) == snapshot
+
+
+def test_it_is_off_unless_asked_for() -> None:
+    assert isinstance(open_feed(Config(), App(Config()), fail), NoFeed)
+
+
+def test_an_address_that_others_reach_needs_a_token() -> None:
+    config = Config(view=ViewConfig(listen="0.0.0.0:0"))
+    with pytest.raises(ViewError, match=r"view.listen = '0.0.0.0:0'.*view.token_file"):
+        open_feed(config, App(config), fail)
+
+
+def test_a_port_that_is_taken_is_told(feed: TcpFeed) -> None:
+    config = Config(view=ViewConfig(listen=f"127.0.0.1:{feed.port}"))
+    with pytest.raises(ViewError, match=r"view.listen = .*Address already in use"):
+        open_feed(config, App(config), fail)
+
+
+def test_addresses_of_drones() -> None:
+    assert parse_address("drone.local") == ("drone.local", 5795)
+    assert parse_address("10.0.0.7:99") == ("10.0.0.7", 99)
+    with pytest.raises(ViewError, match="HOST:PORT"):
+        parse_address("drone:port")
+    with pytest.raises(ViewError, match=r"view\.listen"):
+        Looker(("127.0.0.1", free_port()), "", lambda seen: None, lambda reason: None)
+
+
+def test_a_snapshot_as_long_as_the_memory_is_not_read() -> None:
+    listener = socket.create_server(("127.0.0.1", 0))
+    complaints: Queue[str] = Queue()
+
+    def lie() -> None:
+        drone, _ = listener.accept()
+        with drone:
+            drone.sendall(b"PDPS view 1\n" + bytes(16) + struct.pack(">I", 1 << 31))
+            drone.recv(64)
+
+    Thread(target=lie, daemon=True).start()
+    port = listener.getsockname()[1]
+    looker = Looker(("127.0.0.1", port), "", lambda seen: None, complaints.put)
+    assert "2147483648 bytes" in complaints.get(timeout=DEADLINE_S)
+    looker.close()
+    listener.close()
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        port: int = probe.getsockname()[1]
+        return port
+
+
+def test_a_bad_address_in_the_configuration_is_told(tmp_path: Path) -> None:
+    file = tmp_path / "drone.toml"
+    file.write_text('[view]\nlisten = "5795"\n')
+    with pytest.raises(ConfigError, match=r"view.listen = '5795'"):
+        load(file)

@@ -1,0 +1,143 @@
+"""Who gets at the page, and who does not, over the wire."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import closing
+from email.message import Message
+from http.client import HTTPConnection
+from pathlib import Path
+
+import pytest
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin, Subprotocol
+
+from companion.errors import ViewError
+from companion.view.secret import answer, is_loopback, read_token
+from companion.view.server import PageServer, open_page
+
+TOKEN = "0123456789abcdef"
+TIMEOUT_S = 10
+
+
+@pytest.fixture
+def token_file(tmp_path: Path) -> Path:
+    file = tmp_path / "token"
+    file.write_text(TOKEN + "\n")
+    file.chmod(0o600)
+    return file
+
+
+@pytest.fixture
+def local() -> Iterator[PageServer]:
+    """A page for this machine."""
+    server, _ = open_page("127.0.0.1", 0, None, "test")
+    yield server
+    server.stop()
+
+
+@pytest.fixture
+def public(token_file: Path) -> Iterator[PageServer]:
+    """A page for whoever has the token."""
+    server, _ = open_page("0.0.0.0", 0, token_file, "test")
+    yield server
+    server.stop()
+
+
+def get(
+    server: PageServer, path: str = "/", headers: Mapping[str, str] | None = None
+) -> tuple[int, Message]:
+    """Status and headers of an answer."""
+    connection = HTTPConnection("127.0.0.1", server.get_port(), timeout=TIMEOUT_S)
+    with closing(connection):
+        connection.request("GET", path, headers=dict(headers or {}))
+        with connection.getresponse() as response:
+            return response.status, response.headers
+
+
+def open_socket(
+    server: PageServer, origin: str | None = None, headers: Mapping[str, str] | None = None
+) -> int:
+    """The status of a WebSocket's handshake, as the page makes it."""
+    try:
+        with connect(
+            f"ws://127.0.0.1:{server.get_port()}",
+            origin=Origin(origin) if origin else None,
+            additional_headers=dict(headers or {}),
+            subprotocols=[Subprotocol("viser-v0")],
+            open_timeout=TIMEOUT_S,
+        ):
+            return 101
+    except InvalidStatus as refused:
+        return refused.response.status_code
+
+
+def test_this_machine_gets_the_page(local: PageServer) -> None:
+    port = local.get_port()
+    assert get(local)[0] == 200
+    assert get(local, headers={"Host": f"localhost:{port}"})[0] == 200
+    assert open_socket(local, origin=f"http://127.0.0.1:{port}") == 101
+
+
+def test_another_site_does_not_get_at_it_through_the_browser(local: PageServer) -> None:
+    assert get(local, headers={"Host": "evil.example"})[0] == 403
+    assert open_socket(local, origin="http://evil.example") == 403
+    assert open_socket(local, origin=f"http://evil.example:{local.get_port()}") == 403
+    assert open_socket(local, origin="null") == 403
+
+
+def test_a_stranger_is_refused_page_files_and_socket(public: PageServer) -> None:
+    for path in ("/", "/index.html", "/?token=", "/?token=0123456789abcdeF", "/assets/x.js"):
+        assert get(public, path)[0] == 403
+    assert open_socket(public) == 403
+    assert open_socket(public, headers={"Cookie": f"pdps_view_{public.get_port()}=wrong"}) == 403
+    assert open_socket(public, headers={"Cookie": "pdps_view_1=" + TOKEN}) == 403
+
+
+def test_the_token_lets_in_and_leaves_the_address(public: PageServer) -> None:
+    status, headers = get(public, f"/?token={TOKEN}")
+    assert (status, headers["Location"]) == (303, "/")
+    cookie = headers["Set-Cookie"]
+    assert "HttpOnly" in cookie
+    assert "SameSite=Strict" in cookie
+    told = {"Cookie": cookie.partition(";")[0]}
+    assert get(public, headers=told)[0] == 200
+    assert open_socket(public, headers=told) == 101
+    assert open_socket(public, origin="http://evil.example", headers=told) == 403
+
+
+def test_nobody_can_have_it_shared_with_the_world(local: PageServer) -> None:
+    assert local.request_share_url() is None
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.168.1.2", "drone.local", "::"])
+def test_an_address_that_others_reach_needs_a_token(host: str) -> None:
+    with pytest.raises(ViewError, match=r"--host .*--token-file.*openssl rand"):
+        open_page(host, 0, None, "test")
+
+
+def test_a_port_that_is_taken_is_told(local: PageServer) -> None:
+    with pytest.raises(ViewError, match=rf"--port {local.get_port()}: Address already in use"):
+        open_page("127.0.0.1", local.get_port(), None, "test")
+
+
+def test_a_token_is_long_and_its_owners_alone(tmp_path: Path, token_file: Path) -> None:
+    assert read_token(token_file, "--token-file") == TOKEN
+    token_file.chmod(0o644)
+    with pytest.raises(ViewError, match=r"--token-file .*mode 644.*chmod 600"):
+        read_token(token_file, "--token-file")
+    token_file.chmod(0o600)
+    token_file.write_text("short")
+    with pytest.raises(ViewError, match="16 letters and digits"):
+        read_token(token_file, "--token-file")
+    with pytest.raises(ViewError, match="No such file"):
+        read_token(tmp_path / "none", "--token-file")
+
+
+def test_loopback_is_what_only_this_machine_reaches() -> None:
+    assert all(map(is_loopback, ("localhost", "127.0.0.1", "127.1.2.3", "::1")))
+    assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.1.2", "127.0.0.1.evil.example")))
+
+
+def test_an_answer_does_not_fit_another_challenge_or_token() -> None:
+    assert answer(TOKEN, b"a") != answer(TOKEN, b"b")
+    assert answer(TOKEN, b"a") != answer("another", b"a")
