@@ -114,9 +114,11 @@ def _read_until(process: subprocess.Popen[str], words: str) -> str:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
     parser.add_argument("--crashes", type=int, default=5)
-    crashes = [crash_once() for _ in range(parser.parse_args().crashes)]
-    for heartbeat_s, text_s, text in crashes:
-        print(f"heartbeat after {heartbeat_s:.2f} s, after {text_s:.2f} s: {text}")
+    crashes = []
+    for _ in range(parser.parse_args().crashes):
+        heartbeat_s, text_s, text = crash_once()
+        crashes.append((heartbeat_s, text_s))
+        print(f"heartbeat after {heartbeat_s:.2f} s, after {text_s:.2f} s: {text}", flush=True)
     print(
         f"{len(crashes)} crashes: heartbeat within {max(c[0] for c in crashes):.2f} s, "
         f"text within {max(c[1] for c in crashes):.2f} s"

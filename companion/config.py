@@ -227,7 +227,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     """What a file says, not yet checked."""
     try:
         return tomllib.loads(_text(path))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 

@@ -97,10 +97,12 @@ def load_mission(mission: str) -> MissionFile:
         return _python(path) if path.suffix == ".py" else _toml(path)
     except OSError as error:
         raise MissionError(f"{mission}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise MissionError(f"{mission}: not TOML: {error}") from error
     except ValidationError as error:
         raise MissionError(f"{mission}: {complaint(error)}") from error
+    except MissionError:
+        raise
+    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+        raise MissionError(f"{mission}: not TOML: {error}") from error
 
 
 def _toml(path: Path) -> MissionFile:

@@ -233,7 +233,7 @@ def parse_world(text: str, source: str) -> World:
     """
     try:
         return World.model_validate(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise WorldError(f"{source}: not TOML: {error}") from error
     except ValidationError as error:
         raise WorldError(f"{source}: {complaint(error)}") from error
+    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+        raise WorldError(f"{source}: not TOML: {error}") from error
