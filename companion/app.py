@@ -171,7 +171,7 @@ class App:
         scan = health.ranges(inputs.scan, odometry)
         if odometry is not telemetry.odometry:
             telemetry = replace(telemetry, odometry=odometry)
-        return Inputs(telemetry, gyro, scan, inputs.land_requested)
+        return replace(inputs, telemetry=telemetry, gyro=gyro, scan=scan)
 
     def _calibrate(self, inputs: Inputs) -> None:
         """The gyro's bias while the drone stands; origin and heading are where it ends."""

@@ -21,8 +21,8 @@ LEAST_OFF_M = 0.4
 CLEARLY = 0.5
 """The other direction explains what was seen with so much less error, or better."""
 QUARTER = BINS // 4
-WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(5)
-"""Straight along a beam, and so far, before what it reads is compared."""
+WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(20)
+"""Along a beam, and so far, before what it reads is compared; the nose may swing meanwhile."""
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.3, 3
