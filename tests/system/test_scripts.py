@@ -70,7 +70,7 @@ def test_an_exception_lands_the_drone(drone: tuple[str, str]) -> None:
 
 
 def test_ctrl_c_lands_the_drone(drone: tuple[str, str]) -> None:
-    command = [sys.executable, "-c", SCRIPT.format(then="Event().wait()"), *drone]
+    command = [sys.executable, "-c", SCRIPT.format(then="while True: Event().wait(0.1)"), *drone]
     with started(command) as process:
         read_until(process, "hovering")
         process.send_signal(signal.SIGINT)
