@@ -2,7 +2,8 @@
 
 `sitl run` and `companion fly` meet through a wire on which this program listens. It kills the
 companion while it scans, starts `companion recover` as systemd would, and notes when the vehicle
-gets its first heartbeat and the text that says where the drone is.
+gets its first heartbeat and the text that says where the drone is. A second of that is SITL's clock,
+which waits in vain for the datagrams that were sent while nobody was there.
 """
 
 import argparse
@@ -13,6 +14,7 @@ import sys
 import tempfile
 import threading
 import time
+from contextlib import suppress
 
 from companion.link.transport import decode, make_codec
 
@@ -31,6 +33,8 @@ class Wire:
         self.heard_s: dict[str, float] = {}
         """When a kind of message was first heard since `forget`."""
         self.text = ""
+        self.opened = threading.Event()
+        """The companion is there for the first time; until then everything waits."""
         self._vehicle: tuple[str, int] | None = None
         self._codec = make_codec(255, 190)
         for pass_on in (self._down, self._up):
@@ -47,8 +51,10 @@ class Wire:
 
     def _down(self) -> None:
         while True:
+            self.opened.wait()
             data, self._vehicle = self.to_vehicle.recvfrom(65535)
-            self.to_companion.sendto(data, ("127.0.0.1", self.companion_port))
+            with suppress(ConnectionError):  # nobody there just now
+                self.to_companion.sendto(data, ("127.0.0.1", self.companion_port))
 
     def _up(self) -> None:
         while True:
@@ -80,6 +86,8 @@ def crash_once() -> tuple[float, float, str]:
         link = ("--link", f"udpin:127.0.0.1:{wire.companion_port}", "--bus", bus, "--out", out)
         pilot = _start("companion", "fly", *link)
         try:
+            _read_until(pilot, "autopilot at")
+            wire.opened.set()
             _read_until(pilot, "scanning parallel")
             pilot.kill()
             pilot.wait()
