@@ -1,5 +1,6 @@
 """Options of the commands that serve a page, and their waiting for Ctrl-C."""
 
+import os
 import signal
 import threading
 from collections.abc import Callable
@@ -16,11 +17,20 @@ TokenFile = Annotated[
     Path | None, typer.Option(help="File with the token that the page's address must have.")
 ]
 PAGE_PORT = 8080
+LEAVE_S = 8.0
+"""A browser that does not answer keeps the program no longer than this; there is nothing to save."""
 
 
 def until_interrupted() -> Callable[[], bool]:
     """Whether Ctrl-C was pressed, or the program was told to end."""
     is_over = threading.Event()
+
+    def end(number: int, frame: object) -> None:
+        is_over.set()
+        leave = threading.Timer(LEAVE_S, os._exit, (0,))
+        leave.daemon = True
+        leave.start()
+
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: is_over.set())
+        signal.signal(number, end)
     return is_over.is_set
