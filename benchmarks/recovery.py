@@ -2,8 +2,8 @@
 
 `sitl run` and `companion fly` meet through a wire on which this program listens. It kills the
 companion while it scans, starts `companion recover` as systemd would, and notes when the vehicle
-gets its first heartbeat and the text that says where the drone is. A second of that is SITL's clock,
-which waits in vain for the datagrams that were sent while nobody was there.
+gets its first heartbeat and the text that says where the drone is. A second of that is SITL's
+clock, which waits in vain for the datagrams that were sent while nobody was there.
 """
 
 import argparse

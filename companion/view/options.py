@@ -18,7 +18,7 @@ TokenFile = Annotated[
 ]
 PAGE_PORT = 8080
 LEAVE_S = 8.0
-"""A browser that does not answer keeps the program no longer than this; there is nothing to save."""
+"""A browser that does not answer keeps the program no longer than this; nothing is to be saved."""
 
 
 def until_interrupted() -> Callable[[], bool]:
