@@ -256,12 +256,12 @@ class App:
         if self.estimator is None:
             return Sketch()
         traced = self.estimator.so_far()
-        walls = wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
-        return Sketch(walls, *traced.thinned(MOST_SKETCHED), self._ceiling.height_m)
+        sketched = traced.thinned(MOST_SKETCHED)
+        return Sketch(_segments(traced), *sketched, self._ceiling.height_m)
 
     def _drawn_up(self, traced: Traced) -> FloorPlan:
         return FloorPlan(
-            wall_segments(traced.walls, traced.points_ne_m, traced.wall_of),
+            _segments(traced),
             traced.hits(),
             traced.path(),
             self._ceiling.height_m,
@@ -270,10 +270,11 @@ class App:
         )
 
     def _walls(self) -> tuple[WallSegment, ...]:
-        if self.estimator is None:
-            return ()
-        traced = self.estimator.so_far()
-        return wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
+        return _segments(self.estimator.so_far()) if self.estimator else ()
+
+
+def _segments(traced: Traced) -> tuple[WallSegment, ...]:
+    return wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
 
 
 def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:

@@ -35,8 +35,6 @@ MOST_PLAUSIBLE_SPEED_M_S = 5.0
 MOST_OBLIQUE_RAD = math.radians(30)
 REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
-
-
 TRUSTED_SIGMA_M = 0.12
 SQUARE_WITHIN_RAD = math.radians(5)
 """Walls this near to a right angle are taken to be built so."""

@@ -6,13 +6,12 @@ from collections.abc import Iterator, Sequence
 from companion.health.gyro import GyroWatch
 from companion.health.mounting import MountingWatch
 from companion.health.odometry import SteadyOdometry
-from companion.health.ranges import RangeWatch
+from companion.health.ranges import FAILED, RangeWatch
 from companion.messages import (
     Beam,
     Fault,
     GyroSample,
     Odometry,
-    RangeReading,
     RangeScan,
     RangeState,
     VehicleState,
@@ -23,7 +22,6 @@ LINK_FAULT_LASTS_S = 3.0
 SENSOR_FAULT_LASTS_S = 1.0
 """Blind in a room, the drone drifts; it lands sooner than for a silent link."""
 NEEDED_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
-MISSING = RangeReading(RangeState.FAILED)
 
 
 class Health:
@@ -78,7 +76,7 @@ class Health:
         if now_s - self._ranges.alive_s > SILENT_S:
             yield Fault("the range sensors are silent", SENSOR_FAULT_LASTS_S)
         readings = self._scan.readings
-        failed = [b for b in NEEDED_BEAMS if readings.get(b, MISSING).state is RangeState.FAILED]
+        failed = [b for b in NEEDED_BEAMS if readings.get(b, FAILED).state is RangeState.FAILED]
         if failed:
             yield Fault(f"range sensor failed: {', '.join(failed)}", SENSOR_FAULT_LASTS_S)
         if self._mounting.misplaced:

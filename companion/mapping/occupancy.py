@@ -131,6 +131,10 @@ class Occupancy:
             math.floor(place_ne_m[1] / CELL_M) - self._low[1],
         )
 
+    def has(self, cell: tuple[int, int]) -> bool:
+        """Whether the cell lies inside the grid."""
+        return 0 <= cell[0] < self.shape[0] and 0 <= cell[1] < self.shape[1]
+
     def place(self, cell: tuple[int, int]) -> Vector2:
         """The middle of a cell."""
         return (

@@ -53,8 +53,6 @@ MARK_EVERY_M = 0.5
 REFINEMENT_RAD = math.radians(15)
 FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
-
-
 SWING_RAD, SWING_S = math.radians(20), 3.0
 """Asked for; the vehicle's lag leaves about fourteen degrees. The beam then passes over what is
 half a metre aside from two metres ahead on."""

@@ -45,15 +45,13 @@ class Ways:
     came_from: NDArray[np.int32]
 
     def reaches(self, place_ne_m: Vector2) -> bool:
-        row, column = self.grid.cell(place_ne_m)
-        inside = 0 <= row < self.metres.shape[0] and 0 <= column < self.metres.shape[1]
-        return inside and bool(np.isfinite(self.metres[row, column]))
+        cell = self.grid.cell(place_ne_m)
+        return self.grid.has(cell) and bool(np.isfinite(self.metres[cell]))
 
     def fits(self, place_ne_m: Vector2) -> bool:
         """Whether the drone does, there."""
-        row, column = self.grid.cell(place_ne_m)
-        inside = 0 <= row < self.passable.shape[0] and 0 <= column < self.passable.shape[1]
-        return inside and bool(self.passable[row, column])
+        cell = self.grid.cell(place_ne_m)
+        return self.grid.has(cell) and bool(self.passable[cell])
 
     def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
         """Corner points of the way there, the place last; straight where it can be."""

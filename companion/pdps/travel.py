@@ -171,17 +171,18 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
     here = sight.pose.north_m, sight.pose.east_m
     if space.nearest_m(here, DOORWAY_ROOM_M) < DOORWAY_ROOM_M:
         return None
-    for doorway in (doorway.middle_ne_m for doorway in travel.doorways):
-        to_go_m = math.dist(here, doorway)
+    for doorway in travel.doorways:
+        middle = doorway.middle_ne_m
+        to_go_m = math.dist(here, middle)
         if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
             continue
-        if any(math.dist(doorway, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
+        if any(math.dist(middle, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
             continue
-        bearing_rad = math.atan2(doorway[1] - here[1], doorway[0] - here[0])
+        bearing_rad = math.atan2(middle[1] - here[1], middle[0] - here[0])
         return replace(
             travel,
             phase=TravelPhase.SWEEP,
-            swept_ne_m=(*travel.swept_ne_m, doorway),
+            swept_ne_m=(*travel.swept_ne_m, middle),
             sweep_rad=(bearing_rad + SWEEP_RAD, bearing_rad - SWEEP_RAD),
             stay_ne_m=here,
         )

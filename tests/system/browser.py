@@ -11,23 +11,12 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, sync_playwright
 
+from benchmarks.browser import DEADLINE_MS, FLAGS
 from companion.view.camera import PANEL_PX
 from tests.system.processes import read_until, started, stop
 
 CHROMIUM = "chromium"
-FLAGS = (
-    "--headless",
-    "--no-sandbox",
-    "--disable-quic",
-    "--disable-background-networking",
-    "--disable-component-update",
-    "--disable-sync",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-)
 SIZE = {"width": 1000, "height": 480}
-DEADLINE_MS = 60_000
 
 
 @contextmanager
@@ -92,12 +81,6 @@ def has_row(page: Page, name: str) -> bool:
 
 def _cells(page: Page, name: str) -> Locator:
     return page.locator("tr", has=page.get_by_text(name, exact=True)).locator("td")
-
-
-def choose(page: Page, label: str, option: str) -> None:
-    """In a dropdown."""
-    page.get_by_label(label, exact=True).first.click()
-    page.get_by_role("option", name=option, exact=True).click()
 
 
 def text_field(page: Page, label: str) -> Locator:

@@ -9,10 +9,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from benchmarks.browser import DEADLINE_MS, choose
 from sitl.testing import Sitl
 from tests.system.browser import (
-    DEADLINE_MS,
-    choose,
     chromium,
     coloured,
     has_row,
