@@ -1,5 +1,6 @@
 """A real browser, and pages in it, for system tests."""
 
+import math
 import re
 import shutil
 from collections.abc import Iterator
@@ -63,10 +64,9 @@ def opened(browser: Browser, address: str) -> Iterator[Page]:
 
 
 def number(page: Page, name: str) -> float:
-    """The first number in a row of the table."""
+    """The first number in a row of the table; not a number while it has none."""
     found = re.search(r"-?\d+(\.\d+)?", row(page, name).split(",")[-1])
-    assert found is not None
-    return float(found[0])
+    return float(found[0]) if found else math.nan
 
 
 def row(page: Page, name: str) -> str:
