@@ -69,6 +69,10 @@ class Belief:
         """The same about a point that lies `delta` further."""
         return Belief(self.information, self.gradient + self.information @ delta)
 
+    def cost(self, delta: Array) -> float:
+        """χ² of a point that lies `delta` from the one that the belief is about."""
+        return float(delta @ self.information @ delta + 2 * self.gradient @ delta)
+
     def grown(self, size: int) -> "Belief":
         """With unknowns appended, of which nothing is known, to be `size` in all."""
         more = size - len(self.gradient)
@@ -89,6 +93,11 @@ class BorderedSystem:
         self._chain_gradient = Sums(chained)
         self._shared_gradient = Sums(shared)
         self._squares, self._rows = 0.0, 0
+
+    @property
+    def squares(self) -> float:
+        """Sum of the squares of the residuals added so far, in their sigmas."""
+        return self._squares
 
     @property
     def rms(self) -> float:

@@ -160,8 +160,10 @@ class Estimator:
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)
         x.odometry_scale = 0.0
+        start = smoother.from_start(np.zeros(3))
         try:
-            done = smoother.smooth(x, m, smoother.from_start(np.zeros(3)), FINAL_GATES)
+            done = smoother.smooth(x, m, start, FINAL_GATES)
+            done = smoother.reconsider(done, m, start, FINAL_GATES)
         except np.linalg.LinAlgError:
             return self.so_far()
         return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)

@@ -61,7 +61,7 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     cos_yaw, sin_yaw = np.cos(p[:-1, 2]) / scale, np.sin(p[:-1, 2]) / scale
     north, east = (p[1:, :2] - p[:-1, :2]).T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    walk_m = np.sqrt(model.step_variance_m2_per_s * m.dt_s) + model.floor_m
+    walk_m = model.step_sigma_m(m.dt_s)
     for by_pose, moved, to_north, to_east, by_yaw in (
         (forward, m.moved_frd_m[:, 0], cos_yaw, sin_yaw, right),
         (right, m.moved_frd_m[:, 1], -sin_yaw, cos_yaw, -forward),

@@ -107,6 +107,7 @@ class InFlightSmoothing:
         x.add_walls(walls.lines, walls.reach_m)
         begin_at(x, past)
         estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
+        estimate = yield from smoother.reconsidering(estimate, part, past, FLYING_GATES)
         length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield

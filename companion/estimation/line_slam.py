@@ -58,6 +58,11 @@ class OdometryModel:
     floor_m: float = 0.002
     """What rounding and the messages' timing add to a step, at worst the same way each time."""
 
+    def step_sigma_m(self, dt_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Of one axis over steps that took so long, (n,)."""
+        sigma_m: NDArray[np.float64] = np.sqrt(self.step_variance_m2_per_s * dt_s) + self.floor_m
+        return sigma_m
+
 
 @value
 class _Match:

@@ -15,14 +15,15 @@ that is shared.
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.estimation import factors
 from companion.estimation.association import Association
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
-from companion.estimation.candidates import Gate
+from companion.estimation.candidates import UNEXPLAINED, Gate
+from companion.estimation.doubt import contradicted
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.support import Support
 from companion.estimation.unknowns import (
@@ -50,6 +51,10 @@ FINAL_GATES = (
 only bring together walls that are not one."""
 FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0)
 """While it flies the filters start from the last smoothing and are not far off."""
+MOST_RECONSIDERED = 3
+BRIDGING_STEPS = 2
+WALL_COST = 20.0
+"""χ² that a wall must save to be part of the likelier of two maps: two unknowns, ln n each."""
 HITS_AT_ONCE = 3_000
 """Walls are looked for in so many hits at a time, which bounds memory and time."""
 SQUARE_GATE_M = 0.2
@@ -125,13 +130,7 @@ class Smoother:
 
     def smooth(self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]) -> Estimate:
         """The likeliest flight; `x` is where to begin from, and is set to it."""
-        work = self.smoothing(x, m, past, gates)
-        while True:
-            try:
-                next(work)
-            except StopIteration as end:
-                estimate: Estimate = end.value
-                return estimate
+        return _at_once(self.smoothing(x, m, past, gates))
 
     def smoothing(
         self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]
@@ -154,6 +153,47 @@ class Smoother:
             solution = self.step(x, m, wall_of, past, square)
             yield
         return Estimate(x, wall_of, solution)
+
+    def reconsidering(
+        self, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
+    ) -> Generator[None, None, Estimate]:
+        """A likelier flight, where odometry contradicts this one; in pieces.
+
+        What the beams met there is forgotten, the trajectory bridged by odometry, and the hits
+        given to walls from there. Whichever explains all measurements better is kept: it may be
+        odometry that was wrong.
+        """
+        first = replace(gates[1], looks=gates[0].looks)
+        for _ in range(MOST_RECONSIDERED):
+            doubted = contradicted(estimate.x, m, self.models.odometry)
+            if not doubted.any():
+                break
+            x = estimate.x.since(0)
+            wall_of = np.where(doubted[m.frame], NO_WALL, estimate.wall_of)
+            for _ in range(BRIDGING_STEPS):
+                self.step(x, m, wall_of, past)
+                yield
+            other = yield from self.smoothing(x, m, past, (first, *gates[2:]))
+            if self.cost(other, m, past) >= self.cost(estimate, m, past):
+                break
+            estimate = other
+        return estimate
+
+    def reconsider(
+        self, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
+    ) -> Estimate:
+        """The same in one piece."""
+        return _at_once(self.reconsidering(estimate, m, past, gates))
+
+    def cost(self, estimate: Estimate, m: Measured, past: Past) -> float:
+        """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
+        x, wall_of = estimate.x, estimate.wall_of
+        motion = factors.new_system(x)
+        self._add_motion(motion, x, m)
+        off = factors.hit_residuals(x, m, wall_of, self.models.ranges)
+        hits = np.minimum(off**2, UNEXPLAINED).sum() + UNEXPLAINED * np.sum(wall_of == NO_WALL)
+        believed = past.belief.cost(_beside(x, past))
+        return motion.squares + float(hits) + believed + WALL_COST * len(x.walls)
 
     def look_for_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
         """New walls in the hits of so many keyframes at a time that are on none; whether any."""
@@ -229,11 +269,8 @@ class Smoother:
         system = factors.new_system(x)
         self._add_motion(system, x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
-        values = _values(x, 0)
-        delta = values[: len(past.at)] - past.at
-        angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(past.at), WALL_SIZE)])
-        delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
-        system.believe(past.belief.moved(delta).grown(len(values)))
+        belief = past.belief.moved(_beside(x, past))
+        system.believe(belief.grown(POSE_SIZE + factors.WALLS + x.walls.size))
         walls = factors.WALLS + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
         return system
@@ -241,6 +278,23 @@ class Smoother:
     def _add_motion(self, system: BorderedSystem, x: Unknowns, m: Measured) -> None:
         factors.add_odometry(system, x, m, self.models.odometry)
         factors.add_gyro(system, x, m, self.models.gyro)
+
+
+def _at_once(work: Generator[None, None, Estimate]) -> Estimate:
+    while True:
+        try:
+            next(work)
+        except StopIteration as end:
+            estimate: Estimate = end.value
+            return estimate
+
+
+def _beside(x: Unknowns, past: Past) -> Array:
+    """(pose + shared,): how far `x` is from what the past's belief is about."""
+    delta: Array = _values(x, 0)[: len(past.at)] - past.at
+    angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(past.at), WALL_SIZE)])
+    delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
+    return delta
 
 
 def _values(x: Unknowns, frame: int) -> Array:
