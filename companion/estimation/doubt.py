@@ -14,6 +14,7 @@ from companion.estimation.line_slam import OdometryModel
 from companion.estimation.unknowns import Array, Measured, Unknowns
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
+"""Of long ones only those in which no shorter one shows where it was."""
 SIGMAS = 3.0
 TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
@@ -30,8 +31,10 @@ def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> NDArray[np.b
         end = np.searchsorted(time_s, time_s[begin] + span_s)
         strained_m = np.abs(strain_m[end] - strain_m[begin]).max(axis=1, initial=0.0)
         sigma_m = np.sqrt(variance_m2[end] - variance_m2[begin])
+        known = against.copy()
         for wrong in np.flatnonzero(strained_m > SIGMAS * sigma_m):
-            against[begin[wrong] : end[wrong] + 1] = True
+            span = slice(begin[wrong], end[wrong] + 1)
+            against[span] |= not known[span].any()
     at = np.flatnonzero(against)
     for before, after in itertools.pairwise(at):
         against[before:after] |= time_s[after] - time_s[before] < TOGETHER_S

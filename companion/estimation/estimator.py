@@ -35,6 +35,10 @@ MOST_PLAUSIBLE_SPEED_M_S = 5.0
 MOST_OBLIQUE_RAD = math.radians(30)
 REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
+TOLD_LASTS_S = 0.15
+"""Three messages of odometry."""
+LIFTED_M = 0.1
+"""Not on the ground any more."""
 TRUSTED_SIGMA_M = 0.12
 SQUARE_WITHIN_RAD = math.radians(5)
 """Walls this near to a right angle are taken to be built so."""
@@ -62,6 +66,10 @@ class Estimator:
         self._height_m = 0.0
         self._raw = DeadReckoning()
         """Neither scales nor bias corrected."""
+        self._told_ahead_rad, self._told_s = 0.0, -math.inf
+        """How far the autopilot's heading was ahead of the raw one when it was told last,"""
+        self._told_on_ground_rad = 0.0
+        """and what it was before take-off."""
         self._drifting = DeadReckoning()
         """Corrected as well as they were known at the time."""
 
@@ -106,13 +114,29 @@ class Estimator:
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
         self._raw.move(body_m, half_turn_rad)
+        self._hear(odometry)
         scale = 1 + self.slam.scale_error
         self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
+
+    def _hear(self, odometry: Odometry) -> None:
+        """How far ahead of ours the autopilot's heading is, in whole turns nearest to before."""
+        ahead_s = odometry.time_s - self._turned_until_s
+        raw_rad = self._raw.yaw_rad + ahead_s * self._yaw_rate_rad_s
+        self._told_ahead_rad += wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
+        self._told_s = odometry.time_s
+        if self._height_m < LIFTED_M:
+            self._told_on_ground_rad = raw_rad + self._told_ahead_rad
+
+    def _told_rad(self, now_s: float) -> float:
+        """Turned since take-off by the autopilot; not a number when it has not told lately."""
+        if self._height_m < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
+            return math.nan
+        return self._raw.yaw_rad + self._told_ahead_rad - self._told_on_ground_rad
 
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self.record.advance(pose, self._raw.ne_m, self._raw.yaw_rad)
+        self.record.advance(pose, self._raw.ne_m, self._raw.yaw_rad, self._told_rad(scan.time_s))
         for beam, unit in self._units.items():
             reading = scan.readings.get(beam)
             if reading is None:

@@ -3,8 +3,13 @@
 odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) / (1 + s) - d_k
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k
+told       ψ_k - (1 - h)·T_k + c·t_k
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
 square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+
+T is how far the autopilot says the drone has turned since it left the ground, where it did not
+turn; c and h are the bias and scale of its gyro. That has long been warm when ours takes off and
+begins to settle: it holds the heading of the first moments, before walls do.
 
 The scale stands beside the true motion, not beside the noisy one that was measured: noise times
 scale would be least, and the scale too small, where walls only tell of motion across the path.
@@ -29,13 +34,25 @@ from companion.estimation.unknowns import (
     project,
 )
 
-GYRO_SCALE, ODOMETRY_SCALE, GAINS = 0, 1, 2
+GYRO_SCALE, ODOMETRY_SCALE, TOLD_BIAS, TOLD_SCALE, GAINS = range(5)
 WALLS = GAINS + len(BEAMS)
 """Places of the shared unknowns."""
 CAUCHY_SIGMAS = 2.0
 LEAST_SIGMA = 1e-4
 SQUARE_SIGMA_RAD = math.radians(0.5)
 """How exactly rooms are built."""
+
+
+@dataclass(frozen=True, slots=True)
+class ToldModel:
+    """How far the autopilot's heading may be trusted."""
+
+    bias_sigma_rad_s: float = math.radians(0.1)
+    scale_sigma: float = 0.02
+    sigma_rad: float = math.radians(0.5)
+    """Of one that was told: it comes late by some milliseconds, and more so as it goes on."""
+    lasts_s: float = 60.0
+    """For so long its bias stays what it is; a compass does not move it by steps that we miss."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +64,7 @@ class Models:
     """The gyro's, as averaged before take-off."""
     gyro: GyroModel = field(default_factory=GyroModel)
     odometry: OdometryModel = field(default_factory=OdometryModel)
+    told: ToldModel = field(default_factory=ToldModel)
 
 
 def new_system(x: Unknowns) -> BorderedSystem:
@@ -92,6 +110,17 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, model: GyroModel)
         p[1:, 3] - p[:-1, 3],
         np.sqrt(model.bias_variance_per_s(m.age_s) * m.dt_s),
         [(at + 3, -one), (after + 3, one)],
+    )
+
+
+def add_told(system: BorderedSystem, x: Unknowns, m: Measured, model: ToldModel) -> None:
+    used = np.flatnonzero(np.isfinite(m.told_rad) & (m.told_age_s < model.lasts_s))
+    told_rad, age_s = m.told_rad[used], m.told_age_s[used]
+    system.add(
+        x.poses[used, 2] - (1 - x.told_scale) * told_rad + x.told_bias * age_s,
+        model.sigma_rad,
+        [(POSE_SIZE * used + 2, np.ones(len(used)))],
+        [(TOLD_SCALE, told_rad), (TOLD_BIAS, age_s)],
     )
 
 

@@ -5,6 +5,7 @@ keyframe before them, by raw odometry and gyro. Kept as columns of numbers, whic
 fills with some tens of megabytes, and which the smoother takes as they are.
 """
 
+import math
 from collections.abc import Sequence
 from enum import IntEnum
 
@@ -43,6 +44,8 @@ class FrameColumn(IntEnum):
     DOWN_M = 7
     POSITION_SIGMA_M = 8
     YAW_SIGMA_RAD = 9
+    TOLD_RAD = 10
+    """Turned since take-off by the autopilot, not wrapped; not a number while it tells nothing."""
 
 
 class HitColumn(IntEnum):
@@ -125,8 +128,10 @@ class FlightRecord:
         """Raw dead-reckoned place and yaw of the last keyframe."""
         return self._raw_ne_m, self._raw_yaw_rad
 
-    def advance(self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float) -> None:
-        """The drone is here by now, and there by uncorrected dead reckoning."""
+    def advance(
+        self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float, told_rad: float = math.nan
+    ) -> None:
+        """The drone is here by now, there by uncorrected dead reckoning, turned as it is told."""
         north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
         self._moved_frd_m = ned_to_frd(north_m, east_m, self._raw_yaw_rad)
         self._turned_rad = raw_yaw_rad - self._raw_yaw_rad
@@ -134,7 +139,8 @@ class FlightRecord:
             return
         place = pose.north_m, pose.east_m, pose.yaw_rad, pose.down_m
         sigmas = pose.position_sigma_m, pose.yaw_sigma_rad
-        self._frames.append((pose.time_s, *self._moved_frd_m, self._turned_rad, *place, *sigmas))
+        motion = *self._moved_frd_m, self._turned_rad
+        self._frames.append((pose.time_s, *motion, *place, *sigmas, told_rad))
         self._last_s = pose.time_s
         self._raw_ne_m, self._raw_yaw_rad = raw_ne_m, raw_yaw_rad
         self._moved_frd_m, self._turned_rad = (0.0, 0.0), 0.0

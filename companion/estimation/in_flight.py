@@ -17,9 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.estimation import factors
 from companion.estimation.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoother import FLYING_GATES, Estimate, Past, Smoother
-from companion.estimation.unknowns import Array, Measured, Unknowns
+from companion.estimation.unknowns import POSE_SIZE, Array, Measured, Unknowns
 from companion.frames import Vector2
 
 PERIOD_S = 4.0
@@ -120,9 +121,12 @@ class InFlightSmoothing:
 
 def begin_at(x: Unknowns, past: Past) -> None:
     """Scales, gains and bias as the past has them; headings without whole turns off."""
-    pose, shared = past.at[:4], past.at[4:]
+    pose, shared = past.at[:POSE_SIZE], past.at[POSE_SIZE:]
     turns = np.round((pose[2] - x.poses[0, 2]) / (2 * np.pi))
     x.poses[:, 2] += 2 * np.pi * turns
     x.poses[:, 3] = pose[3]
-    x.gyro_scale, x.odometry_scale = float(shared[0]), float(shared[1])
-    x.range_gain = shared[2 : 2 + len(x.range_gain)].copy()
+    x.gyro_scale = float(shared[factors.GYRO_SCALE])
+    x.odometry_scale = float(shared[factors.ODOMETRY_SCALE])
+    x.told_bias = float(shared[factors.TOLD_BIAS])
+    x.told_scale = float(shared[factors.TOLD_SCALE])
+    x.range_gain = shared[factors.GAINS : factors.WALLS].copy()

@@ -4,7 +4,7 @@ The filters must decide at every moment; a wall seen early can be set right by w
 Unknowns (`unknowns.py`), solved together by Gauss-Newton (`factors.py`, `bordered.py`):
 
     keyframes k: position p_k, heading ψ_k, gyro bias b_k
-    gyro scale g, odometry scale s, gain error γ of each range unit
+    gyro scale g, odometry scale s, gain error γ of each range unit; the autopilot's gyro h, c
     walls i: direction of the normal α_i, offset ρ_i           wall i: {p : p·n(α_i) = ρ_i}
 
 Which hit belongs to which wall is decided anew in every round, with an ever narrower gate
@@ -116,6 +116,7 @@ class Smoother:
     def from_start(self, start: Array) -> Past:
         """Before anything was seen: the first pose is `start` (3,), by definition of the frame."""
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
+        told = self.models.told
         at = np.array([*start, self.models.rest_bias_rad_s, *np.zeros(factors.WALLS)])
         sigma = np.array(
             [
@@ -123,6 +124,8 @@ class Smoother:
                 gyro.bias_sigma_rad_s,
                 gyro.scale_sigma,
                 odometry.scale_sigma,
+                told.bias_sigma_rad_s,
+                told.scale_sigma,
                 *(ranges.gain_sigma + factors.LEAST_SIGMA),
             ]
         )
@@ -227,6 +230,8 @@ class Smoother:
         x.poses += solution.chained.reshape(-1, POSE_SIZE)
         x.gyro_scale += float(shared[factors.GYRO_SCALE])
         x.odometry_scale += float(shared[factors.ODOMETRY_SCALE])
+        x.told_bias += float(shared[factors.TOLD_BIAS])
+        x.told_scale += float(shared[factors.TOLD_SCALE])
         x.range_gain += shared[factors.GAINS : factors.WALLS]
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
@@ -278,6 +283,7 @@ class Smoother:
     def _add_motion(self, system: BorderedSystem, x: Unknowns, m: Measured) -> None:
         factors.add_odometry(system, x, m, self.models.odometry)
         factors.add_gyro(system, x, m, self.models.gyro)
+        factors.add_told(system, x, m, self.models.told)
 
 
 def _at_once(work: Generator[None, None, Estimate]) -> Estimate:
@@ -299,7 +305,8 @@ def _beside(x: Unknowns, past: Past) -> Array:
 
 def _values(x: Unknowns, frame: int) -> Array:
     """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
-    shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
+    scales = x.gyro_scale, x.odometry_scale, x.told_bias, x.told_scale
+    shared = *scales, *x.range_gain, *x.walls.ravel()
     return np.array([*x.poses[frame], *shared])
 
 

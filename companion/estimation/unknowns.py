@@ -29,6 +29,10 @@ class Unknowns:
     odometry_scale: float
     range_gain: Array
     """(beams,): how much too far each unit reads, relative."""
+    told_bias: float = 0.0
+    """Of the heading that the autopilot tells, rad/s,"""
+    told_scale: float = 0.0
+    """and of how far it turns."""
 
     @classmethod
     def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
@@ -79,6 +83,10 @@ class Measured:
     """(k - 1, 2)."""
     turned_rad: Array
     """(k - 1,)."""
+    told_rad: Array
+    """(k,): turned since take-off by the autopilot; not a number where it did not tell."""
+    told_age_s: Array
+    """(k,): since it first told."""
     frame: Indices
     """(n,): of each hit its keyframe."""
     beam: Indices
@@ -98,11 +106,15 @@ class Measured:
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
         beam = hits[:, HitColumn.BEAM].astype(np.int64)
+        told_rad = frames[:, FrameColumn.TOLD_RAD]
+        told_s = time_s[np.isfinite(told_rad)]
         return cls(
             dt_s=np.diff(time_s),
             age_s=time_s[1:] - time_s[:1],
             moved_frd_m=frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1],
             turned_rad=frames[1:, FrameColumn.TURNED_RAD],
+            told_rad=told_rad,
+            told_age_s=time_s - (told_s[0] if len(told_s) else 0.0),
             frame=hits[:, HitColumn.FRAME].astype(np.int64),
             beam=beam,
             offset_frd_m=hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1],
@@ -124,6 +136,8 @@ class Measured:
             self.age_s[motion],
             self.moved_frd_m[motion],
             self.turned_rad[motion],
+            self.told_rad[first:end],
+            self.told_age_s[first:end],
             self.frame[hits] - first,
             self.beam[hits],
             self.offset_frd_m[hits],

@@ -66,6 +66,8 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
         age_s=np.cumsum(dt_s),
         moved_frd_m=moved[:, :2],
         turned_rad=moved[:, 2],
+        told_rad=np.full(len(rows), np.nan),
+        told_age_s=np.zeros(len(rows)),
         frame=frame_of[hit_row],
         beam=beam_of,
         offset_frd_m=since[hit_row, :2],

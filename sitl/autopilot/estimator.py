@@ -35,6 +35,10 @@ class OdometryNoise:
     """On each axis, a step at 10 Hz."""
     gyro_bias_rad_s: float = math.radians(0.1)
     gyro_scale: float = 0.02
+    gyro_white_rad_s_sqrt_hz: float = math.radians(0.005)
+    """Of an ICM-42688 and the like, and what vibration adds,"""
+    gyro_walk_rad_s_sqrt_s: float = math.radians(0.001)
+    """and how its bias wanders, which the autopilot does not notice without a compass."""
     compass_rad: float = math.radians(5.0)
     height_m: float = 0.01
     height_drift_m: float = 0.03
@@ -53,6 +57,8 @@ class OdometryNoise:
             step_m=factor * self.step_m,
             gyro_bias_rad_s=factor * self.gyro_bias_rad_s,
             gyro_scale=factor * self.gyro_scale,
+            gyro_white_rad_s_sqrt_hz=factor * self.gyro_white_rad_s_sqrt_hz,
+            gyro_walk_rad_s_sqrt_s=factor * self.gyro_walk_rad_s_sqrt_s,
             flow_height_m=factor * self.flow_height_m,
         )
 
@@ -70,6 +76,7 @@ class Estimator:
         self._random = random = stream(seed, "flow")
         self._flow_random = stream(seed, "flow dropouts")
         self._inertial_random = stream(seed, "inertial drift")
+        self._attitude_random = stream(seed, "attitude drift")
         self._noise = noise
         self._scale = 1 + random.gauss(0, noise.scale)
         self._gyro_bias = random.gauss(0, noise.gyro_bias_rad_s)
@@ -148,12 +155,18 @@ class Estimator:
         if moving:
             x, y, down = self.position_ned_m
             self.position_ned_m = (x + gauss(0, noise.step_m), y + gauss(0, noise.step_m), down)
+            self._drift_attitude()
         fade = WALK_S / HEIGHT_DRIFT_TIME_CONSTANT_S
         kick = noise.height_drift_m * math.sqrt(2 * fade)
         self._drift_m += -fade * self._drift_m + gauss(0, kick)
         self._height_error_m = self._drift_m + gauss(0, noise.height_m)
         self._lose_flow(truth)
         self._drift_inertial(moving=moving)
+
+    def _drift_attitude(self) -> None:
+        gauss, noise, root_s = self._attitude_random.gauss, self._noise, math.sqrt(WALK_S)
+        self.yaw_rad = wrap_rad(self.yaw_rad + gauss(0, noise.gyro_white_rad_s_sqrt_hz * root_s))
+        self._gyro_bias += gauss(0, noise.gyro_walk_rad_s_sqrt_s * root_s)
 
     def _drift_inertial(self, *, moving: bool) -> None:
         drift = self._noise.inertial_m_s2 * WALK_S

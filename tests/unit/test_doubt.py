@@ -1,0 +1,125 @@
+"""What odometry says against the walls, and what the autopilot's heading is worth."""
+
+import math
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.drivers.sharp import PAPER
+from companion.estimation.candidates import Gate
+from companion.estimation.doubt import contradicted
+from companion.estimation.estimator import Estimator
+from companion.estimation.factors import Models
+from companion.estimation.flight_record import FlightRecord
+from companion.estimation.line_slam import OdometryModel
+from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.smoother import FINAL_GATES, Smoother
+from companion.estimation.support import Support
+from companion.estimation.unknowns import Array, Measured, Unknowns
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    GyroSample,
+    Odometry,
+    Pose,
+    RangeReading,
+    RangeScan,
+    RangeState,
+)
+
+UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
+KEYFRAMES = 151
+STEP_M = 0.1
+
+
+def flight_past_a_cabinet(seed: int) -> tuple[Measured, Array]:
+    """15 m east along a wall 1.5 m north, before which a cabinet stands from 6 to 9 m.
+
+    And where it went by odometry, (k, 3).
+    """
+    random, record = Random(seed), FlightRecord()
+    front = BEAMS.index(Beam.FRONT)
+    walk_m = 0.005 * math.sqrt(2)
+    north_m = east_m = 0.0
+    poses = []
+    for k in range(KEYFRAMES):
+        poses.append((north_m, east_m, 0.0))
+        pose = Pose(0.2 * k, north_m, east_m, -1.2, 0.0)
+        record.advance(pose, (north_m, east_m), 0.0)
+        before_m = 0.5 if 6 < k * STEP_M < 9 else 0.0
+        for _ in range(4):
+            reading_m = 1.5 - before_m + random.gauss(0, 0.05)
+            record.add_hit(pose, front, reading_m, ((0.0, 0.0), 0.0), None)
+        north_m += random.gauss(0, walk_m)
+        east_m += STEP_M + random.gauss(0, walk_m)
+    return Measured.of(record, UNITS), np.array(poses)
+
+
+@given(st.integers(0, 1000))
+def test_what_odometry_measured_is_not_doubted(seed: int) -> None:
+    m, poses = flight_past_a_cabinet(seed)
+    assert not contradicted(Unknowns.at(poses, 0.0), m, OdometryModel()).any()
+
+
+@given(st.integers(0, 1000), st.floats(0.25, 1.0), st.floats(0.4, 3.0))
+def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: float) -> None:
+    """Pulled aside between the keyframes 50 and 100, gradually at both ends."""
+    m, poses = flight_past_a_cabinet(seed)
+    k = np.arange(KEYFRAMES)
+    ramp = np.minimum(k - 50, 100 - k) * 0.2 / within_s
+    poses[:, 0] += aside_m * np.clip(ramp, 0, 1)
+    doubted = contradicted(Unknowns.at(poses, 0.0), m, OdometryModel())
+    assert doubted[52:99].all()
+    assert not doubted[:10].any()
+    assert not doubted[-10:].any()
+
+
+def test_hits_given_to_a_wrong_wall_are_given_back() -> None:
+    """The cabinet's hits were taken for the wall's, and the drone for half a metre off its way."""
+    m, poses = flight_past_a_cabinet(1)
+    k = np.arange(KEYFRAMES)
+    poses[:, 0] += 0.5 * np.clip(np.minimum(k - 50, 100 - k) / 10, 0, 1)
+    x = Unknowns.at(poses, 0.0)
+    x.add_walls(np.array([(0.0, 1.5)]), np.array([(-1.0, 16.0)]))
+    smoother = Smoother(Models(UNITS), Support())
+    start = smoother.from_start(np.zeros(3))
+    pulled = smoother.smooth(x, m, start, (Gate(0.2), Gate(0.1)))
+    assert wall_distance_m(pulled.x).min() < 1.2
+    likelier = smoother.reconsider(pulled, m, start, FINAL_GATES)
+    assert wall_distance_m(likelier.x) == pytest.approx(1.5, abs=0.1)
+    assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.0, 1.5], abs=0.05)
+
+
+def wall_distance_m(x: Unknowns) -> Array:
+    """(k,): how far the keyframes are from the wall that reaches farthest."""
+    longest = int(np.ptp(x.reach_m, axis=1).argmax())
+    distance_m: Array = x.walls[longest, 1] - x.poses[:, :2] @ x.normals[longest]
+    return distance_m
+
+
+def test_the_autopilot_holds_the_heading_while_our_gyro_settles() -> None:
+    """Hovers for 6 s where nothing is in range, then flies 10 m east past a wall.
+
+    From take-off on our gyro drifts, by 0.2 deg/s in the end: the wall would seem turned by half a
+    degree. The autopilot's drifts by 0.1 deg/s all the time.
+    """
+    estimator, random = Estimator(0.0, UNITS.units), Random(1)
+    east_m = 0.0
+    estimator.turn([GyroSample(0.0, 0.0)])
+    for tick in range(1, 321):
+        time_s = 0.05 * tick
+        drift_rad_s = math.radians(0.2) * (1 - math.exp(-time_s / 4))
+        estimator.turn([GyroSample(time_s, drift_rad_s)])
+        east_m += 0.05 if time_s > 6 else 0.0
+        told_rad = math.radians(0.1) * time_s
+        estimator.move(Odometry(time_s, (0.0, east_m, -1.2), (0.0, 0.0, 0.0), told_rad))
+        wall = RangeReading(RangeState.DISTANCE, 1.5 + random.gauss(0, 0.05), 0.0025)
+        seen = wall if time_s > 6 else RangeReading(RangeState.NOTHING)
+        estimator.see(RangeScan(time_s, {Beam.FRONT: seen}))
+    smoothed = estimator.smoothed()
+    assert smoothed is not None
+    (wall_line,) = smoothed.walls
+    assert abs(math.degrees(wall_line.normal_rad)) < 0.25
