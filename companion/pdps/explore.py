@@ -106,7 +106,7 @@ def _chosen(
     here = sight.pose.north_m, sight.pose.east_m
     tried = (*explore.tried, in_vain) if in_vain else explore.tried
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    look = next_look(ways, plan.speed_m_s, tried, _within_m(plan))
+    look = next_look(ways, sight, plan, tried, _within_m(plan))
     if look is None:
         return Explore(ExplorePhase.DONE, tried=tried)
     return Explore(

@@ -2,7 +2,8 @@
 
 Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
 1997), and surfaces that were only met from so far that they cannot be mapped exactly. The next
-place to look from is the one that shows most of them for the time that it takes to get there.
+place to look from is the one that shows most of them for the time that it takes to get there; but
+how much counts by its root only, or what little is left would be left behind, and come back for.
 """
 
 import math
@@ -13,8 +14,10 @@ from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 from scipy.spatial import cKDTree
 
+from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.room_scan import Sight
 from companion.pdps.route import Ways
 
 LEAST_FRONTIER_CELLS = 6
@@ -90,11 +93,12 @@ def _beside(cells: Cells) -> Cells:
 
 def next_look(
     ways: Ways,
-    speed_m_s: float,
+    sight: Sight,
+    plan: MissionConfig,
     tried: tuple[Places, ...] = (),
     within_m: float = math.inf,
 ) -> Look | None:
-    """The place that shows most for its time; None when nothing unseen can be shown.
+    """The place that is most worth its time; None when nothing unseen can be shown.
 
     `tried` are the places that each look so far was for in vain; twice is enough. Only what is
     within `within_m` of something that stands there counts.
@@ -112,9 +116,10 @@ def next_look(
     if not len(pairs):
         return None
     shows = np.bincount(pairs[:, 0], minlength=len(views))
-    time_s = ways.metres[tuple(views.T)] / speed_m_s + LOOK_S
+    time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
+    time_s += _turn_rad(sight, views, grid) / math.radians(plan.turn_rate_deg_s)
     crowded_m = np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
-    best = int(np.argmax(shows / (time_s + CROWDED_S * crowded_m)))
+    best = int(np.argmax(np.sqrt(shows) / (time_s + CROWDED_S * crowded_m)))
     at = targets[pairs[pairs[:, 0] == best, 1]]
     return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
 
@@ -143,6 +148,15 @@ def still_unseen(grid: Occupancy, places: Places) -> Places:
     tree = cKDTree(np.array([grid.place(_cell(cell)) for cell in cells]))
     near_m, _ = tree.query(np.array(places))
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
+
+
+def _turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
+    """(n,): how far the nose has to turn towards each view."""
+    here = grid.cell((sight.pose.north_m, sight.pose.east_m))
+    north, east = (views - here).T
+    off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
+    turn_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
+    return turn_rad
 
 
 def _cell(row_column: Indices) -> tuple[int, int]:

@@ -87,7 +87,7 @@ def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
 
 def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
     grid = walled(reach_m=2.0)
-    assert next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0) is None
+    assert next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN) is None
 
 
 def test_a_doorway_is_a_frontier_to_look_through() -> None:
@@ -96,7 +96,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
         for _ in range(20):
             grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False))
     assert frontiers(grid).any()
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0)
+    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
     assert look is not None
     for place in look.at_ne_m:
         assert abs(math.atan2(place[1], place[0])) < math.radians(25)
@@ -109,7 +109,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True))
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False))
     assert vague_surfaces(grid).any()
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0)
+    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
     assert look is not None
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
@@ -120,16 +120,16 @@ def test_what_was_looked_at_twice_in_vain_is_let_be() -> None:
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
     )
     ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
-    assert next_look(ways, 1.0, (everywhere,)) is not None
-    assert next_look(ways, 1.0, (everywhere, everywhere)) is None
+    assert next_look(ways, sight(), PLAN, (everywhere,)) is not None
+    assert next_look(ways, sight(), PLAN, (everywhere, everywhere)) is None
 
 
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     grid = open_ground()
     ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
-    assert next_look(ways, 1.0, within_m=2.5) is None
+    assert next_look(ways, sight(), PLAN, within_m=2.5) is None
     grid.block((3.0, 0.0), 0.3)
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), 1.0, within_m=2.5)
+    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN, within_m=2.5)
     assert look is not None
     assert all(place[0] > 0 for place in look.at_ne_m)
 
