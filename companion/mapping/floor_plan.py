@@ -11,9 +11,12 @@ from numpy.typing import NDArray
 from companion.frames import Vector2, wrap_rad
 from companion.messages import WallLine, WallSegment
 
-LARGEST_GAP_M = 0.8
+LARGEST_GAP_M = 0.6
 """Hits farther apart than this along a wall leave an opening between them."""
 LEAST_HITS = 5
+TOGETHER_M, TOGETHER_SPACINGS = 0.3, 6.0
+"""So near to a hit, or within so many usual spacings, there is another where there is wall; one by
+itself may be of something else that the line passes by, or seen through a doorway."""
 LEAST_LENGTH_M = 0.2
 CORNER_REACH_M = 0.5
 """Two ends this close to where their lines meet are one corner."""
@@ -49,6 +52,7 @@ def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> NDArray[np.float
 def _pieces(
     line: WallLine, along_m: NDArray[np.float64], largest_gap_m: float
 ) -> list[WallSegment]:
+    along_m = _without_lonely(along_m)
     gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
     return [
         WallSegment(
@@ -61,6 +65,16 @@ def _pieces(
         for row in np.split(along_m, gaps)
         if len(row) >= LEAST_HITS
     ]
+
+
+def _without_lonely(along_m: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sorted coordinates without those that have no other near."""
+    if len(along_m) < LEAST_HITS:
+        return along_m
+    apart_m = np.diff(along_m)
+    is_near = apart_m <= max(TOGETHER_M, TOGETHER_SPACINGS * float(np.median(apart_m)))
+    together: NDArray[np.float64] = along_m[np.append(is_near, False) | np.append(False, is_near)]
+    return together
 
 
 def _point(line: WallLine, along_m: float) -> Vector2:

@@ -34,9 +34,14 @@ WITHIN_M = 2.5
 MOST_SIGMA_M = 0.06
 SAME_M = 0.04
 """A point that is met again is one point, the new one."""
+OLD_S, SAME_OLD_M = 4.0, 0.10
+"""After so long it may have drifted by as much, and the new one stands for all that are so near."""
 BESIDE_BEAM_M = 0.03
 SEEN_THROUGH_M = 0.30
-"""A beam that goes on so far beyond a point has shown that nothing is there any more."""
+"""A beam that goes on so far beyond a point has shown that nothing is there any more,"""
+PASSES, TOGETHER_M = 2, 0.12
+"""if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
+goes past its edge as near as that."""
 ALIAS_M = 0.25
 """So well must a folded reading fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
@@ -45,6 +50,7 @@ MOST_STEP_M, MOST_STEP_RAD = 0.02, 0.02
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
+_MET_S, _MEASURED, _PASSED = 2, 3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,14 +65,14 @@ class Surroundings:
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 4): north, east, when it was met, and 1 if it was measured, 0 if inferred from a folded
-    reading, which must not be proof of the next.
+    (n, 5): north, east, when it was met, 1 if it was measured, 0 if inferred from a folded
+    reading, which must not be proof of the next; and how often a beam has gone through since.
     """
 
     def __init__(self, sensors: Mapping[Beam, RangeModel], mount_offset_m: float) -> None:
         self._sensors = sensors
         self._mount_offset_m = mount_offset_m
-        self._points: Points = np.empty((0, 4))
+        self._points: Points = np.empty((0, 5))
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
@@ -104,7 +110,7 @@ class Near:
         self._forget(scan.time_s)
         relative = self._relative()
         readings = dict(scan.readings)
-        gone, met = np.zeros(len(relative), dtype=bool), []
+        passed, met = np.zeros(len(relative), dtype=bool), []
         for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
             reading = readings.get(beam)
             if reading is None:
@@ -115,20 +121,33 @@ class Near:
             unfolded = self._unfolded(reading, beam, along_m, aside_m)
             readings[beam] = unfolded
             seen_to_m = self._seen_to_m(unfolded, beam)
-            gone |= (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < seen_to_m)
+            passed |= (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < seen_to_m)
             end_m = self._end_m(unfolded)
             if end_m is not None:
                 met.append((end_m * cos_b, end_m * sin_b, unfolded is reading))
-        self._points = self._points[~gone]
+        self._points[passed, _PASSED] += 1
+        self._points = self._points[~self._gone()]
         for forward_m, right_m, is_measured in met:
             self._put(forward_m, right_m, scan.time_s, is_measured)
         return replace(scan, readings=readings)
+
+    def _gone(self) -> NDArray[np.bool_]:
+        """(n,): through which beams went, and through all that is close by."""
+        doubted = self._points[:, _PASSED] >= PASSES
+        if not doubted.any():
+            return doubted
+        gone = doubted.copy()
+        there = self._points[~doubted, :2]
+        for at in np.flatnonzero(doubted) if len(there) else ():
+            off_m = there - self._points[at, :2]
+            gone[at] = (off_m * off_m).sum(axis=1).min() > TOGETHER_M**2
+        return gone
 
     def _forget(self, now_s: float) -> None:
         points = self._points
         off_m = points[:, :2] - self._ne_m
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
-        self._points = points[is_near & (points[:, 2] > now_s - KEPT_S)]
+        self._points = points[is_near & (points[:, _MET_S] > now_s - KEPT_S)]
 
     def _unfolded(
         self, reading: RangeReading, beam: Beam, along_m: Points, aside_m: Points
@@ -139,7 +158,9 @@ class Near:
         alias_m = self._sensors[beam].alias_m(reading.distance_m)
         if alias_m is None:
             return reading
-        known_m = along_m[(aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, 3] > 0)]
+        known_m = along_m[
+            (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, _MEASURED] > 0)
+        ]
         if not len(known_m):
             return reading
         nearest_m = float(known_m.min()) - self._mount_offset_m
@@ -170,10 +191,11 @@ class Near:
         north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
         place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
         off_m = self._points[:, :2] - place
-        again = (off_m * off_m).sum(axis=1) < SAME_M**2
+        is_old = time_s - self._points[:, _MET_S] > OLD_S
+        again = (off_m * off_m).sum(axis=1) < np.where(is_old, SAME_OLD_M, SAME_M) ** 2
         if not is_measured:  # it says no more than what was measured
-            again &= self._points[:, 3] == 0
-        self._points = np.vstack([self._points[~again], (*place, time_s, is_measured)])
+            again &= self._points[:, _MEASURED] == 0
+        self._points = np.vstack([self._points[~again], (*place, time_s, is_measured, 0)])
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""

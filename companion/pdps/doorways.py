@@ -36,6 +36,8 @@ class Doorway:
     middle_ne_m: Vector2
     through_ne: Vector2
     """Unit vector square to the line between the jambs, the way that it is passed."""
+    half_m: float
+    """From its middle to either jamb."""
 
     def at_m(self, along_m: float) -> Vector2:
         """A place before (negative) or after the middle."""
@@ -43,6 +45,13 @@ class Doorway:
             self.middle_ne_m[0] + along_m * self.through_ne[0],
             self.middle_ne_m[1] + along_m * self.through_ne[1],
         )
+
+    def jambs_ne_m(self) -> tuple[Vector2, Vector2]:
+        """Left and right as it is passed."""
+        (north, east), (x, y) = self.middle_ne_m, self.through_ne
+        aside_north, aside_east = -y * self.half_m, x * self.half_m
+        left = north - aside_north, east - aside_east
+        return left, (north + aside_north, east + aside_east)
 
     def along_m(self, place_ne_m: Vector2) -> float:
         """How far past the middle a place is."""
@@ -117,4 +126,5 @@ def _doorway(ways: Ways, leg: int, place: Vector2, heading: Vector2) -> Doorway 
         leg,
         (place[0] + float(middle[0]), place[1] + float(middle[1])),
         (float(through[0]), float(through[1])),
+        0.5 * math.hypot(*across),
     )

@@ -111,7 +111,7 @@ def _chosen(
         return Explore(ExplorePhase.DONE, tried=tried)
     return Explore(
         ExplorePhase.GO,
-        travel=Travel(look.from_ne_m),
+        travel=travel.along(ways, Travel(look.from_ne_m), sight),
         look_at_ne_m=look.at_ne_m,
         tried=tried,
         checked_s=sight.pose.time_s,

@@ -34,7 +34,7 @@ AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
-MOST_TARGETS = 500
+MOST_TARGETS = 300
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5
@@ -177,14 +177,16 @@ def _viewpoints(may: Cells) -> Indices:
 
 def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     """Pairs (view, target), (n, 2), with nothing in between, within the range of a good look."""
-    found = cKDTree(views).query_ball_tree(cKDTree(targets), SEES_M / CELL_M)
-    pairs = np.array([(v, t) for v, ts in enumerate(found) for t in ts], dtype=int).reshape(-1, 2)
+    near = cKDTree(views).sparse_distance_matrix(
+        cKDTree(targets), SEES_M / CELL_M, output_type="ndarray"
+    )
+    pairs = np.column_stack([near["i"], near["j"]])
     starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
     away = np.hypot(*(ends - starts).T) * CELL_M
     vague = grid.occupied[tuple(ends.T)]
     fits = ~vague | (away >= LEAST_SEES_M)
     pairs, starts, ends = pairs[fits], starts[fits], ends[fits]
-    steps = np.linspace(0, 1, round(1.5 * SEES_M / CELL_M))[:, None, None]
+    steps = np.linspace(0, 1, round(SEES_M / CELL_M))[:, None, None]
     line = np.rint(starts + steps * (ends - starts)).astype(int)
     off_end = np.abs(line - ends).max(axis=2) > 1
     blocked = (grid.occupied[line[..., 0], line[..., 1]] & off_end).any(axis=0)

@@ -23,7 +23,7 @@ LAG_S = 0.45
 """The drone goes on so long at the speed that it has."""
 GIVE_WAY_GAIN_1_S = 0.8
 MOST_GIVE_WAY_M_S = 0.15
-PASSAGE_CLEARANCE_M = 0.2
+PASSAGE_CLEARANCE_M = 0.14
 """Between the body and either side of a passage, at least."""
 PASSAGE_SLACK_M = 0.02
 POINT_M = 0.04

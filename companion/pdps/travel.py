@@ -9,9 +9,10 @@
     FLY, no way or no progress even so ─► GAVE_UP
 
 The way is looked at every two seconds by what is known then, and planned anew where it is not free
-any more; after a while in any case, as there may be a shorter one. Somebody who stands in it is
-waited for; when he has stood for a while he is on the map, and the way leads round him, or there is
-none.
+any more; after a while in any case, as there may be a shorter one; and if it leads through a
+doorway, after each step of the pose, with which the map moved under it. Somebody who stands in the
+way is waited for; when he has stood for a while he is on the map, and it leads round him, or there
+is none.
 
 Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
 appears ahead stops it.
@@ -35,7 +36,7 @@ from companion.pdps.doorways import (
 from companion.pdps.follow import Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
-from companion.pdps.route import TIGHT_CLEAR_M, find_ways
+from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
 
 CHECK_S, PLAN_S = 2.0, 8.0
 STUCK_S, STUCK_M = 10.0, 0.25
@@ -43,8 +44,8 @@ STUCK_S, STUCK_M = 10.0, 0.25
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEPT_WITHIN_M = 0.8
-SWEEP_RAD, SWEEP_RAD_S = math.radians(40), math.radians(25)
-"""Slow enough for a reading every few centimetres."""
+BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
+"""So far to either side, slowly enough for a reading every few centimetres."""
 ON_HEADING_RAD = math.radians(5)
 
 
@@ -68,7 +69,7 @@ class Travel:
     checked_s: float = -math.inf
     """When the way was found, and when it was last found free."""
     resets: int = 0
-    """Of the pose, when the way was found: a step of the pose moves the map under the way."""
+    """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
     doorways: tuple[Doorway, ...] = ()
     swept_ne_m: tuple[Vector2, ...] = ()
     sweep_rad: tuple[float, ...] = ()
@@ -101,8 +102,9 @@ def _fly(
     travel = _progress(travel, sight)
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
-        travel = replace(travel, checked_s=now_s)
-        is_due = has_stepped or now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
+        travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
+        is_due = now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
+        is_due |= has_stepped and bool(travel.doorways)
         if is_due or not _is_free(travel.way, sight, space):
             travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
@@ -146,13 +148,9 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     gets_on = not _is_stuck(travel, now_s)
     ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
     if gets_on and ways.reaches(travel.goal_ne_m):
-        way = ways.to(travel.goal_ne_m)
-        doorways = find_doorways(ways, here, way)
-        way = passed_squarely(ways, here, way, doorways)
-        resets = sight.pose.reset_counter
-        return replace(travel, way=way, planned_s=now_s, doorways=doorways, resets=resets)
+        return along(ways, travel, sight)
     if gets_on and travel.way:  # whoever stands there may go
-        return replace(travel, planned_s=now_s, resets=sight.pose.reset_counter)
+        return replace(travel, planned_s=now_s)
     if travel.looked_round:
         return replace(travel, phase=TravelPhase.GAVE_UP)
     thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
@@ -163,6 +161,21 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         sweep_rad=tuple(thirds),
         stay_ne_m=here,
         way=(),
+    )
+
+
+def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
+    """On the way to its goal, which the ways found from here reach."""
+    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+    way = ways.to(travel.goal_ne_m)
+    doorways = find_doorways(ways, here, way)
+    return replace(
+        travel,
+        way=passed_squarely(ways, here, way, doorways),
+        doorways=doorways,
+        planned_s=now_s,
+        checked_s=now_s,
+        resets=sight.pose.reset_counter,
     )
 
 
@@ -178,12 +191,15 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
             continue
         if any(math.dist(middle, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
             continue
-        bearing_rad = math.atan2(middle[1] - here[1], middle[0] - here[0])
+        left_rad, right_rad = (
+            math.atan2(east_m - here[1], north_m - here[0])
+            for north_m, east_m in doorway.jambs_ne_m()
+        )
         return replace(
             travel,
             phase=TravelPhase.SWEEP,
             swept_ne_m=(*travel.swept_ne_m, middle),
-            sweep_rad=(bearing_rad + SWEEP_RAD, bearing_rad - SWEEP_RAD),
+            sweep_rad=(right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD),
             stay_ne_m=here,
         )
     return None

@@ -159,7 +159,19 @@ def test_who_has_walked_on_is_forgotten() -> None:
     drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
     drone.see(front=at(1.2))
     drone.see(front=at(3.5))
+    drone.see(front=at(3.5))
     assert drone.points == []
+
+
+def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    for _ in range(5):
+        drone.see(right=at(1.2))
+        drone.move(0.05)
+    for _ in range(8):
+        drone.see(right=at(3.5))
+        drone.move(0.002)
+    assert len(drone.points) == 5
 
 
 def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
