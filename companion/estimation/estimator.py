@@ -37,6 +37,8 @@ REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
 TOLD_LASTS_S = 0.15
 """Three messages of odometry."""
+TOLD_STEP_RAD = math.radians(3)
+"""When the autopilot's heading parts from the gyro's by more in one message, its compass set it."""
 LIFTED_M = 0.1
 """Not on the ground any more."""
 TRUSTED_SIGMA_M = 0.12
@@ -122,10 +124,13 @@ class Estimator:
         """How far ahead of ours the autopilot's heading is, in whole turns nearest to before."""
         ahead_s = odometry.time_s - self._turned_until_s
         raw_rad = self._raw.yaw_rad + ahead_s * self._yaw_rate_rad_s
-        self._told_ahead_rad += wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
+        parted_rad = wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
+        self._told_ahead_rad += parted_rad
         self._told_s = odometry.time_s
         if self._height_m < LIFTED_M:
             self._told_on_ground_rad = raw_rad + self._told_ahead_rad
+        elif abs(parted_rad) > TOLD_STEP_RAD:
+            self._told_on_ground_rad += parted_rad
 
     def _told_rad(self, now_s: float) -> float:
         """Turned since take-off by the autopilot; not a number when it has not told lately."""

@@ -52,7 +52,7 @@ class ToldModel:
     sigma_rad: float = math.radians(0.5)
     """Of one that was told: it comes late by some milliseconds, and more so as it goes on."""
     lasts_s: float = 60.0
-    """For so long its bias stays what it is; a compass does not move it by steps that we miss."""
+    """For so long its bias stays what it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,9 +116,10 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, model: GyroModel)
 def add_told(system: BorderedSystem, x: Unknowns, m: Measured, model: ToldModel) -> None:
     used = np.flatnonzero(np.isfinite(m.told_rad) & (m.told_age_s < model.lasts_s))
     told_rad, age_s = m.told_rad[used], m.told_age_s[used]
+    residual = x.poses[used, 2] - (1 - x.told_scale) * told_rad + x.told_bias * age_s
     system.add(
-        x.poses[used, 2] - (1 - x.told_scale) * told_rad + x.told_bias * age_s,
-        model.sigma_rad,
+        residual,
+        model.sigma_rad * np.sqrt(1 + (residual / model.sigma_rad / CAUCHY_SIGMAS) ** 2),
         [(POSE_SIZE * used + 2, np.ones(len(used)))],
         [(TOLD_SCALE, told_rad), (TOLD_BIAS, age_s)],
     )
