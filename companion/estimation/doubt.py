@@ -6,11 +6,18 @@ up to far more than its noise does.
 """
 
 import itertools
+from collections.abc import Generator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.estimation.candidates import UNEXPLAINED, Gate
+from companion.estimation.estimate import Estimate, Past
+from companion.estimation.factors import hit_residuals
+from companion.estimation.flight_record import NO_WALL
 from companion.estimation.line_slam import OdometryModel
+from companion.estimation.smoother import Smoother
 from companion.estimation.unknowns import Array, Measured, Unknowns
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
@@ -19,6 +26,45 @@ SIGMAS = 3.0
 TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
 the second."""
+MOST_RECONSIDERED = 3
+BRIDGING_STEPS = 2
+WALL_COST = 20.0
+"""χ² that a wall must save to be part of the likelier of two maps: two unknowns, ln n each."""
+
+
+def reconsidering(
+    smoother: Smoother, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
+) -> Generator[None, None, Estimate]:
+    """A likelier flight, where odometry contradicts this one; in pieces of some milliseconds.
+
+    What the beams met there is forgotten, the trajectory bridged by odometry, and the hits given
+    to walls from there. Whichever explains all measurements better is kept: it may be odometry
+    that was wrong.
+    """
+    first = replace(gates[1], looks=gates[0].looks)
+    for _ in range(MOST_RECONSIDERED):
+        doubted = contradicted(estimate.x, m, smoother.models.odometry)
+        if not doubted.any():
+            break
+        x = estimate.x.since(0)
+        wall_of = np.where(doubted[m.frame], NO_WALL, estimate.wall_of)
+        for _ in range(BRIDGING_STEPS):
+            smoother.step(x, m, wall_of, past)
+            yield
+        other = yield from smoother.smoothing(x, m, past, (first, *gates[2:]))
+        if cost(smoother, other, m, past) >= cost(smoother, estimate, m, past):
+            break
+        estimate = other
+    return estimate
+
+
+def cost(smoother: Smoother, estimate: Estimate, m: Measured, past: Past) -> float:
+    """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
+    x, wall_of = estimate.x, estimate.wall_of
+    off = hit_residuals(x, m, wall_of, smoother.models.ranges)
+    hits = np.minimum(off**2, UNEXPLAINED).sum() + UNEXPLAINED * np.sum(wall_of == NO_WALL)
+    believed = past.belief.cost(past.beside(x))
+    return smoother.motion(x, m).squares + float(hits) + believed + WALL_COST * len(x.walls)
 
 
 def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
+from companion.estimation.doubt import reconsidering
 from companion.estimation.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.flight_record import FlightRecord, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
@@ -14,7 +15,7 @@ from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
 from companion.estimation.restart import restart
-from companion.estimation.smoother import FINAL_GATES, Smoother
+from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
 from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Measured, Unknowns
@@ -192,7 +193,7 @@ class Estimator:
         start = smoother.from_start(np.zeros(3))
         try:
             done = smoother.smooth(x, m, start, FINAL_GATES)
-            done = smoother.reconsider(done, m, start, FINAL_GATES)
+            done = at_once(reconsidering(smoother, done, m, start, FINAL_GATES))
         except np.linalg.LinAlgError:
             return self.so_far()
         return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)

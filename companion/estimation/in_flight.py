@@ -18,8 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.estimation import factors
+from companion.estimation.doubt import reconsidering
+from companion.estimation.estimate import Estimate, Past
 from companion.estimation.flight_record import FlightRecord, FrameColumn
-from companion.estimation.smoother import FLYING_GATES, Estimate, Past, Smoother
+from companion.estimation.smoother import FLYING_GATES, Smoother
 from companion.estimation.unknowns import POSE_SIZE, Array, Measured, Unknowns
 from companion.frames import Vector2
 
@@ -108,7 +110,7 @@ class InFlightSmoothing:
         x.add_walls(walls.lines, walls.reach_m)
         begin_at(x, past)
         estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
-        estimate = yield from smoother.reconsidering(estimate, part, past, FLYING_GATES)
+        estimate = yield from reconsidering(smoother, estimate, part, past, FLYING_GATES)
         length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield

@@ -8,9 +8,9 @@ each, where direction and offset depend on each other least.
 import numpy as np
 
 from companion.estimation import factors
+from companion.estimation.estimate import Estimate
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam, Wall
-from companion.estimation.smoother import Estimate
 from companion.estimation.unknowns import POSE_SIZE, WALL_SIZE
 
 _NORTH, _EAST, _YAW, _BIAS = range(POSE_SIZE)

@@ -15,15 +15,14 @@ that is shared.
 
 import math
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from companion.estimation import factors
 from companion.estimation.association import Association
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
-from companion.estimation.candidates import UNEXPLAINED, Gate
-from companion.estimation.doubt import contradicted
+from companion.estimation.candidates import Gate
+from companion.estimation.estimate import Estimate, Past, values
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.support import Support
 from companion.estimation.unknowns import (
@@ -36,8 +35,6 @@ from companion.estimation.unknowns import (
     project,
 )
 from companion.estimation.wall_detection import Cloud, detect_walls
-from companion.frames import wrap_rad
-from companion.messages import WallLine
 
 UNKNOWN_SIGMA = 100.0
 """Of a wall, metres and radians: nothing is known, but the equations stay solvable."""
@@ -51,59 +48,12 @@ FINAL_GATES = (
 only bring together walls that are not one."""
 FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0)
 """While it flies the filters start from the last smoothing and are not far off."""
-MOST_RECONSIDERED = 3
-BRIDGING_STEPS = 2
-WALL_COST = 20.0
-"""χ² that a wall must save to be part of the likelier of two maps: two unknowns, ln n each."""
 HITS_AT_ONCE = 3_000
 """Walls are looked for in so many hits at a time, which bounds memory and time."""
 SQUARE_GATE_M = 0.2
 SQUARE_WITHIN_SIGMAS = 3.0
 SQUARE_WITHIN_RAD = math.radians(3)
 """Walls that are this near to a right angle, and may be exactly there, seem to be."""
-
-
-@dataclass(frozen=True, slots=True)
-class Past:
-    """What the keyframes before one tell of it and of all that is shared."""
-
-    frame: int
-    at: Array
-    """(pose + shared,): the point that the belief is about."""
-    belief: Belief
-
-    @property
-    def walls(self) -> int:
-        """How many were known."""
-        return (len(self.at) - POSE_SIZE - factors.WALLS) // WALL_SIZE
-
-
-@dataclass(slots=True)
-class Estimate:
-    """The likeliest flight from some keyframe on."""
-
-    x: Unknowns
-    wall_of: Indices
-    solution: Solution
-
-    @property
-    def wall_lines(self) -> tuple[WallLine, ...]:
-        """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
-        lines = []
-        for i, (normal_rad, offset_m) in enumerate(self.x.walls):
-            at = factors.WALLS + WALL_SIZE * i
-            block = self.solution.shared_covariance[at : at + 2, at : at + 2]
-            (direction, both), (_, offset) = block
-            lines.append(
-                WallLine(
-                    wrap_rad(float(normal_rad)),
-                    float(offset_m),
-                    math.sqrt(max(offset - both**2 / direction, 0.0)),
-                    math.sqrt(direction),
-                    float(both / direction),
-                )
-            )
-        return tuple(lines)
 
 
 class Smoother:
@@ -133,7 +83,7 @@ class Smoother:
 
     def smooth(self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]) -> Estimate:
         """The likeliest flight; `x` is where to begin from, and is set to it."""
-        return _at_once(self.smoothing(x, m, past, gates))
+        return at_once(self.smoothing(x, m, past, gates))
 
     def smoothing(
         self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]
@@ -156,47 +106,6 @@ class Smoother:
             solution = self.step(x, m, wall_of, past, square)
             yield
         return Estimate(x, wall_of, solution)
-
-    def reconsidering(
-        self, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
-    ) -> Generator[None, None, Estimate]:
-        """A likelier flight, where odometry contradicts this one; in pieces.
-
-        What the beams met there is forgotten, the trajectory bridged by odometry, and the hits
-        given to walls from there. Whichever explains all measurements better is kept: it may be
-        odometry that was wrong.
-        """
-        first = replace(gates[1], looks=gates[0].looks)
-        for _ in range(MOST_RECONSIDERED):
-            doubted = contradicted(estimate.x, m, self.models.odometry)
-            if not doubted.any():
-                break
-            x = estimate.x.since(0)
-            wall_of = np.where(doubted[m.frame], NO_WALL, estimate.wall_of)
-            for _ in range(BRIDGING_STEPS):
-                self.step(x, m, wall_of, past)
-                yield
-            other = yield from self.smoothing(x, m, past, (first, *gates[2:]))
-            if self.cost(other, m, past) >= self.cost(estimate, m, past):
-                break
-            estimate = other
-        return estimate
-
-    def reconsider(
-        self, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
-    ) -> Estimate:
-        """The same in one piece."""
-        return _at_once(self.reconsidering(estimate, m, past, gates))
-
-    def cost(self, estimate: Estimate, m: Measured, past: Past) -> float:
-        """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
-        x, wall_of = estimate.x, estimate.wall_of
-        motion = factors.new_system(x)
-        self._add_motion(motion, x, m)
-        off = factors.hit_residuals(x, m, wall_of, self.models.ranges)
-        hits = np.minimum(off**2, UNEXPLAINED).sum() + UNEXPLAINED * np.sum(wall_of == NO_WALL)
-        believed = past.belief.cost(_beside(x, past))
-        return motion.squares + float(hits) + believed + WALL_COST * len(x.walls)
 
     def look_for_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
         """New walls in the hits of so many keyframes at a time that are on none; whether any."""
@@ -261,53 +170,35 @@ class Smoother:
         wall_of_part = wall_of[: len(part.frame)].copy()
         wall_of_part[hits:] = NO_WALL
         belief = self._system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
-        now = Past(past.frame + frame, _values(before, frame), belief)
+        now = Past(past.frame + frame, values(before, frame), belief)
         return now, Estimate(x, wall_of, solution)
 
-    def motion_misfit(self, x: Unknowns, m: Measured) -> float:
-        """Root mean square of the residuals of odometry and gyro, in their sigmas."""
+    def motion(self, x: Unknowns, m: Measured) -> BorderedSystem:
+        """What odometry and gyros say, without any wall."""
         system = factors.new_system(x)
-        self._add_motion(system, x, m)
-        return system.rms
+        factors.add_odometry(system, x, m, self.models.odometry)
+        factors.add_gyro(system, x, m, self.models.gyro)
+        factors.add_told(system, x, m, self.models.told)
+        return system
 
     def _system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
-        system = factors.new_system(x)
-        self._add_motion(system, x, m)
+        system = self.motion(x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
-        belief = past.belief.moved(_beside(x, past))
+        belief = past.belief.moved(past.beside(x))
         system.believe(belief.grown(POSE_SIZE + factors.WALLS + x.walls.size))
         walls = factors.WALLS + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
         return system
 
-    def _add_motion(self, system: BorderedSystem, x: Unknowns, m: Measured) -> None:
-        factors.add_odometry(system, x, m, self.models.odometry)
-        factors.add_gyro(system, x, m, self.models.gyro)
-        factors.add_told(system, x, m, self.models.told)
 
-
-def _at_once(work: Generator[None, None, Estimate]) -> Estimate:
+def at_once(work: Generator[None, None, Estimate]) -> Estimate:
+    """What comes out of work that is otherwise done in pieces."""
     while True:
         try:
             next(work)
         except StopIteration as end:
             estimate: Estimate = end.value
             return estimate
-
-
-def _beside(x: Unknowns, past: Past) -> Array:
-    """(pose + shared,): how far `x` is from what the past's belief is about."""
-    delta: Array = _values(x, 0)[: len(past.at)] - past.at
-    angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(past.at), WALL_SIZE)])
-    delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
-    return delta
-
-
-def _values(x: Unknowns, frame: int) -> Array:
-    """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
-    scales = x.gyro_scale, x.odometry_scale, x.told_bias, x.told_scale
-    shared = *scales, *x.range_gain, *x.walls.ravel()
-    return np.array([*x.poses[frame], *shared])
 
 
 def _square_pairs(x: Unknowns, solution: Solution) -> tuple[tuple[int, int], ...]:

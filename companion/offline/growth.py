@@ -14,8 +14,9 @@ from dataclasses import replace
 import numpy as np
 
 from companion.estimation.candidates import Gate
+from companion.estimation.estimate import Estimate, Past
 from companion.estimation.factors import hit_residuals
-from companion.estimation.smoother import WHOLE, Estimate, Past, Smoother
+from companion.estimation.smoother import WHOLE, Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns
 
 STAGE_M = 1.5
@@ -98,7 +99,7 @@ class Growth:
 
     def motion_misfit(self) -> float:
         """How much the trajectory strains the odometry, in its sigmas."""
-        return self.smoother.motion_misfit(self.x, self._m)
+        return self.smoother.motion(self.x, self._m).rms
 
     def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
         m = self._m.between(0, len(self.x.poses))

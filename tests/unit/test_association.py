@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from companion.drivers.sharp import GP2Y0A710K0F
+from companion.estimation.estimate import Estimate
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
-from companion.estimation.smoother import FINAL_GATES, Estimate, Smoother
+from companion.estimation.smoother import FINAL_GATES, Smoother
 from companion.estimation.support import Support
 from companion.estimation.unknowns import Array, Measured, Unknowns, project
 from companion.frames import Vector2

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import PAPER
 from companion.estimation.candidates import Gate
-from companion.estimation.doubt import contradicted
+from companion.estimation.doubt import contradicted, reconsidering
 from companion.estimation.estimator import Estimator
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
-from companion.estimation.smoother import FINAL_GATES, Smoother
+from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
 from companion.estimation.unknowns import Array, Measured, Unknowns
 from companion.frames import frd_to_ned
@@ -89,7 +89,7 @@ def test_hits_given_to_a_wrong_wall_are_given_back() -> None:
     start = smoother.from_start(np.zeros(3))
     pulled = smoother.smooth(x, m, start, (Gate(0.2), Gate(0.1)))
     assert wall_distance_m(pulled.x).min() < 1.2
-    likelier = smoother.reconsider(pulled, m, start, FINAL_GATES)
+    likelier = at_once(reconsidering(smoother, pulled, m, start, FINAL_GATES))
     assert wall_distance_m(likelier.x) == pytest.approx(1.5, abs=0.1)
     assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.0, 1.5], abs=0.05)
 
