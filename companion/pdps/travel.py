@@ -2,7 +2,7 @@
 
     FLY ───────────────────────────► ARRIVED
      ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly;
-     │ │ no way, or no progress for long: turn all round, once
+     │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it
      │ ▼
     SWEEP
 
@@ -75,6 +75,8 @@ class Travel:
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     stay_ne_m: Vector2 = (0.0, 0.0)
+    roomy_ne_m: Vector2 | None = None
+    """Where it last had room to turn round."""
     looked_round: bool = False
     """It does so once, when there is no way."""
     progress_s: float | None = None
@@ -103,6 +105,9 @@ def _fly(
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
+        here = sight.pose.north_m, sight.pose.east_m
+        if _has_room(here, space):
+            travel = replace(travel, roomy_ne_m=here)
         is_due = now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
         is_due |= has_stepped and bool(travel.doorways)
         if is_due or not _is_free(travel.way, sight, space):
@@ -129,6 +134,10 @@ def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
             return False
         start = corner
     return bool(way)
+
+
+def _has_room(place_ne_m: Vector2, space: Occupancy) -> bool:
+    return space.nearest_m(place_ne_m, DOORWAY_ROOM_M) >= DOORWAY_ROOM_M
 
 
 def _progress(travel: Travel, sight: Sight) -> Travel:
@@ -159,7 +168,7 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         phase=TravelPhase.SWEEP,
         looked_round=True,
         sweep_rad=tuple(thirds),
-        stay_ne_m=here,
+        stay_ne_m=travel.roomy_ne_m or here,
         way=(),
     )
 
@@ -182,7 +191,7 @@ def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
 def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
     """Before the next doorway, if it has not been looked at yet, and not in one."""
     here = sight.pose.north_m, sight.pose.east_m
-    if space.nearest_m(here, DOORWAY_ROOM_M) < DOORWAY_ROOM_M:
+    if not _has_room(here, space):
         return None
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
