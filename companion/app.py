@@ -150,7 +150,8 @@ class App:
         self._calibrate(inputs)
         inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
-        self._near.move(pose, inputs.telemetry.odometry)
+        scale_error = self.estimator.slam.scale_error if self.estimator else 0.0
+        self._near.move(pose, inputs.telemetry.odometry, scale_error)
         action = self._decide(now_s, inputs, pose)
         known = pose if self.estimator else None
         return Outputs(

@@ -45,8 +45,8 @@ goes past its edge as near as that."""
 ALIAS_M = 0.25
 """So well must a folded reading fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
-MOST_STEP_M, MOST_STEP_RAD = 0.02, 0.02
-"""Where pose and odometry differ by more in one tick, the estimate has made a step."""
+MOST_STEP_RAD = 0.02
+"""Where pose and odometry turn otherwise by more in one tick, the estimate has made a step."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
@@ -83,8 +83,12 @@ class Near:
     def surroundings(self) -> Surroundings:
         return Surroundings(self._relative(), self._velocity_frd_m_s)
 
-    def move(self, pose: Pose, odometry: Odometry | None) -> None:
-        """The drone has moved on as its pose says; as odometry says, where the pose stepped."""
+    def move(self, pose: Pose, odometry: Odometry | None, scale_error: float = 0.0) -> None:
+        """The drone has moved on as odometry says, its scale corrected, and turned as its pose.
+
+        Not moved as its pose: far ranges, and walls taken for others, pull that by decimetres in
+        some seconds, odometry wanders by centimetres.
+        """
         if odometry is None:
             return
         last_pose, self._pose = self._pose, pose
@@ -93,15 +97,12 @@ class Near:
         if last is None or last_pose is None:
             return
         (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
-        body_m = ned_to_frd(x - last_x, y - last_y, odometry.yaw_rad)
+        scale = 1 + scale_error
+        body_m = ned_to_frd(scale * (x - last_x), scale * (y - last_y), odometry.yaw_rad)
         turned_rad = wrap_rad(odometry.yaw_rad - last.yaw_rad)
-        moved_m = ned_to_frd(
-            pose.north_m - last_pose.north_m, pose.east_m - last_pose.east_m, pose.yaw_rad
-        )
         yawed_rad = wrap_rad(pose.yaw_rad - last_pose.yaw_rad)
-        if math.dist(moved_m, body_m) < MOST_STEP_M and abs(yawed_rad - turned_rad) < MOST_STEP_RAD:
-            body_m, turned_rad = moved_m, yawed_rad
-        self._yaw_rad = wrap_rad(self._yaw_rad + turned_rad)
+        is_smooth = abs(yawed_rad - turned_rad) < MOST_STEP_RAD
+        self._yaw_rad = wrap_rad(self._yaw_rad + (yawed_rad if is_smooth else turned_rad))
         north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
         self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
