@@ -21,11 +21,10 @@ LEAST_OFF_M = 0.4
 CLEARLY = 0.5
 """The other direction explains what was seen with so much less error, or better."""
 QUARTER = BINS // 4
-WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.1, math.radians(3)
-"""Along a beam, and hardly aside or turned, before what it reads is compared: on a wall that the
-beam meets obliquely, a turn changes the reading as much as the way does."""
-MOST_SWING_RAD = math.radians(20)
-"""The nose may swing meanwhile."""
+WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(20)
+"""Along a beam, and so far, before what it reads is compared; the nose may swing meanwhile."""
+OBLIQUELY = math.tan(math.radians(20))
+"""On a wall that is met so, what the drone moves aside and turns changes the reading besides."""
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.3, 3
@@ -93,11 +92,16 @@ class _Way:
         forward_m, right_m, _, turn_rad = (a - b for a, b in zip(travel, then, strict=True))
         x, y = self._axis_frd
         along_m, aside_m = forward_m * x + right_m * y, right_m * x - forward_m * y
-        if abs(aside_m) > MOST_ASIDE_M or abs(turn_rad) > MOST_SWING_RAD:
+        if abs(aside_m) > MOST_ASIDE_M or abs(turn_rad) > MOST_TURN_RAD:
             self._from = now_m, travel
-        elif abs(along_m) > WAY_M and abs(turn_rad) < MOST_TURN_RAD:
-            agrees = (then_m - now_m) / along_m > LEAST_SHARE
-            self._against = 0 if agrees else self._against + 1
+        elif abs(along_m) > WAY_M:
+            nearer_m = (then_m - now_m) * math.copysign(1.0, along_m)
+            missing_m = LEAST_SHARE * abs(along_m) - nearer_m
+            obliquely_m = OBLIQUELY * (abs(aside_m) + now_m * abs(turn_rad))
+            if missing_m <= 0:
+                self._against = 0
+            elif missing_m > obliquely_m:
+                self._against += 1
             self._from = now_m, travel
 
 
