@@ -15,10 +15,12 @@ from tests.system.processes import read_until, running_sitl, started
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 DEADLINE_S = 120
+# It hears Ctrl-C also where the tests run in the background of a shell, which ignores it.
 SCRIPT = """
-import sys
+import signal, sys
 from threading import Event
 from companion import connect
+signal.signal(signal.SIGINT, signal.default_int_handler)
 drone = connect(link=sys.argv[1], bus=sys.argv[2])
 try:
     with drone:
