@@ -92,24 +92,20 @@ class BorderedSystem:
         self._c = Sums(shared * shared)
         self._chain_gradient = Sums(chained)
         self._shared_gradient = Sums(shared)
-        self._squares, self._rows = 0.0, 0
-
-    @property
-    def squares(self) -> float:
-        """Sum of the squares of the residuals added so far, in their sigmas."""
-        return self._squares
+        self.squares, self._rows = 0.0, 0
+        """Sum of the squares of the residuals added so far, in their sigmas, and how many."""
 
     @property
     def rms(self) -> float:
         """Root mean square of the residuals added so far, in their sigmas."""
-        return math.sqrt(self._squares / max(self._rows, 1))
+        return math.sqrt(self.squares / max(self._rows, 1))
 
     def add(
         self, residual: Array, sigma: Array | float, chained: Gradient, shared: Gradient = ()
     ) -> None:
         """Residuals (n,), their sigmas, and their gradients."""
         weight = np.broadcast_to(1 / np.square(sigma), residual.shape)
-        self._squares += float((weight * residual**2).sum())
+        self.squares += float((weight * residual**2).sum())
         self._rows += len(residual)
         for i, (row, by_row) in enumerate(chained):
             weighted = weight * by_row

@@ -18,7 +18,7 @@ from companion.estimation.factors import hit_residuals
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.smoother import Smoother
-from companion.estimation.unknowns import Array, Measured, Unknowns
+from companion.estimation.unknowns import Array, Measured, Unknowns, to_ned
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
 """Of long ones only those in which no shorter one shows where it was."""
@@ -89,12 +89,7 @@ def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> NDArray[np.b
 
 def _sums(x: Unknowns, m: Measured, model: OdometryModel) -> tuple[Array, Array]:
     """Added up from the first keyframe to each: (k, 2) metres beside odometry, (k,) variances."""
-    yaw = x.poses[:-1, 2]
-    cos_yaw, sin_yaw = np.cos(yaw), np.sin(yaw)
-    forward, right = (1 + x.odometry_scale) * m.moved_frd_m.T
-    by_odometry = np.column_stack(
-        [cos_yaw * forward - sin_yaw * right, sin_yaw * forward + cos_yaw * right]
-    )
+    by_odometry = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
     strain_m = np.zeros((len(x.poses), 2))
     strain_m[1:] = np.cumsum(np.diff(x.poses[:, :2], axis=0) - by_odometry, axis=0)
     variance_m2 = np.zeros(len(x.poses))

@@ -71,6 +71,12 @@ def new_system(x: Unknowns) -> BorderedSystem:
     return BorderedSystem(x.poses.size, WALLS + x.walls.size, 2 * POSE_SIZE)
 
 
+def _cauchy(residual: Array) -> Array:
+    """By how much the sigma of each residual grows that far from fitting, in sigmas."""
+    growth: Array = np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2)
+    return growth
+
+
 def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
     p = x.poses
     at = POSE_SIZE * np.arange(len(p) - 1)
@@ -119,7 +125,7 @@ def add_told(system: BorderedSystem, x: Unknowns, m: Measured, model: ToldModel)
     residual = x.poses[used, 2] - (1 - x.told_scale) * told_rad + x.told_bias * age_s
     system.add(
         residual,
-        model.sigma_rad * np.sqrt(1 + (residual / model.sigma_rad / CAUCHY_SIGMAS) ** 2),
+        model.sigma_rad * _cauchy(residual / model.sigma_rad),
         [(POSE_SIZE * used + 2, np.ones(len(used)))],
         [(TOLD_SCALE, told_rad), (TOLD_BIAS, age_s)],
     )
@@ -160,7 +166,7 @@ def add_hits(
     pose_column, wall_column = POSE_SIZE * frame, WALLS + WALL_SIZE * wall
     system.add(
         residual,
-        np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2),
+        _cauchy(residual),
         [
             (pose_column, per_sigma * cos_a),
             (pose_column + 1, per_sigma * sin_a),
@@ -186,7 +192,7 @@ def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> No
     per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
     system.add(
         residual,
-        np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2),
+        _cauchy(residual),
         [],
         [(WALLS + WALL_SIZE * wall, per_sigma), (WALLS + WALL_SIZE * other, -per_sigma)],
     )

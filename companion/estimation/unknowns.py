@@ -165,15 +165,16 @@ class Sightings:
         return bearing
 
 
+def to_ned(frd_m: Array, yaw_rad: Array) -> Array:
+    """(n, 2): forward and right turned into north and east, each by its own heading (n,)."""
+    (forward, right), cos, sin = frd_m.T, np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.column_stack([cos * forward - sin * right, sin * forward + cos * right])
+
+
 def project(x: Unknowns, m: Measured) -> Sightings:
     """p_hit = p_k + R(ψ_k)·(1 + s)·q + (mount + (1 - γ_beam)·distance)·u(bearing)."""
     yaw = x.poses[m.frame, 2]
-    cos_yaw, sin_yaw = np.cos(yaw), np.sin(yaw)
-    forward, right = m.offset_frd_m.T * (1 + x.odometry_scale)
-    moved = np.column_stack(
-        [cos_yaw * forward - sin_yaw * right, sin_yaw * forward + cos_yaw * right]
-    )
-    eyes = x.poses[m.frame, :2] + moved
+    eyes = x.poses[m.frame, :2] + to_ned((1 + x.odometry_scale) * m.offset_frd_m, yaw)
     bearing = yaw + m.bearing_rad
     range_m = m.mount_m + (1 - x.range_gain[m.beam]) * m.distance_m
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
