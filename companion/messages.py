@@ -125,6 +125,8 @@ class Odometry:
     position_ned_m: Vector3
     velocity_ned_m_s: Vector3
     yaw_rad: float
+    follows_us: bool = False
+    """The autopilot is told our pose: its heading knows nothing that we did not say."""
 
 
 class LandedState(enum.Enum):

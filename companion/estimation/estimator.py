@@ -117,7 +117,8 @@ class Estimator:
         body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
         self._raw.move(body_m, half_turn_rad)
-        self._hear(odometry)
+        if not odometry.follows_us:
+            self._hear(odometry)
         scale = 1 + self.slam.scale_error
         self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
 

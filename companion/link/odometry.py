@@ -29,9 +29,9 @@ RESTARTED_MS = 2000
 class OdometryReader:
     """The latest of both messages; time is an argument."""
 
-    def __init__(self, *, by_velocity: bool) -> None:
-        """`by_velocity`: north and east are what the velocity adds up to."""
-        self._by_velocity = by_velocity
+    def __init__(self, *, follows_us: bool) -> None:
+        """`follows_us`: it is told our pose; north and east are what the velocity adds up to."""
+        self._follows_us = follows_us
         self._travelled_ne_m: Vector2 = (0.0, 0.0)
         self._position: Message | None = None
         self._attitude: Message | None = None
@@ -95,13 +95,13 @@ class OdometryReader:
         if max(position_age_s, attitude_age_s) > MOST_EXTRAPOLATION_S:
             return None
         velocity = position.vx, position.vy, position.vz
-        ne_m = self._travelled_ne_m if self._by_velocity else (position.x, position.y)
+        ne_m = self._travelled_ne_m if self._follows_us else (position.x, position.y)
         north, east, down = (
             value + rate * position_age_s
             for value, rate in zip((*ne_m, position.z), velocity, strict=True)
         )
         yaw_rad = wrap_rad(attitude.yaw + attitude.yawspeed * attitude_age_s)
-        return Odometry(now_s, (north, east, down), velocity, yaw_rad)
+        return Odometry(now_s, (north, east, down), velocity, yaw_rad, self._follows_us)
 
 
 def _is_newer(message: Message, than: Message | None) -> bool:

@@ -1,10 +1,14 @@
 """Seeing everything that can be reached: look round, go to where most is unseen, again.
 
-            turned, something unseen can be reached
-    LOOK ───────────────────────────────────────────► GO ──┐ no way, or seen from the way:
-     ▲ │                                              │    │ another place
-     │ └─ turned, nothing unseen is left ─► DONE      │ ◄──┘
-     └──────────────────── arrived ───────────────────┘
+          turned, or            something unseen
+          all of it seen        can be reached
+    LOOK ────────────────► CHOOSE ──────────────► GO
+     ▲                      │   ▲                 │ │
+     │          nothing is  │   └─────────────────┘ │
+     │                      ▼     no way, or most   │
+     │                     DONE   of it was seen    │
+     └──────────────────────────────────────────────┘
+                           arrived
 
 Safety: it goes only where `travel` goes, through cells that beams have found free, and turns before
 it goes anywhere new: three beams at right angles see all around in half a turn.
@@ -23,7 +27,7 @@ from companion.pdps.follow import stay
 from companion.pdps.gaps import Places, next_look, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
-from companion.pdps.route import find_ways
+from companion.pdps.route import Ways, find_ways
 from companion.pdps.travel import Travel, TravelPhase
 
 FIRST_LOOK_RAD = math.tau
@@ -39,6 +43,7 @@ class ExplorePhase(enum.Enum):
     """Where in the diagram above."""
 
     LOOK = "looking round"
+    CHOOSE = "choosing where to look from"
     GO = "going to where something is unseen"
     DONE = "all that can be reached was seen"
 
@@ -52,6 +57,8 @@ class Explore:
     last_yaw_rad: float | None = None
     here_ne_m: Vector2 | None = None
     """Where it turns round."""
+    ways: Ways | None = None
+    """In CHOOSE: all ways from here, once they are found."""
     travel: Travel | None = None
     """In GO."""
     look_at_ne_m: Places = ()
@@ -74,6 +81,8 @@ def step(
     match explore.phase:
         case ExplorePhase.LOOK:
             return _look(explore, sight, space, plan)
+        case ExplorePhase.CHOOSE:
+            return _choose(explore, sight, space, plan), HOLD
         case ExplorePhase.GO:
             return _go(explore, sight, space, plan)
         case ExplorePhase.DONE:
@@ -93,27 +102,30 @@ def _look(
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
-        in_vain = still_unseen(space, explore.look_at_ne_m)
-        return _chosen(explore, in_vain, sight, space, plan), HOLD
+        return _to_choose(explore, still_unseen(space, explore.look_at_ne_m)), HOLD
     rate_rad_s = math.radians(plan.turn_rate_deg_s)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
 
-def _chosen(
-    explore: Explore, in_vain: Places, sight: Sight, space: Occupancy, plan: MissionConfig
-) -> Explore:
-    """Where to go to next, when some places have been looked at in vain."""
-    here = sight.pose.north_m, sight.pose.east_m
+def _to_choose(explore: Explore, in_vain: Places = ()) -> Explore:
+    """Some places have been looked at in vain."""
     tried = (*explore.tried, in_vain) if in_vain else explore.tried
-    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
-    look = next_look(ways, sight, plan, tried, _within_m(plan))
+    return Explore(ExplorePhase.CHOOSE, tried=tried)
+
+
+def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
+    """Two steps, a tick each: either may take a good part of it."""
+    if explore.ways is None:
+        here = sight.pose.north_m, sight.pose.east_m
+        return replace(explore, ways=find_ways(space, here, BODY_RADIUS_M + plan.clearance_m))
+    look = next_look(explore.ways, sight, plan, explore.tried, _within_m(plan))
     if look is None:
-        return Explore(ExplorePhase.DONE, tried=tried)
+        return Explore(ExplorePhase.DONE, tried=explore.tried)
     return Explore(
         ExplorePhase.GO,
-        travel=travel.along(ways, Travel(look.from_ne_m), sight),
+        travel=travel.along(explore.ways, Travel(look.from_ne_m), sight),
         look_at_ne_m=look.at_ne_m,
-        tried=tried,
+        tried=explore.tried,
         checked_s=sight.pose.time_s,
     )
 
@@ -128,12 +140,12 @@ def _go(
 ) -> tuple[Explore, Setpoint]:
     going, now_s = explore.travel, sight.pose.time_s
     if going is None:
-        return _chosen(explore, (), sight, space, plan), HOLD
+        return _to_choose(explore), HOLD
     if going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
         left = still_unseen(space, explore.look_at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
-            return _chosen(explore, (), sight, space, plan), HOLD
+            return _to_choose(explore), HOLD
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
@@ -142,6 +154,6 @@ def _go(
             )
             return looking, setpoint
         case TravelPhase.GAVE_UP:
-            return _chosen(explore, explore.look_at_ne_m, sight, space, plan), setpoint
+            return _to_choose(explore, explore.look_at_ne_m), setpoint
         case _:
             return replace(explore, travel=going), setpoint

@@ -34,7 +34,7 @@ AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
-MOST_TARGETS = 300
+MOST_TARGETS = 150
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5

@@ -101,8 +101,7 @@ def wall_distance_m(x: Unknowns) -> Array:
     return distance_m
 
 
-@pytest.mark.parametrize("compass_deg", [0.0, 13.0, -90.0])
-def test_the_autopilot_holds_the_heading_while_our_gyro_settles(compass_deg: float) -> None:
+def wall_turned_deg(compass_deg: float, *, follows_us: bool = False) -> float:
     """Hovers for 6 s where nothing is in range, then flies 40 m east past a wall.
 
     In the hover our gyro drifts by 0.2 deg/s, of which nothing is left later: the wall would seem
@@ -119,11 +118,21 @@ def test_the_autopilot_holds_the_heading_while_our_gyro_settles(compass_deg: flo
         moved_m = frd_to_ned(0.0, 0.05 if time_s > 6 else 0.0, told_rad)
         north_m, east_m = north_m + moved_m[0], east_m + moved_m[1]
         down_m = -min(time_s, 1.2)
-        estimator.move(Odometry(time_s, (north_m, east_m, down_m), (0.0, 0.0, 0.0), told_rad))
+        place = north_m, east_m, down_m
+        estimator.move(Odometry(time_s, place, (0.0, 0.0, 0.0), told_rad, follows_us))
         wall = RangeReading(RangeState.DISTANCE, 1.5 + random.gauss(0, 0.05), 0.0025)
         seen = wall if time_s > 6 else RangeReading(RangeState.NOTHING)
         estimator.see(RangeScan(time_s, {Beam.FRONT: seen}))
     smoothed = estimator.smoothed()
     assert smoothed is not None
     (wall_line,) = smoothed.walls
-    assert abs(math.degrees(wall_line.normal_rad)) < 0.6
+    return abs(math.degrees(wall_line.normal_rad))
+
+
+@pytest.mark.parametrize("compass_deg", [0.0, 13.0, -90.0])
+def test_the_autopilot_holds_the_heading_while_our_gyro_settles(compass_deg: float) -> None:
+    assert wall_turned_deg(compass_deg) < 0.6
+
+
+def test_the_heading_of_an_autopilot_that_is_told_ours_counts_for_nothing() -> None:
+    assert wall_turned_deg(0.0, follows_us=True) > 0.9

@@ -17,9 +17,9 @@ TICK_S = 0.05
 class Vehicle:
     """An autopilot that says what the test tells it to, and keeps what it is told."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, send_pose: bool = False) -> None:
         self.transport, companion = pipe_pair()
-        self.link = Link(companion, LinkConfig())
+        self.link = Link(companion, LinkConfig(send_pose=send_pose))
         self.now_s = 0.0
         self.heard: list[Message] = []
 
@@ -118,6 +118,15 @@ def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
     assert odometry is not None
     assert odometry.position_ned_m == pytest.approx((3.003, 2.006, -0.991))
     assert odometry.yaw_rad == pytest.approx(0.6 + 0.2 * 0.05)
+
+
+def test_odometry_says_whether_it_comes_of_what_we_told() -> None:
+    for send_pose in (False, True):
+        vehicle = Vehicle(send_pose=send_pose)
+        vehicle.says(heartbeat(), position(1000), attitude(1000))
+        odometry = vehicle.says(position(1050), attitude(1050)).odometry
+        assert odometry is not None
+        assert odometry.follows_us is send_pose
 
 
 def test_a_position_without_a_fresh_attitude_is_no_odometry(vehicle: Vehicle) -> None:

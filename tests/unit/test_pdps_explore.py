@@ -255,29 +255,38 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
 # Transitions of the exploration
 
 
-def test_look_turns_all_round_then_goes_to_what_is_unseen() -> None:
+def test_look_turns_all_round_then_a_place_is_chosen() -> None:
     explore, grid, yaw_rad = Explore(), open_ground(), 0.0
     while explore.phase is ExplorePhase.LOOK:
         explore, setpoint = step(explore, sight(yaw_rad=yaw_rad), grid, PLAN)
         yaw_rad += 0.1
         assert setpoint.forward_m_s == pytest.approx(0, abs=1e-9)
-    assert explore.phase is ExplorePhase.GO
     assert yaw_rad > math.tau
+    assert chosen(explore, grid).phase is ExplorePhase.GO
 
 
 def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
     explore, _ = step(Explore(to_turn_rad=-0.1), sight(), walled(reach_m=2.0), PLAN)
-    assert explore.phase is ExplorePhase.DONE
+    assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
 def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
     looking = Explore(look_at_ne_m=((3.9, 0.0),), to_turn_rad=3.0)
     explore, _ = step(looking, sight(), walled(reach_m=2.0), PLAN)
-    assert explore.phase is ExplorePhase.DONE
+    assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
+
+
+def chosen(explore: Explore, grid: Occupancy) -> Explore:
+    """What CHOOSE comes to; it hovers meanwhile."""
+    assert explore.phase is ExplorePhase.CHOOSE
+    while explore.phase is ExplorePhase.CHOOSE:
+        explore, setpoint = step(explore, sight(), grid, PLAN)
+        assert setpoint == HOLD
+    return explore
 
 
 def going(grid: Occupancy) -> Explore:
-    explore, _ = step(Explore(to_turn_rad=-0.1), sight(), grid, PLAN)
+    explore = chosen(Explore(ExplorePhase.CHOOSE), grid)
     assert explore.phase is ExplorePhase.GO
     return explore
 
@@ -296,13 +305,13 @@ def test_go_takes_another_place_where_there_is_no_way() -> None:
     stuck = replace(explore, travel=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
     another, _ = step(stuck, sight(), open_ground(), PLAN)
     assert another.tried == (explore.look_at_ne_m,)
-    assert another.phase is ExplorePhase.GO
+    assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
 
 def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
-    assert explore.phase is ExplorePhase.DONE
+    assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
 def test_done_stays_done() -> None:
