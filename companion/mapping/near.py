@@ -6,7 +6,8 @@ what is near.
 
 A triangulating sensor folds back: what is nearer than half a metre reads as if it were a metre or
 more away. From one reading nobody can tell, but what comes so near was met before, or by another
-beam: a reading whose alias lies on a point that is known here is called too near.
+beam: a reading whose alias lies on a point that is known here is called too near. How near is a
+guess, wrong by up to two decimetres; what was measured there before says it better.
 """
 
 import math
@@ -43,7 +44,7 @@ PASSES, TOGETHER_M = 2, 0.12
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that."""
 ALIAS_M = 0.25
-"""So well must a folded reading fit a point that is known."""
+"""So well must a folded reading, or a guess of how near it is, fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
 MOST_STEP_RAD = 0.02
 """Where pose and odometry turn otherwise by more in one tick, the estimate has made a step."""
@@ -65,8 +66,8 @@ class Surroundings:
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 5): north, east, when it was met, 1 if it was measured, 0 if inferred from a folded
-    reading, which must not be proof of the next; and how often a beam has gone through since.
+    (n, 5): north, east, when it was met, 1 if it was measured, 0 if guessed, which must not be
+    proof of the next; and how often a beam has gone through since.
     """
 
     def __init__(self, sensors: Mapping[Beam, RangeModel], mount_offset_m: float) -> None:
@@ -119,13 +120,14 @@ class Near:
             cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
             along_m = relative @ (cos_b, sin_b)
             aside_m = np.abs(relative @ (-sin_b, cos_b))
-            unfolded = self._unfolded(reading, beam, along_m, aside_m)
+            known_m = self._known_m(along_m, aside_m)
+            unfolded = self._unfolded(reading, beam, known_m)
             readings[beam] = unfolded
             seen_to_m = self._seen_to_m(unfolded, beam)
             passed |= (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < seen_to_m)
-            end_m = self._end_m(unfolded)
+            end_m = self._end_m(unfolded, known_m)
             if end_m is not None:
-                met.append((end_m * cos_b, end_m * sin_b, unfolded is reading))
+                met.append((end_m * cos_b, end_m * sin_b, unfolded.is_distance))
         self._points[passed, _PASSED] += 1
         self._points = self._points[~self._gone()]
         for forward_m, right_m, is_measured in met:
@@ -150,22 +152,19 @@ class Near:
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
         self._points = points[is_near & (points[:, _MET_S] > now_s - KEPT_S)]
 
-    def _unfolded(
-        self, reading: RangeReading, beam: Beam, along_m: Points, aside_m: Points
-    ) -> RangeReading:
+    def _known_m(self, along_m: Points, aside_m: Points) -> float:
+        """From the sensor to the nearest thing measured along its beam; infinite without any."""
+        known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, _MEASURED] > 0)
+        return float(along_m[known].min(initial=math.inf)) - self._mount_offset_m
+
+    def _unfolded(self, reading: RangeReading, beam: Beam, known_m: float) -> RangeReading:
         """Too near, if what is known along the beam fits the reading's alias better."""
-        if not reading.is_distance or not len(along_m):
+        if not reading.is_distance or math.isinf(known_m):
             return reading
         alias_m = self._sensors[beam].alias_m(reading.distance_m)
         if alias_m is None:
             return reading
-        known_m = along_m[
-            (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, _MEASURED] > 0)
-        ]
-        if not len(known_m):
-            return reading
-        nearest_m = float(known_m.min()) - self._mount_offset_m
-        if abs(nearest_m - alias_m) > min(ALIAS_M, abs(nearest_m - reading.distance_m)):
+        if abs(known_m - alias_m) > min(ALIAS_M, abs(known_m - reading.distance_m)):
             return reading
         return RangeReading(RangeState.TOO_NEAR, alias_m)
 
@@ -178,11 +177,12 @@ class Near:
             return self._sensors[beam].max_m - SEEN_THROUGH_M
         return 0.0
 
-    def _end_m(self, reading: RangeReading) -> float | None:
-        """Where there is something near, from the drone's centre, if the beam met something."""
+    def _end_m(self, reading: RangeReading, known_m: float) -> float | None:
+        """Where there is something near, from the drone's centre, if that is new."""
         if reading.state is RangeState.TOO_NEAR:
-            guessed_m = reading.distance_m + self._mount_offset_m
-            return UNMEASURED_M if math.isnan(guessed_m) else guessed_m
+            is_guessed = not math.isnan(reading.distance_m)
+            guess_m = reading.distance_m if is_guessed else UNMEASURED_M - self._mount_offset_m
+            return None if abs(known_m - guess_m) <= ALIAS_M else guess_m + self._mount_offset_m
         if not reading.is_distance or math.sqrt(reading.variance_m2) >= MOST_SIGMA_M:
             return None
         end_m = reading.distance_m + self._mount_offset_m

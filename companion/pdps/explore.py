@@ -18,21 +18,28 @@ import enum
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import HOLD, Setpoint
+from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
 from companion.pdps.follow import stay
-from companion.pdps.gaps import Places, next_look, still_unseen
+from companion.pdps.gaps import Look, Places, looks, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import Ways, find_ways
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.tour import first_of_tour
+from companion.pdps.travel import Swept, Travel, TravelPhase
 
+START_NE_M = (0.0, 0.0)
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
 OUTSIDE_WITHIN_M = 2.5
+SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
+NEAR_ENOUGH_M = float(__import__("os").environ.get("NEAR", "0.35"))
+"""So near to where it wants to look from it begins to turn."""
 CHECK_S = 1.0
 """So often it is asked whether what it looks for is still unseen."""
 WORTH_SHARE = 0.35
@@ -56,15 +63,21 @@ class Explore:
     to_turn_rad: float = FIRST_LOOK_RAD
     last_yaw_rad: float | None = None
     here_ne_m: Vector2 | None = None
-    """Where it turns round."""
+    """Where it turns round,"""
+    clockwise: bool = True
+    """and which way."""
     ways: Ways | None = None
-    """In CHOOSE: all ways from here, once they are found."""
+    """In CHOOSE: all ways from here, once they are found,"""
+    looks: tuple[Look, ...] = ()
+    """and then from where to look."""
     travel: Travel | None = None
     """In GO."""
     look_at_ne_m: Places = ()
     """What the next look is for; empty at the first."""
     tried: tuple[Places, ...] = ()
     """What each look so far was for in vain."""
+    swept: tuple[Swept, ...] = ()
+    """The doorways whose jambs are known exactly."""
     checked_s: float = 0.0
 
     @property
@@ -94,7 +107,7 @@ def _look(
 ) -> tuple[Explore, Setpoint]:
     yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
-    left_rad = explore.to_turn_rad - wrap_rad(yaw_rad - last_rad)
+    left_rad = explore.to_turn_rad - abs(wrap_rad(yaw_rad - last_rad))
     here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
     explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
     is_enough = left_rad <= 0
@@ -103,27 +116,54 @@ def _look(
         is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
         return _to_choose(explore, still_unseen(space, explore.look_at_ne_m)), HOLD
-    rate_rad_s = math.radians(plan.turn_rate_deg_s)
+    rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
+
+
+def _to_look(explore: Explore, at: Travel, sight: Sight) -> Explore:
+    return Explore(
+        ExplorePhase.LOOK,
+        LOOK_RAD,
+        here_ne_m=at.goal_ne_m,
+        clockwise=_turns_less_clockwise(explore.look_at_ne_m, at.goal_ne_m, sight.pose.yaw_rad),
+        look_at_ne_m=explore.look_at_ne_m,
+        tried=explore.tried,
+        swept=at.swept,
+    )
+
+
+def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) -> bool:
+    """Until one of the beams to the front and sides has passed over each of the places."""
+    north_m, east_m = (np.array(places) - from_ne_m).T
+    off_rad = (np.arctan2(east_m, north_m) - yaw_rad)[:, None] - SIDES_RAD
+    clockwise_rad = (off_rad % math.tau).min(axis=1).max(initial=0)
+    other_way_rad = (-off_rad % math.tau).min(axis=1).max(initial=0)
+    return bool(clockwise_rad <= other_way_rad)
 
 
 def _to_choose(explore: Explore, in_vain: Places = ()) -> Explore:
     """Some places have been looked at in vain."""
     tried = (*explore.tried, in_vain) if in_vain else explore.tried
-    return Explore(ExplorePhase.CHOOSE, tried=tried)
+    swept = explore.swept if explore.travel is None else explore.travel.swept
+    return Explore(ExplorePhase.CHOOSE, tried=tried, swept=swept)
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
-    """Two steps, a tick each: either may take a good part of it."""
+    """Three steps, a tick each: any may take a good part of it."""
     if explore.ways is None:
         here = sight.pose.north_m, sight.pose.east_m
         return replace(explore, ways=find_ways(space, here, BODY_RADIUS_M + plan.clearance_m))
-    look = next_look(explore.ways, sight, plan, explore.tried, _within_m(plan))
-    if look is None:
-        return Explore(ExplorePhase.DONE, tried=explore.tried)
+    if not explore.looks:
+        found = looks(explore.ways, sight, plan, explore.tried, _within_m(plan))
+        if not found:
+            return Explore(ExplorePhase.DONE, tried=explore.tried)
+        return replace(explore, looks=found)
+    places = tuple(look.from_ne_m for look in explore.looks)
+    look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
+    going = Travel(look.from_ne_m, within_m=NEAR_ENOUGH_M, swept=explore.swept)
     return Explore(
         ExplorePhase.GO,
-        travel=travel.along(explore.ways, Travel(look.from_ne_m), sight),
+        travel=travel.along(explore.ways, going, sight),
         look_at_ne_m=look.at_ne_m,
         tried=explore.tried,
         checked_s=sight.pose.time_s,
@@ -149,10 +189,7 @@ def _go(
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
-            looking = Explore(
-                ExplorePhase.LOOK, LOOK_RAD, look_at_ne_m=explore.look_at_ne_m, tried=explore.tried
-            )
-            return looking, setpoint
+            return _to_look(explore, going, sight), setpoint
         case TravelPhase.GAVE_UP:
             return _to_choose(explore, explore.look_at_ne_m), setpoint
         case _:

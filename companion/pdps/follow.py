@@ -31,12 +31,17 @@ LOOK_AHEAD_M = 0.6
 Way = tuple[Vector2, ...]
 
 
-def follow(way: Way, sight: Sight, space: Occupancy, plan: MissionConfig) -> tuple[Way, Setpoint]:
-    """What is left of the way, and the velocity that flies it; arrived when nothing is left."""
+def follow(
+    way: Way, sight: Sight, space: Occupancy, plan: MissionConfig, within_m: float = ARRIVED_M
+) -> tuple[Way, Setpoint]:
+    """What is left of the way, and the velocity that flies it.
+
+    Nothing is left so near to its end.
+    """
     here = sight.pose.north_m, sight.pose.east_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
-    if not way or (len(way) == 1 and math.dist(here, way[0]) < ARRIVED_M):
+    if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
         return (), HOLD
     return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan))
 

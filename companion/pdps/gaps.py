@@ -34,6 +34,7 @@ AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
+MOST_LOOKS = int(__import__("os").environ.get("LOOKS", "8"))
 MOST_TARGETS = 150
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
@@ -91,14 +92,14 @@ def _beside(cells: Cells) -> Cells:
     return beside
 
 
-def next_look(
+def looks(
     ways: Ways,
     sight: Sight,
     plan: MissionConfig,
     tried: tuple[Places, ...] = (),
     within_m: float = math.inf,
-) -> Look | None:
-    """The place that is most worth its time; None when nothing unseen can be shown.
+) -> tuple[Look, ...]:
+    """Places that together show what is unseen, the one most worth its time first; the first few.
 
     `tried` are the places that each look so far was for in vain; twice is enough. Only what is
     within `within_m` of something that stands there counts.
@@ -109,19 +110,22 @@ def next_look(
     targets = targets[to_occupied_m[tuple(targets.T)] <= within_m]
     views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= ROOM_TO_LOOK_M))
     if not len(targets) or not len(views):
-        return None
+        return ()
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
     pairs = _sights(grid, views, targets)
-    if not len(pairs):
-        return None
-    shows = np.bincount(pairs[:, 0], minlength=len(views))
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
     time_s += _turn_rad(sight, views, grid) / math.radians(plan.turn_rate_deg_s)
-    crowded_m = np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
-    best = int(np.argmax(np.sqrt(shows) / (time_s + CROWDED_S * crowded_m)))
-    at = targets[pairs[pairs[:, 0] == best, 1]]
-    return Look(grid.place(_cell(views[best])), tuple(grid.place(_cell(cell)) for cell in at))
+    time_s += CROWDED_S * np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
+    found: list[Look] = []
+    while len(pairs) and len(found) < MOST_LOOKS:
+        shows = np.bincount(pairs[:, 0], minlength=len(views))
+        best = int(np.argmax(np.sqrt(shows) / time_s))
+        shown = pairs[pairs[:, 0] == best, 1]
+        at = tuple(grid.place(_cell(cell)) for cell in targets[shown])
+        found.append(Look(grid.place(_cell(views[best])), at))
+        pairs = pairs[~np.isin(pairs[:, 1], shown)]
+    return tuple(found)
 
 
 def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:

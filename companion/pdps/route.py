@@ -40,6 +40,8 @@ class Ways:
     passable: Cells
     room_m: NDArray[np.float64]
     """To what is there, or is not known to be free."""
+    cost: NDArray[np.float64]
+    """What a metre through each cell counts as, infinite where the drone does not fit."""
     metres: NDArray[np.float64]
     """Cost of the way to each cell, infinite where there is none; in metres in the open."""
     came_from: NDArray[np.int32]
@@ -91,14 +93,17 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     passable[around] |= room[around] >= min(room[row, column], tight_m)
     crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
-    graph = _graph(passable, cost + (clear_m - room).clip(0) * TIGHT_COST)
+    cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
     start = row * passable.shape[1] + column
-    metres, came_from = dijkstra(graph, directed=False, indices=start, return_predecessors=True)
-    return Ways(grid, (row, column), passable, room, metres.reshape(passable.shape), came_from)
+    links = graph(passable, cost)
+    metres, came_from = dijkstra(links, directed=False, indices=start, return_predecessors=True)
+    return Ways(
+        grid, (row, column), passable, room, cost, metres.reshape(passable.shape), came_from
+    )
 
 
-def _graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
-    """Each passable cell with its eight neighbours."""
+def graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
+    """Each passable cell with its eight neighbours; metres times the mean of both cells' costs."""
     rows, columns = passable.shape
     number = np.arange(rows * columns).reshape(rows, columns)
     starts, ends, lengths = [], [], []

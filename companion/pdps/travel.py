@@ -1,7 +1,8 @@
 """To a place, through known free space.
 
     FLY ───────────────────────────► ARRIVED
-     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly;
+     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly,
+     │ │ from farther off if it is too near to measure them;
      │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it
      │ ▼
     SWEEP
@@ -33,17 +34,22 @@ from companion.pdps.doorways import (
     find_doorways,
     passed_squarely,
 )
-from companion.pdps.follow import Way, follow, is_blocked, stay
+from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
+from companion.values import value
 
 CHECK_S, PLAN_S = 2.0, 8.0
 STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
-SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.8
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.9
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
+BACK_OFF_M, GOES_ON_M = 1.2, 0.6
+"""It goes so far off when it has come too near; but from the doorway's middle it goes on."""
 SWEPT_WITHIN_M = 0.8
+SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
+"""What was swept is known exactly only for so long, and near it: the pose drifts."""
 BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
 """So far to either side, slowly enough for a reading every few centimetres."""
 ON_HEADING_RAD = math.radians(5)
@@ -58,11 +64,21 @@ class TravelPhase(enum.Enum):
     GAVE_UP = "no way"
 
 
+@value
+class Swept:
+    """A doorway whose jambs the front beam has passed over."""
+
+    middle_ne_m: Vector2
+    time_s: float
+
+
 @dataclass(frozen=True, slots=True)
 class Travel:
     """The whole memory of going to one place."""
 
     goal_ne_m: Vector2
+    within_m: float = ARRIVED_M
+    """So near to it, it has arrived."""
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
     planned_s: float = -math.inf
@@ -71,7 +87,7 @@ class Travel:
     resets: int = 0
     """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
     doorways: tuple[Doorway, ...] = ()
-    swept_ne_m: tuple[Vector2, ...] = ()
+    swept: tuple[Swept, ...] = ()
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     stay_ne_m: Vector2 = (0.0, 0.0)
@@ -101,7 +117,7 @@ def _fly(
     travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
-    travel = _progress(travel, sight)
+    travel = replace(_progress(travel, sight), swept=_still_swept(travel, sight))
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
@@ -118,7 +134,7 @@ def _fly(
         return sweep, HOLD
     if is_blocked(travel.way, sight):
         return travel, HOLD
-    way, setpoint = follow(travel.way, sight, space, plan)
+    way, setpoint = follow(travel.way, sight, space, plan, travel.within_m)
     if not way:
         return replace(travel, phase=TravelPhase.ARRIVED), setpoint
     return replace(travel, way=way), setpoint
@@ -178,13 +194,43 @@ def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
     way = ways.to(travel.goal_ne_m)
     doorways = find_doorways(ways, here, way)
+    squared = passed_squarely(ways, here, way, doorways)
+    back = _backed_off(ways, travel, sight, doorways)
     return replace(
         travel,
-        way=passed_squarely(ways, here, way, doorways),
+        way=squared if back is None else (back, *squared),
         doorways=doorways,
         planned_s=now_s,
         checked_s=now_s,
         resets=sight.pose.reset_counter,
+    )
+
+
+def _backed_off(
+    ways: Ways, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
+) -> Vector2 | None:
+    """A place from where the next doorway's jambs can be measured, if it has come too near."""
+    here = sight.pose.north_m, sight.pose.east_m
+    for doorway in doorways[:1]:
+        is_too_near = GOES_ON_M < math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
+        if not is_too_near or doorway.along_m(here) >= 0 or _was_swept(travel, doorway):
+            return None
+        place = doorway.at_m(-BACK_OFF_M)
+        return place if ways.fits(place) else None
+    return None
+
+
+def _was_swept(travel: Travel, doorway: Doorway) -> bool:
+    middle = doorway.middle_ne_m
+    return any(math.dist(middle, swept.middle_ne_m) < SWEPT_WITHIN_M for swept in travel.swept)
+
+
+def _still_swept(travel: Travel, sight: Sight) -> tuple[Swept, ...]:
+    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+    return tuple(
+        swept
+        for swept in travel.swept
+        if math.dist(here, swept.middle_ne_m) < SWEPT_FOR_M and now_s - swept.time_s < SWEPT_FOR_S
     )
 
 
@@ -198,7 +244,7 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
         to_go_m = math.dist(here, middle)
         if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
             continue
-        if any(math.dist(middle, swept) < SWEPT_WITHIN_M for swept in travel.swept_ne_m):
+        if _was_swept(travel, doorway):
             continue
         left_rad, right_rad = (
             math.atan2(east_m - here[1], north_m - here[0])
@@ -207,7 +253,7 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
         return replace(
             travel,
             phase=TravelPhase.SWEEP,
-            swept_ne_m=(*travel.swept_ne_m, middle),
+            swept=(*travel.swept, Swept(middle, sight.pose.time_s)),
             sweep_rad=(right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD),
             stay_ne_m=here,
         )

@@ -13,7 +13,7 @@ from companion.pdps import layers as layering
 from companion.pdps import travel as travelling
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
-from companion.pdps.gaps import frontiers, next_look, vague_surfaces
+from companion.pdps.gaps import frontiers, looks, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import find_ways
@@ -87,7 +87,7 @@ def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
 
 def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
     grid = walled(reach_m=2.0)
-    assert next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN) is None
+    assert not looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
 
 
 def test_a_doorway_is_a_frontier_to_look_through() -> None:
@@ -96,8 +96,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
         for _ in range(20):
             grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False))
     assert frontiers(grid).any()
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
-    assert look is not None
+    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
     for place in look.at_ne_m:
         assert abs(math.atan2(place[1], place[0])) < math.radians(25)
 
@@ -109,8 +108,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True))
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False))
     assert vague_surfaces(grid).any()
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
-    assert look is not None
+    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
 
@@ -120,17 +118,16 @@ def test_what_was_looked_at_twice_in_vain_is_let_be() -> None:
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
     )
     ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
-    assert next_look(ways, sight(), PLAN, (everywhere,)) is not None
-    assert next_look(ways, sight(), PLAN, (everywhere, everywhere)) is None
+    assert looks(ways, sight(), PLAN, (everywhere,))
+    assert not looks(ways, sight(), PLAN, (everywhere, everywhere))
 
 
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     grid = open_ground()
     ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
-    assert next_look(ways, sight(), PLAN, within_m=2.5) is None
+    assert not looks(ways, sight(), PLAN, within_m=2.5)
     grid.block((3.0, 0.0), 0.3)
-    look = next_look(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN, within_m=2.5)
-    assert look is not None
+    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN, within_m=2.5)
     assert all(place[0] > 0 for place in look.at_ne_m)
 
 
@@ -302,7 +299,7 @@ def test_go_looks_round_on_arrival() -> None:
 
 def test_go_takes_another_place_where_there_is_no_way() -> None:
     explore = going(open_ground())
-    stuck = replace(explore, travel=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    stuck = replace(explore, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     another, _ = step(stuck, sight(), open_ground(), PLAN)
     assert another.tried == (explore.look_at_ne_m,)
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
@@ -347,7 +344,7 @@ def test_from_the_start_it_climbs_while_there_is_room_above() -> None:
 
 
 def test_without_a_way_back_the_layers_end() -> None:
-    lost = Layers(LayersPhase.RETURN, travel=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    lost = Layers(LayersPhase.RETURN, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     layers, _ = layering.step(lost, layer_sight(3.0), open_ground(), LAYERED)
     assert layers.phase is LayersPhase.DONE
 
