@@ -46,8 +46,11 @@ FINAL_GATES = (
 )
 """Of the rounds after the flight. It begins from what was smoothed in flight: wider gates would
 only bring together walls that are not one."""
-FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0)
-"""While it flies the filters start from the last smoothing and are not far off."""
+FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, refutes=True)
+"""While it flies the filters start from the last smoothing and are not far off.
+
+Without the beams that go through them walls would grow beyond their ends, through rooms, and pull
+at what is met beside them there."""
 HITS_AT_ONCE = 3_000
 """Walls are looked for in so many hits at a time, which bounds memory and time."""
 SQUARE_GATE_M = 0.2

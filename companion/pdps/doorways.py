@@ -6,10 +6,15 @@ the way leads to a place before it, and straight on to one after it:
          jamb █
     before ─────► after
          jamb █
+
+A doorway that was found once is remembered: from the other side, or after a while, its jambs may
+not stand out from what is known there.
 """
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -22,6 +27,7 @@ from companion.values import value
 DOORWAY_ROOM_M = 0.7
 """Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
 JAMBS_WITHIN_M = 1.0
+SAME_WITHIN_M = 0.8
 OPPOSITE_COS = -0.5
 AWAY_M = 0.7
 """Before and after its middle a doorway's wall is passed, with room to turn."""
@@ -38,6 +44,8 @@ class Doorway:
     """Unit vector square to the line between the jambs, the way that it is passed."""
     half_m: float
     """From its middle to either jamb."""
+    swept_s: float = -math.inf
+    """When the front beam last passed over both jambs."""
 
     def at_m(self, along_m: float) -> Vector2:
         """A place before (negative) or after the middle."""
@@ -59,6 +67,23 @@ class Doorway:
             place_ne_m[1] - self.middle_ne_m[1]
         ) * self.through_ne[1]
 
+    def is_same(self, other: "Doorway") -> bool:
+        return math.dist(self.middle_ne_m, other.middle_ne_m) < SAME_WITHIN_M
+
+    def towards(self, place_ne_m: Vector2) -> Vector2:
+        """Through it, to the side on which a place is."""
+        sign = math.copysign(1.0, self.along_m(place_ne_m))
+        return sign * self.through_ne[0], sign * self.through_ne[1]
+
+    def is_between(self, start: Vector2, end: Vector2) -> bool:
+        """The straight line between two places leads through it, or close by its jambs."""
+        before_m, after_m = self.along_m(start), self.along_m(end)
+        if before_m * after_m >= 0:
+            return False
+        share = before_m / (before_m - after_m)
+        at = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+        return math.dist(at, self.middle_ne_m) < self.half_m
+
 
 def find_doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Doorway, ...]:
     """At the narrowest place of each stretch of the way that is narrow."""
@@ -76,6 +101,30 @@ def find_doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Doorway, ...]:
         least_m = min(room_m, least_m)
     found = (_doorway(ways, *one) for one in narrowest)
     return tuple(doorway for doorway in found if doorway is not None)
+
+
+def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Doorway, ...]:
+    """All of them, as they were found last."""
+    new = []
+    for doorway in found:
+        swept_s = [old.swept_s for old in known if old.is_same(doorway)]
+        new.append(replace(doorway, swept_s=max((doorway.swept_s, *swept_s))))
+    kept = (old for old in known if not any(old.is_same(doorway) for doorway in new))
+    return (*kept, *new)
+
+
+def on_the_way(
+    known: Sequence[Doorway], found: Sequence[Doorway], here: Vector2, way: Way
+) -> tuple[Doorway, ...]:
+    """Those found on the way, and those known through which it leads, in its order."""
+    passed = list(found)
+    for leg, (start, end) in enumerate(pairwise((here, *way))):
+        passed += [
+            replace(doorway, leg=leg, through_ne=doorway.towards(end))
+            for doorway in known
+            if doorway.is_between(start, end) and not any(map(doorway.is_same, found))
+        ]
+    return tuple(sorted(passed, key=lambda doorway: doorway.leg))
 
 
 def passed_squarely(ways: Ways, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:

@@ -25,13 +25,14 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
+from companion.pdps.doorways import Doorway
 from companion.pdps.follow import stay
 from companion.pdps.gaps import Look, Places, looks, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import Ways, find_ways
 from companion.pdps.tour import first_of_tour
-from companion.pdps.travel import Swept, Travel, TravelPhase
+from companion.pdps.travel import Travel, TravelPhase
 
 START_NE_M = (0.0, 0.0)
 FIRST_LOOK_RAD = math.tau
@@ -76,9 +77,13 @@ class Explore:
     """What the next look is for; empty at the first."""
     tried: tuple[Places, ...] = ()
     """What each look so far was for in vain."""
-    swept: tuple[Swept, ...] = ()
-    """The doorways whose jambs are known exactly."""
+    doorways: tuple[Doorway, ...] = ()
+    """All found so far."""
     checked_s: float = 0.0
+
+    @property
+    def known_doorways(self) -> tuple[Doorway, ...]:
+        return self.doorways if self.travel is None else self.travel.known
 
     @property
     def activity(self) -> str:
@@ -128,7 +133,7 @@ def _to_look(explore: Explore, at: Travel, sight: Sight) -> Explore:
         clockwise=_turns_less_clockwise(explore.look_at_ne_m, at.goal_ne_m, sight.pose.yaw_rad),
         look_at_ne_m=explore.look_at_ne_m,
         tried=explore.tried,
-        swept=at.swept,
+        doorways=at.known,
     )
 
 
@@ -144,8 +149,7 @@ def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) ->
 def _to_choose(explore: Explore, in_vain: Places = ()) -> Explore:
     """Some places have been looked at in vain."""
     tried = (*explore.tried, in_vain) if in_vain else explore.tried
-    swept = explore.swept if explore.travel is None else explore.travel.swept
-    return Explore(ExplorePhase.CHOOSE, tried=tried, swept=swept)
+    return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
@@ -156,11 +160,11 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     if not explore.looks:
         found = looks(explore.ways, sight, plan, explore.tried, _within_m(plan))
         if not found:
-            return Explore(ExplorePhase.DONE, tried=explore.tried)
+            return replace(explore, phase=ExplorePhase.DONE)
         return replace(explore, looks=found)
     places = tuple(look.from_ne_m for look in explore.looks)
     look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
-    going = Travel(look.from_ne_m, within_m=NEAR_ENOUGH_M, swept=explore.swept)
+    going = Travel(look.from_ne_m, within_m=NEAR_ENOUGH_M, known=explore.doorways)
     return Explore(
         ExplorePhase.GO,
         travel=travel.along(explore.ways, going, sight),

@@ -342,7 +342,10 @@ def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Ac
 
 
 def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    going, setpoint = travel.step(flight.way_home, view.sight, view.space, plan)
+    homeward = flight.way_home
+    if not homeward.known:
+        homeward = replace(homeward, known=flight.building.known_doorways)
+    going, setpoint = travel.step(homeward, view.sight, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:

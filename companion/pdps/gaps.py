@@ -35,7 +35,7 @@ CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
 MOST_LOOKS = int(__import__("os").environ.get("LOOKS", "8"))
-MOST_TARGETS = 150
+MOST_TARGETS = 100
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5

@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from companion.frames import Vector2
@@ -95,28 +95,29 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
     start = row * passable.shape[1] + column
-    links = graph(passable, cost)
-    metres, came_from = dijkstra(links, directed=False, indices=start, return_predecessors=True)
+    metres, came_from = dijkstra(
+        graph(cost), directed=False, indices=start, return_predecessors=True
+    )
     return Ways(
         grid, (row, column), passable, room, cost, metres.reshape(passable.shape), came_from
     )
 
 
-def graph(passable: Cells, cost: NDArray[np.float64]) -> coo_array:
-    """Each passable cell with its eight neighbours; metres times the mean of both cells' costs."""
-    rows, columns = passable.shape
+def graph(cost: NDArray[np.float64]) -> csr_array:
+    """Each cell with its eight neighbours, once, where both costs are finite: metres times cost."""
+    rows, columns = cost.shape
     number = np.arange(rows * columns).reshape(rows, columns)
     starts, ends, lengths = [], [], []
     for down, right, cells in NEIGHBOURS:
         a = np.s_[: rows - down, max(-right, 0) : columns - max(right, 0)]
         b = np.s_[down:, max(right, 0) : columns - max(-right, 0)]
-        both = passable[a] & passable[b]
-        starts.append(number[a][both])
-        ends.append(number[b][both])
-        lengths.append(cells * CELL_M * 0.5 * (cost[a][both] + cost[b][both]))
-    size = rows * columns
+        length_m = cells * CELL_M * 0.5 * (cost[a] + cost[b])
+        linked = np.isfinite(length_m)
+        starts.append(number[a][linked])
+        ends.append(number[b][linked])
+        lengths.append(length_m[linked])
     entries = np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))
-    return coo_array(entries, shape=(size, size)).tocsr()
+    return coo_array(entries, shape=(number.size, number.size)).tocsr()
 
 
 def _straightened(

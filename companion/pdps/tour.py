@@ -12,6 +12,8 @@ from companion.pdps.route import Ways, graph
 
 COARSE_CELLS = 3
 """The order does not hang on a few decimetres."""
+FAR_M = 1e3
+"""To where no way is known, as home when something was shut behind."""
 Costs = NDArray[np.float64]
 
 
@@ -21,7 +23,7 @@ def first_of_tour(ways: Ways, places: tuple[Vector2, ...], home_ne_m: Vector2) -
         return 0
     stops = [ways.grid.cell(place) for place in (*places, home_ne_m)]
     between = _between_m(ways, np.array([ways.start, *stops]))
-    return _shortest_first(between[0, 1:-1], between[1:-1, 1:-1], between[1:-1, -1])
+    return shortest_first(between[0, 1:-1], between[1:-1, 1:-1], between[1:-1, -1])
 
 
 def _between_m(ways: Ways, cells: NDArray[np.int64]) -> Costs:
@@ -31,16 +33,11 @@ def _between_m(ways: Ways, cells: NDArray[np.int64]) -> Costs:
     tall, wide = cost.shape[0] // COARSE_CELLS, cost.shape[1] // COARSE_CELLS
     coarse = cost.reshape(tall, COARSE_CELLS, wide, COARSE_CELLS).min(axis=(1, 3))
     numbers = cells // COARSE_CELLS @ np.array([wide, 1])
-    links = graph(np.isfinite(coarse), coarse)
-    metres: Costs = dijkstra(links, directed=False, indices=numbers)[:, numbers]
+    metres: Costs = dijkstra(graph(coarse), directed=False, indices=numbers)[:, numbers]
     return COARSE_CELLS * np.where(np.isfinite(metres), metres, FAR_M)
 
 
-FAR_M = 1e3
-"""To where no way is known, as home when something was shut behind."""
-
-
-def _shortest_first(from_here: Costs, between: Costs, to_home: Costs) -> int:
+def shortest_first(from_here: Costs, between: Costs, to_home: Costs) -> int:
     """Where the shortest way through all n places begins (Held and Karp 1962).
 
     `least[visited, last]` is the shortest way through a set of places, a bit each, that ends in

@@ -32,22 +32,24 @@ from companion.pdps.doorways import (
     DOORWAY_ROOM_M,
     Doorway,
     find_doorways,
+    on_the_way,
     passed_squarely,
+    remembered,
 )
 from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked, stay
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
-from companion.values import value
 
 CHECK_S, PLAN_S = 2.0, 8.0
+DETOUR_M = 3.0
 STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.9
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
-BACK_OFF_M, GOES_ON_M = 1.2, 0.6
-"""It goes so far off when it has come too near; but from the doorway's middle it goes on."""
-SWEPT_WITHIN_M = 0.8
+BACK_OFF_M = (1.2, 1.0, 1.5)
+"""It goes so far off, where it fits, when it has come too near."""
+IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
 BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
@@ -62,14 +64,6 @@ class TravelPhase(enum.Enum):
     SWEEP = "looking for the way"
     ARRIVED = "arrived"
     GAVE_UP = "no way"
-
-
-@value
-class Swept:
-    """A doorway whose jambs the front beam has passed over."""
-
-    middle_ne_m: Vector2
-    time_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +81,8 @@ class Travel:
     resets: int = 0
     """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
     doorways: tuple[Doorway, ...] = ()
-    swept: tuple[Swept, ...] = ()
+    known: tuple[Doorway, ...] = ()
+    """All doorways found so far."""
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     stay_ne_m: Vector2 = (0.0, 0.0)
@@ -117,7 +112,7 @@ def _fly(
     travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
-    travel = replace(_progress(travel, sight), swept=_still_swept(travel, sight))
+    travel = replace(_progress(travel, sight), known=_still_swept(travel, sight))
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
@@ -171,7 +166,7 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     now_s = sight.pose.time_s
     here = sight.pose.north_m, sight.pose.east_m
     gets_on = not _is_stuck(travel, now_s)
-    ways = find_ways(space, here, BODY_RADIUS_M + plan.clearance_m)
+    ways = _ways(travel, here, space, plan)
     if gets_on and ways.reaches(travel.goal_ne_m):
         return along(ways, travel, sight)
     if gets_on and travel.way:  # whoever stands there may go
@@ -189,11 +184,21 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     )
 
 
+def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
+    """As far as they are needed: near the way so far, if one there leads to the goal."""
+    clear_m = BODY_RADIUS_M + plan.clearance_m
+    nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
+    ways = find_ways(nearby, here, clear_m)
+    return ways if ways.reaches(travel.goal_ne_m) else find_ways(space, here, clear_m)
+
+
 def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
     """On the way to its goal, which the ways found from here reach."""
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
     way = ways.to(travel.goal_ne_m)
-    doorways = find_doorways(ways, here, way)
+    found = find_doorways(ways, here, way)
+    travel = replace(travel, known=remembered(travel.known, found))
+    doorways = on_the_way(travel.known, found, here, way)
     squared = passed_squarely(ways, here, way, doorways)
     back = _backed_off(ways, travel, sight, doorways)
     return replace(
@@ -212,25 +217,29 @@ def _backed_off(
     """A place from where the next doorway's jambs can be measured, if it has come too near."""
     here = sight.pose.north_m, sight.pose.east_m
     for doorway in doorways[:1]:
-        is_too_near = GOES_ON_M < math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
-        if not is_too_near or doorway.along_m(here) >= 0 or _was_swept(travel, doorway):
-            return None
-        place = doorway.at_m(-BACK_OFF_M)
-        return place if ways.fits(place) else None
+        is_too_near = math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
+        is_before = doorway.along_m(here) < -IN_DOORWAY_M
+        if is_too_near and is_before and not _was_swept(travel, doorway):
+            places = (doorway.at_m(-off_m) for off_m in BACK_OFF_M)
+            return next((place for place in places if ways.fits(place)), None)
     return None
 
 
 def _was_swept(travel: Travel, doorway: Doorway) -> bool:
-    middle = doorway.middle_ne_m
-    return any(math.dist(middle, swept.middle_ne_m) < SWEPT_WITHIN_M for swept in travel.swept)
+    return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
 
 
-def _still_swept(travel: Travel, sight: Sight) -> tuple[Swept, ...]:
+def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
+    """The doorways, those not swept any more that are far, or were swept long ago."""
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+
+    def is_exact(doorway: Doorway) -> bool:
+        is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
+        return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
+
     return tuple(
-        swept
-        for swept in travel.swept
-        if math.dist(here, swept.middle_ne_m) < SWEPT_FOR_M and now_s - swept.time_s < SWEPT_FOR_S
+        doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
+        for doorway in travel.known
     )
 
 
@@ -253,7 +262,7 @@ def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | Non
         return replace(
             travel,
             phase=TravelPhase.SWEEP,
-            swept=(*travel.swept, Swept(middle, sight.pose.time_s)),
+            known=remembered(travel.known, [replace(doorway, swept_s=sight.pose.time_s)]),
             sweep_rad=(right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD),
             stay_ne_m=here,
         )

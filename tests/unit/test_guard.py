@@ -193,6 +193,16 @@ def test_what_was_inferred_is_no_proof_of_the_next() -> None:
     assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
 
 
+@pytest.mark.parametrize("guess_m", [0.25, 0.55])
+def test_a_guess_of_how_near_it_is_moves_nothing_that_was_measured(guess_m: float) -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone.see(front=at(1.1))
+    for _ in range(14):
+        drone.move(0.05)
+    drone.see(front=RangeReading(RangeState.TOO_NEAR, guess_m))
+    assert drone.points == [pytest.approx((0.4, 0.0))]
+
+
 def test_a_sensor_that_does_not_fold_is_believed() -> None:
     drone = Drone(Near(dict.fromkeys(Beam, PAPER), 0.0))
     drone.see(front=at(0.4))

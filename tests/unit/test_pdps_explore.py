@@ -2,21 +2,26 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise
+from itertools import pairwise, permutations
 
+import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps import layers as layering
 from companion.pdps import travel as travelling
+from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
 from companion.pdps.gaps import frontiers, looks, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import find_ways
+from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 
 PLAN = MissionConfig(kind="building")
@@ -131,6 +136,27 @@ def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     assert all(place[0] > 0 for place in look.at_ne_m)
 
 
+def test_what_lies_on_the_way_home_is_left_for_the_way_home() -> None:
+    ways = find_ways(open_ground(), (0.0, 0.0), CLEAR_M)
+    near, far, home = (0.0, -1.0), (0.0, 3.0), (0.0, -3.0)
+    assert first_of_tour(ways, (near, far), home) == 1
+    assert first_of_tour(ways, (near, far), (0.0, 4.0)) == 0
+
+
+@given(st.integers(1, 5), st.integers(0, 1000))
+def test_the_tour_is_the_shortest_of_all(count: int, seed: int) -> None:
+    places = np.random.default_rng(seed).uniform(-5, 5, (count + 1, 2))
+    between = np.hypot(*(places[:, None] - places[None]).transpose(2, 0, 1))
+    here, home = np.hypot(*places.T)[:-1], between[:-1, -1]
+
+    def length(order: tuple[int, ...]) -> float:
+        legs = sum(float(between[a, b]) for a, b in pairwise(order))
+        return float(here[order[0]]) + legs + float(home[order[-1]])
+
+    best = min(permutations(range(count)), key=length)
+    assert shortest_first(here, between[:-1, :-1], home) == best[0]
+
+
 def test_it_turns_before_it_flies() -> None:
     _, setpoint = follow(((0.0, 3.0),), sight(), open_ground(), PLAN)
     assert setpoint.forward_m_s == 0
@@ -218,6 +244,29 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     assert setpoint.forward_m_s > 0
 
 
+def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None:
+    travel, _ = gone(Travel((3.0, 0.0)), with_doorway(0.85))
+    assert travel.phase is TravelPhase.FLY
+    assert travel.way[0][0] < -0.2
+
+
+def test_a_doorway_just_looked_at_is_not_looked_at_again() -> None:
+    for swept_s, phase in ((5.0, TravelPhase.FLY), (-50.0, TravelPhase.SWEEP)):
+        doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.5, swept_s)
+        travel, _ = gone(Travel((3.0, 0.0), known=(doorway,)), with_doorway(1.45))
+        assert travel.phase is phase
+
+
+@pytest.mark.parametrize("through", [1.0, -1.0])
+def test_a_doorway_found_once_is_remembered_where_its_jambs_are_not_seen(through: float) -> None:
+    doorway = Doorway(3, (1.45, 0.1), (through, 0.0), 0.5)
+    travel, _ = gone(Travel((3.0, 0.0), known=(doorway,)), open_ground())
+    assert travel.phase is TravelPhase.SWEEP
+    aside = replace(doorway, middle_ne_m=(1.45, 1.0))
+    travel, _ = gone(Travel((3.0, 0.0), known=(aside,)), open_ground())
+    assert travel.phase is TravelPhase.FLY
+
+
 def test_it_waits_for_who_stands_in_the_way() -> None:
     travel, _ = gone(Travel((3.0, 0.0)), open_ground())
     travel, setpoint = gone(travel, open_ground(), ahead_m=0.6, time_s=10.05)
@@ -295,6 +344,18 @@ def test_go_looks_round_on_arrival() -> None:
     explore, _ = step(explore, there, open_ground(), PLAN)
     assert explore.phase is ExplorePhase.LOOK
     assert explore.look_at_ne_m
+
+
+def test_it_turns_the_way_that_shows_what_it_came_for_sooner() -> None:
+    explore = going(open_ground())
+    assert explore.travel is not None
+    at = explore.travel.goal_ne_m
+    for bearing_deg, clockwise in ((20, True), (-20, False)):
+        bearing_rad = math.radians(bearing_deg)
+        place = at[0] + math.cos(bearing_rad), at[1] + math.sin(bearing_rad)
+        looking, _ = step(replace(explore, look_at_ne_m=(place,)), sight(at), open_ground(), PLAN)
+        assert looking.phase is ExplorePhase.LOOK
+        assert looking.clockwise is clockwise
 
 
 def test_go_takes_another_place_where_there_is_no_way() -> None:

@@ -279,7 +279,7 @@ def test_all_seen_sends_it_home() -> None:
 
 
 def test_without_a_way_back_it_says_so_and_lands() -> None:
-    lost = replace(flying(Phase.HOME), way_home=Travel((9.0, 9.0), TravelPhase.GAVE_UP))
+    lost = replace(flying(Phase.HOME), way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     flight, _ = step(lost, view(), PLAN)
     assert flight.phase is Phase.LAND
     assert "no way back" in flight.trouble
