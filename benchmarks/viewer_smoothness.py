@@ -1,12 +1,14 @@
 """How smooth the page is: `python -m benchmarks.viewer_smoothness [--speed "10 ×"]`.
 
 Flies `room_100` on the page in a browser that renders by software, on this machine, and prints how
-fast the flight really went, how often the browser was told something new, and how often it drew.
+fast the flight really went, how often the browser was told something new, how often it drew, and
+what share of a core each took: on a machine that is busy otherwise, only these say what is needed.
 """
 
 import argparse
 import os
 import time
+from pathlib import Path
 
 from benchmarks.browser import choose, number, simulator_page
 
@@ -39,18 +41,51 @@ def main() -> None:
             page.wait_for_timeout(100)
         page.wait_for_timeout(WARM_UP_MS)
         before, began_s, first_s = told[0], time.monotonic(), number(page, "time")
+        cpu_before_s = cpu_s()
         drawn_hz = page.evaluate(FRAMES, MEASURED_S)
         passed_s = time.monotonic() - began_s
         flown_s = number(page, "time") - first_s
         updates_hz = (told[0] - before) / passed_s
+        cores = {who: (spent - cpu_before_s[who]) / passed_s for who, spent in cpu_s().items()}
     print(f"asked for          {options.speed}real time, load {os.getloadavg()[0]:.1f}")
     print(f"flown at           {flown_s / passed_s:.1f} × real time")
     print(f"updates received   {updates_hz:.1f} a second")
     print(f"frames drawn       {drawn_hz:.1f} a second")
+    for who, share in cores.items():
+        print(f"{who:18} {share:.0%} of a core")
 
 
 def count(told: list[int]) -> None:
     told[0] += 1
+
+
+def cpu_s() -> dict[str, float]:
+    """CPU time so far of the page's process, of the one that flies, and of the browser's."""
+    spent = {"the page": 0.0, "the flight": 0.0, "the browser": 0.0}
+    for process in started_by(os.getpid()):
+        whole = sum(map(own_cpu_s, [process, *descendants(process)]))
+        if b"sitl" in Path(f"/proc/{process}/cmdline").read_bytes():
+            spent["the page"] = own_cpu_s(process)
+            spent["the flight"] = whole - spent["the page"]
+        else:
+            spent["the browser"] += whole
+    return spent
+
+
+def own_cpu_s(process: int) -> float:
+    """In the program and in the system's kernel; see proc(5)."""
+    fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+
+def started_by(process: int) -> list[int]:
+    tasks = Path(f"/proc/{process}/task").iterdir()
+    return [int(child) for task in tasks for child in (task / "children").read_text().split()]
+
+
+def descendants(process: int) -> list[int]:
+    children = started_by(process)
+    return children + [later for child in children for later in descendants(child)]
 
 
 if __name__ == "__main__":

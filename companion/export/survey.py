@@ -3,10 +3,11 @@
     walls ─► cuts across narrow gaps ─► faces between walls and cuts ─► rooms
                                                     └─ cuts looked or flown through ─► openings
 
-Walls seldom close a room: there are doors, and corners that no beam met. So each wall is continued
-beyond its ends until it meets another, if that is no farther than a doorway is wide. Between walls
-and these cuts lie faces; a face that the drone has seen into, and that is wide enough to stand in,
-is a room. The smaller ones belong to the room beside them, or lie inside walls.
+Walls seldom close a room: there are doors, corners that no beam met, and cupboards in the way. So
+each wall is continued beyond its ends until it meets another, if that is no farther than a doorway
+is wide, or to one in line with it, if what is between them is hidden. Between walls and these cuts
+lie faces; a face that the drone has seen into, and that is wide enough to stand in, is a room. The
+smaller ones belong to the room beside them, or lie inside walls.
 """
 
 import math
@@ -24,6 +25,8 @@ from companion.messages import FloorPlan, WallSegment
 
 WIDEST_DOOR_M = 1.5
 NARROWEST_DOOR_M = 0.5
+WIDEST_HIDDEN_M = 4.0
+"""Of a wall behind furniture: a gap as wide that is open has beams that went through."""
 IN_LINE_M, SAME_DIRECTION = 0.15, math.sin(math.radians(20))
 """How far aside of a wall's continuation the end of a wall of the same direction may be, to be what
 it leads to, and how much the two may be turned."""
@@ -35,7 +38,7 @@ LEAST_ROOM_M2 = 1.0
 THICKEST_WALL_M = 0.6
 """Two parallel openings this near are the two sides of one doorway."""
 LOOKS = 3
-"""So many beams must have gone through an opening."""
+"""So many beams go through what is open."""
 UNKNOWN_HEIGHT_M = 2.5
 """Of walls, where the up beam never met a ceiling."""
 
@@ -95,8 +98,8 @@ class Survey:
 
 def survey(plan: FloorPlan) -> Survey:
     """Find the rooms and openings of a map."""
-    cuts = _cuts(plan.walls)
     looks = _looks(plan)
+    cuts = _cuts(plan.walls, looks)
     faces = _faces(plan.walls, cuts)
     rooms = _rooms(faces, cuts, looks)
     return Survey(plan, _named(rooms), _openings(cuts, rooms, looks))
@@ -117,7 +120,7 @@ def _looks(plan: FloorPlan) -> Lines:
     return np.array(shapely.linestrings(np.concatenate([rays(plan), legs])), ndmin=1)
 
 
-def _cuts(walls: Sequence[WallSegment]) -> list[LineString]:
+def _cuts(walls: Sequence[WallSegment], looks: Lines) -> list[LineString]:
     """Each wall continued beyond both ends to what it leads to, if that is near."""
     lines = [_line(wall.start_ne_m, wall.end_ne_m) for wall in walls]
     cuts = []
@@ -125,33 +128,43 @@ def _cuts(walls: Sequence[WallSegment]) -> list[LineString]:
         others = lines[:number] + lines[number + 1 :]
         (x, y), (far_x, far_y) = line.coords
         for end, behind in (((x, y), (far_x, far_y)), ((far_x, far_y), (x, y))):
-            target = _continued(np.array(end), np.array(behind), others)
+            target = _continued(np.array(end), np.array(behind), others, looks)
             if target is not None:
                 cuts.append(LineString([end, (target[0], target[1])]))
     return cuts
 
 
-def _continued(end: Array, behind: Array, others: Sequence[LineString]) -> Array | None:
+def _continued(
+    end: Array, behind: Array, others: Sequence[LineString], looks: Lines
+) -> Array | None:
     """What is ahead of a wall's end: the nearest wall across, or the end of one in line.
 
-    If there is none, the corner where two continued walls meet.
+    If there is none within a doorway's width, the end of one in line that is hidden; if there is
+    none of those, the corner where two continued walls meet.
     """
     ahead = _ahead(end, behind)
-    along = (end - behind) / np.linalg.norm(end - behind)
-    found = []
+    in_line = [point for other in others for point in _in_line(end, behind, other)]
+    found = [point for point in in_line if math.dist(point, end) < WIDEST_DOOR_M]
     for other in others:
-        ends = np.array(other.coords)
-        across = np.array([-along[1], along[0]])
-        forward, aside = (ends - end) @ along, np.abs((ends - end) @ across)
-        if abs((ends[1] - ends[0]) @ across) < SAME_DIRECTION * other.length:
-            is_ahead = (forward > TOUCHING_M) & (forward < WIDEST_DOOR_M) & (aside < IN_LINE_M)
-            found += list(ends[is_ahead])
         found += _crossing(ahead, other)
+    if not found:
+        found = [point for point in in_line if not _is_open(LineString([end, point]), looks)]
     if not found:
         for other in others:
             first, last = np.array(other.coords)
             found += _crossing(ahead, _ahead(first, last)) + _crossing(ahead, _ahead(last, first))
     return min(found, key=lambda point: float(np.linalg.norm(point - end)), default=None)
+
+
+def _in_line(end: Array, behind: Array, other: LineString) -> list[Array]:
+    """The ends of another wall of the same direction that lie ahead, and not aside."""
+    along = (end - behind) / np.linalg.norm(end - behind)
+    across = np.array([-along[1], along[0]])
+    ends = np.array(other.coords)
+    if abs((ends[1] - ends[0]) @ across) >= SAME_DIRECTION * other.length:
+        return []
+    forward, aside = (ends - end) @ along, np.abs((ends - end) @ across)
+    return list(ends[(forward > TOUCHING_M) & (forward < WIDEST_HIDDEN_M) & (aside < IN_LINE_M)])
 
 
 def _ahead(end: Array, behind: Array) -> LineString:
@@ -237,5 +250,9 @@ def _is_door(cut: LineString, rooms: Sequence[Polygon], looks: Lines) -> bool:
     return (
         cut.length >= NARROWEST_DOOR_M
         and any(room.boundary.intersection(strip).length > cut.length / 2 for room in rooms)
-        and int(np.count_nonzero(shapely.crosses(looks, cut))) >= LOOKS
+        and _is_open(cut, looks)
     )
+
+
+def _is_open(cut: LineString, looks: Lines) -> bool:
+    return int(np.count_nonzero(shapely.crosses(looks, cut))) >= LOOKS

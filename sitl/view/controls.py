@@ -71,10 +71,10 @@ class Controls:
         with gui.add_folder("Sensors and noise"):
             self.profile: GuiDropdownHandle[str] = gui.add_dropdown("profile", PROFILES)
             self.range: GuiSliderHandle[float] = gui.add_slider(
-                "range, m", 1.0, 15.0, 0.5, 5.0, disabled=True, hint="Of the profile own"
+                "range, m", 1.0, 15.0, 0.5, 5.0, visible=False, hint="Of the profile own"
             )
             self.sigma: GuiSliderHandle[float] = gui.add_slider(
-                "noise σ, cm", 0.5, 20.0, 0.5, 5.0, disabled=True, hint="Of the profile own"
+                "noise σ, cm", 0.5, 20.0, 0.5, 5.0, visible=False, hint="Of the profile own"
             )
             self.noise: GuiSliderHandle[float] = gui.add_slider(
                 "odometry ×", 0.0, 4.0, 0.25, 1.0, hint="Times the reference noise"
@@ -97,8 +97,9 @@ class Controls:
         self.autopilot.on_update(self._offer_modes)
 
     def _offer_own(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
-        is_fixed = self.profile.value != OWN_PROFILE
-        self.range.disabled = self.sigma.disabled = is_fixed
+        """Not merely disabled: a slider's number could be typed all the same."""
+        is_own = self.profile.value == OWN_PROFILE
+        self.range.visible = self.sigma.visible = is_own
 
     def _offer_modes(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
         self.mode.options = MODES[self.autopilot.value]

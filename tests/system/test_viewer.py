@@ -11,6 +11,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from benchmarks.browser import DEADLINE_MS, choose
 from sitl.testing import Sitl
+from sitl.world.loading import world_names
 from tests.system.browser import (
     chromium,
     coloured,
@@ -118,6 +119,41 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over", DEADLINE_S)
 
 
+def test_every_setting_is_at_hand_and_a_flight_can_be_stopped(browser: Browser) -> None:
+    with simulator(browser) as page:
+        for world in world_names():
+            button = page.get_by_role("button", name=world, exact=True)
+            expect(button).to_be_visible(timeout=DEADLINE_MS)
+        text_field(page, "file or name").fill("random_17")
+        press(page, "Open")
+        choose(page, "kind", "building")
+        text_field(page, "stand-off").fill("1.2")
+        fill(page, "speed, m/s", "0.8")
+        fill(page, "seed", "3")
+        expect(page.get_by_text("range, m", exact=True)).to_be_hidden()
+        choose(page, "profile", "own")
+        fill(page, "range, m", "4")
+        fill(page, "noise σ, cm", "2")
+        fill(page, "odometry ×", "0.5")
+        choose(page, "autopilot", "px4")
+        choose(page, "speed", "all")
+        press(page, "Start")
+        until(lambda: walls_m(page) > 1, "the first wall", DEADLINE_S)
+        assert number(page, "battery") > 50
+        assert number(page, "height") == pytest.approx(1.2, abs=0.5)
+        for plot in ("ranges, m", "heading, °", "gyro bias, °/s"):
+            expect(page.get_by_text(plot, exact=True)).to_be_visible()
+        press(page, "Stop: land now")
+        expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
+        assert row(page, "doing") == "landed: landing was requested"
+
+
+def fill(page: Page, label: str, value: str) -> None:
+    field = text_field(page, label)
+    field.fill(value)
+    field.press("Enter")
+
+
 def walls_m(page: Page) -> float:
     """How much is mapped so far."""
     return number(page, "walls mapped") if has_row(page, "walls mapped") else 0.0
@@ -144,13 +180,10 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
         expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
         press(page, "Play")
         until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
-        time = text_field(page, "time, s")
-        time.fill(f"{end_s:.1f}")
-        time.press("Enter")
+        fill(page, "time, s", f"{end_s:.1f}")
         until(lambda: row(page, "doing") == "mission complete", "its end", DEADLINE_S)
         assert row(page, "walls mapped").startswith(f"{len(flight.plan.walls)},")
-        time.fill("5")
-        time.press("Enter")
+        fill(page, "time, s", "5")
         until(lambda: number(page, "time") < 6, "its beginning", DEADLINE_S)
 
 

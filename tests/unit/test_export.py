@@ -5,8 +5,10 @@ import math
 import re
 import subprocess
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from xml.etree import ElementTree
 
 import ezdxf.filemanagement
 import ezdxf.path
@@ -17,17 +19,20 @@ import shapely
 import trimesh
 import yaml
 from ezdxf.entities import Dimension
+from fontTools.pens.recordingPen import RecordingPen
+from fontTools.svgLib.path import parse_path
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
 from pypcd4.pypcd4 import PointCloud
+from pypdf import PdfReader
 from pyproj import Geod, Transformer
 
 from companion.errors import OutputError
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, Labels, export
-from companion.export.sheet import choose_sheet
+from companion.export.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
 from companion.export.survey import Survey, survey
 from companion.frames import Place, ned_to_enu, ned_to_gltf
 from companion.messages import FloorPlan, Pose, WallSegment
@@ -37,6 +42,9 @@ from sitl.world.plan import wall_surfaces
 
 PLACE = Place(47.3977, 8.5456, math.radians(30))
 LABELS = Labels("a flight", PLACE)
+PT_M = 0.0254 / 72
+WALL_PT = 2.0
+WALL_STROKE = f"stroke: {INK}; stroke-width: {WALL_PT:g};"
 Points = NDArray[np.float64]
 
 
@@ -198,22 +206,67 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
     assert len(record["path"]) == len(plan.path)
 
 
-def test_the_drawing_is_to_scale_on_its_paper(exported: Exported) -> None:
+def off_paper(survey: Survey, points_up_pt: Points) -> Points:
+    """Points (n, 2) on the sheet, in printer's points from its lower left corner, as ENU metres."""
+    sheet = choose_sheet(survey)
+    inset_m = np.array([EDGE_MM, EDGE_MM + FOOT_MM]) * sheet.scale / 1000
+    enu_m: Points = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
+    return enu_m
+
+
+def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Points) -> None:
+    """Its size, and that each wall's ends are drawn where the map has them, and the truth."""
+    sheet, walls = choose_sheet(exported.found), exported.flight.plan.walls
+    assert np.array(size_pt) * PT_M == pytest.approx(
+        [sheet.width_mm / 1000, sheet.height_mm / 1000]
+    )
+    ends_m = off_paper(exported.found, wall_ends_up_pt.reshape(-1, 2))
+    mapped = np.array([(wall.start_ne_m[::-1], wall.end_ne_m[::-1]) for wall in walls])
+    assert ends_m == pytest.approx(mapped.reshape(-1, 2), abs=0.001)
+    exported.assert_walls(along(ends_m.reshape(-1, 2, 2)))
+
+
+def assert_words(exported: Exported, words: str) -> None:
     sheet = choose_sheet(exported.found)
-    text = exported.path("svg").read_text()
-    size_pt = re.search(r'<svg[^>]* width="([\d.]+)pt" height="([\d.]+)pt"', text)
-    assert size_pt is not None
-    size_mm = [float(points) / 72 * 25.4 for points in size_pt.groups()]
-    assert size_mm == pytest.approx([sheet.width_mm, sheet.height_mm])
-    wall = re.search(r"stroke: #1d2b33; stroke-width: 2;", text)
-    assert wall is not None
-    path = re.findall(r'd="M ([\d.]+) ([\d.]+) \nL ([\d.]+) ([\d.]+)', text[: wall.start()])[-1]
-    x1, y1, x2, y2 = (float(number) / 72 * 0.0254 for number in path)
-    length_m = math.hypot(x2 - x1, y2 - y1) * sheet.scale
-    assert length_m == pytest.approx(exported.flight.plan.walls[0].length_m, abs=0.002)
-    assert f"1 : {sheet.scale} on {sheet.paper}" in text
-    assert f"{exported.found.rooms[0].area_m2:.1f} m²" in text
-    assert exported.path("pdf").read_bytes().startswith(b"%PDF")
+    assert f"1 : {sheet.scale} on {sheet.paper}" in words
+    assert f"{exported.found.rooms[0].area_m2:.1f} m²" in words
+
+
+def test_fonttools_finds_the_walls_to_scale_in_the_svg(exported: Exported) -> None:
+    drawing = ElementTree.parse(exported.path("svg")).getroot()
+    size_pt = [float(drawing.attrib[side].removesuffix("pt")) for side in ("width", "height")]
+    walls = []
+    for path in drawing.iter("{http://www.w3.org/2000/svg}path"):
+        if WALL_STROKE in path.get("style", ""):
+            pen = RecordingPen()
+            parse_path(path.attrib["d"], pen)
+            walls.append([point for _, points in pen.value for point in points])
+    ends_up_pt = np.array(walls) * [1, -1] + [0, size_pt[1]]
+    assert_sheet(exported, size_pt, ends_up_pt)
+    assert_words(exported, " ".join(drawing.itertext()))
+
+
+def test_pypdf_finds_the_walls_to_scale_in_the_pdf(exported: Exported) -> None:
+    page = PdfReader(exported.path("pdf")).pages[0]
+    walls: list[list[list[float]]] = []
+    line: list[list[float]] = []
+    width_pt = 0.0
+
+    def draw(operator: bytes, operands: list[float], *_: object) -> None:
+        nonlocal width_pt, line
+        match operator:
+            case b"w":
+                width_pt = operands[0]
+            case b"m":
+                line = [operands]
+            case b"l":
+                line.append(operands)
+            case b"S" if width_pt == WALL_PT:
+                walls.append(line)
+
+    words = page.extract_text(visitor_operand_before=draw)
+    assert_sheet(exported, page.mediabox[2:], np.array(walls, dtype=float))
+    assert_words(exported, words)
 
 
 def test_the_same_map_gives_the_same_files(exported: Exported, tmp_path: Path) -> None:
@@ -272,12 +325,44 @@ def test_rooms_and_doors_of_the_papers_buildings(
     assert [gap.width_m for gap in found.openings] == pytest.approx(doors_m, abs=0.02)
 
 
-@pytest.mark.parametrize(("world", "area_m2"), [("room_200", 200), ("room_300", 300)])
+@pytest.mark.parametrize(
+    ("world", "mission", "areas_m2"),
+    [
+        ("room_200", "room", [200]),
+        ("room_300", "room", [300]),
+        ("unusual", "building", [108.1]),
+        ("two_room_300", "building", [149.25, 149.25]),
+        ("office", "building", [89.4, 69.4]),
+    ],
+)
 def test_the_area_of_a_flown_room_is_within_two_percent(
-    sitl: Sitl, world: str, area_m2: float
+    sitl: Sitl, world: str, mission: str, areas_m2: list[float]
 ) -> None:
-    (room,) = survey(sitl.fly(world).plan).rooms
-    assert room.area_m2 == pytest.approx(area_m2, rel=0.02)
+    found = survey(sitl.fly(world, mission=mission).plan)
+    assert [room.area_m2 for room in found.rooms] == pytest.approx(areas_m2, rel=0.02)
+
+
+def walled(ends: list[tuple[tuple[float, float], tuple[float, float]]]) -> tuple[WallSegment, ...]:
+    return tuple(WallSegment(*a_and_b, 0.01, 100) for a_and_b in ends)
+
+
+BEHIND_A_CUPBOARD = walled(
+    [
+        *[((0, 0), (0, 6)), ((0, 6), (8, 6)), ((8, 6), (8, 0))],
+        *[((8, 0), (5, 0)), ((5, 0.4), (2.5, 0.4)), ((2.5, 0), (0, 0))],
+    ]
+)
+
+
+@pytest.mark.parametrize(("ways_out", "rooms_m2"), [(0, [48]), (3, [])])
+def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
+    ways_out: int, rooms_m2: list[float]
+) -> None:
+    way = [(2, 3), (4, 3)] + ways_out * [(4, -2), (4, 3)]
+    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
+    found = survey(FloorPlan(BEHIND_A_CUPBOARD, (), path))
+    assert [room.area_m2 for room in found.rooms] == pytest.approx(rooms_m2)
+    assert not found.openings
 
 
 def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_path: Path) -> None:
