@@ -1,6 +1,7 @@
 """What is installed on the drone: scripts, unit and files, as far as they can be held to here."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,8 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.deploy import DEPLOY, exposure, lint_scripts, verify_units
+from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
 from companion import config as configuration
+from companion.fly_cli import exit_status
+from companion.pdps.flight import Flight, Phase
 from sitl.autopilot.parameters.table import load_table
 
 HARDWARE_ONLY = {"BRD_SER2_RTSCTS"}
@@ -40,6 +43,20 @@ def test_systemd_takes_the_units() -> None:
 @needs_systemd
 def test_the_units_are_hardened() -> None:
     assert exposure() <= 3.0
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize(
+    ("phase", "is_failure"),
+    [(Phase.DONE, False), (Phase.HANDED_OVER, False), (Phase.FAILED, True)],
+)
+def test_only_a_flight_that_failed_is_a_failure_to_systemd(
+    unit: str, phase: Phase, is_failure: bool
+) -> None:
+    """What follows a failure lands a drone that is in our mode, also one that was given back."""
+    (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
+    status = exit_status(Flight(phase, trouble="so it ended"))
+    assert (status not in (0, int(told))) == is_failure
 
 
 def test_the_configuration_that_is_installed_can_be_used() -> None:
