@@ -244,6 +244,15 @@ def test_an_autopilot_that_restarts_before_take_off_is_waited_for(sitl: Sitl, sm
     assert flight.completed, flight.ending
 
 
+def test_an_autopilot_whose_gyro_we_use_may_restart_and_its_clock_jump(
+    sitl: Sitl, small: str
+) -> None:
+    events = [at(2, restart_autopilot()), at(25, jump_clock(-10))]
+    flight = sitl.fly(small, settings={"sensors.gyro": "autopilot"}, script=events)
+    assert flight.completed, flight.ending
+    assert len(flight.plan.walls) == 4
+
+
 def test_refused_arming_ends_with_the_autopilots_words(sitl: Sitl, small: str) -> None:
     flight = sitl.fly(small, script=[at(0, refuse_arming())])
     assert flight.ending.startswith("failed: cannot arm after 30 s")
