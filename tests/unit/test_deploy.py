@@ -122,6 +122,15 @@ def test_installing_again_changes_nothing_and_keeps_what_was_configured(
     assert first["boot/firmware/cmdline.txt"] == b"console=tty1 root=/dev/sda2\n"
 
 
+def test_the_units_point_to_documentation_that_is_installed(tmp_path: Path, stub: Path) -> None:
+    root = tmp_path / "root"
+    install(root, stub)
+    for unit in UNITS:
+        text = (root / "etc/systemd/system" / unit).read_text()
+        (named,) = re.findall(r"^Documentation=file:/(\S+)$", text, re.MULTILINE)
+        assert (root / named).exists()
+
+
 def test_uninstalling_leaves_configuration_and_maps(tmp_path: Path, stub: Path) -> None:
     root = tmp_path / "root"
     install(root, stub)
