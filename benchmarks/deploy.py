@@ -27,7 +27,7 @@ def lint_scripts() -> str:
     """What shellcheck complains of."""
     beside = Path(sys.executable).parent / "shellcheck"
     shellcheck = str(beside) if beside.exists() else "shellcheck"
-    scripts = [str(path) for path in sorted(DEPLOY.glob("*.sh"))]
+    scripts = [str(path) for path in sorted(ROOT.glob("*/*.sh"))]
     ended = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
     return ended.stdout + ended.stderr
 
