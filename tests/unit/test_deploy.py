@@ -15,6 +15,11 @@ from companion.fly_cli import exit_status
 from companion.pdps.flight import Flight, Phase
 from sitl.autopilot.parameters.table import load_table
 
+LEFT_OUT = (
+    *("lxml", "zstandard", "setuptools", "pkg_resources"),
+    *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
+)
+"""By deploy/slim.sh."""
 HARDWARE_ONLY = {"BRD_SER2_RTSCTS"}
 """Of real boards; the emulated autopilot has no serial ports."""
 STUB = """#!/bin/sh
@@ -120,6 +125,16 @@ def test_installing_again_changes_nothing_and_keeps_what_was_configured(
     assert config.count("dtparam=spi=on") == 1
     assert "dtoverlay=disable-bt" in config
     assert first["boot/firmware/cmdline.txt"] == b"console=tty1 root=/dev/sda2\n"
+
+
+def test_a_flight_needs_nothing_of_what_is_left_out() -> None:
+    script = f"""
+import runpy, sys
+for name in {LEFT_OUT}:
+    sys.modules[name] = None
+runpy.run_path({str(DEPLOY / "self_test.py")!r}, run_name="__main__")
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=120)
 
 
 def test_the_units_point_to_documentation_that_is_installed(tmp_path: Path, stub: Path) -> None:
