@@ -37,9 +37,9 @@ chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 T
 /src/deploy/install.sh --root /drone
 python=/drone/opt/pdps/venv/bin/python
 du -sm /drone/opt/pdps/venv
-"$python" -m pip install --quiet hypothesis pytest pytest-xdist python-fcl pyyaml
+"$python" -m pip install --quiet hypothesis pytest pytest-xdist python-fcl
 cd /tests
 "$python" -c "import companion, platform as p; print(companion.__file__, p.machine())"
 # shellcheck disable=SC2086
-exec "$python" -m pytest -n 0 -p no:cacheprovider $TESTS
+exec "$python" -m pytest -n 0 -p no:cacheprovider -p no:sitl $TESTS
 END
