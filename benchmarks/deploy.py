@@ -27,7 +27,7 @@ def lint_scripts() -> str:
     """What shellcheck complains of."""
     beside = Path(sys.executable).parent / "shellcheck"
     shellcheck = str(beside) if beside.exists() else "shellcheck"
-    scripts = [str(path) for path in sorted(DEPLOY.glob("*.sh"))]
+    scripts = [str(path) for path in sorted(ROOT.glob("*/*.sh"))]
     ended = subprocess.run([shellcheck, *scripts], capture_output=True, text=True, check=False)
     return ended.stdout + ended.stderr
 
@@ -76,7 +76,12 @@ def wheels_mb(python: str) -> float:
     with tempfile.TemporaryDirectory() as folder:
         command = [
             *(sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check"),
-            *("--no-compile", "--only-binary=:all:", f"--python-version={python}"),
+            *(
+                "--no-compile",
+                "--no-warn-conflicts",
+                "--only-binary=:all:",
+                f"--python-version={python}",
+            ),
             *(*platforms, "--platform=manylinux2014_aarch64", f"--target={folder}", *wanted),
         ]
         if subprocess.run(command, check=False).returncode != 0:
@@ -95,8 +100,13 @@ def main() -> None:
     if shutil.which("systemd-analyze"):
         print(f"systemd-analyze verify: {verify_units() or 'clean'}")
         print(f"systemd-analyze security: {exposure()} of {MOST_EXPOSURE} allowed")
+    largest_mb = 0.0
     for python in () if options.no_wheels else options.python or PYTHONS:
-        print(f"aarch64, Python {python}: {wheels_mb(python):.0f} MB of {MOST_MB} allowed")
+        mb = wheels_mb(python)
+        largest_mb = max(largest_mb, mb)
+        print(f"aarch64, Python {python}: {mb:.0f} MB of {MOST_MB} allowed")
+    if largest_mb > MOST_MB:
+        raise SystemExit("too large: deploy/slim.sh says what can be left out")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.check_wires import Overheard, wiring_remedy
 from companion.config import Config, SensorsConfig
-from companion.drivers.autopilot import AutopilotGyro
+from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import Wires
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import model_of, range_models

@@ -16,12 +16,16 @@ from companion.fly import Record, Rig, fly, record_nothing
 from companion.mapping.files import AutoSave, save, save_as, save_json
 from companion.messages import FloorPlan
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
+from companion.pdps.flight import Flight, Phase
 from companion.recording.recorder import Recorder
 from companion.rig import open_rig
 from companion.service import Service
 from companion.view.feed import open_feed
 
-EXIT_NOT_COMPLETED = 1
+EXIT_FAILED = 1
+"""As of any program that breaks off: whoever started it has the drone taken up again."""
+EXIT_ENDED = 3
+"""Not completed, but it has landed, or the pilot has it: nobody else is to touch it."""
 
 commands = typer.Typer()
 
@@ -88,7 +92,14 @@ def fly_to_the_end(
         raise
     plan, files = _leave(app, recorder, out, service)
     console.print(summary(app.flight, plan, files, time.monotonic() - began_s))
-    return 0 if app.flight.completed else EXIT_NOT_COMPLETED
+    return exit_status(app.flight)
+
+
+def exit_status(flight: Flight) -> int:
+    """Of a flight that has ended; systemd's units go by it."""
+    if flight.completed:
+        return 0
+    return EXIT_FAILED if flight.phase is Phase.FAILED else EXIT_ENDED
 
 
 def _leave(

@@ -118,12 +118,14 @@ class Recovery:
         app.flight = Flight(Phase.LAND, now_s, began_s=now_s, trouble=CRASHED)
         service = Service()
         fly(app, rig, lambda progress: service.alive(progress.activity))
-        service.landed()
         self._console.print(app.flight.ending)
         return self.map_only()
 
     def map_only(self) -> int:
         """It has landed, or is somebody else's."""
+        service = Service()
+        service.alive("making the map")  # who ends before it was ready has failed, for systemd
+        service.landed()
         if self._recording is None:
             self._console.print("nothing to recover")
             return 0

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from companion.clocks import Clock, open_clock
 from companion.config import Config
-from companion.drivers.autopilot import AutopilotGyro
+from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import Wires, open_bus
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import range_models

@@ -65,7 +65,8 @@ put_files() {
     install -m 644 "$here/70-pdps.rules" "$root/etc/udev/rules.d/70-pdps.rules"
     install -m 644 "$here/pdps-companion.service" "$here/pdps-recover.service" \
         "$root/etc/systemd/system/"
-    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$root/opt/pdps/docs/"
+    install -m 644 "$here/ardupilot.parm" "$here/px4.params" "$here/wiring.svg" "$here"/../docs/*.md \
+        "$root/opt/pdps/docs/"
 }
 
 # I2C at 400 kHz, SPI, and the full UART for the autopilot, without a login shell on it.
@@ -82,7 +83,8 @@ set_up_buses() {
 }
 
 start_using() {
-    [ -n "$root" ] && return
+    # in an image that is being built nothing runs yet
+    [ -n "$root" ] || [ ! -d /run/systemd/system ] && return
     systemctl daemon-reload
     systemctl disable --now --quiet serial-getty@ttyAMA0.service hciuart.service 2>/dev/null || true
     udevadm control --reload && udevadm trigger

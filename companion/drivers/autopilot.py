@@ -1,18 +1,16 @@
-"""Sensors of the autopilot's, as it tells of them over MAVLink.
+"""Range sensors of the autopilot's, as it tells of them over MAVLink.
 
-DISTANCE_SENSOR (132) by its orientation, HIGHRES_IMU (105, PX4) and SCALED_IMU (26, ArduPilot) for
-the yaw rate, which they tell in body FRD. The link hands over the messages.
+DISTANCE_SENSOR (132) by its orientation. The link hands over the messages.
 """
 
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.drivers.readings import NOTHING, TOO_NEAR, Latest
-from companion.messages import Beam, GyroSample, RangeReading, RangeState
+from companion.messages import Beam, RangeReading, RangeState
 from companion.range_config import AutopilotRange
 
 ORIENTATIONS: dict[int, Beam] = {
@@ -23,12 +21,10 @@ ORIENTATIONS: dict[int, Beam] = {
     mavlink.MAV_SENSOR_ROTATION_PITCH_90: Beam.UP,
     mavlink.MAV_SENSOR_ROTATION_PITCH_270: Beam.DOWN,
 }
-RANGE_HZ, IMU_HZ, NOT_ASKED_FOR = 20.0, 50.0, 0.0
+RANGE_HZ = 20.0
 RANGE_FRESH_S = 0.2
 """Messages come when the autopilot has time for them."""
 UNKNOWN_COVARIANCE, INVALID_QUALITY = 255, 1
-CLOCK_DRIFT = 50e-6
-"""Two quartzes part by no more, s/s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,49 +81,3 @@ def _reading(message: Any, model: AutopilotRangeModel) -> RangeReading | None:
     told = message.covariance not in (0, UNKNOWN_COVARIANCE)
     variance_m2 = message.covariance * 1e-4 if told else model.noise_m**2
     return RangeReading(RangeState.DISTANCE, distance_m, variance_m2)
-
-
-class AutopilotGyro:
-    """The autopilot's gyro; the better of its messages, as far as it sends both."""
-
-    streams_hz: Mapping[int, float] = {
-        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: NOT_ASKED_FOR,
-        mavlink.MAVLINK_MSG_ID_SCALED_IMU: IMU_HZ,
-    }
-    """PX4 streams the first by itself, ArduPilot may not have it and would complain."""
-    _TOLD: Mapping[str, Callable[[Any], tuple[float, float]]] = {
-        "HIGHRES_IMU": lambda m: (m.time_usec * 1e-6, m.zgyro),
-        "SCALED_IMU": lambda m: (m.time_boot_ms * 1e-3, m.zgyro * 1e-3),
-    }
-    """Time since its boot, s, and yaw rate, rad/s."""
-
-    def __init__(self) -> None:
-        self._samples: list[GyroSample] = []
-        self._has_highres = False
-        self._offset_s = math.inf
-        """From its clock to ours: the quickest message so far had the shortest way."""
-        self._heard_s = 0.0
-        self._told_s = self._last_s = -math.inf
-
-    def hear(self, message: Any, now_s: float) -> None:
-        """Take in one sample, by its own time; an older one than the last changes nothing."""
-        kind = message.get_type()
-        self._has_highres |= kind == "HIGHRES_IMU"
-        if kind == "SCALED_IMU" and self._has_highres:
-            return
-        boot_s, yaw_rate_rad_s = self._TOLD[kind](message)
-        if not math.isfinite(yaw_rate_rad_s) or boot_s <= self._told_s:
-            return
-        self._told_s = boot_s
-        self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
-        self._offset_s = min(self._offset_s, now_s - boot_s)
-        self._heard_s = now_s
-        time_s = boot_s + self._offset_s
-        if time_s > self._last_s:  # a quicker message has just shown that it is earlier
-            self._last_s = time_s
-            self._samples.append(GyroSample(time_s, yaw_rate_rad_s))
-
-    def read(self, time_s: float) -> list[GyroSample]:
-        """All samples since the last read."""
-        samples, self._samples = self._samples, []
-        return samples

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from companion.config import SensorsConfig
-from companion.drivers.autopilot import AutopilotGyro
+from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import Bus
 from companion.drivers.lsm9ds1 import Lsm9ds1
 from companion.messages import GyroSample

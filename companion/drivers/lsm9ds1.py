@@ -8,6 +8,7 @@ import math
 import struct
 
 from companion.drivers.bus import Bus, Transaction
+from companion.drivers.sample_clock import SampleClock
 from companion.errors import SensorError
 from companion.messages import GyroSample
 
@@ -33,33 +34,9 @@ SAMPLE = struct.Struct("<hhh")
 """OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
 of these registers to the first, to the FIFO's next sample."""
 NOMINAL_ODR_HZ = 119.0
-LEAST_TO_TELL_PERIOD = 119
-
-
-class SampleClock:
-    """When the chip took its samples, by our clock.
-
-    The chip's period is known to some percent, and when it began is not known at all. But the
-    newest sample in the FIFO is never in the future nor older than a period: each read narrows
-    down where the samples lie, and the number of all samples tells the period.
-    """
-
-    def __init__(self, time_s: float) -> None:
-        self._began_s = self._newest_s = time_s
-        self._period_s = 1 / NOMINAL_ODR_HZ
-        self._count = 0
-
-    def stamp(self, time_s: float, count: int) -> list[float]:
-        """The times of the `count` samples that were waiting at `time_s`."""
-        self._count += count
-        if self._count >= LEAST_TO_TELL_PERIOD:
-            self._period_s = (time_s - self._began_s) / self._count
-        newest_s = self._newest_s + count * self._period_s
-        newest_s = min(max(newest_s, time_s - self._period_s), time_s)
-        step_s = (newest_s - self._newest_s) / count
-        times_s = [self._newest_s + i * step_s for i in range(1, count + 1)]
-        self._newest_s = newest_s
-        return times_s
+SILENT_S = 0.1
+"""Whose FIFO has been empty for so long does not sample: its supply has broken down, and it has
+forgotten what it was set to."""
 
 
 class Lsm9ds1:
@@ -74,6 +51,7 @@ class Lsm9ds1:
         self._address = address
         self._ask_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
         self._clock: SampleClock | None = None
+        self._heard_s = -math.inf
         self._configured = False
         try:
             found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
@@ -111,10 +89,17 @@ class Lsm9ds1:
             self._configured = False  # it may come back freshly powered
             self._clock = None
             return []
+        if counts or self._clock is None:
+            self._heard_s = time_s
+        elif time_s - self._heard_s > SILENT_S:
+            self._configured, self._clock = False, None
+            return []
         if not is_whole:  # those before were lost, these are the latest
-            self._clock = SampleClock(time_s - len(counts) / NOMINAL_ODR_HZ)
+            first_s = time_s - len(counts) / NOMINAL_ODR_HZ
+            last_s = self._clock.newest_s if self._clock else first_s
+            self._clock = SampleClock(max(first_s, last_s), NOMINAL_ODR_HZ)
         if self._clock is None:  # what had been waiting is of unknown age
-            self._clock = SampleClock(time_s)
+            self._clock = SampleClock(time_s, NOMINAL_ODR_HZ)
             return []
         if not counts:
             return []

@@ -8,11 +8,10 @@ from pathlib import Path
 from foxglove_schemas_protobuf.Log_pb2 import Log
 from google.protobuf.message import DecodeError
 from mcap.exceptions import McapError
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata
-from mcap.stream_reader import CRCValidationError, StreamReader
+from mcap.records import Channel, Chunk, Footer, McapRecord, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from msgspec import MsgspecError, json
 from pydantic import ValidationError
-from zstandard import ZstdError
 
 from companion.config import Config
 from companion.errors import RecordingError
@@ -23,8 +22,9 @@ from companion.recording.recorder import FORMAT
 from companion.recording.topics import PhaseRecord
 
 LARGEST_RECORD_BYTES = 1 << 28
+OUR_COMPRESSIONS = ("", "lz4")
 _TORN = (
-    *(McapError, CRCValidationError, ZstdError, struct.error),
+    *(McapError, CRCValidationError, struct.error),
     *(RuntimeError, ValueError, EOFError, OverflowError, MemoryError),  # lz4's, and torn lengths
 )
 """What the end of a torn file may look like to the MCAP library."""
@@ -101,8 +101,19 @@ def _records(path: Path, recording: Recording) -> Iterator[tuple[str, Message]]:
 def _until_torn(path: Path) -> Iterator[McapRecord]:
     try:
         with path.open("rb") as file:
-            reader = StreamReader(file, validate_crcs=True, record_size_limit=LARGEST_RECORD_BYTES)
-            yield from reader.records
+            reader = StreamReader(
+                file,
+                emit_chunks=True,
+                validate_crcs=True,
+                record_size_limit=LARGEST_RECORD_BYTES,
+            )
+            for record in reader.records:
+                if not isinstance(record, Chunk):
+                    yield record
+                elif record.compression in OUR_COMPRESSIONS:
+                    yield from breakup_chunk(record, validate_crc=True)
+                else:
+                    return  # a byte of it is wrong, or it is none of ours
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
     except _TORN:

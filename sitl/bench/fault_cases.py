@@ -9,8 +9,7 @@ from typing import Any
 
 from companion.messages import Beam
 from sitl.noise import stream
-from sitl.simulation import Simulation
-from sitl.testing.script import ACTIONS, Action, Event, at
+from sitl.testing.script import ACTIONS, Event, at
 from sitl.world.cropping import cropped
 from sitl.world.format import Box, Start, Walls, World
 from sitl.world.generator import random_world
@@ -39,8 +38,7 @@ class Injected:
     given: Given
 
     def event(self) -> Event:
-        action = {**ACTIONS, SOMEBODY_AHEAD: _somebody_ahead}[self.do]
-        return at(self.at_s, action(**self.given))
+        return at(self.at_s, ACTIONS[self.do](**self.given))
 
     def __str__(self) -> str:
         given = ", ".join(f"{name}={value}" for name, value in self.given.items())
@@ -105,28 +103,8 @@ def _building(random: Random) -> World:
 
 # What can go wrong
 
-SOMEBODY_AHEAD = "somebody_ahead"
 BEFORE_TAKE_OFF = ("refuse_arming", "swap")
 AHEAD_M = 1.5
-
-
-def _somebody_ahead(for_s: float) -> Action:
-    """Somebody steps in front of the nose, and goes away again."""
-    bodies: list[tuple[float, float, float]] = []
-
-    def come(simulation: Simulation) -> None:
-        truth = simulation.autopilot.truth
-        north_m, east_m, down_m = truth.position_ned_m
-        north_m += AHEAD_M * math.cos(truth.yaw_rad)
-        east_m += AHEAD_M * math.sin(truth.yaw_rad)
-        bodies.append((north_m, east_m, down_m))
-        simulation.bystanders += bodies
-
-    def go(simulation: Simulation) -> None:
-        for body in bodies:
-            simulation.bystanders.remove(body)
-
-    return Action(come, go, for_s)
 
 
 def _duration(random: Random) -> dict[str, object]:
@@ -211,8 +189,8 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
             lambda random: {"for_s": round(random.uniform(0.1, 12), 2)},
         ),
         "somebody in the way": (
-            SOMEBODY_AHEAD,
-            lambda random: {"for_s": round(random.uniform(1, 20), 2)},
+            "somebody_near",
+            lambda random: {"forward_m": AHEAD_M, "for_s": round(random.uniform(1, 20), 2)},
         ),
         "gust": (
             "gust",

@@ -109,6 +109,11 @@ class Lsm9ds1Device:
         self._sampled = 0
         self._fifo: deque[bytes] = deque(maxlen=FIFO_DEPTH)
         """As it is read: x, y and z of each sample."""
+        self.power_cycle()
+
+    def power_cycle(self) -> None:
+        """A fault for tests: its supply breaks down for a moment."""
+        self._fifo.clear()
         self._overrun = False
         self._registers = bytearray(128)
         self._registers[REG_WHO_AM_I] = WHO_AM_I

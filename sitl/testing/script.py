@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from companion.app import App
+from companion.frames import Vector3, frd_to_ned
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
 from sitl.lockstep import Script
@@ -251,6 +252,24 @@ def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None =
     return Action(come, go, for_s)
 
 
+def somebody_near(forward_m: float, right_m: float = 0.0, for_s: float | None = None) -> Action:
+    """Somebody steps up, so far ahead and to the right of the drone's centre, and stands there."""
+    bodies: list[Vector3] = []
+
+    def come(simulation: Simulation) -> None:
+        truth = simulation.autopilot.truth
+        north_m, east_m, down_m = truth.position_ned_m
+        off_north_m, off_east_m = frd_to_ned(forward_m, right_m, truth.yaw_rad)
+        bodies.append((north_m + off_north_m, east_m + off_east_m, down_m))
+        simulation.bystanders += bodies
+
+    def go(simulation: Simulation) -> None:
+        for body in bodies:
+            simulation.bystanders.remove(body)
+
+    return Action(come, go, for_s)
+
+
 def gust(north_m_s: float, east_m_s: float, for_s: float | None = None) -> Action:
     """The air carries the drone along."""
     return Action(
@@ -277,7 +296,7 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
             *(break_bus, dead_adc, unplug, stick, noisy, swap),
             *(dead_gyro, saturate_gyro, bias_gyro),
             *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),
-            *(refuse_arming, pilot_mode, somebody, gust, hang),
+            *(refuse_arming, pilot_mode, somebody, somebody_near, gust, hang),
         )
     }
 )

@@ -1,12 +1,13 @@
 """Sensors on a table, of any kind: distances and the yaw rate can be set, time passes when told."""
 
 import math
-from collections.abc import Mapping
+import random
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 from companion.config import SensorsConfig
-from companion.drivers.bus import Wires
+from companion.drivers.bus import Transaction, Wires
 from companion.drivers.ranges import RangeSensors
 from companion.frames import Vector3
 from companion.link.transport import decode, make_codec
@@ -92,6 +93,34 @@ class Bench:
             for message in decode(self.codec, b"".join(m.pack(self.codec) for m in told)):
                 sensors.from_autopilot.hear(message, time_s)
         return sensors.read(time_s)
+
+
+class Noisy:
+    """Wires on which every byte that comes in is random."""
+
+    def __init__(self, seed: int) -> None:
+        self._random = random.Random(seed)
+
+    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        return [self._random.randbytes(t.count) for t in transactions]
+
+    def exchange(self, device: str, data: bytes) -> bytes:
+        return self._random.randbytes(len(data))
+
+    def receive(self, port: str, baud: int) -> bytes:
+        return self._random.randbytes(self._random.randrange(60))
+
+    def close(self) -> None: ...
+
+
+class Switched:
+    """Wires that can be exchanged while the drivers hold them."""
+
+    def __init__(self, wires: Wires | Noisy) -> None:
+        self.wires = wires
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.wires, name)
 
 
 def make_bench(kind: str) -> Bench:

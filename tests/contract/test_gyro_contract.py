@@ -1,23 +1,29 @@
 """One suite for every gyro: ours over each kind of wires, the autopilot's over MAVLink."""
 
 import math
+import random
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
 from companion.config import SensorsConfig
-from companion.drivers.autopilot import AutopilotGyro
+from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import open_bus
 from companion.drivers.gyro import open_gyro
 from companion.link.transport import decode, make_codec
 from sitl.autopilot.own_sensors import Imu
 from sitl.noise import stream
-from tests.contract.bench import STILL, TICK_S, Bench, make_bench
+from tests.contract.bench import STILL, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
 
 KINDS = ["lsm9ds1 in process", "lsm9ds1 served", "autopilot SCALED_IMU", "autopilot HIGHRES_IMU"]
 IMU_S = 0.02
+SMALL_AND_ODD = (0.0, -30.0, 30.0)
+ODD = (*SMALL_AND_ODD, 1e30, math.nan, math.inf, -math.inf)
+ANY_RAD_S = math.radians(2000)
+"""No gyro measures more."""
 
 
 class Turntable:
@@ -27,11 +33,20 @@ class Turntable:
         self._bench = bench
         self._highres = kind.endswith("HIGHRES_IMU")
         name = "autopilot" if kind.startswith("autopilot") else "lsm9ds1"
-        self.gyro = open_gyro(bench.bus, SensorsConfig(gyro=name))
+        self._wires = Switched(bench.bus)
+        self.gyro = open_gyro(self._wires, SensorsConfig(gyro=name))  # type: ignore[arg-type]
         self._imu = Imu(stream(1, kind))
         self._codec = make_codec(1, 1)
         self._told_s = bench.time_s
         self.is_silent = False
+        self.clock_s = 0.0
+        """What the autopilot's is ahead of ours."""
+        self._garbage: random.Random | None = None
+
+    def garble(self, seed: int | None) -> None:
+        """Every byte, or every number in a message, is random; or as it was."""
+        self._garbage = None if seed is None else random.Random(seed)
+        self._wires.wires = self._bench.bus if seed is None else Noisy(seed)
 
     def tick(self) -> list[tuple[float, float]]:
         """Time and yaw rate of each new sample."""
@@ -45,14 +60,19 @@ class Turntable:
     def _tell(self, now_s: float, gyro: AutopilotGyro) -> None:
         while self._told_s + IMU_S <= now_s:
             self._told_s += IMU_S
-            rate = self._bench.truth.yaw_rate_rad_s
-            if self._highres:
-                message = self._imu.highres(round(1e6 * self._told_s), rate)
-            else:
-                message = self._imu.scaled(round(1e3 * self._told_s), rate)
+            message = self._message(self._told_s + self.clock_s)
             if not self.is_silent:
                 for heard in decode(self._codec, message.pack(self._codec)):
                     gyro.hear(heard, now_s)
+
+    def _message(self, boot_s: float) -> Any:
+        rate_rad_s = self._bench.truth.yaw_rate_rad_s
+        if self._garbage:
+            boot_s = self._garbage.uniform(0, 4e6)
+            rate_rad_s = self._garbage.choice(ODD if self._highres else SMALL_AND_ODD)
+        if self._highres:
+            return self._imu.highres(round(1e6 * boot_s), rate_rad_s)
+        return self._imu.scaled(round(1e3 * boot_s), rate_rad_s)
 
     def turned_deg(self, rate_deg_s: float, seconds: float) -> float:
         self._bench.truth = replace(STILL, yaw_rate_rad_s=math.radians(rate_deg_s))
@@ -106,3 +126,32 @@ def test_a_silent_gyro_has_no_samples_and_comes_back(turntable: Turntable) -> No
     turntable.tick()
     turntable.tick()
     assert turntable.tick()
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_garbage_is_no_impossible_rate_and_passes(turntable: Turntable, seed: int) -> None:
+    still = turntable.turned_deg(0.0, 2.0)
+    turntable.garble(seed)
+    last_s = 0.0
+    for _ in range(50):
+        for time_s, rate_rad_s in turntable.tick():
+            assert last_s < time_s <= turntable._bench.time_s + 1e-9
+            assert abs(rate_rad_s) <= ANY_RAD_S
+            last_s = time_s
+    turntable.garble(None)
+    turntable.turned_deg(0.0, 1.0)
+    assert turntable.turned_deg(45.0, 2.0) - still == pytest.approx(90, rel=0.1)
+
+
+@pytest.mark.parametrize("set_s", [-100.0, -2.0, 5.0])
+def test_a_clock_that_is_set_is_followed(turntable: Turntable, set_s: float) -> None:
+    """The autopilot's, as when it starts anew; ours tell no time."""
+    turntable.clock_s = 200.0
+    turntable.turned_deg(0.0, 1.0)
+    turntable.clock_s += set_s
+    turntable.tick()
+    for _ in range(20):
+        told = turntable.tick()
+        assert told
+        now_s = turntable._bench.time_s
+        assert all(now_s - 0.1 <= time_s <= now_s + 1e-9 for time_s, _ in told)

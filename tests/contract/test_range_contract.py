@@ -1,19 +1,18 @@
 """One suite for every range sensor, whatever its kind and whatever wires it is on."""
 
 import math
-import random
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import pytest
 
 from companion.config import SensorsConfig
-from companion.drivers.bus import Transaction, open_bus
+from companion.drivers.bus import open_bus
 from companion.drivers.models import model_of
 from companion.drivers.ranges import RangeSensors
 from companion.errors import SensorError
 from companion.messages import Beam, RangeReading, RangeScan, RangeState
-from tests.contract.bench import FIVE, KINDS, Bench, make_bench
+from tests.contract.bench import FIVE, KINDS, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
 
 SETTLED_S = 0.6
@@ -140,39 +139,11 @@ def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> Non
     assert settle(bench, sensors).readings[Beam.FRONT].is_distance
 
 
-class Noisy:
-    """Wires on which every byte that comes in is random."""
-
-    def __init__(self, seed: int) -> None:
-        self._random = random.Random(seed)
-
-    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        return [self._random.randbytes(t.count) for t in transactions]
-
-    def exchange(self, device: str, data: bytes) -> bytes:
-        return self._random.randbytes(len(data))
-
-    def receive(self, port: str, baud: int) -> bytes:
-        return self._random.randbytes(self._random.randrange(60))
-
-    def close(self) -> None: ...
-
-
-class Switched:
-    """Wires that can be exchanged while the drivers hold them."""
-
-    def __init__(self, wires: Noisy | Bench) -> None:
-        self.wires = wires.bus if isinstance(wires, Bench) else wires
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self.wires, name)
-
-
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_garbage_never_looks_like_an_impossible_distance_and_passes(
     bench: Bench, seed: int
 ) -> None:
-    wires = Switched(bench)
+    wires = Switched(bench.bus)
     sensors = RangeSensors(wires, bench.config)  # type: ignore[arg-type]
     settle(bench, sensors)
     wires.wires = Noisy(seed)

@@ -98,6 +98,16 @@ def test_a_gyro_that_comes_back_is_configured_again(bench: Bench) -> None:
     assert gyro.read(bench.passes(0.05))
 
 
+def test_after_a_brown_out_the_gyro_is_configured_again(bench: Bench) -> None:
+    gyro = Lsm9ds1(bench.bus, 0x6B)
+    for _ in range(3):
+        gyro.read(bench.passes(0.05))
+    bench.board.gyro.power_cycle()
+    for _ in range(6):
+        gyro.read(bench.passes(0.05))
+    assert gyro.read(bench.passes(0.05))
+
+
 def test_nobody_serving_is_told_with_the_remedy() -> None:
     with pytest.raises(SensorError, match="sitl run"):
         open_bus("sitl://127.0.0.1:1")

@@ -1,5 +1,6 @@
 """What goes wrong in flight, and that each ends in its written reaction (docs/faults.md)."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -29,6 +30,7 @@ from sitl.testing import (
     refuse_arming,
     restart_autopilot,
     saturate_gyro,
+    somebody_near,
     stick,
     swap,
     unplug,
@@ -41,7 +43,11 @@ height_m = 2.6
 walls = [{ points = [[0, 0], [5, 0], [5, 5.5], [0, 5.5]], closed = true }]
 starts = [{ name = "middle", position = [2.5, 2.6] }]
 """
-FRONT_STUCK = "landed: range sensor failed: front"
+FAILED = "landed: range sensor failed: "
+POST = """
+boxes = [{ corner = [1.0, 4.4], size = [0.3, 0.3], top_m = 2.6 }]
+"""
+LEVEL = ("front", "left", "right")
 NO_POSITION = "landed: the autopilot tells no position"
 
 
@@ -102,11 +108,11 @@ def test_a_bus_that_comes_back_lets_the_flight_go_on(sitl: Sitl) -> None:
     assert flight.completed, flight.ending
 
 
-@pytest.mark.parametrize("beam", ["front", "right", "left"])
+@pytest.mark.parametrize("beam", LEVEL)
 def test_a_dead_beam_lands_the_drone(sitl: Sitl, beam: str) -> None:
     flight = sitl.fly("room_100", script=[at(30, unplug(beam))])
     assert phase(flight) is Phase.DONE
-    assert flight.ending == f"landed: range sensor failed: {beam}"
+    assert flight.ending == FAILED + beam
     assert flight.truth.collisions == 0
 
 
@@ -119,9 +125,9 @@ def test_a_crash_fails_the_flight(sitl: Sitl) -> None:
 @pytest.mark.parametrize(
     ("action", "ending"),
     [
-        (stick("front"), FRONT_STUCK),
-        (noisy("front"), FRONT_STUCK),
-        (dead_adc(), "landed: range sensor failed: front, left, right"),
+        *((stick(beam), FAILED + beam) for beam in LEVEL),
+        *((noisy(beam), FAILED + beam) for beam in LEVEL),
+        (dead_adc(), FAILED + "front, left, right"),
         (dead_gyro(), "landed: the gyro is silent"),
         (saturate_gyro(), "landed: the gyro is saturated"),
         (bias_gyro(5), "landed: gyro and autopilot do not turn alike"),
@@ -156,8 +162,6 @@ def test_swapped_sensors_show_before_they_do_harm(
 @pytest.mark.parametrize(
     "action",
     [
-        unplug("up"),
-        stick("down"),
         dead_adc(for_s=0.8),
         dead_gyro(for_s=0.9),
         link_down(for_s=0.2),
@@ -167,7 +171,7 @@ def test_swapped_sensors_show_before_they_do_harm(
         jump_clock(10),
         jump_clock(-10),
         hang(for_s=3),
-        gust(0.2, -0.2, for_s=2),
+        bad_link(loss=0.2),
         bad_link(loss=0.2, duplicates=0.2, reordering=0.2, jitter_s=0.3),
     ],
 )
@@ -175,6 +179,56 @@ def test_what_passes_does_not_end_the_mission(sitl: Sitl, small: str, action: Ac
     flight = sitl.fly(small, script=[at(20, action)])
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
+
+
+@pytest.mark.parametrize("fault", [unplug, stick])
+def test_without_up_and_down_beam_it_flies_on(
+    sitl: Sitl, small: str, fault: Callable[[str], Action]
+) -> None:
+    flight = sitl.fly(small, script=[at(20, fault("up")), at(20, fault("down"))])
+    assert flight.completed, flight.ending
+    assert len(flight.plan.walls) == 4
+
+
+@pytest.mark.parametrize(
+    ("forward_m", "right_m", "profile"),
+    [(0.6, 0.0, "gp2y0a710k0f"), (0.0, -0.5, "gp2y0a710k0f"), (0.6, 0.0, "vl53l1x")],
+)
+def test_it_keeps_off_from_who_steps_up_too_near_to_be_measured(
+    sitl: Sitl, small: str, forward_m: float, right_m: float, profile: str
+) -> None:
+    comes = at(20, somebody_near(forward_m, right_m, for_s=8))
+    flight = sitl.fly(small, script=[comes], profile=profile)
+    assert flight.completed, flight.ending
+    assert len(flight.plan.walls) == 4
+
+
+@pytest.mark.parametrize(("forward_m", "right_m"), [(0.9, 0.0), (0.0, 0.9)])
+def test_it_stops_before_who_steps_into_its_way(
+    sitl: Sitl, small: str, forward_m: float, right_m: float
+) -> None:
+    flight = sitl.fly(small, script=[at(20, somebody_near(forward_m, right_m, for_s=8))])
+    assert flight.completed, flight.ending
+    assert flight.truth.clearance_m > 0.3
+
+
+@pytest.mark.parametrize(("north_m_s", "east_m_s"), [(-0.5, 0.0), (0.0, -0.5)])
+def test_a_gust_towards_a_wall_does_not_throw_it_there(
+    sitl: Sitl, small: str, north_m_s: float, east_m_s: float
+) -> None:
+    flight = sitl.fly(small, script=[at(20, gust(north_m_s, east_m_s, for_s=3))])
+    assert flight.completed, flight.ending
+    assert flight.truth.clearance_m > 0.1
+
+
+def test_where_the_trace_cannot_pass_the_rest_is_explored(sitl: Sitl, tmp_path: Path) -> None:
+    path, explored = tmp_path / "blocked.toml", []
+    path.write_text(ROOM + POST)
+    explores = when("looking round", Action(lambda simulation: explored.append(simulation.time_s)))
+    flight = sitl.fly(str(path), script=[explores])
+    assert flight.completed, flight.ending
+    assert explored
+    assert flight.report.coverage > 0.9
 
 
 def test_a_turn_that_a_hanging_companion_has_missed_is_known_all_the_same(
@@ -188,6 +242,15 @@ def test_a_turn_that_a_hanging_companion_has_missed_is_known_all_the_same(
 def test_an_autopilot_that_restarts_before_take_off_is_waited_for(sitl: Sitl, small: str) -> None:
     flight = sitl.fly(small, script=[at(2, restart_autopilot())])
     assert flight.completed, flight.ending
+
+
+def test_an_autopilot_whose_gyro_we_use_may_restart_and_its_clock_jump(
+    sitl: Sitl, small: str
+) -> None:
+    events = [at(2, restart_autopilot()), at(25, jump_clock(-10))]
+    flight = sitl.fly(small, settings={"sensors.gyro": "autopilot"}, script=events)
+    assert flight.completed, flight.ending
+    assert len(flight.plan.walls) == 4
 
 
 def test_refused_arming_ends_with_the_autopilots_words(sitl: Sitl, small: str) -> None:

@@ -1,8 +1,11 @@
-"""SIGKILL in flight, and `companion recover` as systemd starts it."""
+"""A companion that dies in flight, and `companion recover` as systemd starts it."""
 
 import json
+import resource
+import signal
+import socket
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.clocks import SystemClock
 from companion.config import LinkConfig
+from companion.fly_cli import EXIT_ENDED
 from companion.link.link import Link
 from companion.link.reports import Reports
 from companion.link.transport import pipe_pair
@@ -21,6 +25,7 @@ from companion.recover_cli import listen
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
 
 DEADLINE_S = 120
+WATCHDOG_S = 2.0
 ROOM = """
 name = "small room"
 height_m = 2.6
@@ -29,18 +34,68 @@ starts = [{ name = "middle", position = [2.5, 2.6] }]
 """
 
 
+Pilot = subprocess.Popen[str]
+End = Callable[[Pilot], None]
+
+
+def is_killed(pilot: Pilot) -> None:
+    pilot.kill()
+
+
+def runs_out_of_memory(pilot: Pilot) -> None:
+    """Whatever it asks for from now on, there is none left."""
+    resource.prlimit(pilot.pid, resource.RLIMIT_AS, (1, 1))
+
+
+@dataclass
+class Systemd:
+    """What systemd does for a service: it listens, and ends one that has fallen silent."""
+
+    listening: socket.socket
+
+    def environment(self) -> list[str]:
+        """The command in which a service is started."""
+        address = f"NOTIFY_SOCKET={self.listening.getsockname()}"
+        return ["env", address, f"WATCHDOG_USEC={WATCHDOG_S * 1e6:.0f}"]
+
+    def hear(self, words: str) -> None:
+        """Wait for it."""
+        while words not in self.listening.recv(4096).decode():
+            pass
+
+    def hangs(self, pilot: Pilot) -> None:
+        """It stands still until the watchdog has bitten."""
+        self.hear("WATCHDOG=1")
+        pilot.send_signal(signal.SIGSTOP)
+        self.listening.settimeout(WATCHDOG_S)
+        with pytest.raises(TimeoutError):
+            self.hear("nothing more")
+        pilot.send_signal(signal.SIGABRT)
+        pilot.send_signal(signal.SIGCONT)
+
+
+@pytest.fixture
+def systemd(tmp_path: Path) -> Iterator[Systemd]:
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listening:
+        listening.bind(str(tmp_path / "notify"))
+        listening.settimeout(DEADLINE_S)
+        yield Systemd(listening)
+
+
 @dataclass
 class Killed:
-    """A companion was killed while it scanned; the vehicle is still in the air."""
+    """A companion has died while it scanned; the vehicle is still in the air."""
 
     out: Path
     vehicle: subprocess.Popen[str]
     arguments: list[str]
+    said: str = ""
+    """Its last words."""
 
-    def recover(self) -> str:
+    def recover(self, *environment: str) -> str:
         """What it says, once it has ended well."""
         done = subprocess.run(
-            companion("recover", *self.arguments),
+            [*environment, *companion("recover", *self.arguments)],
             capture_output=True,
             text=True,
             timeout=DEADLINE_S,
@@ -61,7 +116,9 @@ class Killed:
 
 
 @contextmanager
-def killed_in_flight(out: Path, after_crash: str) -> Iterator[Killed]:
+def killed_in_flight(
+    out: Path, after_crash: str, ends: End = is_killed, environment: Sequence[str] = ()
+) -> Iterator[Killed]:
     """In lockstep: the vehicle's time stands still while nobody flies it."""
     config, world, port = out / "drone.toml", out / "room.toml", free_udp_port()
     world.write_text(ROOM)
@@ -72,21 +129,39 @@ def killed_in_flight(out: Path, after_crash: str) -> Iterator[Killed]:
         bus = read_until(vehicle, "sitl://").split()[-1]
         link = ("--link", f"udpin:127.0.0.1:{port}", "--bus", bus)
         arguments = ["--config", str(config), *link, "--out", str(out)]
-        with started(companion("fly", *arguments)) as pilot:
+        with started([*environment, *companion("fly", *arguments)]) as pilot:
             read_until(pilot, "scanning parallel to the wall")
-            pilot.kill()
-            pilot.wait(DEADLINE_S)
-        yield Killed(out, vehicle, arguments)
+            ends(pilot)
+            said, _ = pilot.communicate(timeout=DEADLINE_S)
+            assert pilot.returncode not in (0, EXIT_ENDED)  # else systemd would not care
+        yield Killed(out, vehicle, arguments, said)
 
 
-def test_after_a_crash_it_lands_and_leaves_the_map(tmp_path: Path) -> None:
-    with killed_in_flight(tmp_path, "land") as killed:
-        output = killed.recover()
-        truth = killed.truth()
+def assert_landed_with_its_map(killed: Killed, output: str) -> None:
+    truth = killed.truth()
     assert "landed: the companion had crashed" in output
     assert killed.walls
     assert truth["collisions"] == 0
     assert truth["path"][-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.05)
+
+
+def test_after_a_crash_it_lands_and_leaves_the_map(tmp_path: Path) -> None:
+    with killed_in_flight(tmp_path, "land") as killed:
+        assert_landed_with_its_map(killed, killed.recover())
+
+
+def test_without_memory_it_breaks_off_and_is_landed(tmp_path: Path) -> None:
+    with killed_in_flight(tmp_path, "land", runs_out_of_memory) as killed:
+        assert "Traceback" in killed.said
+        assert_landed_with_its_map(killed, killed.recover())
+
+
+def test_one_that_hangs_is_ended_by_the_watchdog_and_landed(
+    tmp_path: Path, systemd: Systemd
+) -> None:
+    environment = systemd.environment()
+    with killed_in_flight(tmp_path, "land", systemd.hangs, environment) as killed:
+        assert_landed_with_its_map(killed, killed.recover())
 
 
 def test_after_a_crash_it_goes_on_with_the_map(tmp_path: Path) -> None:
@@ -114,12 +189,15 @@ def test_it_is_heard_before_anything_else_happens() -> None:
     assert "".join(m.text for m in heard if m.get_type() == "STATUSTEXT") == f"PDPS: {told}"
 
 
-def test_with_nobody_in_the_air_there_is_nothing_to_recover(tmp_path: Path) -> None:
+def test_with_nobody_in_the_air_there_is_nothing_to_recover(
+    tmp_path: Path, systemd: Systemd
+) -> None:
     port = free_udp_port()
     serve = ("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0", "--lockstep")
     with started(sitl("run", "room_100", *serve)) as vehicle:
         bus = read_until(vehicle, "sitl://").split()[-1]
         link = ["--link", f"udpin:127.0.0.1:{port}", "--bus", bus, "--out", str(tmp_path)]
-        output = Killed(tmp_path, vehicle, link).recover()
+        output = Killed(tmp_path, vehicle, link).recover(*systemd.environment())
     assert "not armed" in output
     assert "nothing to recover" in output
+    systemd.hear("READY=1")  # or systemd would call it a failure, and start it again for ever

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.fly_cli import EXIT_ENDED
 from companion.link.transport import UdpTransport
 from tests.system.processes import companion, flying, read_until, running_sitl, sitl
 
@@ -86,7 +87,7 @@ def test_when_asked_to_stop_it_lands_first(tmp_path: Path) -> None:
         read_until(pilot, "scanning parallel to the wall")
         pilot.send_signal(signal.SIGTERM)
         output, _ = pilot.communicate(timeout=60)
-    assert pilot.returncode == 1
+    assert pilot.returncode == EXIT_ENDED
     assert "landing was requested" in output
     assert (tmp_path / "map.json").exists()
 

@@ -1,6 +1,7 @@
 """What is installed on the drone: scripts, unit and files, as far as they can be held to here."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -8,10 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.deploy import DEPLOY, exposure, lint_scripts, verify_units
+from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
 from companion import config as configuration
+from companion.fly_cli import exit_status
+from companion.pdps.flight import Flight, Phase
 from sitl.autopilot.parameters.table import load_table
 
+LEFT_OUT = (
+    *("lxml", "zstandard", "setuptools", "pkg_resources"),
+    *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
+)
+"""By deploy/slim.sh."""
 HARDWARE_ONLY = {"BRD_SER2_RTSCTS"}
 """Of real boards; the emulated autopilot has no serial ports."""
 STUB = """#!/bin/sh
@@ -40,6 +48,20 @@ def test_systemd_takes_the_units() -> None:
 @needs_systemd
 def test_the_units_are_hardened() -> None:
     assert exposure() <= 3.0
+
+
+@pytest.mark.parametrize("unit", UNITS)
+@pytest.mark.parametrize(
+    ("phase", "is_failure"),
+    [(Phase.DONE, False), (Phase.HANDED_OVER, False), (Phase.FAILED, True)],
+)
+def test_only_a_flight_that_failed_is_a_failure_to_systemd(
+    unit: str, phase: Phase, is_failure: bool
+) -> None:
+    """What follows a failure lands a drone that is in our mode, also one that was given back."""
+    (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
+    status = exit_status(Flight(phase, trouble="so it ended"))
+    assert (status not in (0, int(told))) == is_failure
 
 
 def test_the_configuration_that_is_installed_can_be_used() -> None:
@@ -103,6 +125,25 @@ def test_installing_again_changes_nothing_and_keeps_what_was_configured(
     assert config.count("dtparam=spi=on") == 1
     assert "dtoverlay=disable-bt" in config
     assert first["boot/firmware/cmdline.txt"] == b"console=tty1 root=/dev/sda2\n"
+
+
+def test_a_flight_needs_nothing_of_what_is_left_out() -> None:
+    script = f"""
+import runpy, sys
+for name in {LEFT_OUT}:
+    sys.modules[name] = None
+runpy.run_path({str(DEPLOY / "self_test.py")!r}, run_name="__main__")
+"""
+    subprocess.run([sys.executable, "-c", script], check=True, timeout=120)
+
+
+def test_the_units_point_to_documentation_that_is_installed(tmp_path: Path, stub: Path) -> None:
+    root = tmp_path / "root"
+    install(root, stub)
+    for unit in UNITS:
+        text = (root / "etc/systemd/system" / unit).read_text()
+        (named,) = re.findall(r"^Documentation=file:/(\S+)$", text, re.MULTILINE)
+        assert (root / named).exists()
 
 
 def test_uninstalling_leaves_configuration_and_maps(tmp_path: Path, stub: Path) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.yaw_consistency import consistency
-from companion.drivers.lsm9ds1 import SampleClock
+from companion.drivers.sample_clock import SampleClock
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.association import Association
 from companion.estimation.bordered import BorderedSystem
@@ -116,7 +116,7 @@ def test_one_wall_is_mapped_as_one(other: tuple[float, float]) -> None:
 @given(st.floats(-0.02, 0.02), st.floats(0, 0.008))
 def test_gyro_samples_are_stamped_when_they_were_taken(clock_error: float, phase_s: float) -> None:
     period_s = (1 + clock_error) / 119
-    clock, taken = SampleClock(0.0), 0
+    clock, taken = SampleClock(0.0, 119.0), 0
     late_s: list[float] = []
     for tick in range(1, 400):
         now_s = 0.05 * tick
