@@ -39,7 +39,7 @@ FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
 OUTSIDE_WITHIN_M = 2.5
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
-NEAR_ENOUGH_M = float(__import__("os").environ.get("NEAR", "0.35"))
+NEAR_ENOUGH_M = 0.35
 """So near to where it wants to look from it begins to turn."""
 CHECK_S = 1.0
 """So often it is asked whether what it looks for is still unseen."""
