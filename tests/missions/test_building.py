@@ -1,9 +1,14 @@
 """Buildings: every room is seen, nothing is hit, and the drone lands where it took off."""
 
+import math
+
+import numpy as np
 import pytest
 
+from companion.app import App
+from companion.frames import ned_to_frd
 from sitl.simulation import Simulation
-from sitl.testing import Event, Sitl, somebody, when
+from sitl.testing import Action, Event, Sitl, somebody, when
 
 ROOMS = "worlds/two_small_rooms.toml"
 """Two rooms of 4 × 4 m with a doorway between them, at 4.05 m east of the first's far wall."""
@@ -17,6 +22,31 @@ def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, 
     assert flight.report.collisions == 0
     assert flight.report.clearance_m > 0.25
     assert flight.report.coverage >= 0.98
+    assert flight.report.return_m < 0.3
+
+
+def test_the_pose_stays_true_through_many_rooms(sitl: Sitl) -> None:
+    """Walls of the first room used to grow through the third, and moved the drone by a metre."""
+    errors_m = []
+
+    def notes_error(simulation: Simulation, app: App) -> bool:
+        take_off, truth = simulation.record.take_off, simulation.autopilot.truth
+        north, east = (
+            truth.position_ned_m[axis] - take_off.position_ned_m[axis] for axis in (0, 1)
+        )
+        if app.estimator is not None:
+            pose = app.estimator.pose(simulation.time_s)
+            true_m = ned_to_frd(north, east, take_off.yaw_rad)
+            errors_m.append(math.dist(true_m, (pose.north_m, pose.east_m)))
+        return False
+
+    nothing = Action(lambda simulation: None)
+    script = [Event(notes_error, nothing)]
+    flight = sitl.fly("complex", mission="building", seed=1, script=script)
+    assert flight.completed, flight.ending
+    assert np.quantile(errors_m, 0.95) < 0.25
+    assert flight.report.collisions == 0
+    assert flight.report.coverage >= 0.97
     assert flight.report.return_m < 0.3
 
 
