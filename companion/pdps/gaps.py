@@ -191,9 +191,16 @@ def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     vague = grid.occupied[tuple(ends.T)]
     fits = ~vague | (away >= LEAST_SEES_M)
     pairs, starts, ends = pairs[fits], starts[fits], ends[fits]
-    steps = np.linspace(0, 1, round(SEES_M / CELL_M))[:, None, None]
-    line = np.rint(starts + steps * (ends - starts)).astype(int)
-    off_end = np.abs(line - ends).max(axis=2) > 1
-    blocked = (grid.occupied[line[..., 0], line[..., 1]] & off_end).any(axis=0)
+    steps = np.linspace(0, 1, round(SEES_M / CELL_M), dtype=np.float32)[:, None]
+    rows, columns = (
+        np.rint(start + steps * (end - start)).astype(np.int32)
+        for start, end in zip(starts.T.astype(np.float32), ends.T.astype(np.float32), strict=True)
+    )
+    hit = grid.occupied.ravel()[rows * grid.occupied.shape[1] + columns]
+    at, pair = np.nonzero(hit)
+    end_row, end_column = ends[pair].T
+    before_end = np.maximum(abs(rows[at, pair] - end_row), abs(columns[at, pair] - end_column)) > 1
+    blocked = np.zeros(len(pairs), dtype=bool)
+    blocked[pair[before_end]] = True
     clear: Indices = pairs[~blocked]
     return clear
