@@ -106,7 +106,7 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
 def graph(cost: NDArray[np.float64]) -> csr_array:
     """Each cell with its eight neighbours, once, where both costs are finite: metres times cost."""
     rows, columns = cost.shape
-    number = np.arange(rows * columns).reshape(rows, columns)
+    number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
     starts, ends, lengths = [], [], []
     for down, right, cells in NEIGHBOURS:
         a = np.s_[: rows - down, max(-right, 0) : columns - max(right, 0)]
