@@ -32,9 +32,8 @@ from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import Ways, find_ways
 from companion.pdps.tour import first_of_tour
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
-START_NE_M = (0.0, 0.0)
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
 OUTSIDE_WITHIN_M = 2.5

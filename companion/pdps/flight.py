@@ -31,7 +31,6 @@ import math
 from dataclasses import field, replace
 
 from companion.config import MissionConfig
-from companion.frames import Vector2
 from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy
 from companion.messages import (
@@ -53,7 +52,7 @@ from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
 from companion.pdps.route import find_ways
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 from companion.values import value
 
 LINK_LOST_S = 10.0
@@ -93,7 +92,6 @@ MISSION_PHASES = {
     "exterior": Phase.BUILDING,
     "layers": Phase.LAYERS,
 }
-HOME_NE_M: Vector2 = (0.0, 0.0)
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD})
 FLYING_PHASES = frozenset(
@@ -136,7 +134,7 @@ class Flight:
     way_home_s: float = 0.0
     """What the way back would have taken when it was last asked."""
     way_home_asked_s: float = -math.inf
-    way_home: Travel = Travel(HOME_NE_M)
+    way_home: Travel = Travel(START_NE_M)
     held_from: Phase = Phase.CONNECT
     held_trouble: str = ""
     """Phase and trouble to go back to when the fault is gone."""
@@ -227,7 +225,9 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
     if view.time_s - flight.way_home_asked_s > ASK_WAY_HOME_S:
         here = view.sight.pose.north_m, view.sight.pose.east_m
         ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
-        way_m = ways.length_m(HOME_NE_M) if ways.reaches(HOME_NE_M) else math.dist(here, HOME_NE_M)
+        way_m = (
+            ways.length_m(START_NE_M) if ways.reaches(START_NE_M) else math.dist(here, START_NE_M)
+        )
         way_home_s = HOME_TURNS_S + way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
         flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
     if left_s > flight.way_home_s + plan.reserve_s:
@@ -370,7 +370,7 @@ def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Act
             fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
             return _obey(fresh, MISSION_PHASES[plan.kind], view, order), Action(HOLD)
         case Task.HOME:
-            homeward = replace(flight, way_home=Travel(HOME_NE_M))
+            homeward = replace(flight, way_home=Travel(START_NE_M))
             return _obey(homeward, Phase.HOME, view, order), Action(HOLD)
         case Task.LAND:
             return _obey(flight, Phase.LAND, view, order), Action(HOLD)

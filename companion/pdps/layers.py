@@ -22,12 +22,11 @@ from companion.pdps import explore, travel
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.follow import stay
 from companion.pdps.room_scan import Sight
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
 AT_HEIGHT_M = 0.08
 OVER_HEAD_M = 0.25
 """Beyond the clearance, between the drone's centre and the ceiling."""
-START_NE_M = (0.0, 0.0)
 TO_START = Travel(START_NE_M)
 
 

@@ -41,6 +41,7 @@ from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import Sight
 from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
 
+START_NE_M: Vector2 = (0.0, 0.0)
 CHECK_S, PLAN_S = 2.0, 8.0
 DETOUR_M = 3.0
 STUCK_S, STUCK_M = 10.0, 0.25
@@ -216,13 +217,15 @@ def _backed_off(
 ) -> Vector2 | None:
     """A place from where the next doorway's jambs can be measured, if it has come too near."""
     here = sight.pose.north_m, sight.pose.east_m
-    for doorway in doorways[:1]:
-        is_too_near = math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
-        is_before = doorway.along_m(here) < -IN_DOORWAY_M
-        if is_too_near and is_before and not _was_swept(travel, doorway):
-            places = (doorway.at_m(-off_m) for off_m in BACK_OFF_M)
-            return next((place for place in places if ways.fits(place)), None)
-    return None
+    if not doorways:
+        return None
+    doorway = doorways[0]
+    is_too_near = math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
+    is_before = doorway.along_m(here) < -IN_DOORWAY_M
+    if not is_too_near or not is_before or _was_swept(travel, doorway):
+        return None
+    places = (doorway.at_m(-off_m) for off_m in BACK_OFF_M)
+    return next((place for place in places if ways.fits(place)), None)
 
 
 def _was_swept(travel: Travel, doorway: Doorway) -> bool:
@@ -237,6 +240,8 @@ def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
         is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
         return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
 
+    if not any(math.isfinite(doorway.swept_s) for doorway in travel.known):
+        return travel.known  # as nearly always
     return tuple(
         doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
         for doorway in travel.known
