@@ -3,7 +3,12 @@
 For scripts: `from companion import connect`; see docs/scripts.md.
 """
 
+import os
 from typing import TYPE_CHECKING, Any
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+"""Before numpy is loaded: our matrices are small, and threads that wait for each other cost up to
+five times the processor's time where other work goes on beside."""
 
 if TYPE_CHECKING:
     from companion.errors import CompanionError, FlightEndedError

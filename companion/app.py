@@ -42,7 +42,7 @@ from companion.messages import (
 )
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
-from companion.pdps.room_scan import Sight
+from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
 from companion.values import value
 
@@ -148,10 +148,9 @@ class App:
         """One tick of the control loop."""
         inputs = self._believe(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
+        self._predict(inputs)
         inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
-        scale_error = self.estimator.slam.scale_error if self.estimator else 0.0
-        self._near.move(pose, inputs.telemetry.odometry, scale_error)
         action = self._decide(now_s, inputs, pose)
         known = pose if self.estimator else None
         return Outputs(
@@ -182,6 +181,16 @@ class App:
         if self._rest.bias_rad_s is not None:
             self.estimator = Estimator(self._rest.bias_rad_s, level_units(self._config.sensors))
 
+    def _predict(self, inputs: Inputs) -> None:
+        """Where it has come to since the last tick, before anything that was seen is taken in."""
+        if self.estimator is None:
+            return
+        self.estimator.turn(inputs.gyro)
+        self._near.turn_to(self.estimator.turned_rad)
+        if inputs.telemetry.odometry is not None:
+            self.estimator.move(inputs.telemetry.odometry)
+            self._near.move(inputs.telemetry.odometry, self.estimator.slam.scale_error)
+
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Note what is near; readings that have folded back are not to be taken for distances."""
         if self.flight.phase not in SEEING_PHASES:
@@ -191,9 +200,6 @@ class App:
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
-        self.estimator.turn(inputs.gyro)
-        if inputs.telemetry.odometry is not None:
-            self.estimator.move(inputs.telemetry.odometry)
         if self.flight.phase in SEEING_PHASES:
             self.estimator.see(inputs.scan)
             self._ceiling.see(inputs.scan, self.estimator.height_m)

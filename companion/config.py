@@ -139,7 +139,7 @@ class MissionConfig(Group):
     time_limit_s: float = Field(600.0, gt=0, le=3600)
     """Of the flight: the drone turns back in time to be home by then."""
     reserve_s: float = Field(20.0, ge=0, le=600)
-    """Left of the limit when it is home."""
+    """Left of the limit, and of what the battery lasts, when it is home."""
     after_crash: Literal["land", "resume"] = "land"
     """What `companion recover` does with a drone that it finds in the air."""
     battery_home_percent: float = Field(20.0, ge=0, le=100)

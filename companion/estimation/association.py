@@ -11,7 +11,6 @@ import numpy as np
 
 from companion.estimation.candidates import GATE_SIGMAS, Gate, candidates
 from companion.estimation.evidence import refuted
-from companion.estimation.flight_record import NO_WALL
 from companion.estimation.merging import merge
 from companion.estimation.range_units import RangeUnits
 from companion.estimation.support import (
@@ -48,12 +47,9 @@ class Association:
             wall_of = pairs.best()
             wrong = refuted(x, seen, sigma_m, wall_of, self.support.opening_m)
             pairs = pairs.only(~(wrong[pairs.hit] & (wall_of[pairs.hit] == pairs.wall)))
-        pairs, kept = worthy(x, seen, pairs, self.support, known)
-        number = np.full(len(x.walls) + 1, NO_WALL)
-        number[kept] = np.arange(len(kept))
-        wall_of = number[pairs.best()]
+        pairs, kept = worthy(x, seen, sigma_m, pairs, self.support, known=known)
         past = x.reach_m[:known]
-        x.keep_walls(kept)
+        wall_of = x.keep_walls(kept, pairs.best())
         x.reach_m = reach_m(x, seen.points, wall_of)
         x.reach_m[:known, 0] = np.minimum(x.reach_m[:known, 0], past[:, 0])
         x.reach_m[:known, 1] = np.maximum(x.reach_m[:known, 1], past[:, 1])

@@ -1,24 +1,32 @@
 """Where odometry speaks against what the walls made of the flight.
 
 Hits on a wrong wall pull the trajectory aside, and then fit well. But from one moment to another
-the drone has not moved like that: over some seconds the steps, beside what odometry measured, add
-up to far more than its noise does.
+the drone has not moved like that. So what the beams met in a doubtful stretch is forgotten, the
+trajectory bridged by odometry, and the hits given to walls from there:
+
+    as the walls have it       ●──●╮        ╭●──●
+                                    ●──●──●
+    bridged by odometry        ●──●──●──●──●──●──●
+
+Whichever explains all measurements better is kept: it may be odometry that was wrong.
 """
 
 import itertools
 from collections.abc import Generator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.candidates import UNEXPLAINED, Gate
+from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past
-from companion.estimation.factors import hit_residuals
 from companion.estimation.flight_record import NO_WALL
+from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.smoother import Smoother
 from companion.estimation.unknowns import Array, Measured, Unknowns, to_ned
+
+Mask = NDArray[np.bool_]
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
 """Of long ones only those in which no shorter one shows where it was."""
@@ -27,47 +35,83 @@ TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
 the second."""
 MOST_RECONSIDERED = 3
-BRIDGING_STEPS = 2
-WALL_COST = 20.0
-"""χ² that a wall must save to be part of the likelier of two maps: two unknowns, ln n each."""
+BRIDGING_STEPS, MORE_ROUNDS = 2, 3
+STRETCH_S = 45.0
+MOST_STRETCHES = 4
+"""The most strained ones are tried; each needs about as long as smoothing the flight."""
+LEAST_GAIN = 40.0
+"""χ² by which another flight must be likelier to be worth looking further from there."""
 
 
-def reconsidering(
-    smoother: Smoother, estimate: Estimate, m: Measured, past: Past, gates: Sequence[Gate]
-) -> Generator[None, None, Estimate]:
-    """A likelier flight, where odometry contradicts this one; in pieces of some milliseconds.
+@dataclass(frozen=True, slots=True)
+class Doubt:
+    """Looks for a likelier flight, in pieces of some milliseconds."""
 
-    What the beams met there is forgotten, the trajectory bridged by odometry, and the hits given
-    to walls from there. Whichever explains all measurements better is kept: it may be odometry
-    that was wrong.
-    """
-    first = replace(gates[1], looks=gates[0].looks)
-    for _ in range(MOST_RECONSIDERED):
-        doubted = contradicted(estimate.x, m, smoother.models.odometry)
-        if not doubted.any():
-            break
-        x = estimate.x.since(0)
-        wall_of = np.where(doubted[m.frame], NO_WALL, estimate.wall_of)
+    smoother: Smoother
+    m: Measured
+    past: Past
+    gates: Sequence[Gate]
+
+    def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Where odometry contradicts this one."""
+        for _ in range(MOST_RECONSIDERED):
+            doubted = contradicted(estimate.x, self.m, self.smoother.models.odometry)
+            if not doubted.any():
+                break
+            other = yield from self._without(doubted, estimate)
+            if self._cost(other) >= self._cost(estimate):
+                break
+            estimate = other
+        return estimate
+
+    def searching(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """In the stretches that strain odometry most, contradicted or not.
+
+        For when the flight is over, and there is time.
+        """
+        for _ in range(MOST_RECONSIDERED):
+            likely = self._cost(estimate) - LEAST_GAIN
+            for doubted in strained(estimate.x, self.m, self.smoother.models.odometry):
+                other = yield from self._without(doubted, estimate)
+                if self._cost(other) < likely:
+                    estimate = other
+                    break
+            else:
+                break
+        return estimate
+
+    def _cost(self, estimate: Estimate) -> float:
+        return cost(self.smoother, estimate, self.m, self.past)
+
+    def _without(self, doubted: Mask, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The flight with what was met at some keyframes (k,) given to walls anew."""
+        x, wall_of = estimate.x.since(0), np.where(doubted[self.m.frame], NO_WALL, estimate.wall_of)
         for _ in range(BRIDGING_STEPS):
-            smoother.step(x, m, wall_of, past)
+            self.smoother.step(x, self.m, wall_of, self.past)
             yield
-        other = yield from smoother.smoothing(x, m, past, (first, *gates[2:]))
-        if cost(smoother, other, m, past) >= cost(smoother, estimate, m, past):
-            break
-        estimate = other
-    return estimate
+        first = replace(self.gates[1], looks=self.gates[0].looks)
+        gates = first, *self.gates[2:][:MORE_ROUNDS]
+        return (yield from self.smoother.smoothing(x, self.m, self.past, gates))
 
 
-def cost(smoother: Smoother, estimate: Estimate, m: Measured, past: Past) -> float:
-    """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
-    x, wall_of = estimate.x, estimate.wall_of
-    off = hit_residuals(x, m, wall_of, smoother.models.ranges)
-    hits = np.minimum(off**2, UNEXPLAINED).sum() + UNEXPLAINED * np.sum(wall_of == NO_WALL)
-    believed = past.belief.cost(past.beside(x))
-    return smoother.motion(x, m).squares + float(hits) + believed + WALL_COST * len(x.walls)
+def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
+    """The stretches (k,) that strain odometry most, the worst first; each half overlaps the next.
+
+    By the χ² of its steps: what walls that are right do to it is about the same everywhere.
+    """
+    time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])
+    strain_m, variance_m2 = _sums(x, m, model)
+    square = (np.diff(strain_m, axis=0) ** 2).sum(axis=1) / np.diff(variance_m2)
+    total = np.concatenate([[0.0], np.cumsum(square)])
+    begin_s = np.arange(-STRETCH_S / 2, time_s[-1], STRETCH_S / 2)
+    begin, end = np.searchsorted(time_s, [begin_s, begin_s + STRETCH_S])
+    end = np.minimum(end, len(total) - 1)
+    worst = np.argsort(total[begin] - total[end], kind="stable")[:MOST_STRETCHES]
+    frames = np.arange(len(time_s))
+    return [(frames >= begin[i]) & (frames < end[i]) for i in worst]
 
 
-def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> NDArray[np.bool_]:
+def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> Mask:
     """(k,): the keyframes about which odometry says something else."""
     time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])
     strain_m, variance_m2 = _sums(x, m, model)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from companion.estimation.dead_reckoning import DeadReckoning, along, moved
-from companion.estimation.doubt import reconsidering
+from companion.estimation.doubt import Doubt
 from companion.estimation.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.flight_record import FlightRecord, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
@@ -62,7 +62,7 @@ class Estimator:
         self._turned_until_s = 0.0
         self.record = FlightRecord()
         self._smoother = Smoother(self.models, Support())
-        self._in_flight = InFlightSmoothing(self._smoother)
+        self._in_flight = InFlightSmoothing(self.models)
         self._resets = 0
         self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
@@ -86,6 +86,11 @@ class Estimator:
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
             reset_counter=self._resets,
         )
+
+    @property
+    def turned_rad(self) -> float:
+        """Heading by the gyro alone, its bias and scale corrected: it never makes a step."""
+        return self._drifting.yaw_rad
 
     @property
     def height_m(self) -> float:
@@ -194,7 +199,7 @@ class Estimator:
         start = smoother.from_start(np.zeros(3))
         try:
             done = smoother.smooth(x, m, start, FINAL_GATES)
-            done = at_once(reconsidering(smoother, done, m, start, FINAL_GATES))
+            done = at_once(Doubt(smoother, m, start, FINAL_GATES).searching(done))
         except np.linalg.LinAlgError:
             return self.so_far()
         return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)

@@ -18,10 +18,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.estimation import factors
-from companion.estimation.doubt import reconsidering
+from companion.estimation.doubt import Doubt
 from companion.estimation.estimate import Estimate, Past
+from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoother import FLYING_GATES, Smoother
+from companion.estimation.support import Support
 from companion.estimation.unknowns import POSE_SIZE, Array, Measured, Unknowns
 from companion.frames import Vector2
 
@@ -29,6 +31,9 @@ PERIOD_S = 4.0
 GROWN_BY = 1.25
 SHORT_KEYFRAMES = 150
 """A flight this short is solved as a whole every time."""
+FLYING_SUPPORT = Support(extent_m=0.6)
+"""Of something short only one side may have been seen by now, and a line through it that is wrong
+would pull at the pose."""
 OVERLAP_KEYFRAMES = 100
 """The last part reaches so far back into what was solved as a whole."""
 MOST_WHOLE_KEYFRAMES = 1800
@@ -59,8 +64,8 @@ class Improved:
 class InFlightSmoothing:
     """The one under way, if any."""
 
-    def __init__(self, smoother: Smoother) -> None:
-        self._smoother = smoother
+    def __init__(self, models: Models) -> None:
+        self._smoother = Smoother(models, FLYING_SUPPORT)
         self._work: Generator[None, None, Improved] | None = None
         self._due_s = PERIOD_S
         self._past: Past | None = None
@@ -110,7 +115,7 @@ class InFlightSmoothing:
         x.add_walls(walls.lines, walls.reach_m)
         begin_at(x, past)
         estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
-        estimate = yield from reconsidering(smoother, estimate, part, past, FLYING_GATES)
+        estimate = yield from Doubt(smoother, part, past, FLYING_GATES).reconsidering(estimate)
         length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield

@@ -162,13 +162,11 @@ class Smoother:
         seen[: past.walls] = True
         order = np.argsort(~seen, kind="stable")
         x = estimate.x.since(0)
-        x.keep_walls(order)
-        number = np.append(np.argsort(order), NO_WALL)
-        wall_of = number[estimate.wall_of]
+        wall_of = x.keep_walls(order, estimate.wall_of)
         solution = self.step(x, m, wall_of, past)
         before = x.since(0)
         before.poses = x.poses[:end]
-        before.keep_walls(np.arange(int(seen.sum())))
+        before.keep_walls(np.arange(int(seen.sum())), wall_of)
         part = m.between(0, end)
         wall_of_part = wall_of[: len(part.frame)].copy()
         wall_of_part[hits:] = NO_WALL
@@ -208,11 +206,11 @@ def _square_pairs(x: Unknowns, solution: Solution) -> tuple[tuple[int, int], ...
     """Walls that seem to be at a multiple of 90° to the one whose direction is known best."""
     if not len(x.walls):
         return ()
-    covariance = solution.shared_covariance
     at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
-    surest = int(covariance[at, at].argmin())
-    hub = at[surest]
-    variance = covariance[at, at] + covariance[hub, hub] - 2 * covariance[at, hub]
+    directions = solution.shared_covariance[np.ix_(at, at)]
+    own = np.diag(directions)
+    surest = int(own.argmin())
+    variance = own + own[surest] - 2 * directions[surest]
     sigma_rad = np.sqrt(np.maximum(variance, 0.0) + factors.SQUARE_SIGMA_RAD**2)
     most_rad = np.minimum(SQUARE_WITHIN_RAD, SQUARE_WITHIN_SIGMAS * sigma_rad)
     return tuple(

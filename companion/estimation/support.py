@@ -24,12 +24,14 @@ class Support:
     """The least that speaks for a wall."""
 
     hits: int = 12
-    extent_m: float = 0.6
+    extent_m: float = 0.35
     """From the first to the last of them along the wall."""
     worth: float = 60.0
     worth_a_hit: float = 2.0
     """By how much it lowers the χ² of all hits. Two lines through the noise of one wall lower it
     by about 1 for each hit."""
+    normal_sigma_rad: float = math.radians(4)
+    """How exactly they tell its direction, at worst: or it might turn anywhere."""
     gap_m: float = 1.2
     """Hits farther apart along a line than this do not show a new wall together."""
     opening_m: float = 0.4
@@ -112,7 +114,7 @@ def without_bends(
 
 
 def worthy(
-    x: Unknowns, seen: Sightings, pairs: Candidates, support: Support, known: int
+    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, support: Support, *, known: int
 ) -> tuple[Candidates, Indices]:
     """The walls that are worth having; the least worthy is taken out first, then all is redone."""
     kept = np.arange(len(x.walls))
@@ -120,8 +122,10 @@ def worthy(
         _, wall, worth = pairs.worths()
         hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
         worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
-        low_m, high_m = reach_m(x, seen.points, pairs.best()).T
-        worths[(hits < support.hits) | (high_m - low_m < support.extent_m)] = 0.0
+        wall_of = pairs.best()
+        low_m, high_m = reach_m(x, seen.points, wall_of).T
+        vague = _normal_sigma_rad(x, seen, sigma_m, wall_of) > support.normal_sigma_rad
+        worths[(hits < support.hits) | (high_m - low_m < support.extent_m) | vague] = 0.0
         judged = kept[kept >= known]
         least = judged[int(worths[judged].argmin())]
         if worths[least] >= 1 and len(kept) <= MOST_WALLS:
@@ -130,3 +134,16 @@ def worthy(
         kept = np.setdiff1d(kept, gone)
         pairs = pairs.only(~np.isin(pairs.wall, gone))
     return pairs, kept
+
+
+def _normal_sigma_rad(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices) -> Array:
+    """(w,): how exactly the hits on each wall tell its direction, where they are right."""
+    hit = np.flatnonzero(wall_of != NO_WALL)
+    wall, weight = wall_of[hit], sigma_m[hit] ** -2.0
+    along_m = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+    count = len(x.walls)
+    total = np.maximum(np.bincount(wall, weight, count), 1e-9)
+    arm_m = along_m - (np.bincount(wall, weight * along_m, count) / total)[wall]
+    spread = np.bincount(wall, weight * arm_m**2, count)
+    sigma_rad: Array = 1 / np.sqrt(np.maximum(spread, 1e-9))
+    return sigma_rad

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.flight_record import FlightRecord, FrameColumn, HitColumn
+from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
 from companion.estimation.range_units import BEAMS, RangeUnits
 
 Array = NDArray[np.float64]
@@ -66,9 +66,12 @@ class Unknowns:
         self.walls = np.vstack([self.walls, walls])
         self.reach_m = np.vstack([self.reach_m, reach_m])
 
-    def keep_walls(self, kept: Indices) -> None:
-        """Forget all others."""
+    def keep_walls(self, kept: Indices, wall_of: Indices) -> Indices:
+        """Forget all others; the walls of the hits (n,), or NO_WALL, as they are numbered then."""
+        number = np.full(len(self.walls) + 1, NO_WALL)
+        number[kept] = np.arange(len(kept))
         self.walls, self.reach_m = self.walls[kept], self.reach_m[kept]
+        return number[wall_of]
 
 
 @dataclass(frozen=True, slots=True)

@@ -27,7 +27,7 @@ OBLIQUELY = math.tan(math.radians(20))
 """On a wall that is met so, what the drone moves aside and turns changes the reading besides."""
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
-LEAST_SHARE, AGAINST = 0.3, 3
+LEAST_SHARE, AGAINST = 0.5, 3
 """Nearer by less than this share of the way, so many times on end."""
 Seen = dict[int, float]
 """Distance by heading of the drone, in bins."""

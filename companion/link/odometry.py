@@ -20,8 +20,10 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EXTRAPOLATION_S = 0.2
-LATE_S = 0.4
-"""When all messages have been late for so long, it is not the radio."""
+LATE_S = 0.25
+"""When all messages have been late for so long, it is not the radio: its clock has lagged, as that
+of a simulator on a busy machine does again and again. Until then there is no odometry, which must
+not be for so long that the flight is broken off."""
 RESTARTED_MS = 2000
 """No message is overtaken by one that is so much younger."""
 

@@ -11,15 +11,19 @@ from numpy.typing import NDArray
 from companion.frames import Vector2, wrap_rad
 from companion.messages import WallLine, WallSegment
 
+Along = NDArray[np.float64]
+"""(n,): coordinates along a line, metres."""
+
 LARGEST_GAP_M = 0.6
 """Hits farther apart than this along a wall leave an opening between them."""
 LEAST_HITS = 5
-TOGETHER_M, TOGETHER_SPACINGS = 0.3, 6.0
-"""So near to a hit, or within so many usual spacings, there is another where there is wall; one by
-itself may be of something else that the line passes by, or seen through a doorway."""
+TOGETHER_SHARE, TOGETHER_SPACINGS = 0.5, 6.0
+"""Within so much of the largest gap, or so many usual spacings, there is another hit where there is
+wall; one by itself may be of something else that the line passes by, or seen through a doorway."""
 LEAST_LENGTH_M = 0.2
 CORNER_REACH_M = 0.5
 """Two ends this close to where their lines meet are one corner."""
+LEAST_SIN_BETWEEN = math.sin(math.radians(15))
 
 
 def wall_segments(
@@ -32,48 +36,64 @@ def wall_segments(
 
     `wall_of` (n,) is the line that each hit is on, or negative.
     """
-    pieces = [
-        piece
+    rows = [
+        (line, row)
         for i, line in enumerate(lines)
-        for piece in _pieces(line, _along(line, points_ne_m[wall_of == i]), largest_gap_m)
+        for row in _rows(_along(line, points_ne_m[wall_of == i]), largest_gap_m)
     ]
+    pieces = [_segment(line, _without_overhang(line, row, rows)) for line, row in rows]
     for first, second in combinations(range(len(pieces)), 2):
-        joined = _join(pieces[first], pieces[second])
-        if joined:
-            pieces[first], pieces[second] = joined
+        corner = _meeting_point(rows[first][0], rows[second][0])
+        one, other = (_with_end_at(pieces[i], corner) for i in (first, second))
+        if one and other:
+            pieces[first], pieces[second] = one, other
     return tuple(piece for piece in pieces if piece.length_m >= LEAST_LENGTH_M)
 
 
-def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> Along:
     """The sorted coordinates p·t, t = (-sin, cos)(normal), of hits on a line."""
     return np.sort(points_ne_m @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
 
 
-def _pieces(
-    line: WallLine, along_m: NDArray[np.float64], largest_gap_m: float
-) -> list[WallSegment]:
-    along_m = _without_lonely(along_m)
+def _rows(along_m: Along, largest_gap_m: float) -> list[Along]:
+    """Sorted coordinates, parted where there are gaps."""
+    along_m = _without_lonely(along_m, TOGETHER_SHARE * largest_gap_m)
     gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
-    return [
-        WallSegment(
-            _point(line, float(row[0])),
-            _point(line, float(row[-1])),
-            line.sigma_at_m(0.5 * float(row[0] + row[-1])),
-            len(row),
-            line.normal_sigma_rad,
-        )
-        for row in np.split(along_m, gaps)
-        if len(row) >= LEAST_HITS
-    ]
+    return [row for row in np.split(along_m, gaps) if len(row) >= LEAST_HITS]
 
 
-def _without_lonely(along_m: NDArray[np.float64]) -> NDArray[np.float64]:
+def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine, Along]]) -> Along:
+    """Without the few hits beyond another wall: they are of that, or of what is beside it."""
+    for other, its_row in rows:
+        meeting = _meeting_point(line, other)
+        if meeting is None:
+            continue
+        at_m, its_at_m = (_along(one, np.array([meeting]))[0] for one in (line, other))
+        if not its_row[0] - CORNER_REACH_M < its_at_m < its_row[-1] + CORNER_REACH_M:
+            continue
+        for kept in (row[row <= at_m], row[row >= at_m]):
+            if len(row) > len(kept) > max(len(row), 2 * LEAST_HITS) - LEAST_HITS:
+                row = kept
+    return row
+
+
+def _segment(line: WallLine, row: Along) -> WallSegment:
+    return WallSegment(
+        _point(line, float(row[0])),
+        _point(line, float(row[-1])),
+        line.sigma_at_m(0.5 * float(row[0] + row[-1])),
+        len(row),
+        line.normal_sigma_rad,
+    )
+
+
+def _without_lonely(along_m: Along, together_m: float) -> Along:
     """Sorted coordinates without those that have no other near."""
     if len(along_m) < LEAST_HITS:
         return along_m
     apart_m = np.diff(along_m)
-    is_near = apart_m <= max(TOGETHER_M, TOGETHER_SPACINGS * float(np.median(apart_m)))
-    together: NDArray[np.float64] = along_m[np.append(is_near, False) | np.append(False, is_near)]
+    is_near = apart_m <= max(together_m, TOGETHER_SPACINGS * float(np.median(apart_m)))
+    together: Along = along_m[np.append(is_near, False) | np.append(False, is_near)]
     return together
 
 
@@ -82,16 +102,10 @@ def _point(line: WallLine, along_m: float) -> Vector2:
     return line.offset_m * cos_n - along_m * sin_n, line.offset_m * sin_n + along_m * cos_n
 
 
-def _join(a: WallSegment, b: WallSegment) -> tuple[WallSegment, WallSegment] | None:
-    """Both with their nearest ends moved to where their lines meet, if that is near both."""
-    corner = _meeting_point(a, b)
+def _with_end_at(segment: WallSegment, corner: Vector2 | None) -> WallSegment | None:
+    """The segment, its nearer end moved to the corner, if that is near."""
     if corner is None:
         return None
-    moved = [_with_end_at(segment, corner) for segment in (a, b)]
-    return (moved[0], moved[1]) if moved[0] and moved[1] else None
-
-
-def _with_end_at(segment: WallSegment, corner: Vector2) -> WallSegment | None:
     to_start = math.dist(segment.start_ne_m, corner)
     to_end = math.dist(segment.end_ne_m, corner)
     if min(to_start, to_end) > CORNER_REACH_M:
@@ -101,23 +115,14 @@ def _with_end_at(segment: WallSegment, corner: Vector2) -> WallSegment | None:
     return replace(segment, end_ne_m=corner)
 
 
-def _meeting_point(a: WallSegment, b: WallSegment) -> Vector2 | None:
-    (ax, ay), (bx, by) = _direction(a), _direction(b)
-    cross = ax * by - ay * bx
-    if abs(cross) < math.sin(math.radians(15)):
+def _meeting_point(a: WallLine, b: WallLine) -> Vector2 | None:
+    """Of two lines; None if they are nearly parallel."""
+    sin_between = math.sin(b.normal_rad - a.normal_rad)
+    if abs(sin_between) < LEAST_SIN_BETWEEN:
         return None
-    dx = b.start_ne_m[0] - a.start_ne_m[0]
-    dy = b.start_ne_m[1] - a.start_ne_m[1]
-    along_a = (dx * by - dy * bx) / cross
-    return a.start_ne_m[0] + along_a * ax, a.start_ne_m[1] + along_a * ay
-
-
-def _direction(segment: WallSegment) -> Vector2:
-    length_m = segment.length_m or 1.0
-    return (
-        (segment.end_ne_m[0] - segment.start_ne_m[0]) / length_m,
-        (segment.end_ne_m[1] - segment.start_ne_m[1]) / length_m,
-    )
+    north_m = a.offset_m * math.sin(b.normal_rad) - b.offset_m * math.sin(a.normal_rad)
+    east_m = b.offset_m * math.cos(a.normal_rad) - a.offset_m * math.cos(b.normal_rad)
+    return north_m / sin_between, east_m / sin_between
 
 
 def outline_closed(walls: tuple[WallSegment, ...], viewpoint_ne_m: Vector2) -> float:

@@ -1,8 +1,8 @@
 """What stands near the drone, as the beams met it a moment ago: what must not be hit.
 
-The points are kept in a frame of their own that is only ever moved on, by odometry and by how the
-heading turns. A step of the estimate, or a wall that was taken for another, moves the map but not
-what is near.
+The points are kept in a frame of their own that is only ever moved on, by odometry, and turned by
+the gyro. A step of the estimate, or a wall that was taken for another, moves the map but not what
+is near.
 
 A triangulating sensor folds back: what is nearer than half a metre reads as if it were a metre or
 more away. From one reading nobody can tell, but what comes so near was met before, or by another
@@ -17,12 +17,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.frames import Vector2, frd_to_ned, ned_to_frd
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
     Odometry,
-    Pose,
     RangeModel,
     RangeReading,
     RangeScan,
@@ -34,20 +33,19 @@ KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 WITHIN_M = 2.5
 MOST_SIGMA_M = 0.06
 SAME_M = 0.04
-"""A point that is met again is one point, the new one."""
+"""A point that is met again is one point, the old one: new ones in its stead would be drawn along
+by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
 OLD_S, SAME_OLD_M = 4.0, 0.10
-"""After so long it may have drifted by as much, and the new one stands for all that are so near."""
+"""After so long it may have drifted by as much, and a new one stands for all that are so near."""
 BESIDE_BEAM_M = 0.03
 SEEN_THROUGH_M = 0.30
 """A beam that goes on so far beyond a point has shown that nothing is there any more,"""
-PASSES, TOGETHER_M = 2, 0.12
+PASSES, TOGETHER_M = 2, 0.20
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that."""
 ALIAS_M = 0.25
 """So well must a folded reading, or a guess of how near it is, fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
-MOST_STEP_RAD = 0.02
-"""Where pose and odometry turn otherwise by more in one tick, the estimate has made a step."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
@@ -77,33 +75,33 @@ class Near:
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
-        self._pose: Pose | None = None
         self._odometry: Odometry | None = None
 
     @property
     def surroundings(self) -> Surroundings:
         return Surroundings(self._relative(), self._velocity_frd_m_s)
 
-    def move(self, pose: Pose, odometry: Odometry | None, scale_error: float = 0.0) -> None:
-        """The drone has moved on as odometry says, its scale corrected, and turned as its pose.
+    def turn_to(self, heading_rad: float) -> None:
+        """By the gyro alone, which never makes a step.
 
-        Not moved as its pose: far ranges, and walls taken for others, pull that by decimetres in
-        some seconds, odometry wanders by centimetres.
+        Not by odometry: its heading is told late, and by a few hundredths of a second in a turn
+        what was met a metre away moves aside by centimetres.
         """
-        if odometry is None:
-            return
-        last_pose, self._pose = self._pose, pose
+        self._yaw_rad = heading_rad
+
+    def move(self, odometry: Odometry, scale_error: float = 0.0) -> None:
+        """The drone has moved on as odometry says, its scale corrected.
+
+        Not as its pose: far ranges, and walls taken for others, pull that by decimetres in some
+        seconds, odometry wanders by centimetres.
+        """
         last, self._odometry = self._odometry, odometry
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
-        if last is None or last_pose is None:
+        if last is None:
             return
         (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
         scale = 1 + scale_error
         body_m = ned_to_frd(scale * (x - last_x), scale * (y - last_y), odometry.yaw_rad)
-        turned_rad = wrap_rad(odometry.yaw_rad - last.yaw_rad)
-        yawed_rad = wrap_rad(pose.yaw_rad - last_pose.yaw_rad)
-        is_smooth = abs(yawed_rad - turned_rad) < MOST_STEP_RAD
-        self._yaw_rad = wrap_rad(self._yaw_rad + (yawed_rad if is_smooth else turned_rad))
         north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
         self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
@@ -123,8 +121,9 @@ class Near:
             known_m = self._known_m(along_m, aside_m)
             unfolded = self._unfolded(reading, beam, known_m)
             readings[beam] = unfolded
-            seen_to_m = self._seen_to_m(unfolded, beam)
-            passed |= (aside_m < BESIDE_BEAM_M) & (along_m > 0) & (along_m < seen_to_m)
+            from_m, to_m = self._seen_through_m(unfolded, beam)
+            beyond = along_m > np.where(self._points[:, _MEASURED] > 0, from_m, 0.0)
+            passed |= (aside_m < BESIDE_BEAM_M) & beyond & (along_m < to_m)
             end_m = self._end_m(unfolded, known_m)
             if end_m is not None:
                 met.append((end_m * cos_b, end_m * sin_b, unfolded.is_distance))
@@ -168,14 +167,21 @@ class Near:
             return reading
         return RangeReading(RangeState.TOO_NEAR, alias_m)
 
-    def _seen_to_m(self, reading: RangeReading, beam: Beam) -> float:
-        """What lies along the beam up to here is gone."""
+    def _seen_through_m(self, reading: RangeReading, beam: Beam) -> Vector2:
+        """What lies along the beam from here to there is gone.
+
+        A reading that may have folded back says nothing of what is too near to be measured, if
+        that was measured before.
+        """
+        model = self._sensors[beam]
         if reading.is_distance:
+            folds = model.alias_m(reading.distance_m) is not None
             end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
-            return end_m + self._mount_offset_m - SEEN_THROUGH_M
+            to_m = end_m + self._mount_offset_m - SEEN_THROUGH_M
+            return model.min_m + self._mount_offset_m if folds else 0.0, to_m
         if reading.state is RangeState.NOTHING:
-            return self._sensors[beam].max_m - SEEN_THROUGH_M
-        return 0.0
+            return 0.0, model.max_m - SEEN_THROUGH_M
+        return 0.0, 0.0
 
     def _end_m(self, reading: RangeReading, known_m: float) -> float | None:
         """Where there is something near, from the drone's centre, if that is new."""
@@ -192,10 +198,15 @@ class Near:
         north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
         place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
         off_m = self._points[:, :2] - place
+        off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _MET_S] > OLD_S
-        again = (off_m * off_m).sum(axis=1) < np.where(is_old, SAME_OLD_M, SAME_M) ** 2
-        if not is_measured:  # it says no more than what was measured
-            again &= self._points[:, _MEASURED] == 0
+        measured = self._points[:, _MEASURED]
+        known = ~is_old & (off_m2 < SAME_M**2) & (measured >= is_measured)
+        if known.any():
+            self._points[known, _PASSED] = 0
+            return
+        same_m = np.where(is_old, SAME_OLD_M, SAME_M)
+        again = (off_m2 < same_m**2) & (measured <= is_measured)  # no guess for what was measured
         self._points = np.vstack([self._points[~again], (*place, time_s, is_measured, 0)])
 
     def _relative(self) -> Points:

@@ -79,12 +79,14 @@ class Occupancy:
         self._low = (-half, -half)
         self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
         self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+        self._flown: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
 
     def copy(self) -> "Occupancy":
         """Another one, as it is now."""
         copy = Occupancy()
         copy._low = self._low
         copy._log_odds, copy._well_seen = self._log_odds.copy(), self._well_seen.copy()
+        copy._flown = self._flown.copy()
         return copy
 
     def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
@@ -97,6 +99,7 @@ class Occupancy:
         part._low = (self._low[0] + top, self._low[1] + left)
         part._log_odds = self._log_odds[top:bottom, left:right].copy()
         part._well_seen = self._well_seen[top:bottom, left:right].copy()
+        part._flown = self._flown[top:bottom, left:right].copy()
         return part
 
     def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
@@ -123,6 +126,11 @@ class Occupancy:
     def well_seen(self) -> Cells:
         """A reading exact enough to map by has ended here."""
         return self._well_seen
+
+    @property
+    def flown(self) -> Cells:
+        """The drone's centre has been here."""
+        return self._flown
 
     def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
         """Row and column; may lie outside the grid."""
@@ -187,6 +195,8 @@ class Occupancy:
         self._reach((float(reached[:, 0].min()), float(reached[:, 1].min())))
         self._reach((float(reached[:, 0].max()), float(reached[:, 1].max())))
         self._free(rays, unit)
+        north_m, east_m = rays.origin_ne_m.T
+        self._flown[self._indices(north_m, 0), self._indices(east_m, 1)] = True
         exact = rays.is_hit & (rays.sigma_m <= LEAST_EXACT_SIGMA_M)
         weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
         rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
@@ -239,6 +249,7 @@ class Occupancy:
                 widths[axis] = (before, after)
                 self._log_odds = np.pad(self._log_odds, widths)
                 self._well_seen = np.pad(self._well_seen, widths)
+                self._flown = np.pad(self._flown, widths)
                 low = list(self._low)
                 low[axis] -= before
                 self._low = (low[0], low[1])

@@ -85,7 +85,7 @@ class Growth:
     def finish(self) -> None:
         """All at once; then once more with walls looked for anew where the path now puts them."""
         self._solve_whole(WHOLE_GATES)
-        self.x.keep_walls(np.empty(0, dtype=np.int64))
+        self.wall_of = self.x.keep_walls(np.empty(0, dtype=np.int64), self.wall_of)
         self._solve_whole(ANEW_GATES)
 
     def noise_factor(self) -> float:

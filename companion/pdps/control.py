@@ -2,12 +2,17 @@
 
 import math
 
-from companion.frames import wrap_rad
+from companion.frames import Vector2, ned_to_frd, wrap_rad
+from companion.messages import Setpoint
+from companion.pdps.sight import Sight
 
 TURN_GAIN_1_S = 2.0
 HEIGHT_GAIN_1_S = 0.8
 MOST_CLIMB_M_S = 0.4
 DISTANCE_GAIN_1_S = 0.7
+TRIM_GAIN_1_S = 0.8
+MOST_SIDE_M_S = 0.3
+"""The drone trims its place without turning."""
 BRAKING_M_S2 = 0.5
 """Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
 
@@ -35,3 +40,14 @@ def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
 def approach_speed(room_m: float, most_m_s: float) -> float:
     """The speed from which the drone can still stop within `room_m`: √(2·a·room)."""
     return min(most_m_s, math.sqrt(2 * BRAKING_M_S2 * max(room_m, 0.0)))
+
+
+def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:
+    """Hold a place against drift and gusts."""
+    forward_m, right_m = ned_to_frd(
+        place_ne_m[0] - sight.pose.north_m, place_ne_m[1] - sight.pose.east_m, sight.pose.yaw_rad
+    )
+    return Setpoint(
+        clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),
+        clamp(TRIM_GAIN_1_S * right_m, MOST_SIDE_M_S),
+    )

@@ -21,7 +21,7 @@ import numpy as np
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M
 from companion.pdps.follow import Way
-from companion.pdps.route import Ways
+from companion.pdps.route import Ground
 from companion.values import value
 
 DOORWAY_ROOM_M = 0.7
@@ -85,12 +85,12 @@ class Doorway:
         return math.dist(at, self.middle_ne_m) < self.half_m
 
 
-def find_doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Doorway, ...]:
+def find_doorways(ground: Ground, here: Vector2, way: Way) -> tuple[Doorway, ...]:
     """At the narrowest place of each stretch of the way that is narrow."""
     narrowest: list[tuple[int, Vector2, Vector2]] = []
     least_m = math.inf
     for leg, place, heading in _along(here, way):
-        room_m = ways.clear_m(place)
+        room_m = ground.clear_m(place)
         if room_m >= DOORWAY_ROOM_M:
             least_m = math.inf
             continue
@@ -99,7 +99,7 @@ def find_doorways(ways: Ways, here: Vector2, way: Way) -> tuple[Doorway, ...]:
         elif room_m < least_m:
             narrowest[-1] = leg, place, heading
         least_m = min(room_m, least_m)
-    found = (_doorway(ways, *one) for one in narrowest)
+    found = (_doorway(ground, *one) for one in narrowest)
     return tuple(doorway for doorway in found if doorway is not None)
 
 
@@ -127,19 +127,21 @@ def on_the_way(
     return tuple(sorted(passed, key=lambda doorway: doorway.leg))
 
 
-def passed_squarely(ways: Ways, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
+def passed_squarely(ground: Ground, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
     """The way, through the doorways' middles."""
     squared: list[Vector2] = []
     for leg, corner in enumerate(way):
+        is_last = leg == len(way) - 1
         for doorway in doorways:
             if doorway.leg != leg:
                 continue
+            goes_to_m = doorway.along_m(corner) if is_last else math.inf
             squared += [
                 doorway.at_m(along_m)
                 for along_m in (-AWAY_M, AWAY_M)
-                if doorway.along_m(here) < along_m and ways.fits(doorway.at_m(along_m))
+                if doorway.along_m(here) < along_m < goes_to_m
+                and ground.fits(doorway.at_m(along_m))
             ]
-        is_last = leg == len(way) - 1
         if is_last or all(math.dist(corner, d.middle_ne_m) > AWAY_M for d in doorways):
             squared.append(corner)
     return tuple(squared)
@@ -156,9 +158,9 @@ def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
         start = corner
 
 
-def _doorway(ways: Ways, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
-    """Between the nearest thing and the nearest on the other side; None without that."""
-    jambs = ways.grid.occupied_near(place, JAMBS_WITHIN_M) - place
+def _doorway(ground: Ground, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
+    """Between the nearest thing and the nearest on the other side; None without one as near."""
+    jambs = ground.grid.occupied_near(place, JAMBS_WITHIN_M) - place
     away_m = np.hypot(*jambs.T)
     if not len(jambs) or away_m.min() < 0.5 * CELL_M:
         return None
@@ -169,6 +171,8 @@ def _doorway(ways: Ways, leg: int, place: Vector2, heading: Vector2) -> Doorway 
         return None
     other = opposite[np.hypot(*opposite.T).argmin()]
     middle, across = 0.5 * (nearest + other), other - nearest
+    if math.hypot(*across) > 2 * DOORWAY_ROOM_M:
+        return None
     through = np.array([-across[1], across[0]]) / math.hypot(*across)
     through *= 1.0 if through @ heading >= 0 else -1.0
     return Doorway(

@@ -25,12 +25,12 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
+from companion.pdps.control import stay
 from companion.pdps.doorways import Doorway
-from companion.pdps.follow import stay
 from companion.pdps.gaps import Look, Places, looks, still_unseen
 from companion.pdps.guard import BODY_RADIUS_M
-from companion.pdps.room_scan import Sight
-from companion.pdps.route import Ways, find_ways
+from companion.pdps.route import Ground, Ways, find_ground, find_ways
+from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour
 from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
@@ -66,8 +66,10 @@ class Explore:
     """Where it turns round,"""
     clockwise: bool = True
     """and which way."""
+    ground: Ground | None = None
+    """In CHOOSE: where it fits, once that is found,"""
     ways: Ways | None = None
-    """In CHOOSE: all ways from here, once they are found,"""
+    """all ways from here,"""
     looks: tuple[Look, ...] = ()
     """and then from where to look."""
     travel: Travel | None = None
@@ -152,10 +154,13 @@ def _to_choose(explore: Explore, in_vain: Places = ()) -> Explore:
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
-    """Three steps, a tick each: any may take a good part of it."""
-    if explore.ways is None:
+    """Four steps, a tick each: any may take a good part of it."""
+    if explore.ground is None:
         here = sight.pose.north_m, sight.pose.east_m
-        return replace(explore, ways=find_ways(space, here, BODY_RADIUS_M + plan.clearance_m))
+        ground = find_ground(space, here, BODY_RADIUS_M + plan.clearance_m)
+        return replace(explore, ground=ground)
+    if explore.ways is None:
+        return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
         found = looks(explore.ways, sight, plan, explore.tried, _within_m(plan))
         if not found:
@@ -184,7 +189,8 @@ def _go(
     going, now_s = explore.travel, sight.pose.time_s
     if going is None:
         return _to_choose(explore), HOLD
-    if going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S:
+    is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
+    if is_due and travel.in_the_open(sight, space):
         left = still_unseen(space, explore.look_at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):

@@ -45,13 +45,14 @@ from companion.messages import (
     Task,
     VehicleState,
 )
-from companion.pdps import explore, layers, room_scan, travel
+from companion.pdps import explore, layers, reserve, room_scan, travel
 from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
-from companion.pdps.route import find_ways
+from companion.pdps.reserve import Reserve, Spent
+from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.sight import Sight
 from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 from companion.values import value
 
@@ -131,9 +132,7 @@ class Flight:
     room: RoomScan = field(default_factory=RoomScan)
     building: Explore = field(default_factory=Explore)
     layers: Layers = field(default_factory=Layers)
-    way_home_s: float = 0.0
-    """What the way back would have taken when it was last asked."""
-    way_home_asked_s: float = -math.inf
+    reserve: Reserve = Reserve()
     way_home: Travel = Travel(START_NE_M)
     held_from: Phase = Phase.CONNECT
     held_trouble: str = ""
@@ -179,9 +178,6 @@ class Action:
 
 
 NOTHING = Action()
-ASK_WAY_HOME_S = 5.0
-HOME_SPEED_SHARE, HOME_TURNS_S = 0.4, 12.0
-"""What a way takes: of the planned speed, with its doorways; and the first turns and the end."""
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
@@ -214,25 +210,12 @@ def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
 
 
 def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
-    """Home, when what is left of the time is needed for the way there.
-
-    As long as it has flown for less than that, it could go back the way it came.
-    """
-    flown_s = view.time_s - flight.began_s
-    left_s = plan.time_limit_s - flown_s
-    if left_s > flown_s / HOME_SPEED_SHARE + HOME_TURNS_S + plan.reserve_s:
-        return flight
-    if view.time_s - flight.way_home_asked_s > ASK_WAY_HOME_S:
-        here = view.sight.pose.north_m, view.sight.pose.east_m
-        ways = find_ways(view.space, here, BODY_RADIUS_M + plan.clearance_m)
-        way_m = (
-            ways.length_m(START_NE_M) if ways.reaches(START_NE_M) else math.dist(here, START_NE_M)
-        )
-        way_home_s = HOME_TURNS_S + way_m / (HOME_SPEED_SHARE * plan.speed_m_s)
-        flight = replace(flight, way_home_asked_s=view.time_s, way_home_s=way_home_s)
-    if left_s > flight.way_home_s + plan.reserve_s:
-        return flight
-    return _go(flight, Phase.HOME, view, f"turned back for the limit of {plan.time_limit_s:.0f} s")
+    """Home, when what is left of time and battery is needed for the way there."""
+    spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
+    kept, why = reserve.step(flight.reserve, spent, view.sight, view.space, plan)
+    if kept is not flight.reserve:
+        flight = replace(flight, reserve=kept)
+    return _go(flight, Phase.HOME, view, f"turned back {why}") if why else flight
 
 
 def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
@@ -281,7 +264,9 @@ def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
 
 def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.armed:
-        return replace(_go(flight, Phase.TAKE_OFF, view), began_s=view.time_s), Action(HOLD)
+        full = Reserve(battery_at_start=view.vehicle.battery)
+        began = replace(flight, began_s=view.time_s, reserve=full)
+        return _go(began, Phase.TAKE_OFF, view), Action(HOLD)
     return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
 
 

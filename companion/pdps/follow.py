@@ -8,11 +8,12 @@ It begins to fly while it still turns, the slower the farther it has to.
 import math
 
 from companion.config import MissionConfig
-from companion.frames import Vector2, ned_to_frd, wrap_rad
+from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Setpoint
-from companion.pdps.control import approach_speed, clamp, turn_towards
-from companion.pdps.room_scan import FULL_STOP_BEFORE_M, Sight
+from companion.pdps.control import MOST_SIDE_M_S, approach_speed, clamp, stay, turn_towards
+from companion.pdps.room_scan import FULL_STOP_BEFORE_M
+from companion.pdps.sight import Sight
 
 ARRIVED_M = 0.10
 CORNER_M = 0.15
@@ -21,11 +22,9 @@ CLOSE_M = 0.4
 """Within this the drone trims its position without turning: it hovers in space it came through."""
 NOSE_ON_RAD = math.radians(12)
 FLIES_FROM_RAD = math.radians(50)
-TRIM_GAIN_1_S = 0.8
-MOST_SIDE_M_S = 0.3
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
-LEAST_SPEED_M_S = 0.25
+LEAST_SPEED_M_S = 0.4
 LOOK_AHEAD_M = 0.6
 
 Way = tuple[Vector2, ...]
@@ -76,9 +75,8 @@ def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Se
     north_m = way[0][0] - sight.pose.north_m
     east_m = way[0][1] - sight.pose.east_m
     distance_m = math.hypot(north_m, east_m)
-    forward_m, right_m = ned_to_frd(north_m, east_m, sight.pose.yaw_rad)
     if distance_m < CLOSE_M and len(way) == 1:
-        return Setpoint(clamp(TRIM_GAIN_1_S * forward_m, 0.3), clamp(TRIM_GAIN_1_S * right_m, 0.3))
+        return stay(way[0], sight)
     bearing_rad = math.atan2(east_m, north_m)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
@@ -90,15 +88,4 @@ def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Se
         speed_m_s * math.cos(off_rad),
         clamp(speed_m_s * math.sin(off_rad), MOST_SIDE_M_S),
         yaw_rate_rad_s=yaw_rate_rad_s,
-    )
-
-
-def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:
-    """Hold a place against drift and gusts."""
-    forward_m, right_m = ned_to_frd(
-        place_ne_m[0] - sight.pose.north_m, place_ne_m[1] - sight.pose.east_m, sight.pose.yaw_rad
-    )
-    return Setpoint(
-        clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),
-        clamp(TRIM_GAIN_1_S * right_m, MOST_SIDE_M_S),
     )

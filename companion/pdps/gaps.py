@@ -17,8 +17,8 @@ from scipy.spatial import cKDTree
 from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.room_scan import Sight
 from companion.pdps.route import Ways
+from companion.pdps.sight import Sight
 
 LEAST_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
@@ -105,7 +105,7 @@ def looks(
     `tried` are the places that each look so far was for in vain; twice is enough. Only what is
     within `within_m` of something that stands there counts.
     """
-    grid = ways.grid
+    grid = ways.ground.grid
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     targets = unseen(grid, tried)
     targets = targets[to_occupied_m[tuple(targets.T)] <= within_m]

@@ -5,10 +5,10 @@ its lag; nearer than it may be, the bound is below zero and the drone gives way.
 says does not matter here.
 
 In a passage, with something on both sides of where it moves and nothing between, the drone may come
-nearer to both than elsewhere, but to neither nearer than to the other.
+nearer to both than elsewhere, but to neither nearer than to the other. It is led to the middle of a
+narrow one by what was met a moment ago: the map's cells are too coarse for that.
 """
 
-import math
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +16,8 @@ import numpy as np
 from companion.frames import Vector2
 from companion.mapping.near import Points, Surroundings
 from companion.messages import Setpoint
-from companion.pdps.control import BRAKING_M_S2
+from companion.pdps.control import BRAKING_M_S2, clamp
+from companion.values import value
 
 BODY_RADIUS_M = 0.2
 LAG_S = 0.45
@@ -31,6 +32,11 @@ POINT_M = 0.04
 BESIDE_M = 0.25
 """What is farther aside of the course than this is beside the drone, not before it."""
 PASSAGE_FROM_M, PASSAGE_TO_M = -0.4, 0.8
+NARROW_M = 0.7
+"""From the middle of a passage to its sides: what is wider is passed as planned."""
+CENTRING_GAIN_1_S = 1.2
+COURSE_M_S = 0.1
+"""Slower than this the drone hovers, and has no course."""
 ROUNDS = 8
 LEAST_SPEED_M_S = 0.02
 
@@ -41,9 +47,11 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     if not len(points):
         return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
+    passage = _passage(points, wanted)
+    wanted = _to_the_middle(wanted, passage)
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     towards, distance_m = points / away_m[:, None], away_m - POINT_M
-    keep_off_m = _keep_off_m(points, (float(wanted[0]), float(wanted[1])), clearance_m)
+    keep_off_m = _keep_off_m(passage, clearance_m)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     room_m = distance_m - keep_off_m
     may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(room_m - LAG_S * closing_m_s, 0.0))
@@ -68,21 +76,52 @@ def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
     return float(velocity[0]), float(velocity[1])
 
 
-def _keep_off_m(points: Points, course_frd: Vector2, clearance_m: float) -> float:
-    """From the drone's centre: as planned, or less where both sides of the course are near."""
-    planned_m = BODY_RADIUS_M + clearance_m
-    speed = math.hypot(*course_frd)
-    ahead = (
-        (1.0, 0.0) if speed < LEAST_SPEED_M_S else (course_frd[0] / speed, course_frd[1] / speed)
-    )
-    along_m = points @ np.array(ahead)
-    aside_m = points @ np.array((-ahead[1], ahead[0]))
+@value
+class _Passage:
+    """What is nearest on either side of the course, from the drone's centre."""
+
+    left_m: float
+    right_m: float
+
+    @property
+    def half_m(self) -> float:
+        return 0.5 * (self.left_m + self.right_m)
+
+
+def _passage(points: Points, course: Points) -> _Passage | None:
+    """None if there is nothing on either side, or something in between."""
+    ahead = _direction(course)
+    along_m, aside_m = points @ ahead, points @ np.array((-ahead[1], ahead[0]))
     abreast = (along_m > PASSAGE_FROM_M) & (along_m < PASSAGE_TO_M)
     if (abreast & (along_m > 0) & (np.abs(aside_m) <= BESIDE_M)).any():
-        return planned_m  # it is a wall
+        return None  # it is a wall
     right_m = aside_m[abreast & (aside_m > BESIDE_M)]
     left_m = -aside_m[abreast & (aside_m < -BESIDE_M)]
     if not len(right_m) or not len(left_m):
+        return None
+    return _Passage(float(left_m.min()), float(right_m.min()))
+
+
+def _direction(course: Points) -> Points:
+    speed = float(np.hypot(*course))
+    return np.array([1.0, 0.0]) if speed < LEAST_SPEED_M_S else course / speed
+
+
+def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
+    """The velocity with what leads to the middle of a narrow passage."""
+    if passage is None or passage.half_m > NARROW_M or np.hypot(*wanted) < COURSE_M_S:
+        return wanted
+    ahead = _direction(wanted)
+    off_m = 0.5 * (passage.right_m - passage.left_m)
+    trim_m_s = clamp(CENTRING_GAIN_1_S * off_m, MOST_GIVE_WAY_M_S)
+    centred: Points = wanted + trim_m_s * np.array((-ahead[1], ahead[0]))
+    return centred
+
+
+def _keep_off_m(passage: _Passage | None, clearance_m: float) -> float:
+    """From the drone's centre: as planned, or less where both sides of the course are near."""
+    planned_m = BODY_RADIUS_M + clearance_m
+    if passage is None:
         return planned_m
-    half_m = 0.5 * float(right_m.min() + left_m.min()) - POINT_M - PASSAGE_SLACK_M
+    half_m = passage.half_m - POINT_M - PASSAGE_SLACK_M
     return max(min(planned_m, half_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))

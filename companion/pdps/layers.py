@@ -19,9 +19,9 @@ from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Setpoint
 from companion.pdps import explore, travel
+from companion.pdps.control import stay
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.follow import stay
-from companion.pdps.room_scan import Sight
+from companion.pdps.sight import Sight
 from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
 AT_HEIGHT_M = 0.08

@@ -12,6 +12,7 @@
     CORNER: the right beam meets the next wall, turn 90° right
     SWEEP:  the way along is not known to be free, look at that side of it
     SCAN, not known to be free where it swept before ─► BLOCKED
+    STAND_OFF, not there within half a minute ─► BLOCKED
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
 beam looks where the drone goes. It swings its nose a little to and fro meanwhile, so that the beam
@@ -24,21 +25,23 @@ turn has shown free; a beam that fails stops the movement along it.
 
 import enum
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.pdps.control import approach_speed, keep_distance, turn_towards
+from companion.messages import HOLD, Beam, RangeState, Setpoint
+from companion.pdps.control import approach_speed, keep_distance, stay, turn_towards
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+from companion.pdps.sight import Sight
 from companion.values import value
 
 QUARTER_TURN_RAD = math.pi / 2
 ON_HEADING_RAD = math.radians(2.5)
 AT_STANDOFF_M = 0.10
+STANDOFF_WITHIN_S = 30.0
+"""When it has not come there by then, something keeps the drone off."""
 SEEN_BY_ONE_TURN_M = 3.0
 """How far back one turn is trusted to have seen free space."""
 LEAST_ROOM_BEHIND_M = 0.7
@@ -79,29 +82,6 @@ class ScanPhase(enum.Enum):
 
 
 @value
-class Sight:
-    """What the room scan knows at one tick."""
-
-    pose: Pose
-    ranges: Mapping[Beam, RangeReading]
-    mount_offset_m: float
-    standoff_m: float = 1.5
-    """From the drone's centre to the wall that it scans, as planned."""
-    wall_ahead: tuple[float, float] | None = None
-    """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
-    distance along it, m."""
-
-    def clear_m(self, beam: Beam) -> float:
-        """Free distance from the drone's centre along a beam; 0 unless the beam says so."""
-        reading = self.ranges.get(beam)
-        if reading is None:
-            return 0.0
-        if not math.isnan(reading.distance_m):
-            return reading.distance_m + self.mount_offset_m
-        return math.inf if reading.state is RangeState.NOTHING else 0.0
-
-
-@value
 class Mark:
     """Where the scan was."""
 
@@ -122,6 +102,8 @@ class RoomScan:
     heading_rad: float = 0.0
     standoff_m: float = 0.0
     """As planned, or as far as the first turn has shown that the drone may back away."""
+    faced_s: float = math.inf
+    """When it began to take that."""
     marks: tuple[Mark, ...] = ()
     """The way along the walls so far."""
     corners: int = 0
@@ -129,7 +111,7 @@ class RoomScan:
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     swept_ne_m: Vector2 | None = None
-    """Where it looked along the wall the last time."""
+    """Where it began to look along the wall the last time."""
 
 
 _BEAM_BEARING_RAD = {Beam.FRONT: 0.0, Beam.RIGHT: QUARTER_TURN_RAD, Beam.LEFT: -QUARTER_TURN_RAD}
@@ -196,7 +178,7 @@ def _seek(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
 def _face(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _refined(scan, sight)
     if _on_heading(scan, sight):
-        return replace(scan, phase=ScanPhase.STAND_OFF), Setpoint()
+        return replace(scan, phase=ScanPhase.STAND_OFF, faced_s=sight.pose.time_s), Setpoint()
     return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
@@ -205,6 +187,8 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
     distance_m = _wall_distance_m(sight)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
         return replace(scan, phase=ScanPhase.SCAN), Setpoint()
+    if sight.pose.time_s - scan.faced_s > STANDOFF_WITHIN_S:
+        return replace(scan, phase=ScanPhase.BLOCKED), Setpoint()
     forward = keep_distance(distance_m, scan.standoff_m, 0.7 * plan.speed_m_s)
     return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
@@ -263,12 +247,24 @@ def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
 
 def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     heading_rad, *later = scan.sweep_rad
+    holding = _off_the_wall(scan, sight)
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
         most_rad_s = math.radians(plan.turn_rate_deg_s)
         rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
-        return scan, Setpoint(yaw_rate_rad_s=rate_rad_s)
+        return scan, replace(holding, yaw_rate_rad_s=rate_rad_s)
     phase = ScanPhase.SWEEP if later else ScanPhase.SCAN
-    return replace(scan, phase=phase, sweep_rad=tuple(later)), Setpoint()
+    return replace(scan, phase=phase, sweep_rad=tuple(later)), holding
+
+
+def _off_the_wall(scan: RoomScan, sight: Sight) -> Setpoint:
+    """As far from it as where the sweep began; along it the drone comes to rest by itself."""
+    if scan.swept_ne_m is None:
+        return HOLD
+    north_m, east_m = sight.pose.north_m, sight.pose.east_m
+    began = scan.swept_ne_m[0] - north_m, scan.swept_ne_m[1] - east_m
+    towards_m, _ = ned_to_frd(*began, scan.heading_rad)
+    off_north_m, off_east_m = frd_to_ned(towards_m, 0.0, scan.heading_rad)
+    return stay((north_m + off_north_m, east_m + off_east_m), sight)
 
 
 def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:

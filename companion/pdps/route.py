@@ -1,6 +1,7 @@
 """Ways through known free space: where the drone fits, how far it is, and along what line.
 
-The drone is a disc. It fits where everything within its radius and clearance is known, and free.
+The drone is a disc. It fits where everything within its radius and clearance is known, and free;
+and where it has been before, though what was met beside has moved in on the map by a cell or two.
 """
 
 import math
@@ -10,8 +11,8 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
-from scipy.sparse import coo_array, csr_array
+from scipy.ndimage import binary_dilation, distance_transform_edt
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from companion.frames import Vector2
@@ -19,6 +20,8 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
 TIGHT_CLEAR_M = 0.4
 """From the drone's centre to the sides of a doorway; what has less is an opening not entered."""
+FLOWN_CLEAR_M = 0.3
+"""Likewise where it has come through: no door has been closed there."""
 TIGHT_COST = 12.0
 """Where it is tight, a way counts as so much longer: the drone goes there only to pass."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
@@ -31,46 +34,23 @@ OPEN_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Ways:
-    """All ways from one place."""
+class Ground:
+    """Where the drone fits, and what it costs to be there."""
 
     grid: Occupancy
     """As much of the space as has been seen."""
     start: tuple[int, int]
+    """The cell that it is in."""
     passable: Cells
     room_m: NDArray[np.float64]
     """To what is there, or is not known to be free."""
     cost: NDArray[np.float64]
     """What a metre through each cell counts as, infinite where the drone does not fit."""
-    metres: NDArray[np.float64]
-    """Cost of the way to each cell, infinite where there is none; in metres in the open."""
-    came_from: NDArray[np.int32]
-
-    def reaches(self, place_ne_m: Vector2) -> bool:
-        cell = self.grid.cell(place_ne_m)
-        return self.grid.has(cell) and bool(np.isfinite(self.metres[cell]))
 
     def fits(self, place_ne_m: Vector2) -> bool:
         """Whether the drone does, there."""
         cell = self.grid.cell(place_ne_m)
         return self.grid.has(cell) and bool(self.passable[cell])
-
-    def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
-        """Corner points of the way there, the place last; straight where it can be."""
-        row, column = self.grid.cell(place_ne_m)
-        cells = [(row, column)]
-        flat = row * self.metres.shape[1] + column
-        while (before := int(self.came_from[flat])) >= 0:
-            flat = before
-            cells.append(divmod(flat, self.metres.shape[1]))
-        cells.reverse()
-        corners = _straightened(cells, np.where(self.passable, self.room_m, 0.0))
-        return (*(self.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
-
-    def length_m(self, place_ne_m: Vector2) -> float:
-        """Of the way there, metres."""
-        start = self.grid.place(self.start)
-        return sum(math.dist(a, b) for a, b in pairwise((start, *self.to(place_ne_m))))
 
     def clear_m(self, place_ne_m: Vector2) -> float:
         """Distance to anything that is there, or may be."""
@@ -78,8 +58,39 @@ class Ways:
         return float(self.room_m[row, column])
 
 
-def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
-    """Dijkstra over the cells where the drone fits; the one it is in always counts as such.
+@dataclass(frozen=True, slots=True)
+class Ways:
+    """All ways from where the drone is."""
+
+    ground: Ground
+    metres: NDArray[np.float64]
+    """Cost of the way to each cell, infinite where there is none; in metres in the open."""
+    came_from: NDArray[np.int32]
+
+    def reaches(self, place_ne_m: Vector2) -> bool:
+        cell = self.ground.grid.cell(place_ne_m)
+        return self.ground.grid.has(cell) and bool(np.isfinite(self.metres[cell]))
+
+    def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
+        """Corner points of the way there, the place last; straight where it can be."""
+        row, column = self.ground.grid.cell(place_ne_m)
+        cells = [(row, column)]
+        flat = row * self.metres.shape[1] + column
+        while (before := int(self.came_from[flat])) >= 0:
+            flat = before
+            cells.append(divmod(flat, self.metres.shape[1]))
+        cells.reverse()
+        corners = _straightened(cells, np.where(self.ground.passable, self.ground.room_m, 0.0))
+        return (*(self.ground.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
+
+    def length_m(self, place_ne_m: Vector2) -> float:
+        """Of the way there, metres."""
+        start = self.ground.grid.place(self.ground.start)
+        return sum(math.dist(a, b) for a, b in pairwise((start, *self.to(place_ne_m))))
+
+
+def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
+    """Cells where the drone fits; the one it is in always counts as such.
 
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
@@ -91,33 +102,49 @@ def find_ways(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ways:
     reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
     passable[around] |= room[around] >= min(room[row, column], tight_m)
+    passable |= _flown_before(grid, passable)
     crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
-    start = row * passable.shape[1] + column
+    return Ground(grid, (row, column), passable, room, cost)
+
+
+def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
+    """Where the drone has been that is not passable any more, and nothing is in its way."""
+    flown: Cells = binary_dilation(grid.flown) & ~passable
+    if not flown.any():
+        return flown
+    may: Cells = flown & (distance_transform_edt(~grid.occupied) * CELL_M >= FLOWN_CLEAR_M)
+    return may
+
+
+def find_ways(ground: Ground) -> Ways:
+    """Dijkstra over the cells."""
+    row, column = ground.start
+    rows, columns = ground.cost.shape
     metres, came_from = dijkstra(
-        graph(cost), directed=False, indices=start, return_predecessors=True
+        graph(ground.cost),
+        directed=False,
+        indices=row * columns + column,
+        return_predecessors=True,
     )
-    return Ways(
-        grid, (row, column), passable, room, cost, metres.reshape(passable.shape), came_from
-    )
+    return Ways(ground, metres.reshape(rows, columns), came_from)
 
 
 def graph(cost: NDArray[np.float64]) -> csr_array:
     """Each cell with its eight neighbours, once, where both costs are finite: metres times cost."""
     rows, columns = cost.shape
-    number = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
-    starts, ends, lengths = [], [], []
-    for down, right, cells in NEIGHBOURS:
-        a = np.s_[: rows - down, max(-right, 0) : columns - max(right, 0)]
-        b = np.s_[down:, max(right, 0) : columns - max(-right, 0)]
-        length_m = cells * CELL_M * 0.5 * (cost[a] + cost[b])
-        linked = np.isfinite(length_m)
-        starts.append(number[a][linked])
-        ends.append(number[b][linked])
-        lengths.append(length_m[linked])
-    entries = np.concatenate(lengths), (np.concatenate(starts), np.concatenate(ends))
-    return coo_array(entries, shape=(number.size, number.size)).tocsr()
+    around = np.pad(cost, ((0, 1), (1, 1)), constant_values=np.inf)
+    near = [
+        cells * CELL_M * 0.5 * (cost + around[down:, right + 1 :][:rows, :columns])
+        for down, right, cells in NEIGHBOURS
+    ]
+    length_m = np.stack(near, axis=-1).reshape(-1, len(NEIGHBOURS))
+    linked = np.isfinite(length_m)
+    step = np.array([down * columns + right for down, right, _ in NEIGHBOURS], dtype=np.int32)
+    ends = np.arange(cost.size, dtype=np.int32)[:, None] + step
+    begin = np.concatenate([[0], np.cumsum(linked.sum(axis=1))], dtype=np.int32)
+    return csr_array((length_m[linked], ends[linked], begin), shape=(cost.size, cost.size))
 
 
 def _straightened(

@@ -21,15 +21,15 @@ def first_of_tour(ways: Ways, places: tuple[Vector2, ...], home_ne_m: Vector2) -
     """Which of the places, that `ways` reaches, the shortest tour of all begins with."""
     if len(places) == 1:
         return 0
-    stops = [ways.grid.cell(place) for place in (*places, home_ne_m)]
-    between = _between_m(ways, np.array([ways.start, *stops]))
+    stops = [ways.ground.grid.cell(place) for place in (*places, home_ne_m)]
+    between = _between_m(ways, np.array([ways.ground.start, *stops]))
     return shortest_first(between[0, 1:-1], between[1:-1, 1:-1], between[1:-1, -1])
 
 
 def _between_m(ways: Ways, cells: NDArray[np.int64]) -> Costs:
     """(n, n): the ways' costs between cells (n, 2), on a coarser grid."""
-    rows, columns = (-np.array(ways.passable.shape)) % COARSE_CELLS
-    cost = np.pad(ways.cost, ((0, rows), (0, columns)), constant_values=np.inf)
+    rows, columns = (-np.array(ways.ground.cost.shape)) % COARSE_CELLS
+    cost = np.pad(ways.ground.cost, ((0, rows), (0, columns)), constant_values=np.inf)
     tall, wide = cost.shape[0] // COARSE_CELLS, cost.shape[1] // COARSE_CELLS
     coarse = cost.reshape(tall, COARSE_CELLS, wide, COARSE_CELLS).min(axis=(1, 3))
     numbers = cells // COARSE_CELLS @ np.array([wide, 1])

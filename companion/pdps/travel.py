@@ -9,11 +9,11 @@
 
     FLY, no way or no progress even so ─► GAVE_UP
 
-The way is looked at every two seconds by what is known then, and planned anew where it is not free
-any more; after a while in any case, as there may be a shorter one; and if it leads through a
-doorway, after each step of the pose, with which the map moved under it. Somebody who stands in the
-way is waited for; when he has stood for a while he is on the map, and it leads round him, or there
-is none.
+The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
+anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
+it leads through a doorway, after each step of the pose, with which the map moved under it. Somebody
+who stands in the way is waited for; when he has stood for a while he is on the map, and it leads
+round him, or there is none.
 
 Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
 appears ahead stops it.
@@ -27,8 +27,9 @@ from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Setpoint
-from companion.pdps.control import turn_towards
+from companion.pdps.control import stay, turn_towards
 from companion.pdps.doorways import (
+    AWAY_M,
     DOORWAY_ROOM_M,
     Doorway,
     find_doorways,
@@ -36,19 +37,19 @@ from companion.pdps.doorways import (
     passed_squarely,
     remembered,
 )
-from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked, stay
+from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked
 from companion.pdps.guard import BODY_RADIUS_M
-from companion.pdps.room_scan import Sight
-from companion.pdps.route import TIGHT_CLEAR_M, Ways, find_ways
+from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways
+from companion.pdps.sight import Sight
 
 START_NE_M: Vector2 = (0.0, 0.0)
 CHECK_S, PLAN_S = 2.0, 8.0
 DETOUR_M = 3.0
 STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
-SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 0.9
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
-BACK_OFF_M = (1.2, 1.0, 1.5)
+BACK_OFF_M = (1.2, 1.5)
 """It goes so far off, where it fits, when it has come too near."""
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
@@ -73,7 +74,7 @@ class Travel:
 
     goal_ne_m: Vector2
     within_m: float = ARRIVED_M
-    """So near to it, it has arrived."""
+    """So near to it, it has arrived, unless that is in a doorway."""
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
     planned_s: float = -math.inf
@@ -114,26 +115,37 @@ def _fly(
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
     travel = replace(_progress(travel, sight), known=_still_swept(travel, sight))
+    is_open = in_the_open(sight, space)
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
-        here = sight.pose.north_m, sight.pose.east_m
-        if _has_room(here, space):
+        if is_open:
+            here = sight.pose.north_m, sight.pose.east_m
             travel = replace(travel, roomy_ne_m=here)
-        is_due = now_s - travel.planned_s > PLAN_S or _is_stuck(travel, now_s)
-        is_due |= has_stepped and bool(travel.doorways)
-        if is_due or not _is_free(travel.way, sight, space):
+        if _must_plan(travel, sight, space, has_stepped=has_stepped):
             travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
         return travel, HOLD
-    if sweep := _begin_sweep(travel, sight, space):
+    if is_open and (sweep := _begin_sweep(travel, sight)):
         return sweep, HOLD
     if is_blocked(travel.way, sight):
         return travel, HOLD
-    way, setpoint = follow(travel.way, sight, space, plan, travel.within_m)
+    within_m = travel.within_m if is_open else ARRIVED_M
+    way, setpoint = follow(travel.way, sight, space, plan, within_m)
     if not way:
         return replace(travel, phase=TravelPhase.ARRIVED), setpoint
     return replace(travel, way=way), setpoint
+
+
+def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:
+    """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
+    now_s = sight.pose.time_s
+    if _is_stuck(travel, now_s):
+        return True
+    if _passes_doorway(travel, sight):
+        return False
+    is_due = now_s - travel.planned_s > PLAN_S or (has_stepped and bool(travel.doorways))
+    return is_due or not _is_free(travel.way, sight, space)
 
 
 def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
@@ -148,8 +160,16 @@ def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
     return bool(way)
 
 
-def _has_room(place_ne_m: Vector2, space: Occupancy) -> bool:
-    return space.nearest_m(place_ne_m, DOORWAY_ROOM_M) >= DOORWAY_ROOM_M
+def in_the_open(sight: Sight, space: Occupancy) -> bool:
+    """Not in a doorway, nor where it is as narrow."""
+    here = sight.pose.north_m, sight.pose.east_m
+    return space.nearest_m(here, DOORWAY_ROOM_M) >= DOORWAY_ROOM_M
+
+
+def _passes_doorway(travel: Travel, sight: Sight) -> bool:
+    """It is in one: it must not turn there for a way that is better by a decimetre."""
+    here = sight.pose.north_m, sight.pose.east_m
+    return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
 
 def _progress(travel: Travel, sight: Sight) -> Travel:
@@ -189,19 +209,21 @@ def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) 
     """As far as they are needed: near the way so far, if one there leads to the goal."""
     clear_m = BODY_RADIUS_M + plan.clearance_m
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
-    ways = find_ways(nearby, here, clear_m)
-    return ways if ways.reaches(travel.goal_ne_m) else find_ways(space, here, clear_m)
+    ways = find_ways(find_ground(nearby, here, clear_m))
+    if ways.reaches(travel.goal_ne_m):
+        return ways
+    return find_ways(find_ground(space, here, clear_m))
 
 
 def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
     """On the way to its goal, which the ways found from here reach."""
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
     way = ways.to(travel.goal_ne_m)
-    found = find_doorways(ways, here, way)
+    found = find_doorways(ways.ground, here, way)
     travel = replace(travel, known=remembered(travel.known, found))
     doorways = on_the_way(travel.known, found, here, way)
-    squared = passed_squarely(ways, here, way, doorways)
-    back = _backed_off(ways, travel, sight, doorways)
+    squared = passed_squarely(ways.ground, here, way, doorways)
+    back = _backed_off(ways.ground, travel, sight, doorways)
     return replace(
         travel,
         way=squared if back is None else (back, *squared),
@@ -213,7 +235,7 @@ def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
 
 
 def _backed_off(
-    ways: Ways, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
+    ground: Ground, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
 ) -> Vector2 | None:
     """A place from where the next doorway's jambs can be measured, if it has come too near."""
     here = sight.pose.north_m, sight.pose.east_m
@@ -225,7 +247,7 @@ def _backed_off(
     if not is_too_near or not is_before or _was_swept(travel, doorway):
         return None
     places = (doorway.at_m(-off_m) for off_m in BACK_OFF_M)
-    return next((place for place in places if ways.fits(place)), None)
+    return next((place for place in places if ground.fits(place)), None)
 
 
 def _was_swept(travel: Travel, doorway: Doorway) -> bool:
@@ -248,11 +270,9 @@ def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
     )
 
 
-def _begin_sweep(travel: Travel, sight: Sight, space: Occupancy) -> Travel | None:
-    """Before the next doorway, if it has not been looked at yet, and not in one."""
+def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet."""
     here = sight.pose.north_m, sight.pose.east_m
-    if not _has_room(here, space):
-        return None
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
         to_go_m = math.dist(here, middle)

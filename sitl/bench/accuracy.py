@@ -5,7 +5,6 @@ Beside each figure stand those of dead reckoning and of the ideal solver for the
 """
 
 import multiprocessing
-import os
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -126,7 +125,6 @@ def _references(
 
 def fly_all(setups: list[Setup]) -> Iterator[FlightResult]:
     """On all cores, one process each, as they end; the same flights in any order."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # the flights themselves fill the cores
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(mp_context=spawn) as pool:
         for future in as_completed([pool.submit(fly, setup) for setup in setups]):
@@ -165,7 +163,8 @@ def _row(results: list[FlightResult]) -> Row:
     for name in ("dead_reckoned", "ideal"):
         others: list[Report] = [asdict(result)[name] for result in results]
         row[name] = {score: _mean_and_p95(_values(others, score)) for score in ERRORS}
-    row["lost"] = sum(not report["completed"] for report in reports)
+    lost = {report["seed"]: report["ending"] for report in reports if not report["completed"]}
+    row |= {"lost": len(lost), "lost_by_seed": lost}
     row["collisions"] = sum(_values(reports, "collisions"))
     for figure in ("home_m", "cpu_ms_per_s", "update_p99_ms"):
         row[figure] = _mean_and_p95([getattr(result, figure) for result in results])

@@ -15,6 +15,7 @@ from concurrent.futures import (
     as_completed,
 )
 from concurrent.futures.process import BrokenProcessPool
+from itertools import count
 from queue import SimpleQueue
 from typing import Generic, TypeVar
 
@@ -73,8 +74,9 @@ def fly_and_show(jobs: Sequence[Job]) -> list[Flown]:
     """Missions with a bar on stderr, where it is not in the way of what is printed."""
 
     def told(flown: Flown) -> str:
-        verdict = "completed" if flown.row["completed"] else "not completed"
-        return f"{flown.row['world']} {verdict}"
+        row = flown.row
+        verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
+        return f"{row['world']} {verdict}"
 
     return with_a_bar(jobs, told, fly, lost)
 
@@ -85,12 +87,17 @@ def with_a_bar(
     fly_one: Callable[[J], F],
     lose_one: Callable[[J, str], F],
 ) -> list[F]:
-    """The same with a bar that says of each flight what `told` makes of it."""
-    with Progress(console=Console(stderr=True, highlight=False), transient=True) as progress:
+    """The same with a bar that says of each flight what `told` makes of it; in a log, lines."""
+    console = Console(stderr=True, highlight=False)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("flying", total=len(jobs))
+        done = count(1)
 
         def tell(flown: F) -> None:
-            progress.update(bar, advance=1, description=told(flown))
+            if console.is_terminal:
+                progress.update(bar, advance=1, description=told(flown))
+            else:
+                console.print(f"{next(done)} of {len(jobs)}: {told(flown)}")
 
         return fly_all(jobs, tell, fly_one, lose_one)
 

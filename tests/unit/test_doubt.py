@@ -1,6 +1,7 @@
 """What odometry says against the walls, and what the autopilot's heading is worth."""
 
 import math
+from collections.abc import Callable, Generator
 from random import Random
 
 import numpy as np
@@ -10,7 +11,8 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import PAPER
 from companion.estimation.candidates import Gate
-from companion.estimation.doubt import contradicted, reconsidering
+from companion.estimation.doubt import Doubt, contradicted
+from companion.estimation.estimate import Estimate
 from companion.estimation.estimator import Estimator
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord
@@ -32,6 +34,7 @@ from companion.messages import (
 )
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
+Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]
 KEYFRAMES = 151
 STEP_M = 0.1
 
@@ -78,7 +81,8 @@ def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: 
     assert not doubted[-10:].any()
 
 
-def test_hits_given_to_a_wrong_wall_are_given_back() -> None:
+@pytest.mark.parametrize("looking", [Doubt.reconsidering, Doubt.searching])
+def test_hits_given_to_a_wrong_wall_are_given_back(looking: Looking) -> None:
     """The cabinet's hits were taken for the wall's, and the drone for half a metre off its way."""
     m, poses = flight_past_a_cabinet(1)
     k = np.arange(KEYFRAMES)
@@ -89,7 +93,7 @@ def test_hits_given_to_a_wrong_wall_are_given_back() -> None:
     start = smoother.from_start(np.zeros(3))
     pulled = smoother.smooth(x, m, start, (Gate(0.2), Gate(0.1)))
     assert wall_distance_m(pulled.x).min() < 1.2
-    likelier = at_once(reconsidering(smoother, pulled, m, start, FINAL_GATES))
+    likelier = at_once(looking(Doubt(smoother, m, start, FINAL_GATES), pulled))
     assert wall_distance_m(likelier.x) == pytest.approx(1.5, abs=0.1)
     assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.0, 1.5], abs=0.05)
 

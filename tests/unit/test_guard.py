@@ -1,6 +1,7 @@
 """What is near is remembered, and no velocity leads too close to it."""
 
 import math
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.mapping.near import Near, Surroundings
-from companion.messages import Beam, Odometry, Pose, RangeReading, RangeScan, RangeState, Setpoint
+from companion.messages import Beam, Odometry, RangeReading, RangeScan, RangeState, Setpoint
 from companion.pdps.guard import guarded
 
 CLEARANCE_M = 0.3
@@ -123,13 +124,12 @@ class Drone:
         self._north_m = self._time_s = 0.0
         self.move(0.0)
 
-    def move(self, north_m: float, step_m: float = 0.0) -> None:
-        """Truly by `north_m`; the estimate makes a step besides."""
+    def move(self, north_m: float) -> None:
         self._time_s += 0.05
         self._north_m += north_m
         position = self._north_m, 0.0, -1.2
         odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
-        self.near.move(Pose(self._time_s, self._north_m + step_m, 0.0, -1.2, 0.0), odometry)
+        self.near.move(odometry)
 
     def see(self, **readings: RangeReading) -> RangeScan:
         return self.near.see(scan(self._time_s, **readings))
@@ -146,13 +146,6 @@ def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
     [(forward_m, right_m)] = drone.points
     assert forward_m == pytest.approx(-0.3)
     assert right_m == pytest.approx(1.28)
-
-
-def test_a_step_of_the_estimate_moves_nothing() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
-    drone.see(right=at(1.2))
-    drone.move(0.0, step_m=0.5)
-    assert drone.points == [pytest.approx((0.0, 1.28))]
 
 
 def test_who_has_walked_on_is_forgotten() -> None:
@@ -172,6 +165,26 @@ def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None
         drone.see(right=at(3.5))
         drone.move(0.002)
     assert len(drone.points) == 5
+
+
+def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    for _ in range(30):
+        drone.see(right=at(1.2))
+        drone.move(0.01)
+    along_m = sorted(forward_m for forward_m, _ in drone.points)
+    assert along_m[-1] - along_m[0] > 0.25
+    assert max(b - a for a, b in pairwise(along_m)) < 0.06
+
+
+def test_what_was_measured_stays_while_it_is_too_near_to_be_measured() -> None:
+    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone.see(front=at(1.1))
+    for _ in range(14):
+        drone.move(0.05)
+    for _ in range(5):
+        drone.see(front=at(5.2))  # as something quite near may read, too
+    assert drone.points == [pytest.approx((0.48, 0.0))]
 
 
 def test_a_reading_that_has_folded_back_is_called_too_near() -> None:

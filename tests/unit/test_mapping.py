@@ -67,6 +67,17 @@ def test_a_few_stray_hits_are_no_wall() -> None:
     assert segments([line], hits_along(line, 0.0, 0.2)) == ()
 
 
+@pytest.mark.parametrize(("beyond", "end_m"), [(4, 2.0), (8, 2.8)])
+def test_a_wall_ends_at_another_unless_enough_was_met_beyond(beyond: int, end_m: float) -> None:
+    line, other = LINES[0], LINES[1]
+    hits = hits_along(line, -1.8, 1.9) + hits_along(other, -1.9, 1.9, wall=1)
+    hits += hits_along(line, 2.1, 2.0 + 0.1 * beyond)
+    wall, _ = segments([line, other], hits)
+    assert max(abs(east_m) for _, east_m in (wall.start_ne_m, wall.end_ne_m)) == pytest.approx(
+        end_m, abs=0.01
+    )
+
+
 def test_hits_off_a_line_do_not_lengthen_it() -> None:
     line, other = WallLine(0.0, 2.0, 0.01), WallLine(0.0, 2.5, 0.01)
     (wall,) = segments([line], hits_along(line, 0.0, 1.0) + hits_along(other, 1.0, 3.0, wall=None))

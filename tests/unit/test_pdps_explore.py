@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.config import MissionConfig
+from companion.frames import Vector2
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps import layers as layering
@@ -19,14 +20,18 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
 from companion.pdps.gaps import frontiers, looks, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.room_scan import Sight
-from companion.pdps.route import find_ways
+from companion.pdps.route import Ways, find_ground, find_ways
+from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 
 PLAN = MissionConfig(kind="building")
 CLEAR_M = 0.5
 Place = tuple[float, float]
+
+
+def ways_from(grid: Occupancy, place_ne_m: Vector2) -> Ways:
+    return find_ways(find_ground(grid, place_ne_m, CLEAR_M))
 
 
 def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
@@ -61,14 +66,14 @@ def length_m(start: Place, way: tuple[Place, ...]) -> float:
 
 
 def test_a_way_in_the_open_is_straight() -> None:
-    ways = find_ways(open_ground(), (-2.0, 0.0), CLEAR_M)
+    ways = ways_from(open_ground(), (-2.0, 0.0))
     assert ways.to((2.0, 1.0)) == ((2.0, 1.0),)
 
 
 def test_a_way_goes_round_what_is_there_with_room() -> None:
     grid = open_ground()
     grid.block((0.0, 0.0), 0.4)
-    way = find_ways(grid, (-2.0, 0.0), CLEAR_M).to((2.0, 0.0))
+    way = ways_from(grid, (-2.0, 0.0)).to((2.0, 0.0))
     assert length_m((-2.0, 0.0), way) > 4.1
     points = [(-2.0, 0.0), *way]
     for a, b in pairwise(points):
@@ -78,7 +83,7 @@ def test_a_way_goes_round_what_is_there_with_room() -> None:
 
 
 def test_there_is_no_way_through_what_was_never_seen() -> None:
-    assert not find_ways(open_ground(), (0.0, 0.0), CLEAR_M).reaches((6.0, 0.0))
+    assert not ways_from(open_ground(), (0.0, 0.0)).reaches((6.0, 0.0))
 
 
 def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
@@ -87,12 +92,28 @@ def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
         for row in range(-40, 41):
             if abs(0.1 * row + 0.05) > width_m / 2:
                 grid.block((0.1 * row + 0.05, 0.05), 0.01)
-        assert find_ways(grid, (0.5, -2.0), CLEAR_M).reaches((0.5, 2.0)) is passes
+        assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
+
+
+@pytest.mark.parametrize(
+    ("width_m", "came_through", "passes"),
+    [(0.8, True, True), (0.8, False, False), (0.0, True, False)],
+)
+def test_where_it_has_come_through_it_may_go_back_unless_that_was_closed(
+    width_m: float, came_through: bool, passes: bool
+) -> None:
+    grid = open_ground()
+    for decimetre in range(-10, 11) if came_through else ():
+        grid.add(Ray((0.05, 0.1 * decimetre), 0.0, 0.5, 0.01, is_hit=False))
+    for row in range(-40, 41):
+        if abs(0.1 * row + 0.05) > width_m / 2:
+            grid.block((0.1 * row + 0.05, 0.05), 0.01)
+    assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
 
 
 def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
     grid = walled(reach_m=2.0)
-    assert not looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
+    assert not looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
 
 
 def test_a_doorway_is_a_frontier_to_look_through() -> None:
@@ -101,7 +122,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
         for _ in range(20):
             grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False))
     assert frontiers(grid).any()
-    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
+    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
     for place in look.at_ne_m:
         assert abs(math.atan2(place[1], place[0])) < math.radians(25)
 
@@ -113,7 +134,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True))
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False))
     assert vague_surfaces(grid).any()
-    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN)
+    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
 
@@ -122,22 +143,22 @@ def test_what_was_looked_at_twice_in_vain_is_let_be() -> None:
     everywhere = tuple(
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
     )
-    ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
+    ways = ways_from(grid, (0.0, 0.0))
     assert looks(ways, sight(), PLAN, (everywhere,))
     assert not looks(ways, sight(), PLAN, (everywhere, everywhere))
 
 
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     grid = open_ground()
-    ways = find_ways(grid, (0.0, 0.0), CLEAR_M)
+    ways = ways_from(grid, (0.0, 0.0))
     assert not looks(ways, sight(), PLAN, within_m=2.5)
     grid.block((3.0, 0.0), 0.3)
-    look, *_ = looks(find_ways(grid, (0.0, 0.0), CLEAR_M), sight(), PLAN, within_m=2.5)
+    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN, within_m=2.5)
     assert all(place[0] > 0 for place in look.at_ne_m)
 
 
 def test_what_lies_on_the_way_home_is_left_for_the_way_home() -> None:
-    ways = find_ways(open_ground(), (0.0, 0.0), CLEAR_M)
+    ways = ways_from(open_ground(), (0.0, 0.0))
     near, far, home = (0.0, -1.0), (0.0, 3.0), (0.0, -3.0)
     assert first_of_tour(ways, (near, far), home) == 1
     assert first_of_tour(ways, (near, far), (0.0, 4.0)) == 0

@@ -23,7 +23,9 @@ from companion.messages import (
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight import Action, Flight, Phase, View, step
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.room_scan import RoomScan, ScanPhase, Sight
+from companion.pdps.reserve import Reserve
+from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
 
 PLAN = MissionConfig()
@@ -234,6 +236,18 @@ def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
     flight, _ = step(flying(Phase.ROOM), late, PLAN)
     assert flight.phase is Phase.HOME
     assert "limit" in flight.trouble
+
+
+@pytest.mark.parametrize(("battery", "phase"), [(0.2, Phase.ROOM), (0.14, Phase.HOME)])
+def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
+    battery: float, phase: Phase
+) -> None:
+    """At one per cent in six seconds; the way home of 2 m and its turns may take 17 s."""
+    began = replace(flying(Phase.ROOM), began_s=0.0, reserve=Reserve(battery_at_start=1.0))
+    seen = view(replace(FLYING, battery=battery), time_s=600.0 * (1 - battery))
+    away = replace(seen, sight=replace(seen.sight, pose=replace(seen.sight.pose, north_m=2.0)))
+    plan = PLAN.model_copy(update={"time_limit_s": 3600.0, "battery_home_percent": 0.0})
+    assert step(began, away, plan)[0].phase is phase
 
 
 def test_time_limit_and_request_land_the_drone() -> None:

@@ -8,7 +8,8 @@ import pytest
 from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.pdps.room_scan import RoomScan, ScanPhase, Sight, step
+from companion.pdps.room_scan import RoomScan, ScanPhase, step
+from companion.pdps.sight import Sight
 
 PLAN = MissionConfig()
 
@@ -223,6 +224,15 @@ def test_a_closed_room_stays_closed_and_still() -> None:
 def test_a_blind_right_beam_stops_the_scan(state: RangeState) -> None:
     _, setpoint = step(SCANNING, sight(front=at(1.5), right=RangeReading(state)), FREE, PLAN)
     assert setpoint.right_m_s == 0
+
+
+def test_where_it_is_kept_off_its_stand_off_for_half_a_minute_something_is_in_the_way() -> None:
+    taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5, faced_s=10.0)
+    scan, _ = step(taking, sight(front=at(2.5), time_s=39.0), FREE, PLAN)
+    assert scan.phase is ScanPhase.STAND_OFF
+    scan, setpoint = step(taking, sight(front=at(2.5), time_s=41.0), FREE, PLAN)
+    assert scan.phase is ScanPhase.BLOCKED
+    assert setpoint.forward_m_s == 0
 
 
 def test_where_the_way_along_is_not_known_it_looks_to_both_sides_of_it_and_goes_on() -> None:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 from companion.frames import Vector2
 from sitl.world.format import Segment
 
-SIDES_M = (8, 25)
+SIDES_M = (8, 16)
+"""As much as a drone sees of a building in ten minutes."""
 LEAST_ROOM_M = 3.2
 """From centre line to centre line, so that 3 m are left between thick walls."""
 LARGE_ROOMS_M2 = (20, 60)

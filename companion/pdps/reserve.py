@@ -1,0 +1,80 @@
+"""When to turn back: what is left of time and battery, and what the way home takes of it.
+
+The way home is asked for only when it may matter. Since it was asked last it has grown by no more
+than what was flown since.
+"""
+
+import math
+from dataclasses import replace
+
+from companion.config import MissionConfig
+from companion.mapping.occupancy import Occupancy
+from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.route import find_ground, find_ways
+from companion.pdps.sight import Sight
+from companion.pdps.travel import START_NE_M
+from companion.values import value
+
+ASK_AGAIN_S = 5.0
+SPEED_SHARE, TURNS_S = 0.4, 12.0
+"""What a way takes: of the planned speed, with its doorways; and the first turns and the end."""
+BATTERY_TOLD_S = 60.0
+"""Whole per cents are told: so long, and it can be told how quickly they go."""
+
+
+@value
+class Reserve:
+    """What is known of the way home, and of the battery."""
+
+    battery_at_start: float | None = None
+    way_home_s: float = TURNS_S
+    """What it would have taken when it was last asked for,"""
+    asked_s: float = 0.0
+    """so long after the start."""
+
+
+@value
+class Spent:
+    """What the flight has cost so far."""
+
+    flown_s: float
+    battery: float | None
+    """What is left of it, 0 to 1; None if the autopilot does not tell."""
+
+
+def step(
+    reserve: Reserve, spent: Spent, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Reserve, str]:
+    """One tick of a mission: why the drone must turn back now; empty if it need not."""
+    flown_s = spent.flown_s
+    left_s, why = _left_s(reserve, spent, plan)
+    since_s = flown_s - reserve.asked_s
+    if left_s > reserve.way_home_s + since_s / SPEED_SHARE:
+        return reserve, ""
+    if since_s > ASK_AGAIN_S:
+        way_home_s = _way_home_s(sight, space, plan)
+        reserve = replace(reserve, asked_s=flown_s, way_home_s=way_home_s)
+    return reserve, "" if left_s > reserve.way_home_s else why
+
+
+def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float, str]:
+    """Until it must be home, and because of what."""
+    flown_s, battery = spent.flown_s, spent.battery
+    by_limit_s = plan.time_limit_s - flown_s - plan.reserve_s
+    limit = by_limit_s, f"for the limit of {plan.time_limit_s:.0f} s"
+    if battery is None or reserve.battery_at_start is None or flown_s < BATTERY_TOLD_S:
+        return limit
+    used = reserve.battery_at_start - battery
+    if used <= 0:
+        return limit
+    share_left = battery - 0.01 * plan.battery_land_percent
+    by_battery_s = flown_s * share_left / used - plan.reserve_s
+    return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
+
+
+def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
+    here = sight.pose.north_m, sight.pose.east_m
+    ways = find_ways(find_ground(space, here, BODY_RADIUS_M + plan.clearance_m))
+    reaches = ways.reaches(START_NE_M)
+    way_m = ways.length_m(START_NE_M) if reaches else math.dist(here, START_NE_M)
+    return TURNS_S + way_m / (SPEED_SHARE * plan.speed_m_s)

@@ -1,0 +1,30 @@
+"""What the drone sees at one moment, as every manoeuvre takes it."""
+
+import math
+from collections.abc import Mapping
+
+from companion.messages import Beam, Pose, RangeReading, RangeState
+from companion.values import value
+
+
+@value
+class Sight:
+    """Where it is, what its beams say, and what is mapped ahead of it."""
+
+    pose: Pose
+    ranges: Mapping[Beam, RangeReading]
+    mount_offset_m: float
+    standoff_m: float = 1.5
+    """From the drone's centre to the wall that it scans, as planned."""
+    wall_ahead: tuple[float, float] | None = None
+    """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
+    distance along it, m."""
+
+    def clear_m(self, beam: Beam) -> float:
+        """Free distance from the drone's centre along a beam; 0 unless the beam says so."""
+        reading = self.ranges.get(beam)
+        if reading is None:
+            return 0.0
+        if not math.isnan(reading.distance_m):
+            return reading.distance_m + self.mount_offset_m
+        return math.inf if reading.state is RangeState.NOTHING else 0.0
