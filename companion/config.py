@@ -75,6 +75,8 @@ class LinkConfig(Group):
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
     send_pose: bool = False
     """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
+    setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
+    """So long after the last setpoint ArduPilot stops and PX4 lands, which each is set to."""
 
 
 class SensorsConfig(Group):

@@ -42,8 +42,6 @@ class Dialect(Protocol):
 
     autopilot: ClassVar[int]
     """HEARTBEAT.autopilot of this kind."""
-    safety_parameters: ClassVar[tuple[Parameter, ...]]
-    """What bounds how long an old setpoint is flown, and what happens then; as we want them."""
     takes_off_by_setpoint: ClassVar[bool]
     """It lifts off by following a climbing setpoint in its offboard mode."""
     estimator_message: ClassVar[int]
@@ -57,6 +55,10 @@ class Dialect(Protocol):
 
     def estimate_complaint(self, message: Any) -> str:
         """Why the position may not be used, by the estimator's message; empty if it may."""
+        ...
+
+    def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
+        """What bounds how long an old setpoint is flown, and what happens then; as we want them."""
         ...
 
     def command(self, command: Command) -> tuple[int, Parameters]:
@@ -82,7 +84,6 @@ class ArduPilot:
     """ArduCopter 4.6."""
 
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
-    safety_parameters: ClassVar[tuple[Parameter, ...]] = (_real("GUID_TIMEOUT", 0.5),)
     takes_off_by_setpoint: ClassVar[bool] = False
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
 
@@ -103,6 +104,9 @@ class ArduPilot:
         if flags & mavlink.EKF_CONST_POS_MODE or not flags & mavlink.EKF_VELOCITY_HORIZ:
             return NO_VELOCITY
         return "" if flags & self.POSITION_FLAGS else NO_POSITION
+
+    def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
+        return (_real("GUID_TIMEOUT", setpoint_loss_s),)
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
@@ -144,10 +148,6 @@ class Px4:
     """PX4 1.16 and later, multicopter."""
 
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_PX4
-    safety_parameters: ClassVar[tuple[Parameter, ...]] = (
-        _real("COM_OF_LOSS_T", 0.5),
-        _bytewise_int("COM_OBL_RC_ACT", PX4_LAND_ON_SETPOINT_LOSS),
-    )
     takes_off_by_setpoint: ClassVar[bool] = True
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
 
@@ -166,6 +166,12 @@ class Px4:
         if flags & mavlink.ESTIMATOR_CONST_POS_MODE or not flags & mavlink.ESTIMATOR_VELOCITY_HORIZ:
             return NO_VELOCITY
         return "" if flags & mavlink.ESTIMATOR_POS_HORIZ_REL else NO_POSITION
+
+    def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
+        return (
+            _real("COM_OF_LOSS_T", setpoint_loss_s),
+            _bytewise_int("COM_OBL_RC_ACT", PX4_LAND_ON_SETPOINT_LOSS),
+        )
 
     def command(self, command: Command) -> tuple[int, Parameters]:
         custom = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED

@@ -13,7 +13,7 @@ from typing import Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
-from companion.link.dialect import Dialect, dialect_of
+from companion.link.dialect import Dialect, Parameter, dialect_of
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.pose_report import PoseReport
 from companion.link.requests import CommandSender, Stream
@@ -60,7 +60,9 @@ class Link:
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._origin = _origin(config)
+        self._setpoint_loss_s = config.setpoint_loss_s
         self._dialect: Dialect | None = None
+        self._safety: tuple[Parameter, ...] = ()
         self._heard_s = float("-inf")
         self._armed = False
         self._custom_mode = 0
@@ -126,7 +128,7 @@ class Link:
         elif message.get_msgId() == self._dialect.estimator_message:
             self._estimate_complaint = self._dialect.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
-            for parameter in self._dialect.safety_parameters:
+            for parameter in self._safety:
                 if message.param_id == parameter.name:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
                     self._parameters_set[parameter.name] = set_
@@ -134,6 +136,7 @@ class Link:
     def _meet(self, autopilot: int) -> Dialect | None:
         dialect = dialect_of(autopilot)
         if dialect is not None:
+            self._safety = dialect.safety_parameters(self._setpoint_loss_s)
             rates_hz = {
                 mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
                 mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
@@ -160,7 +163,7 @@ class Link:
         dialect = self._dialect
         if dialect is None:
             return VehicleState(silent_s=age_s)
-        waits_for = self._waits_for(dialect)
+        waits_for = self._waits_for()
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
@@ -206,14 +209,14 @@ class Link:
             return messages
         if now_s - self._asked_s >= REQUEST_PERIOD_S:
             self._asked_s = now_s
-            messages += self._requests(now_s, self._dialect)
+            messages += self._requests(now_s)
         wanted = self._dialect.command(command) if command else None
         messages += self._commands.messages(now_s, wanted, self._target)
         if setpoint is not None:
             messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
         return messages
 
-    def _requests(self, now_s: float, dialect: Dialect) -> list[Message]:
+    def _requests(self, now_s: float) -> list[Message]:
         messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
         if not self._odometry.has_position:
             messages.append(self._origin)
@@ -221,18 +224,18 @@ class Link:
             mavlink.MAVLink_param_set_message(
                 *self._target, parameter.name.encode(), parameter.wire_value, parameter.kind
             )
-            for parameter in dialect.safety_parameters
+            for parameter in self._safety
             if not self._parameters_set.get(parameter.name)
         ]
         return messages
 
-    def _waits_for(self, dialect: Dialect) -> str:
+    def _waits_for(self) -> str:
         """What keeps us from flying by the autopilot's estimate; or nothing."""
         if self._estimate_complaint:
             return self._estimate_complaint
         if not self._odometry.has_position:
             return "no LOCAL_POSITION_NED comes from it"
-        unset = [p.name for p in dialect.safety_parameters if not self._parameters_set.get(p.name)]
+        unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
         return f"it does not confirm {', '.join(unset)}" if unset else ""
 
 

@@ -17,9 +17,9 @@ TICK_S = 0.05
 class Vehicle:
     """An autopilot that says what the test tells it to, and keeps what it is told."""
 
-    def __init__(self, *, send_pose: bool = False) -> None:
+    def __init__(self, config: LinkConfig | None = None) -> None:
         self.transport, companion = pipe_pair()
-        self.link = Link(companion, LinkConfig(send_pose=send_pose))
+        self.link = Link(companion, config or LinkConfig())
         self.now_s = 0.0
         self.heard: list[Message] = []
 
@@ -88,6 +88,15 @@ def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> No
     assert (timeout.param_id, timeout.param_value) == ("GUID_TIMEOUT", 0.5)
 
 
+def test_how_long_an_old_setpoint_is_flown_can_be_set() -> None:
+    vehicle = Vehicle(LinkConfig(setpoint_loss_s=2.0))
+    vehicle.says(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3))
+    vehicle.tick()
+    told = {m.param_id: m.param_value for m in vehicle.heard if m.get_type() == "PARAM_SET"}
+    assert told["COM_OF_LOSS_T"] == 2.0
+    assert "COM_OBL_RC_ACT" in told
+
+
 def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     for _ in range(80):
@@ -122,7 +131,7 @@ def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
 
 def test_odometry_says_whether_it_comes_of_what_we_told() -> None:
     for send_pose in (False, True):
-        vehicle = Vehicle(send_pose=send_pose)
+        vehicle = Vehicle(LinkConfig(send_pose=send_pose))
         vehicle.says(heartbeat(), position(1000), attitude(1000))
         odometry = vehicle.says(position(1050), attitude(1050)).odometry
         assert odometry is not None
