@@ -90,7 +90,10 @@ def missions(
     profile: Annotated[
         list[str] | None, typer.Option(help="Range sensors, gp2y0a710k0f if left out; repeatable.")
     ] = None,
-    mission: Annotated[str, typer.Option(help="Its kind, or a mission file.")] = "room",
+    mission: Annotated[
+        str | None,
+        typer.Option(help="Its kind, or a mission file; what suits each world if left out."),
+    ] = None,
     crop: Crop = None,
     as_json: AsJson = False,
     out: Annotated[

@@ -10,6 +10,11 @@ from sitl.world.loading import IMPORTERS, load_world, world_names
 
 RANDOM = tuple(f"random_{seed}" for seed in range(1, 51))
 NOT_IN_THE_PAPER = ("office", "exterior")
+MISSIONS = {
+    **dict.fromkeys(("room_100", "room_200", "room_300"), "room"),
+    "exterior": "exterior",
+}
+"""What suits a world; `building` all others."""
 PLAN_SUFFIXES = (".toml", *IMPORTERS)
 MOST_STARTS = 3
 
@@ -18,17 +23,24 @@ Place = tuple[str, str | None]
 
 
 def jobs_for(
-    worlds: Sequence[str], seeds: int, profiles: Sequence[str], mission: str, crop_m: float | None
+    worlds: Sequence[str],
+    seeds: int,
+    profiles: Sequence[str],
+    mission: str | None,
+    crop_m: float | None,
 ) -> list[Job]:
-    """Flights of every seed from every place with every profile.
+    """Flights of every seed from every place with every profile; without a mission, what suits.
 
     Raises:
         WorldError, ConfigError, MissionError: what is wrong for all, before anything is flown.
     """
     for profile in profiles:
-        load_settings(profile, mission)
+        load_settings(profile, mission or "building")
     return [
-        Job(FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, crop_m=crop_m), mission)
+        Job(
+            FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, crop_m=crop_m),
+            mission or MISSIONS.get(world, "building"),
+        )
         for profile in profiles
         for name in worlds
         for world, start in places(name)

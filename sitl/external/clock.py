@@ -7,8 +7,9 @@ its time; the wall clock counts only while the autopilot is silent.
 
 from sitl.autopilot.streams import Message
 
-PATIENCE_S = 0.25
-"""Wall time for which the autopilot is waited for; then our time goes on without it."""
+PATIENCE_S = 1.0
+"""Wall time of silence for which the autopilot is waited for; then our time goes on without it. A
+busy machine may pause it for half a second, in which it does not fly on."""
 GONE_S = 1.0
 """Farther apart than this the autopilot has been restarted or was away: the two are set again."""
 
@@ -32,11 +33,12 @@ class AutopilotClock:
 
     def told_s(self, now_s: float) -> float:
         """The moment of what was heard last, as far as the autopilot has told it."""
-        return self._told_s if self._is_there(now_s) else now_s
+        return self._told_s if now_s - self._told_s <= GONE_S else now_s
 
-    def patience_s(self, now_s: float, wanted_s: float) -> float:
-        """How long to wait, by the wall clock, for the autopilot's time to become `wanted_s`."""
-        return PATIENCE_S if self._is_there(now_s) else wanted_s - now_s
 
-    def _is_there(self, now_s: float) -> bool:
-        return now_s - self._told_s <= GONE_S
+def patience_s(silent_s: float, wanted_s: float) -> float:
+    """How long to wait, by the wall clock, for it to get `wanted_s` further.
+
+    `silent_s`: for how long nothing has been heard of it, by the wall clock, too.
+    """
+    return max(PATIENCE_S - silent_s, wanted_s)

@@ -1,5 +1,6 @@
 """A vehicle whose flight is simulated elsewhere, in our world, by the time of that flight."""
 
+import math
 import time
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ from companion.link.transport import UdpTransport
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
-from sitl.external.clock import AutopilotClock
+from sitl.external.clock import AutopilotClock, patience_s
 from sitl.external.feed import distances, vision
 from sitl.external.setup import ExternalSetup
 from sitl.external.tracker import TruthTracker
@@ -37,6 +38,8 @@ class ExternalVehicle:
         self._transport = transport
         self._model = WorldModel(setup.world)
         self._clock = AutopilotClock()
+        self._heard_s = -math.inf
+        """When it told its time, by the wall clock."""
         self._tracker = TruthTracker(start)
         self._setup = ExternalSetup(tell)
         self._tell = tell
@@ -58,8 +61,9 @@ class ExternalVehicle:
 
     def advance(self, time_s: float) -> None:
         """Follow the flight until `time_s`, or farther if it is farther already."""
-        give_up_s = time.monotonic() + self._clock.patience_s(self.time_s, time_s)
         self._take_in()
+        began_s = time.monotonic()
+        give_up_s = began_s + patience_s(began_s - self._heard_s, time_s - self.time_s)
         while self.time_s < time_s - 1e-9:
             left_s = give_up_s - time.monotonic()
             if left_s <= 0:
@@ -77,6 +81,7 @@ class ExternalVehicle:
     def _hear(self, message: Message) -> None:
         told_s = self._clock.hear(message, self.time_s)
         if told_s is not None:
+            self._heard_s = time.monotonic()
             self._pass(told_s)
             self._estimator.yaw_rad = message.yaw
         self._setup.hear(message, self.time_s)

@@ -17,6 +17,8 @@ from companion.view.camera import PANEL_PX
 from tests.system.processes import read_until, started, stop
 
 CHROMIUM = "chromium"
+NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
+"""They lie on the scene, such as that of rendering in software; how far depends on the fonts."""
 SIZE = {"width": 1000, "height": 480}
 
 
@@ -96,9 +98,7 @@ def coloured(page: Page, from_share: float, to_share: float) -> int:
     """How many pixels have a colour, in a part of the scene from left (0) to right (1)."""
     width = SIZE["width"] - 2 * PANEL_PX
     x = PANEL_PX + from_share * width
-    # notifications, such as that of rendering in software, come up at the top
-    top, height = 0.3 * SIZE["height"], 0.7 * SIZE["height"]
-    clip = {"x": x, "y": top, "width": (to_share - from_share) * width, "height": height}
-    shot = Image.open(BytesIO(page.screenshot(clip=clip)))  # type: ignore[arg-type]
+    clip = {"x": x, "y": 0, "width": (to_share - from_share) * width, "height": SIZE["height"]}
+    shot = Image.open(BytesIO(page.screenshot(clip=clip, style=NO_NOTIFICATIONS)))  # type: ignore[arg-type]
     pixels = np.asarray(shot.convert("RGB")).astype(int)
     return int((np.ptp(pixels, axis=2) > 40).sum())

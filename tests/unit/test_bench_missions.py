@@ -66,6 +66,11 @@ def test_jobs_are_seeds_from_every_place_with_every_profile(plans: Path) -> None
     assert {job.options.crop_m for job in jobs} == {20.0}
 
 
+def test_each_world_is_flown_as_suits_it() -> None:
+    jobs = jobs_for(["room_200", "complex", "exterior"], 1, ["paper"], None, None)
+    assert [job.mission for job in jobs] == ["room", "building", "exterior"]
+
+
 def test_what_is_wrong_for_all_is_told_before_anything_is_flown() -> None:
     with pytest.raises(ConfigError, match=r"mission\.kind = 'swim'"):
         jobs_for(["paper"], 1, ["paper"], "swim", None)
