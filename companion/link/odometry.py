@@ -8,6 +8,8 @@ An autopilot that is told our pose follows it: how its position changes then tel
 said. Its velocity hardly does, so that motion is taken from it instead.
 """
 
+import math
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector2, Vector3, wrap_rad
@@ -19,6 +21,9 @@ ATTITUDE_HZ = 25.0
 """Not in step with our ticks, so that now and then a message comes without waiting for one."""
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
+MOST_EARLIER_S = 0.05
+"""The offset falls by no more in one tick. If we are paused between looking at our clock and
+reading what has come, messages seem to be from the future."""
 MOST_EXTRAPOLATION_S = 0.2
 LATE_S = 0.25
 """When all messages have been late for so long, it is not the radio: its clock has lagged, as that
@@ -37,7 +42,7 @@ class OdometryReader:
         self._travelled_ne_m: Vector2 = (0.0, 0.0)
         self._position: Message | None = None
         self._attitude: Message | None = None
-        self._offset_s = float("inf")
+        self._offset_s = self._least_offset_s = float("inf")
         self._heard_s = self._in_time_s = 0.0
 
     @property
@@ -63,13 +68,11 @@ class OdometryReader:
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry of now, if this was a position newer than the last."""
         boot_s = message.time_boot_ms * 1e-3
-        self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
-        self._offset_s = min(self._offset_s, now_s - boot_s)
+        self._note_quickest(now_s, now_s - boot_s)
         if now_s - boot_s - self._offset_s <= MOST_EXTRAPOLATION_S:
             self._in_time_s = now_s
         elif now_s - self._in_time_s > LATE_S:  # its clock stood still
             self._offset_s, self._in_time_s = now_s - boot_s, now_s
-        self._heard_s = now_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
             if _is_newer(message, self._attitude):
                 self._attitude = message
@@ -80,6 +83,15 @@ class OdometryReader:
             self._travel(self._position, message)
         self._position = message
         return self._carried_to(now_s) if self._attitude is not None else None
+
+    def _note_quickest(self, now_s: float, offset_s: float) -> None:
+        if math.isinf(self._offset_s):
+            self._offset_s = offset_s
+        if now_s != self._heard_s:
+            self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
+            self._least_offset_s = self._offset_s - MOST_EARLIER_S
+            self._heard_s = now_s
+        self._offset_s = min(self._offset_s, max(offset_s, self._least_offset_s))
 
     def _travel(self, last: Message, message: Message) -> None:
         dt_s = (message.time_boot_ms - last.time_boot_ms) * 1e-3
