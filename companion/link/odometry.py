@@ -22,13 +22,13 @@ ATTITUDE_HZ = 25.0
 CLOCK_DRIFT = 50e-6
 """Two quartzes part by no more; the offset is let go at this rate, s/s."""
 MOST_EARLIER_S = 0.05
-"""The offset falls by no more in one tick. If we are paused between looking at our clock and
+"""The offset falls by no more in one tick: if we are paused between looking at our clock and
 reading what has come, messages seem to be from the future."""
 MOST_EXTRAPOLATION_S = 0.2
 LATE_S = 0.25
-"""When all messages have been late for so long, it is not the radio: its clock has lagged, as that
-of a simulator on a busy machine does again and again. Until then there is no odometry, which must
-not be for so long that the flight is broken off."""
+"""When all messages have been late, or early, for so long, it is not the radio: its clock was set,
+or has lagged, as that of a simulator on a busy machine does again and again. Until then there is no
+odometry, which must not be for so long that the flight is broken off."""
 RESTARTED_MS = 2000
 """No message is overtaken by one that is so much younger."""
 
@@ -69,9 +69,9 @@ class OdometryReader:
         """Odometry of now, if this was a position newer than the last."""
         boot_s = message.time_boot_ms * 1e-3
         self._note_quickest(now_s, now_s - boot_s)
-        if now_s - boot_s - self._offset_s <= MOST_EXTRAPOLATION_S:
+        if abs(now_s - boot_s - self._offset_s) <= MOST_EXTRAPOLATION_S:
             self._in_time_s = now_s
-        elif now_s - self._in_time_s > LATE_S:  # its clock stood still
+        elif now_s - self._in_time_s > LATE_S:  # its clock stood still, or was set
             self._offset_s, self._in_time_s = now_s - boot_s, now_s
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
             if _is_newer(message, self._attitude):
@@ -106,7 +106,7 @@ class OdometryReader:
         assert attitude is not None
         position_age_s = now_s - self._offset_s - position.time_boot_ms * 1e-3
         attitude_age_s = now_s - self._offset_s - attitude.time_boot_ms * 1e-3
-        if max(position_age_s, attitude_age_s) > MOST_EXTRAPOLATION_S:
+        if max(abs(position_age_s), abs(attitude_age_s)) > MOST_EXTRAPOLATION_S:
             return None
         velocity = position.vx, position.vy, position.vz
         ne_m = self._travelled_ne_m if self._follows_us else (position.x, position.y)
