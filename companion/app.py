@@ -7,7 +7,6 @@
 No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 """
 
-from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,6 +24,7 @@ from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.near import Near
+from companion.mapping.overhead import Overhead
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
 from companion.messages import (
@@ -42,6 +42,7 @@ from companion.messages import (
 )
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
+from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
 from companion.values import value
@@ -129,8 +130,9 @@ class App:
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._models = models
-        self._spaces: defaultdict[int, Space] = defaultdict(Space)
+        self._spaces = [Space()]
         """What is known of the space around, of each layer."""
+        self._overhead = Overhead(offset_m)
         self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
         self._heights = Heights(offset_m)
         self._near = Near(models, offset_m)
@@ -142,7 +144,12 @@ class App:
     @property
     def space(self) -> Space:
         """What is known of the space around at the present height, as the flight uses it."""
-        return self._spaces[self.flight.layers.number]
+        layers = self.flight.layers
+        if layers.number == len(self._spaces):
+            needs_m = BODY_RADIUS_M + self._config.mission.clearance_m
+            low = self._overhead.lower_than(layers.height_m(self._config.mission) + needs_m)
+            self._spaces.append(Space(self._spaces[-1].grid.layer_above(low)))
+        return self._spaces[layers.number]
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
@@ -213,10 +220,11 @@ class App:
         keyframes = estimator.record.poses
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
-            for space in self._spaces.values():
+            for space in self._spaces:
                 space.correct(keyframes)
         if self.flight.phase in EXPLORING_PHASES:
             self._heights.see(scan, pose)
+            self._overhead.see(scan, pose)
             height_m = self.flight.layers.height_m(self._config.mission)
             if abs(estimator.height_m - height_m) < AT_LAYER_M:
                 seen = rays(pose, scan, self._models, sensors.mount_offset_m)

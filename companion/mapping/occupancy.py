@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
 
 from companion.frames import Vector2
 
@@ -80,13 +81,30 @@ class Occupancy:
         self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
         self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
         self._flown: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+        self._allowed: Cells = np.ones((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+        self._is_all_allowed = True
+        """So is what lies beyond the grid."""
+
+    def layer_above(self, low_ne_m: Sequence[Vector2]) -> "Occupancy":
+        """Nothing is known there; it may be flown where this is free, but for some low places."""
+        above = Occupancy()
+        above._low = self._low
+        above._log_odds = np.zeros_like(self._log_odds)
+        above._well_seen, above._flown = (np.zeros_like(self._flown) for _ in range(2))
+        above._allowed = binary_dilation(self.free) & self._allowed
+        above._is_all_allowed = False
+        for cell in map(self.cell, low_ne_m):
+            if self.has(cell):
+                above._allowed[cell] = False
+        return above
 
     def copy(self) -> "Occupancy":
         """Another one, as it is now."""
         copy = Occupancy()
         copy._low = self._low
         copy._log_odds, copy._well_seen = self._log_odds.copy(), self._well_seen.copy()
-        copy._flown = self._flown.copy()
+        copy._flown, copy._allowed = self._flown.copy(), self._allowed.copy()
+        copy._is_all_allowed = self._is_all_allowed
         return copy
 
     def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
@@ -100,6 +118,8 @@ class Occupancy:
         part._log_odds = self._log_odds[top:bottom, left:right].copy()
         part._well_seen = self._well_seen[top:bottom, left:right].copy()
         part._flown = self._flown[top:bottom, left:right].copy()
+        part._allowed = self._allowed[top:bottom, left:right].copy()
+        part._is_all_allowed = self._is_all_allowed
         return part
 
     def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
@@ -131,6 +151,11 @@ class Occupancy:
     def flown(self) -> Cells:
         """The drone's centre has been here."""
         return self._flown
+
+    @property
+    def allowed(self) -> Cells:
+        """What stands or hangs at other heights is not in the way."""
+        return self._allowed
 
     def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
         """Row and column; may lie outside the grid."""
@@ -250,6 +275,7 @@ class Occupancy:
                 self._log_odds = np.pad(self._log_odds, widths)
                 self._well_seen = np.pad(self._well_seen, widths)
                 self._flown = np.pad(self._flown, widths)
+                self._allowed = np.pad(self._allowed, widths, constant_values=self._is_all_allowed)
                 low = list(self._low)
                 low[axis] -= before
                 self._low = (low[0], low[1])

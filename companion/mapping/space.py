@@ -37,12 +37,13 @@ _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT = range(7)
 class Space:
     """The grid that the flight uses, and what it was drawn from."""
 
-    def __init__(self) -> None:
-        self.grid = Occupancy()
+    def __init__(self, begun: Occupancy | None = None) -> None:
+        """`begun`: what is known before anything was seen; not to be used otherwise."""
+        self.grid = begun or Occupancy()
         self._canvas = self.grid
         """The same, or what will take its place when all is drawn."""
         self._drawn_rays = 0
-        self._stages: list[tuple[int, Occupancy]] = [(0, Occupancy())]
+        self._stages: list[tuple[int, Occupancy]] = [(0, self.grid.copy())]
         self._rays = np.empty((256, 7))
         self._count = 0
         self._drawn: Array = np.empty((0, 3))

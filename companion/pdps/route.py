@@ -95,7 +95,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
     grid = grid.seen_part(from_ne_m, clear_m + CELL_M)
-    room = distance_transform_edt(grid.free) * CELL_M
+    room = distance_transform_edt(grid.free & grid.allowed) * CELL_M
     tight_m = min(clear_m, TIGHT_CLEAR_M)
     passable: Cells = room >= tight_m
     row, column = grid.cell(from_ne_m)
