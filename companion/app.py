@@ -209,6 +209,8 @@ class App:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         if self.flight.phase in SEEING_PHASES:
             self.estimator.see(inputs.scan)
+            if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
+                self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
             self._ceiling.see(inputs.scan, self.estimator.height_m)
             self._draw(self.estimator, inputs.scan)
             self.estimator.improve(now_s)

@@ -11,6 +11,7 @@ from companion.estimation.doubt import Doubt
 from companion.estimation.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.flight_record import FlightRecord, HitColumn
 from companion.estimation.heading import HeadingFilter, WallBearing
+from companion.estimation.height import Height
 from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
@@ -27,6 +28,7 @@ from companion.messages import (
     Odometry,
     Pose,
     RangeModel,
+    RangeReading,
     RangeScan,
     WallLine,
 )
@@ -66,7 +68,7 @@ class Estimator:
         self._resets = 0
         self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
-        self._height_m = 0.0
+        self._height = Height()
         self._raw = DeadReckoning()
         """Neither scales nor bias corrected."""
         self._told_ahead_rad, self._told_s = 0.0, -math.inf
@@ -80,7 +82,7 @@ class Estimator:
         return Pose(
             time_s,
             *self.slam.position_ne_m,
-            down_m=-self._height_m,
+            down_m=-self._height.metres,
             yaw_rad=self.heading.yaw_rad,
             position_sigma_m=self.slam.position_sigma_m,
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
@@ -95,7 +97,7 @@ class Estimator:
     @property
     def height_m(self) -> float:
         """Above the take-off point."""
-        return self._height_m
+        return self._height.metres
 
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
@@ -114,7 +116,7 @@ class Estimator:
         dt_s = odometry.time_s - last.time_s
         (x, y, z), (last_x, last_y, last_z) = odometry.position_ned_m, last.position_ned_m
         north_m, east_m = x - last_x, y - last_y
-        self._height_m -= z - last_z
+        self._height.move(last_z - z, dt_s)
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
@@ -134,14 +136,14 @@ class Estimator:
         parted_rad = wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
         self._told_ahead_rad += parted_rad
         self._told_s = odometry.time_s
-        if self._height_m < LIFTED_M:
+        if self._height.metres < LIFTED_M:
             self._told_on_ground_rad = raw_rad + self._told_ahead_rad
         elif abs(parted_rad) > TOLD_STEP_RAD:
             self._told_on_ground_rad += parted_rad
 
     def _told_rad(self, now_s: float) -> float:
         """Turned since take-off by the autopilot; not a number when it has not told lately."""
-        if self._height_m < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
+        if self._height.metres < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
             return math.nan
         return self._raw.yaw_rad + self._told_ahead_rad - self._told_on_ground_rad
 
@@ -176,6 +178,10 @@ class Estimator:
                 yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+
+    def see_floor(self, reading: RangeReading, offset_m: float) -> None:
+        """Take in the down beam, whose sensor sits `offset_m` below the centre."""
+        self._height.see_floor(reading, offset_m)
 
     def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
         """From now (forward, right) back to where the range that is read now was measured.
