@@ -31,6 +31,8 @@ GAP_CELLS = 1
 """Across a strip of space, so many cells may lie unseen between two beams."""
 STEP_CELLS = 0.5
 """Along a beam, from one place that it frees to the next."""
+LOW_WITHIN_M = 0.5
+"""What hangs low goes on for so far, or farther: it was met only where the drone flew."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to so many sigmas before where the beam ended."""
 
@@ -91,11 +93,12 @@ class Occupancy:
         above._low = self._low
         above._log_odds = np.zeros_like(self._log_odds)
         above._well_seen, above._flown = (np.zeros_like(self._flown) for _ in range(2))
-        above._allowed = binary_dilation(self.free) & self._allowed
+        above._allowed = self.free & self._allowed
         above._is_all_allowed = False
-        for cell in map(self.cell, low_ne_m):
-            if self.has(cell):
-                above._allowed[cell] = False
+        low = np.zeros_like(self._allowed)
+        for cell in filter(self.has, map(self.cell, low_ne_m)):
+            low[cell] = True
+        above._allowed &= ~binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
         return above
 
     def copy(self) -> "Occupancy":

@@ -62,13 +62,13 @@ def frontiers(grid: Occupancy) -> Cells:
     """
     seen = ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
     edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
-    return _without_specks(edge, LEAST_FRONTIER_CELLS)
+    return without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
 def vague_surfaces(grid: Occupancy) -> Cells:
     """Occupied cells beside free space that no exact reading has ended in, nor close by."""
     vague = grid.occupied & ~_grown(grid.well_seen)
-    return _without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
+    return without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
 
 
 def _grown(cells: Cells, times: int = 1) -> Cells:
@@ -168,7 +168,8 @@ def _cell(row_column: Indices) -> tuple[int, int]:
     return int(row_column[0]), int(row_column[1])
 
 
-def _without_specks(cells: Cells, least: int) -> Cells:
+def without_specks(cells: Cells, least: int) -> Cells:
+    """Without what hangs together in fewer cells than that."""
     numbers, count = label(cells, SQUARE)
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
     kept: Cells = cells & (sizes[numbers] >= least)

@@ -1,12 +1,14 @@
 """A building at several heights: explored in one, back to the start, up to the next.
 
     EXPLORE ──all seen──► RETURN ──at the start──► CLIMB ──► EXPLORE, one layer higher
-                            │ the ceiling is near, or no way back
-                            ▼
-                           DONE
+                           │  │ the ceiling is near
+               no way back │  ▼
+                           │ OVERFLY ──► DONE
+                           └──────────────▲
 
 What stands at one height need not stand at another, so each layer has its own space, in which
-nothing is known at first but the column over the start.
+nothing is known at first but the column over the start. From the highest, everything is flown over
+once: the down beam measures tables only from a metre above them.
 
 Safety: it climbs only over its start, and no nearer to the ceiling than its clearance.
 """
@@ -18,9 +20,10 @@ from dataclasses import dataclass, field, replace
 from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Setpoint
-from companion.pdps import explore, travel
+from companion.pdps import explore, overfly, travel
 from companion.pdps.control import stay
 from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.overfly import Overfly, OverflyPhase
 from companion.pdps.sight import Sight
 from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
@@ -36,6 +39,7 @@ class LayersPhase(enum.Enum):
     EXPLORE = "exploring a layer"
     RETURN = "returning to climb"
     CLIMB = "climbing to the next layer"
+    OVERFLY = "flying over everything"
     DONE = "all layers were seen"
 
 
@@ -48,6 +52,7 @@ class Layers:
     """Of the layer, from the lowest."""
     explore: Explore = field(default_factory=Explore)
     travel: Travel = TO_START
+    overfly: Overfly = field(default_factory=Overfly)
 
     def height_m(self, plan: MissionConfig) -> float:
         return plan.height_m + self.number * plan.layer_spacing_m
@@ -66,17 +71,32 @@ def step(
     """One tick: the next state and the velocity to fly; `space` is that of the present layer."""
     match layers.phase:
         case LayersPhase.EXPLORE:
-            exploring, setpoint = explore.step(layers.explore, sight, space, plan)
-            if exploring.phase is ExplorePhase.DONE:
-                returning = replace(layers, phase=LayersPhase.RETURN, travel=TO_START)
-                return returning, setpoint
-            return replace(layers, explore=exploring), setpoint
+            return _explore(layers, sight, space, plan)
         case LayersPhase.RETURN:
             return _return(layers, sight, space, plan)
         case LayersPhase.CLIMB:
             return _climb(layers, sight, plan)
+        case LayersPhase.OVERFLY:
+            return _overfly(layers, sight, space, plan)
         case LayersPhase.DONE:
             return layers, HOLD
+
+
+def _explore(
+    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Layers, Setpoint]:
+    exploring, setpoint = explore.step(layers.explore, sight, space, plan)
+    if exploring.phase is ExplorePhase.DONE:
+        return replace(layers, phase=LayersPhase.RETURN, travel=TO_START), setpoint
+    return replace(layers, explore=exploring), setpoint
+
+
+def _overfly(
+    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Layers, Setpoint]:
+    over, setpoint = overfly.step(layers.overfly, sight, space, plan)
+    phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
+    return replace(layers, phase=phase, overfly=over), setpoint
 
 
 def _return(
@@ -87,7 +107,7 @@ def _return(
         if _fits_above(layers, sight, plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
-        return replace(layers, phase=LayersPhase.DONE), setpoint
+        return replace(layers, phase=LayersPhase.OVERFLY), setpoint
     if going.phase is TravelPhase.GAVE_UP:
         return replace(layers, phase=LayersPhase.DONE), setpoint
     return replace(layers, travel=going), setpoint

@@ -95,7 +95,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
     """
     grid = grid.seen_part(from_ne_m, clear_m + CELL_M)
-    room = distance_transform_edt(grid.free & grid.allowed) * CELL_M
+    room = distance_transform_edt(grid.free) * CELL_M
     tight_m = min(clear_m, TIGHT_CLEAR_M)
     passable: Cells = room >= tight_m
     row, column = grid.cell(from_ne_m)
@@ -103,6 +103,11 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
     passable[around] |= room[around] >= min(room[row, column], tight_m)
     passable |= _flown_before(grid, passable)
+    if not grid.allowed.all():  # beams do not show what is in the way there: no passing with less
+        allowed_m = distance_transform_edt(grid.allowed) * CELL_M
+        passable &= allowed_m >= clear_m
+        passable[row, column] = True
+        room = np.minimum(room, allowed_m)
     crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)

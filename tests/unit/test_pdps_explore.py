@@ -422,7 +422,7 @@ def test_from_the_start_it_climbs_while_there_is_room_above() -> None:
     assert (layers.phase, layers.number) == (LayersPhase.CLIMB, 1)
     assert layers.height_m(LAYERED) == pytest.approx(LAYERED.height_m + LAYERED.layer_spacing_m)
     layers, _ = layering.step(back, layer_sight(1.0), open_ground(), LAYERED)
-    assert layers.phase is LayersPhase.DONE
+    assert layers.phase is LayersPhase.OVERFLY
 
 
 def test_without_a_way_back_the_layers_end() -> None:

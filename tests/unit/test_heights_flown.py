@@ -1,0 +1,99 @@
+"""How high the drone is, and where higher layers must not be flown."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.estimation.height import Height
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.overhead import Overhead
+from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState
+from companion.pdps.route import find_ground, find_ways
+
+TICK_S = 0.05
+OFFSET_M = 0.08
+CLEAR_M = 0.5
+
+
+def at(distance_m: float) -> RangeReading:
+    return RangeReading(RangeState.DISTANCE, distance_m, 0.02**2)
+
+
+# The drone's height
+
+
+@given(st.floats(-0.1, 0.1))
+def test_a_drift_of_the_barometer_is_set_right_by_the_floor(drift_m: float) -> None:
+    height = Height()
+    height.move(1.2, TICK_S)
+    for _ in range(60 * 20):
+        height.move(drift_m / (60 * 20), TICK_S)
+        height.see_floor(at(1.2 - OFFSET_M), OFFSET_M)
+    assert height.metres == pytest.approx(1.2, abs=0.02)
+
+
+@given(st.floats(0.15, 1.0))
+def test_over_a_table_it_does_not_rise(table_m: float) -> None:
+    height = Height()
+    height.move(1.2, TICK_S)
+    for _ in range(200):
+        height.move(0.0, TICK_S)
+        height.see_floor(at(1.2 - table_m - OFFSET_M), OFFSET_M)
+    assert height.metres == 1.2
+
+
+def test_without_a_down_beam_it_is_the_autopilots() -> None:
+    height = Height()
+    height.move(1.2, TICK_S)
+    height.see_floor(RangeReading(RangeState.FAILED), OFFSET_M)
+    assert height.metres == 1.2
+
+
+# What hangs low, and what stands below
+
+
+def passed_under(up: RangeReading, times: int = 2) -> Overhead:
+    """Once on the way north, at a height of 1.2 m."""
+    overhead = Overhead(OFFSET_M)
+    for _ in range(times):
+        overhead.see(RangeScan(0.0, {Beam.UP: up}), Pose(0.0, 2.05, 0.05, -1.2, 0.0))
+    return overhead
+
+
+def test_a_lintel_is_low_and_a_ceiling_is_not() -> None:
+    (place,) = passed_under(at(0.72)).lower_than(2.3)
+    assert place == pytest.approx((2.05, 0.05))
+    assert passed_under(at(1.52)).lower_than(2.3) == ()
+    assert passed_under(at(0.72)).lower_than(1.7) == ()
+
+
+def test_what_is_too_near_to_be_measured_may_be_right_above() -> None:
+    assert passed_under(RangeReading(RangeState.TOO_NEAR)).lower_than(1.7)
+
+
+def test_a_stray_reading_closes_no_doorway() -> None:
+    assert passed_under(at(0.3), times=1).lower_than(2.3) == ()
+
+
+def corridor() -> Occupancy:
+    """Two metres wide, from 3 m south to 3 m north; north is up to a wall."""
+    grid = Occupancy()
+    for _ in range(3):
+        for step in range(-10, 11):
+            for north_m, bearing_rad in ((-3.0, 0.0), (3.0, 3.14159)):
+                grid.add(Ray((north_m, 0.1 * step), bearing_rad, 6.0, 0.02, False))
+    return grid
+
+
+@pytest.mark.parametrize("low", [(), ((0.05, 0.05),)])
+def test_a_higher_layer_is_flown_only_above_free_space_and_below_nothing(
+    low: tuple[tuple[float, float], ...],
+) -> None:
+    below = corridor()
+    above = below.layer_above(low)
+    for _ in range(3):
+        for step in range(-60, 61):
+            above.add(Ray((0.05 * step, -5.0), 3.14159 / 2, 10.0, 0.02, False))
+    ways = find_ways(find_ground(above, (-2.0, 0.0), CLEAR_M))
+    assert ways.reaches((2.0, 0.0)) is not bool(low)
+    assert not ways.reaches((-2.0, 3.0))
