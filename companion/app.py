@@ -132,7 +132,7 @@ class App:
         self._models = models
         self._spaces = [Space()]
         """What is known of the space around, of each layer."""
-        self._overhead = Overhead(offset_m)
+        self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
         self._heights = Heights(offset_m)
         self._near = Near(models, offset_m)
@@ -147,7 +147,8 @@ class App:
         layers = self.flight.layers
         if layers.number == len(self._spaces):
             needs_m = BODY_RADIUS_M + self._config.mission.clearance_m
-            low = self._overhead.lower_than(layers.height_m(self._config.mission) + needs_m)
+            needs_m += layers.height_m(self._config.mission)
+            low = self._overhead.lower_than(needs_m, self._ceiling.height_m)
             self._spaces.append(Space(self._spaces[-1].grid.layer_above(low)))
         return self._spaces[layers.number]
 
@@ -211,7 +212,7 @@ class App:
             self.estimator.see(inputs.scan)
             if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
                 self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
-            self._ceiling.see(inputs.scan, self.estimator.height_m)
+            self._ceiling.see(inputs.scan, self.estimator.over_floor_m)
             self._draw(self.estimator, inputs.scan)
             self.estimator.improve(now_s)
         return self.estimator.pose(now_s)
@@ -225,8 +226,9 @@ class App:
             for space in self._spaces:
                 space.correct(keyframes)
         if self.flight.phase in EXPLORING_PHASES:
-            self._heights.see(scan, pose)
-            self._overhead.see(scan, pose)
+            over_floor = replace(pose, down_m=-estimator.over_floor_m)
+            self._heights.see(scan, over_floor)
+            self._overhead.see(scan, over_floor)
             height_m = self.flight.layers.height_m(self._config.mission)
             if abs(estimator.height_m - height_m) < AT_LAYER_M:
                 seen = rays(pose, scan, self._models, sensors.mount_offset_m)

@@ -68,7 +68,8 @@ class Estimator:
         self._resets = 0
         self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
-        self._height = Height()
+        self._height_m = 0.0
+        self._over_floor = Height()
         self._raw = DeadReckoning()
         """Neither scales nor bias corrected."""
         self._told_ahead_rad, self._told_s = 0.0, -math.inf
@@ -82,7 +83,7 @@ class Estimator:
         return Pose(
             time_s,
             *self.slam.position_ne_m,
-            down_m=-self._height.metres,
+            down_m=-self._height_m,
             yaw_rad=self.heading.yaw_rad,
             position_sigma_m=self.slam.position_sigma_m,
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
@@ -96,8 +97,13 @@ class Estimator:
 
     @property
     def height_m(self) -> float:
-        """Above the take-off point."""
-        return self._height.metres
+        """Above the take-off point, by the autopilot, which flies by it."""
+        return self._height_m
+
+    @property
+    def over_floor_m(self) -> float:
+        """The same held to the floor by the down beam: what heights are mapped by."""
+        return self._over_floor.metres
 
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
@@ -116,7 +122,8 @@ class Estimator:
         dt_s = odometry.time_s - last.time_s
         (x, y, z), (last_x, last_y, last_z) = odometry.position_ned_m, last.position_ned_m
         north_m, east_m = x - last_x, y - last_y
-        self._height.move(last_z - z, dt_s)
+        self._height_m -= z - last_z
+        self._over_floor.move(last_z - z, dt_s)
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
@@ -136,14 +143,14 @@ class Estimator:
         parted_rad = wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
         self._told_ahead_rad += parted_rad
         self._told_s = odometry.time_s
-        if self._height.metres < LIFTED_M:
+        if self._height_m < LIFTED_M:
             self._told_on_ground_rad = raw_rad + self._told_ahead_rad
         elif abs(parted_rad) > TOLD_STEP_RAD:
             self._told_on_ground_rad += parted_rad
 
     def _told_rad(self, now_s: float) -> float:
         """Turned since take-off by the autopilot; not a number when it has not told lately."""
-        if self._height.metres < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
+        if self._height_m < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
             return math.nan
         return self._raw.yaw_rad + self._told_ahead_rad - self._told_on_ground_rad
 
@@ -181,7 +188,7 @@ class Estimator:
 
     def see_floor(self, reading: RangeReading, offset_m: float) -> None:
         """Take in the down beam, whose sensor sits `offset_m` below the centre."""
-        self._height.see_floor(reading, offset_m)
+        self._over_floor.see_floor(reading, offset_m)
 
     def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
         """From now (forward, right) back to where the range that is read now was measured.

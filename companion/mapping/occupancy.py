@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import binary_dilation
+from scipy.ndimage import binary_closing, binary_dilation
 
 from companion.frames import Vector2
 
@@ -93,7 +93,8 @@ class Occupancy:
         above._low = self._low
         above._log_odds = np.zeros_like(self._log_odds)
         above._well_seen, above._flown = (np.zeros_like(self._flown) for _ in range(2))
-        above._allowed = self.free & self._allowed
+        seen = binary_closing(self.free, iterations=GAP_CELLS + 1) & ~self.occupied
+        above._allowed = (seen | self.free) & self._allowed
         above._is_all_allowed = False
         low = np.zeros_like(self._allowed)
         for cell in filter(self.has, map(self.cell, low_ne_m)):

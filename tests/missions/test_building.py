@@ -80,6 +80,24 @@ def test_it_turns_back_in_time(sitl: Sitl) -> None:
     assert flight.truth.air_time_s < 45
 
 
+@pytest.mark.parametrize(
+    ("profile", "seed", "spacing_m"), [("paper", 2, 0.6), ("gp2y0a710k0f", 1, 0.8)]
+)
+def test_heights_of_an_office_are_true_to_some_centimetres(
+    sitl: Sitl, profile: str, seed: int, spacing_m: float
+) -> None:
+    """At 1.8 m the first of these hit the lintel of the door, which only the up beam shows."""
+    layered = {"mission.layer_spacing_m": spacing_m}
+    flight = sitl.fly("office", mission="layers", profile=profile, seed=seed, settings=layered)
+    assert flight.completed, flight.ending
+    assert flight.report.clearance_m > 0.15
+    assert flight.plan.floor_m == pytest.approx(0.0, abs=0.05)
+    assert flight.plan.ceiling_m == pytest.approx(2.8, abs=0.05)
+    assert flight.plan.tops
+    for top in flight.plan.tops:
+        assert top.height_m == pytest.approx(0.73, abs=0.06)
+
+
 def test_layer_by_layer_up_to_the_ceiling(sitl: Sitl) -> None:
     layered = {"mission.layer_spacing_m": 0.4}
     flight = sitl.fly(ROOMS, mission="layers", seed=1, settings=layered)

@@ -13,6 +13,7 @@ from companion.pdps.route import find_ground, find_ways
 TICK_S = 0.05
 OFFSET_M = 0.08
 CLEAR_M = 0.5
+CEILING_M = 2.8
 
 
 def at(distance_m: float) -> RangeReading:
@@ -54,25 +55,27 @@ def test_without_a_down_beam_it_is_the_autopilots() -> None:
 
 def passed_under(up: RangeReading, times: int = 2) -> Overhead:
     """Once on the way north, at a height of 1.2 m."""
-    overhead = Overhead(OFFSET_M)
+    overhead = Overhead(OFFSET_M, near_limit_m=1.0)
     for _ in range(times):
         overhead.see(RangeScan(0.0, {Beam.UP: up}), Pose(0.0, 2.05, 0.05, -1.2, 0.0))
     return overhead
 
 
 def test_a_lintel_is_low_and_a_ceiling_is_not() -> None:
-    (place,) = passed_under(at(0.72)).lower_than(2.3)
+    (place,) = passed_under(at(0.72)).lower_than(2.3, CEILING_M)
     assert place == pytest.approx((2.05, 0.05))
-    assert passed_under(at(1.52)).lower_than(2.3) == ()
-    assert passed_under(at(0.72)).lower_than(1.7) == ()
+    assert passed_under(at(1.52)).lower_than(2.3, CEILING_M) == ()
+    assert passed_under(at(0.72)).lower_than(1.7, CEILING_M) == ()
 
 
 def test_what_is_too_near_to_be_measured_may_be_right_above() -> None:
-    assert passed_under(RangeReading(RangeState.TOO_NEAR)).lower_than(1.7)
+    passed = passed_under(RangeReading(RangeState.TOO_NEAR))
+    assert passed.lower_than(1.7, CEILING_M)
+    assert not passed.lower_than(1.7, 2.2)  # it is the ceiling that is too near
 
 
 def test_a_stray_reading_closes_no_doorway() -> None:
-    assert passed_under(at(0.3), times=1).lower_than(2.3) == ()
+    assert passed_under(at(0.3), times=1).lower_than(2.3, CEILING_M) == ()
 
 
 def corridor() -> Occupancy:
