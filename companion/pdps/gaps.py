@@ -116,7 +116,7 @@ def looks(
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
     pairs = _sights(grid, views, targets)
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
-    time_s += _turn_rad(sight, views, grid) / math.radians(plan.turn_rate_deg_s)
+    time_s += turn_rad(sight, views, grid) / math.radians(plan.turn_rate_deg_s)
     time_s += CROWDED_S * np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
@@ -155,13 +155,13 @@ def still_unseen(grid: Occupancy, places: Places) -> Places:
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def _turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
-    """(n,): how far the nose has to turn towards each view."""
+def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
+    """(n,): how far the nose has to turn towards each place."""
     here = grid.cell((sight.pose.north_m, sight.pose.east_m))
     north, east = (views - here).T
     off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
-    turn_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
-    return turn_rad
+    turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
+    return turned_rad
 
 
 def _cell(row_column: Indices) -> tuple[int, int]:

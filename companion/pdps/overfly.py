@@ -23,7 +23,7 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.messages import HOLD, Setpoint
 from companion.pdps import travel
 from companion.pdps.doorways import Doorway
-from companion.pdps.gaps import without_specks
+from companion.pdps.gaps import turn_rad, without_specks
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
@@ -55,7 +55,7 @@ class Overfly:
     """The whole memory."""
 
     phase: OverflyPhase = OverflyPhase.CHOOSE
-    began_s: float | None = None
+    began_s: float = math.inf
     travel: Travel | None = None
     """In GO."""
     doorways: tuple[Doorway, ...] = ()
@@ -83,8 +83,8 @@ def step(
 
 def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfig) -> Overfly:
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
-    overfly = replace(overfly, began_s=now_s if overfly.began_s is None else overfly.began_s)
-    if now_s - (overfly.began_s or now_s) > MOST_S:
+    overfly = replace(overfly, began_s=min(overfly.began_s, now_s))
+    if now_s - overfly.began_s > MOST_S:
         return replace(overfly, phase=OverflyPhase.DONE)
     ways = find_ways(find_ground(space, here, BODY_RADIUS_M + plan.clearance_m))
     left = _not_flown_over(ways, overfly.aimed_at)
@@ -110,12 +110,11 @@ def _not_flown_over(ways: Ways, aimed_at: tuple[Vector2, ...]) -> Cells:
 def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2:
     """The place that is reached soonest, turning counted, or farther straight on from it."""
     cells = np.argwhere(left)
-    towards = cells - np.array(ways.ground.start)
-    off_rad = np.arctan2(towards[:, 1], towards[:, 0]) - sight.pose.yaw_rad
-    turn_s = np.abs(np.angle(np.exp(1j * off_rad))) / math.radians(plan.turn_rate_deg_s)
+    turn_s = turn_rad(sight, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     soonest = int(np.argmin(ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s))
     row, column = cells[soonest].tolist()
-    return ways.ground.grid.place(_straight_on((row, column), towards[soonest], left))
+    towards = cells[soonest] - np.array(ways.ground.start)
+    return ways.ground.grid.place(_straight_on((row, column), towards, left))
 
 
 def _straight_on(cell: Cell, towards: NDArray[np.int64], left: Cells) -> Cell:
