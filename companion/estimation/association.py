@@ -17,6 +17,7 @@ from companion.estimation.support import (
     Support,
     one_wall_a_stretch,
     without_bends,
+    without_glimpses,
     without_strays,
     worthy,
 )
@@ -42,6 +43,7 @@ class Association:
             pairs = candidates(x, m, seen, self.units, gate)
         pairs = one_wall_a_stretch(x, seen, pairs)
         pairs = without_strays(x, seen, pairs, self.support)
+        pairs = without_glimpses(m, pairs)
         if gate.refutes:
             pairs = without_bends(x, seen, sigma_m, pairs, known)
             wall_of = pairs.best()

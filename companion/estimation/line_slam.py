@@ -73,6 +73,8 @@ class _Match:
     """Of the range, by north, east and the wall's offset."""
     spread_m2: float
     """Variance of the innovation, gᵀ P g + r."""
+    tells: bool
+    """Not near the end of the sensor's range, where long readings are missing."""
 
 
 class LineSlam:
@@ -82,6 +84,9 @@ class LineSlam:
     EXTENT_MARGIN_M = 1.2
     """A hit this far beyond the known end of a wall may still belong to it."""
     END_SIGMAS = 2.0
+    SURPRISE_M = 0.25
+    """A range that is off by so much counts half, and less the more it is: where the position is
+    not known well, one that met something else would pull it aside at once."""
     LEAST_COS_INCIDENCE = math.cos(math.radians(65))
     SAME_NORMAL_RAD = math.radians(12)
 
@@ -138,7 +143,11 @@ class LineSlam:
     def see_range(
         self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, unit: RangeUnit
     ) -> int | None:
-        """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall."""
+        """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall.
+
+        None if it has none, or one that the range is too near its end to tell anything of: it
+        must not be given to another wall then.
+        """
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
             match = self._match(wall, eye_ne_m, bearing_rad, range_m, unit)
@@ -147,7 +156,7 @@ class LineSlam:
             misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
-        if best is None:
+        if best is None or not best[1].tells:
             return None
         self._correct(best[1])
         best[1].wall.extend(best[1].along_m)
@@ -164,8 +173,7 @@ class LineSlam:
         """What the range says if it met this wall; None if it cannot have.
 
         Noise is taken at the predicted distance, not at the measured one: short readings would
-        else count for more than long ones. For the same reason nothing is learned near the end
-        of the sensor's range, where long readings are missing.
+        else count for more than long ones.
         """
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
@@ -181,15 +189,14 @@ class LineSlam:
         predicted_m = distance_m / cos_incidence
         model, from_unit_m = unit.model, predicted_m - unit.offset_m
         sigma_m = model.sigma_m(max(from_unit_m, model.min_m))
-        if from_unit_m > model.max_m - self.END_SIGMAS * sigma_m:
-            return None
+        tells = from_unit_m < model.max_m - self.END_SIGMAS * sigma_m
         # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
         gradient = -cos_n / cos_incidence, -sin_n / cos_incidence, 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
         spread_m2 = self._variance(_WALLS + wall.index, gradient)
         spread_m2 += sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
-        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2)
+        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2, tells)
 
     def _variance(self, at: int, gradient: Vector3) -> float:
         """gᵀ P g of a gradient that is zero but for north, east and the offset at `at`."""
@@ -205,10 +212,11 @@ class LineSlam:
         north, east, offset = match.gradient
         p = self._p
         ph = north * p[_NORTH] + east * p[_EAST] + offset * p[_WALLS + match.wall.index]
-        gain = ph / match.spread_m2
+        spread_m2 = match.spread_m2 * (1 + (match.innovation_m / self.SURPRISE_M) ** 2)
+        gain = ph / spread_m2
         self._x = [x + k * match.innovation_m for x, k in zip(self._x, gain.tolist(), strict=True)]
         told = gain[:, None] * ph
-        p += match.spread_m2 * gain[:, None] * gain - told - told.T
+        p += spread_m2 * gain[:, None] * gain - told - told.T
 
     def find(self, line: Line) -> Wall | None:
         """The known wall of the same direction whose line passes through a run's centre."""

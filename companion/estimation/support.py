@@ -10,13 +10,23 @@ from companion.estimation.candidates import Candidates
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.straightness import bend, longer_side
-from companion.estimation.unknowns import Array, Indices, Sightings, Unknowns, in_rows, reach_m
+from companion.estimation.unknowns import (
+    Array,
+    Indices,
+    Measured,
+    Sightings,
+    Unknowns,
+    in_rows,
+    reach_m,
+)
 from companion.frames import wrap_rad
 
 MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
 STRETCH_M = 0.5
 MOST_CUTS = 8
+GLIMPSE_KEYFRAMES, LEAST_TOGETHER = 5, 4
+"""A second to either side; a turning beam meets a metre of a wall so often in passing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +98,23 @@ def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Sup
     strayed = np.full(len(seen.points), NO_WALL)
     strayed[hit[stray[piece]]] = wall[stray[piece]]
     return pairs.only(strayed[pairs.hit] != pairs.wall)
+
+
+def without_glimpses(m: Measured, pairs: Candidates) -> Candidates:
+    """Without the hits that are nearly alone on their wall at their time.
+
+    A wall that is in sight is met again and again. One hit that met something else, as at the
+    corner behind which a wall begins, would tell where the drone is when nothing else does.
+    """
+    wall_of = pairs.best()
+    hit = np.flatnonzero(wall_of != NO_WALL)
+    key = wall_of[hit] * (int(m.frame.max(initial=0)) + 3 * GLIMPSE_KEYFRAMES) + m.frame[hit]
+    in_order = np.sort(key)
+    together = np.searchsorted(in_order, key + GLIMPSE_KEYFRAMES, side="right")
+    together -= np.searchsorted(in_order, key - GLIMPSE_KEYFRAMES)
+    alone = np.zeros(len(wall_of), dtype=bool)
+    alone[hit[together < LEAST_TOGETHER]] = True
+    return pairs.only(~alone[pairs.hit])
 
 
 def without_bends(

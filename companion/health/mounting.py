@@ -25,6 +25,9 @@ WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(20)
 """Along a beam, and so far, before what it reads is compared; the nose may swing meanwhile."""
 OBLIQUELY = math.tan(math.radians(20))
 """On a wall that is met so, what the drone moves aside and turns changes the reading besides."""
+GRAZING = math.tan(math.radians(75))
+"""The front beam may meet a wall so beside which the drone flies, and reads much more as the nose
+turns away by a few degrees; the beams to the sides face what the drone moves towards."""
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.5, 3
@@ -41,7 +44,7 @@ class MountingWatch:
         self._began_rad = 0.0
         self._began_at_ne_m = (math.nan, math.nan)
         self._seen: dict[Beam, Seen] = {}
-        self._ways = {beam: _Way(bearing_rad) for beam, bearing_rad in BEARING_FRD_RAD.items()}
+        self._ways = {beam: _Way(beam) for beam in BEARING_FRD_RAD}
 
     def take(self, scan: RangeScan, place_ne_m: tuple[float, float], travel: Travel) -> None:
         """Take in one sweep; `travel` is how far the drone has gone and turned in all."""
@@ -69,8 +72,10 @@ class MountingWatch:
 class _Way:
     """Along one beam: does it read less by as much as the drone comes nearer?"""
 
-    def __init__(self, bearing_rad: float) -> None:
+    def __init__(self, beam: Beam) -> None:
+        bearing_rad = BEARING_FRD_RAD[beam]
         self._axis_frd = math.cos(bearing_rad), math.sin(bearing_rad)
+        self._most_oblique = GRAZING if beam is Beam.FRONT else OBLIQUELY
         self._from: tuple[float, Travel] | None = None
         self._last_m = math.nan
         self._against = 0
@@ -97,7 +102,7 @@ class _Way:
         elif abs(along_m) > WAY_M:
             nearer_m = (then_m - now_m) * math.copysign(1.0, along_m)
             missing_m = LEAST_SHARE * abs(along_m) - nearer_m
-            obliquely_m = OBLIQUELY * (abs(aside_m) + now_m * abs(turn_rad))
+            obliquely_m = self._most_oblique * (abs(aside_m) + now_m * abs(turn_rad))
             if missing_m <= 0:
                 self._against = 0
             elif missing_m > obliquely_m:

@@ -77,7 +77,7 @@ class Explore:
     look_at_ne_m: Places = ()
     """What the next look is for; empty at the first."""
     tried: tuple[Places, ...] = ()
-    """What each look so far was for in vain."""
+    """What each look so far was for."""
     doorways: tuple[Doorway, ...] = ()
     """All found so far."""
     checked_s: float = 0.0
@@ -121,7 +121,7 @@ def _look(
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
-        return _to_choose(explore, still_unseen(space, explore.look_at_ne_m)), HOLD
+        return _to_choose(explore, explore.look_at_ne_m), HOLD
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
@@ -147,9 +147,9 @@ def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) ->
     return bool(clockwise_rad <= other_way_rad)
 
 
-def _to_choose(explore: Explore, in_vain: Places = ()) -> Explore:
-    """Some places have been looked at in vain."""
-    tried = (*explore.tried, in_vain) if in_vain else explore.tried
+def _to_choose(explore: Explore, looked_at: Places = ()) -> Explore:
+    """Some places have been looked at."""
+    tried = (*explore.tried, looked_at) if looked_at else explore.tried
     return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
 
 
@@ -194,7 +194,8 @@ def _go(
         left = still_unseen(space, explore.look_at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
-            return _to_choose(explore), HOLD
+            seen = tuple(place for place in explore.look_at_ne_m if place not in left)
+            return _to_choose(explore, seen), HOLD
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:

@@ -2,7 +2,9 @@
 
 TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
 
-It begins to fly while it still turns, the slower the farther it has to.
+It begins to fly while it still turns, the slower the farther it has to. Near to something it swings
+its nose to and fro: within half a metre the beams to the sides measure nothing, odometry leads into
+a wall within seconds, and only the front beam, turned aside, meets the wall far enough ahead.
 """
 
 import math
@@ -12,6 +14,7 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Setpoint
 from companion.pdps.control import MOST_SIDE_M_S, approach_speed, clamp, stay, turn_towards
+from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
 from companion.pdps.sight import Sight
 
@@ -26,6 +29,9 @@ NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.4
 LOOK_AHEAD_M = 0.6
+SWING_BELOW_M = 0.8
+SWING_RAD, SWING_S = math.radians(35), 4.0
+"""With so little room it swings its nose so far to either side, to and fro in that time."""
 
 Way = tuple[Vector2, ...]
 
@@ -42,7 +48,16 @@ def follow(
         way = way[1:]
     if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
         return (), HOLD
-    return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan))
+    swing_rad = _swing_rad(sight, space)
+    return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan), swing_rad)
+
+
+def _swing_rad(sight: Sight, space: Occupancy) -> float:
+    """How far the nose should be off the way, to the right, at this moment."""
+    here = sight.pose.north_m, sight.pose.east_m
+    if space.nearest_m(here, SWING_BELOW_M) >= SWING_BELOW_M:
+        return 0.0
+    return SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
 
 
 def _speed_m_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
@@ -71,7 +86,9 @@ def is_blocked(way: Way, sight: Sight) -> bool:
     return faces and to_go_m > CLOSE_M and room_m <= 0
 
 
-def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Setpoint:
+def _towards(
+    way: Way, sight: Sight, plan: MissionConfig, most_m_s: float, swing_rad: float
+) -> Setpoint:
     north_m = way[0][0] - sight.pose.north_m
     east_m = way[0][1] - sight.pose.east_m
     distance_m = math.hypot(north_m, east_m)
@@ -79,13 +96,25 @@ def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Se
         return stay(way[0], sight)
     bearing_rad = math.atan2(east_m, north_m)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
-    yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
+    yaw_rate_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
-    nose_on = max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
-    room_m = min(sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M, distance_m)
+    nose_on = max(0.0, 1 - max(abs(off_rad) - abs(swing_rad), 0.0) / FLIES_FROM_RAD)
+    room_m = min(_room_ahead_m(off_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
         clamp(speed_m_s * math.sin(off_rad), MOST_SIDE_M_S),
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
+
+
+def _room_ahead_m(off_rad: float, sight: Sight, plan: MissionConfig) -> float:
+    """Along the way, as far as the front beam tells, which points so far off it.
+
+    What it meets beside the way is passed.
+    """
+    clear_m = sight.clear_m(Beam.FRONT)
+    is_turned = abs(off_rad) > NOSE_ON_RAD
+    if is_turned and clear_m * math.sin(abs(off_rad)) > BODY_RADIUS_M + plan.clearance_m:
+        return math.inf
+    return clear_m - FULL_STOP_BEFORE_M

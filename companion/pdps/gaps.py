@@ -102,7 +102,8 @@ def looks(
 ) -> tuple[Look, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
-    `tried` are the places that each look so far was for in vain; twice is enough. Only what is
+    `tried` are the places that each look so far was for; twice is enough, also for what was seen:
+    a step of the pose may draw a wall beside itself, where nobody will ever see one. Only what is
     within `within_m` of something that stands there counts.
     """
     grid = ways.ground.grid

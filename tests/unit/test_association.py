@@ -18,7 +18,7 @@ from companion.estimation.support import Support
 from companion.estimation.unknowns import Array, Measured, Unknowns, project
 from companion.frames import Vector2
 from companion.mapping.floor_plan import wall_segments
-from companion.messages import BEARING_FRD_RAD, Pose, WallSegment
+from companion.messages import BEARING_FRD_RAD, Beam, Pose, WallSegment
 
 Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
@@ -164,3 +164,17 @@ def test_people_are_no_walls_and_pull_at_nothing() -> None:
     assert len(estimate.x.walls) == 4
     assert off_m(walls_of(estimate, record), ROOM).max() < 0.1
     assert np.abs(estimate.x.poses[:, :2] - record.poses[:, :2]).max() < 0.1
+
+
+@pytest.mark.parametrize(("hits", "belong"), [(1, False), (3, False), (12, True)])
+def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None:
+    record = fly([((3.0, -3.0), (3.0, 3.0))], [(0.0, -2.0), (0.0, 2.0)], seed=1)
+    for i in range(-100, hits):
+        pose = Pose(60.0 + 0.05 * i, 0.0, 2.0, -1.2, math.tau)
+        record.advance(pose, (0.0, 2.0), math.tau)
+        if i < 0:
+            continue
+        record.add_hit(pose, BEAMS.index(Beam.FRONT), 3.02, ((0.0, 0.0), 0.0), None)
+    wall_of = mapped(record).wall_of
+    assert (wall_of[:-hits] != NO_WALL).mean() > 0.9
+    assert (wall_of[-hits:] != NO_WALL).all() == belong

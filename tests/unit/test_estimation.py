@@ -3,6 +3,7 @@
 import math
 from random import Random
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from hypothesis import strategies as st
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.estimator import Estimator
 from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
+from companion.estimation.line_slam import LineSlam, Wall
 from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
 from companion.estimation.wall_runs import RunHit, WallRun
@@ -172,3 +174,44 @@ def test_the_smoother_needs_something_to_smooth() -> None:
     assert smoothed is not None
     assert len(smoothed.walls) == 1
     assert smoothed.walls[0].offset_m == pytest.approx(1.5, abs=0.03)
+
+
+# One range
+
+
+NORTH = 0.0
+
+
+def before_walls(*offsets_m: float, position_sigma_m: float = 0.16) -> LineSlam:
+    """At the origin, looking north at walls that far ahead, each known to a centimetre."""
+    heading = HeadingFilter(0.0)
+    for _ in offsets_m:
+        heading.add_wall(WallBearing(NORTH, math.radians(0.5), 0.0, 0.0))
+    slam = LineSlam(heading)
+    sigmas_m = [position_sigma_m, position_sigma_m, 0.01, *(0.01 for _ in offsets_m)]
+    walls = [Wall(i, (ahead_m, 0.0), -3.0, 3.0) for i, ahead_m in enumerate(offsets_m)]
+    slam.restart(np.zeros(3 + len(walls)), np.diag(np.square(sigmas_m)), walls)
+    return slam
+
+
+def told_north_m(slam: LineSlam, range_m: float, times: int = 1) -> float:
+    """Where it believes to be after so many ranges straight ahead."""
+    unit = RangeUnit(GP2Y0A710K0F, NORTH, 0.0)
+    for _ in range(times):
+        slam.see_range(slam.position_ne_m, NORTH, range_m, unit)
+    return slam.position_ne_m[0]
+
+
+@given(st.floats(0.3, 0.45))
+def test_one_range_that_met_something_else_moves_the_drone_by_less_than_half(off_m: float) -> None:
+    assert abs(told_north_m(before_walls(3.0), 3.0 - off_m)) < 0.45 * off_m
+
+
+@given(st.floats(-0.3, 0.3))
+def test_ranges_that_agree_set_the_drone_right(off_m: float) -> None:
+    assert told_north_m(before_walls(3.0), 3.0 - off_m, times=20) == pytest.approx(off_m, abs=0.05)
+
+
+def test_a_range_of_what_is_too_far_to_tell_anything_is_given_to_no_nearer_wall() -> None:
+    assert told_north_m(before_walls(4.5), 5.05) != 0
+    assert told_north_m(before_walls(4.5, 5.2), 5.05) == 0

@@ -1,12 +1,15 @@
 """What is believed of what comes in, and what is a fault."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.health.gyro import GyroWatch
-from companion.health.mounting import misplaced
+from companion.health.mounting import MountingWatch, misplaced
 from companion.health.odometry import SteadyOdometry
 from companion.health.ranges import RangeWatch
 from companion.messages import (
@@ -176,3 +179,32 @@ def test_beams_that_look_where_they_should_are_not_misplaced() -> None:
 def test_swapped_beams_show_in_one_turn() -> None:
     seen = {Beam.FRONT: profile(0), Beam.RIGHT: profile(3), Beam.LEFT: profile(1)}
     assert misplaced(seen) == (Beam.RIGHT, Beam.LEFT)
+
+
+def watched_front(walls_m: Sequence[tuple[float, float]]) -> tuple[Beam, ...]:
+    """What is called misplaced: the drone goes along a wall by tenths of a metre.
+
+    At each the front beam reads so many metres, and the nose is turned so many degrees off the way.
+    """
+    watch, forward_m, right_m = MountingWatch(), 0.0, 0.0
+    for i, (range_m, turned_deg) in enumerate(walls_m):
+        front = RangeReading(RangeState.DISTANCE, range_m, 0.02**2)
+        scan = RangeScan(0.1 * i, {Beam.FRONT: front})
+        turned_rad = math.radians(turned_deg)
+        forward_m += 0.1 * math.cos(turned_rad)
+        right_m -= 0.1 * math.sin(turned_rad)
+        watch.take(scan, (0.1 * i, 0.0), (forward_m, right_m, 0.0, turned_rad))
+    return watch.misplaced
+
+
+def test_a_front_beam_that_does_not_come_nearer_looks_elsewhere() -> None:
+    assert watched_front([(3.0, 0.0)] * 40) == (Beam.FRONT,)
+
+
+@given(st.floats(0.4, 1.5), st.floats(20, 40), st.floats(0.5, 2.0))
+def test_a_front_beam_that_grazes_a_wall_reads_more_as_the_nose_turns_from_it(
+    aside_m: float, begin_deg: float, step_deg: float
+) -> None:
+    turned_deg = [begin_deg - step_deg * i for i in range(40) if begin_deg - step_deg * i > 12]
+    met_m = [aside_m / math.sin(math.radians(turned)) for turned in turned_deg]
+    assert watched_front(list(zip(met_m, turned_deg, strict=True))) == ()

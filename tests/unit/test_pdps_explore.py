@@ -138,7 +138,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
 
-def test_what_was_looked_at_twice_in_vain_is_let_be() -> None:
+def test_what_was_looked_at_twice_is_let_be() -> None:
     grid = open_ground()
     everywhere = tuple(
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
@@ -192,6 +192,40 @@ def test_it_slows_down_where_it_is_narrow() -> None:
     grid.block((0.6, 0.5), 0.1)
     _, narrow = follow(((3.0, 0.0),), sight(), grid, PLAN)
     assert narrow.forward_m_s < 0.5 * wide.forward_m_s
+
+
+def test_near_to_a_wall_it_swings_its_nose_and_keeps_to_its_way() -> None:
+    grid = open_ground()
+    grid.block((1.0, -0.6), 0.1)
+    way, headings_rad = ((3.0, 0.0),), []
+    yaw_rad = 0.0
+    for tick in range(200):
+        _, setpoint = follow(
+            way, sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0)), grid, PLAN
+        )
+        course_rad = yaw_rad + math.atan2(setpoint.right_m_s, setpoint.forward_m_s)
+        assert setpoint.forward_m_s > 0.2
+        assert abs(course_rad) < math.radians(10)
+        yaw_rad += 0.05 * setpoint.yaw_rate_rad_s
+        headings_rad.append(yaw_rad)
+    assert max(headings_rad) > math.radians(20)
+    assert min(headings_rad) < math.radians(-20)
+
+
+def test_in_the_open_it_flies_nose_first() -> None:
+    for tick in range(80):
+        _, setpoint = follow(((3.0, 0.0),), sight(time_s=0.05 * tick), open_ground(), PLAN)
+        assert setpoint.yaw_rate_rad_s == 0
+
+
+def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
+    grid, way = open_ground(), ((3.0, 0.0),)
+    grid.block((0.6, -0.7), 0.1)
+    left_rad, swung_left_s = math.radians(-35), 3.0
+    _, beside = follow(way, sight((0.0, 0.0), left_rad, 1.0, swung_left_s), grid, PLAN)
+    assert beside.forward_m_s > 0.2
+    _, before = follow(way, sight((0.0, 0.0), left_rad, 0.65, swung_left_s), grid, PLAN)
+    assert before.forward_m_s == 0
 
 
 def test_it_stops_before_what_stands_in_the_way() -> None:
@@ -391,6 +425,12 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
+
+
+def test_what_was_seen_on_the_way_counts_as_looked_at() -> None:
+    explore = going(open_ground())
+    after, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
+    assert after.tried == (explore.look_at_ne_m,)
 
 
 def test_done_stays_done() -> None:
