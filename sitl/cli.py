@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from companion import config as configuration
 from companion.errors import CompanionError
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
 from sitl.options import (
     Autopilot,
+    Battery,
     BeamFile,
     ConfigFile,
     Crop,
@@ -87,6 +87,7 @@ def run(
     param: Param = None,
     beam: BeamFile = None,
     crop: Crop = None,
+    battery_s: Battery = None,
     config: ConfigFile = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
@@ -126,7 +127,17 @@ def run(
         _run_external(options, connect, bus_port, truth)
         return
     options = FlightOptions(
-        world, seed, profile, autopilot.value, start, params, param or (), beam, crop, config
+        world,
+        seed,
+        profile,
+        autopilot.value,
+        start,
+        params,
+        param or (),
+        beam,
+        crop,
+        config,
+        battery_s,
     )
     setup, watch = options.setup()
     links = mavlink or [DEFAULT_MAVLINK]
@@ -209,6 +220,7 @@ def fly(
     param: Param = None,
     beam: BeamFile = None,
     crop: Crop = None,
+    battery_s: Battery = None,
     mission: Annotated[
         str,
         typer.Option(
@@ -232,10 +244,20 @@ def fly(
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
 
     options = FlightOptions(
-        world, seed, profile, autopilot.value, start, params, param or (), beam, crop, config
+        world,
+        seed,
+        profile,
+        autopilot.value,
+        start,
+        params,
+        param or (),
+        beam,
+        crop,
+        config,
+        battery_s,
     )
     flown = load_mission(mission)
-    settings = configuration.load(config, {"sensors.profile": profile, **flown.settings})
+    settings = options.settings(flown.settings)
     console = Console(highlight=False)
     if transport is Transport.UDP:
         result = fly_in_two(options, flown, settings, speed, out or Path("out"))

@@ -1,6 +1,6 @@
 """Options that several commands share, and what is made of them."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -10,7 +10,8 @@ import typer
 from rich.console import Console
 
 from companion import config as configuration
-from sitl.autopilot.core import PERSONALITIES, keep_nothing
+from companion.config import Config
+from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.errors import SitlError
 from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
@@ -53,6 +54,14 @@ Crop = Annotated[
     float | None,
     typer.Option(help="Only the square of so many metres about the start, walled in.", min=4),
 ]
+Battery = Annotated[
+    float | None,
+    typer.Option(
+        help=f"So long flies a full battery, {FLIGHT_BATTERY_S:.0f} if left out, and the mission.",
+        min=60,
+        max=3600,
+    ),
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +78,20 @@ class FlightOptions:
     beam: Path | None = None
     crop_m: float | None = None
     config: Path | None = None
+    battery_s: float | None = None
+
+    def settings(self, mission: Mapping[str, object]) -> Config:
+        """The companion's: its file's, and above them those of the mission.
+
+        It may fly for as long as the battery does, if that was asked for and the mission has no
+        limit of its own.
+
+        Raises:
+            ConfigError: one line that says what to mend.
+        """
+        limit = {} if self.battery_s is None else {"mission.time_limit_s": self.battery_s}
+        given = {**limit, "sensors.profile": self.profile, **mission}
+        return configuration.load(self.config, given)
 
     def setup(self) -> tuple[Setup, ParameterWatch]:
         """The setup, and who keeps the parameters that are set.
@@ -91,6 +114,7 @@ class FlightOptions:
             parameters,
             load_beam_physics(self.beam) if self.beam else RAY,
             start,
+            battery_s=self.battery_s or FLIGHT_BATTERY_S,
         )
         return setup, watch
 
@@ -105,6 +129,7 @@ class FlightOptions:
             "beam": self.beam,
             "crop": self.crop_m,
             "config": self.config,
+            "battery-s": self.battery_s,
         }
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         return [self.world, *options, *(f"--param={assignment}" for assignment in self.param)]

@@ -17,7 +17,7 @@ from companion.config import SensorsConfig
 from companion.frames import Vector3
 from companion.link.transport import Transport
 from companion.messages import Beam
-from sitl.autopilot.core import PERSONALITIES, Autopilot, keep_nothing
+from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, Autopilot, keep_nothing
 from sitl.autopilot.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.personality import boot_values, system_id
@@ -52,6 +52,8 @@ class Setup:
     odometry_noise: OdometryNoise = REFERENCE_NOISE
     range_gain_sigma: float | None = None
     """Spread of the range units' gains; None: as the sensor's physics has it."""
+    battery_s: float = FLIGHT_BATTERY_S
+    """How long a full battery flies."""
 
     @property
     def system_id(self) -> int:
@@ -100,6 +102,7 @@ class Simulation:
             watch=watch,
             links=len(transports),
             noise=setup.odometry_noise,
+            battery_s=setup.battery_s,
         )
         self._history = History(start)
         self.record = TruthRecord(start)

@@ -47,7 +47,8 @@ class Autopilot:
     """One vehicle with its flight controller; time passes only by `step`.
 
     `parameters` are set before it starts; `watch` is told those that a client sets. With
-    `tells_truth` it sends its true state to whoever asks, as simulated autopilots do.
+    `tells_truth` it sends its true state to whoever asks, as simulated autopilots do. A full
+    battery flies for `battery_s`.
 
     Raises:
         ParameterError: a parameter that it does not have.
@@ -64,7 +65,9 @@ class Autopilot:
         links: int = 1,
         tells_truth: bool = False,
         noise: OdometryNoise = REFERENCE_NOISE,
+        battery_s: float = FLIGHT_BATTERY_S,
     ) -> None:
+        self._battery_s = battery_s
         self._is = PERSONALITIES[personality]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
         self._vehicle = Vehicle(start, stream(seed, "gusts"))
@@ -142,7 +145,7 @@ class Autopilot:
             return
         velocity, yaw_rate = control.wanted(self.time_s, on_ground=self._vehicle.on_ground)
         self._vehicle.step(estimator.to_true_frame(velocity), estimator.to_true_rate(yaw_rate))
-        self._status.battery = max(0.0, self._status.battery - STEP_S / FLIGHT_BATTERY_S)
+        self._status.battery = max(0.0, self._status.battery - STEP_S / self._battery_s)
         if control.manoeuvre is Manoeuvre.GROUND:
             self._commander.stop()
         if was is Manoeuvre.CLIMB and control.manoeuvre is Manoeuvre.HOLD:

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from sitl.options import Autopilot, Crop, FlightOptions, Profile, Seed
+from sitl.options import Autopilot, Battery, Crop, FlightOptions, Profile, Seed
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
 
@@ -95,6 +95,7 @@ def missions(
         typer.Option(help="Its kind, or a mission file; what suits each world if left out."),
     ] = None,
     crop: Crop = None,
+    battery_s: Battery = None,
     as_json: AsJson = False,
     out: Annotated[
         Path | None, typer.Option(help="Folder for missions.json and a sheet of all plans.")
@@ -106,7 +107,14 @@ def missions(
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.summary import show, sum_up  # noqa: PLC0415
 
-    jobs = jobs_for(worlds or ["paper"], seeds, profile or [DEFAULT_PROFILE], mission, crop)
+    jobs = jobs_for(
+        worlds or ["paper"],
+        seeds,
+        profile or [DEFAULT_PROFILE],
+        mission,
+        crop_m=crop,
+        battery_s=battery_s,
+    )
     flights = fly_and_show(jobs)
     result = sum_up([flown.row for flown in flights])
     if out is not None:

@@ -5,9 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from companion import config as configuration
 from companion.app import App, Progress
-from companion.config import Config
 from companion.fly import TICK_S
 from companion.frames import Vector2, frd_to_ned
 from companion.messages import FloorPlan
@@ -63,15 +61,6 @@ class Flown:
     sketch: Sketch = field(default_factory=Sketch)
 
 
-def load_settings(profile: str, mission: str) -> Config:
-    """The companion's.
-
-    Raises:
-        ConfigError, MissionError: one line that says what to mend.
-    """
-    return configuration.load(None, {"sensors.profile": profile, **load_mission(mission).settings})
-
-
 def fly(job: Job) -> Flown:
     """Fly; a flight that breaks off by an error is a row that tells it."""
     try:
@@ -89,8 +78,8 @@ def lost(job: Job, why: str) -> Flown:
 def _fly(job: Job) -> Flown:
     began_s = time.monotonic()
     setup, _ = job.options.setup()
-    settings = load_settings(job.options.profile, job.mission)
-    script = play(load_mission(job.mission).events)
+    mission = load_mission(job.mission)
+    settings, script = job.options.settings(mission.settings), play(mission.events)
     traced_ticks = 0
 
     def watch_trace(simulation: Simulation, app: App) -> None:

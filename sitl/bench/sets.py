@@ -3,8 +3,9 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from sitl.bench.missions import Job, load_settings
+from sitl.bench.missions import Job
 from sitl.options import Autopilot, FlightOptions
+from sitl.testing.mission_file import load_mission
 from sitl.world.format import WorldError
 from sitl.world.loading import IMPORTERS, load_world, world_names
 
@@ -26,21 +27,28 @@ def jobs_for(
     worlds: Sequence[str],
     seeds: int,
     profiles: Sequence[str],
-    mission: str | None,
-    crop_m: float | None,
+    mission: str | None = None,
+    *,
+    crop_m: float | None = None,
+    battery_s: float | None = None,
 ) -> list[Job]:
     """Flights of every seed from every place with every profile; without a mission, what suits.
 
     Raises:
         WorldError, ConfigError, MissionError: what is wrong for all, before anything is flown.
     """
-    for profile in profiles:
-        load_settings(profile, mission or "building")
-    return [
-        Job(
-            FlightOptions(world, seed, profile, Autopilot.ARDUPILOT, start, crop_m=crop_m),
-            mission or MISSIONS.get(world, "building"),
+
+    def options(world: str, start: str | None, profile: str, seed: int) -> FlightOptions:
+        autopilot = Autopilot.ARDUPILOT
+        return FlightOptions(
+            world, seed, profile, autopilot, start, crop_m=crop_m, battery_s=battery_s
         )
+
+    settings = load_mission(mission or "building").settings
+    for profile in profiles:
+        options("", None, profile, 1).settings(settings)
+    return [
+        Job(options(world, start, profile, seed), mission or MISSIONS.get(world, "building"))
         for profile in profiles
         for name in worlds
         for world, start in places(name)

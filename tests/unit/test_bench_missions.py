@@ -61,19 +61,27 @@ def test_a_folder_is_every_plan_from_up_to_three_starts(plans: Path) -> None:
 
 
 def test_jobs_are_seeds_from_every_place_with_every_profile(plans: Path) -> None:
-    jobs = jobs_for([str(plans), "office"], 2, ["paper", "gp2y0a710k0f"], "room", 20.0)
+    jobs = jobs_for([str(plans), "office"], 2, ["paper", "gp2y0a710k0f"], "room", crop_m=20.0)
     assert len(jobs) == len(set(map(str, (job.key for job in jobs)))) == 16
     assert {job.options.crop_m for job in jobs} == {20.0}
 
 
+def test_with_a_larger_battery_a_mission_may_take_longer() -> None:
+    (only,) = jobs_for(["office"], 1, ["paper"], battery_s=1800.0)
+    setup, _ = only.options.setup()
+    assert setup.battery_s == 1800
+    assert only.options.settings({}).mission.time_limit_s == 1800
+    assert only.options.settings({"mission.time_limit_s": 90.0}).mission.time_limit_s == 90
+
+
 def test_each_world_is_flown_as_suits_it() -> None:
-    jobs = jobs_for(["room_200", "complex", "exterior"], 1, ["paper"], None, None)
+    jobs = jobs_for(["room_200", "complex", "exterior"], 1, ["paper"])
     assert [job.mission for job in jobs] == ["room", "building", "exterior"]
 
 
 def test_what_is_wrong_for_all_is_told_before_anything_is_flown() -> None:
     with pytest.raises(ConfigError, match=r"mission\.kind = 'swim'"):
-        jobs_for(["paper"], 1, ["paper"], "swim", None)
+        jobs_for(["paper"], 1, ["paper"], "swim")
 
 
 def test_an_unknown_set_names_the_known_ones(tmp_path: Path) -> None:
