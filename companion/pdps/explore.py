@@ -28,7 +28,7 @@ from companion.pdps import travel
 from companion.pdps.control import stay
 from companion.pdps.doorways import Doorway
 from companion.pdps.gaps import Look, Places, looks, still_unseen
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour
@@ -157,7 +157,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     """Four steps, a tick each: any may take a good part of it."""
     if explore.ground is None:
         here = sight.pose.north_m, sight.pose.east_m
-        ground = find_ground(space, here, BODY_RADIUS_M + plan.clearance_m)
+        ground = find_ground(space, here, clear_of_all_m(plan))
         return replace(explore, ground=ground)
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))

@@ -14,7 +14,7 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Setpoint
 from companion.pdps.control import MOST_SIDE_M_S, approach_speed, clamp, stay, turn_towards
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
 from companion.pdps.sight import Sight
 
@@ -115,6 +115,6 @@ def _room_ahead_m(off_rad: float, sight: Sight, plan: MissionConfig) -> float:
     """
     clear_m = sight.clear_m(Beam.FRONT)
     is_turned = abs(off_rad) > NOSE_ON_RAD
-    if is_turned and clear_m * math.sin(abs(off_rad)) > BODY_RADIUS_M + plan.clearance_m:
+    if is_turned and clear_m * math.sin(abs(off_rad)) > clear_of_all_m(plan):
         return math.inf
     return clear_m - FULL_STOP_BEFORE_M

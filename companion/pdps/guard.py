@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import Points, Surroundings
 from companion.messages import Setpoint
@@ -39,6 +40,11 @@ COURSE_M_S = 0.1
 """Slower than this the drone hovers, and has no course."""
 ROUNDS = 8
 LEAST_SPEED_M_S = 0.02
+
+
+def clear_of_all_m(plan: MissionConfig) -> float:
+    """From the drone's centre to anything, as planned; in a doorway it is less."""
+    return BODY_RADIUS_M + plan.clearance_m
 
 
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:

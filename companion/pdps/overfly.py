@@ -24,7 +24,7 @@ from companion.messages import HOLD, Setpoint
 from companion.pdps import travel
 from companion.pdps.doorways import Doorway
 from companion.pdps.gaps import turn_rad, without_specks
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
@@ -86,7 +86,7 @@ def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfi
     overfly = replace(overfly, began_s=min(overfly.began_s, now_s))
     if now_s - overfly.began_s > MOST_S:
         return replace(overfly, phase=OverflyPhase.DONE)
-    ways = find_ways(find_ground(space, here, BODY_RADIUS_M + plan.clearance_m))
+    ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)

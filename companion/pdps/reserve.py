@@ -9,15 +9,18 @@ from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.doorways import find_doorways
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.travel import START_NE_M
 from companion.values import value
 
 ASK_AGAIN_S = 5.0
-SPEED_SHARE, TURNS_S = 0.4, 12.0
-"""What a way takes: of the planned speed, with its doorways; and the first turns and the end."""
+SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
+"""What a way takes: of the planned speed, for each doorway, and for the first turns and the end."""
+UNKNOWN_SPEED_SHARE = 0.4
+"""Straight home where no way is known, and so much may the way home have grown meanwhile."""
 BATTERY_TOLD_S = 60.0
 """Whole per cents are told: so long, and it can be told how quickly they go."""
 
@@ -49,7 +52,7 @@ def step(
     flown_s = spent.flown_s
     left_s, why = _left_s(reserve, spent, plan)
     since_s = flown_s - reserve.asked_s
-    if left_s > reserve.way_home_s + since_s / SPEED_SHARE:
+    if left_s > reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
         return reserve, ""
     if since_s > ASK_AGAIN_S:
         way_home_s = _way_home_s(sight, space, plan)
@@ -74,7 +77,9 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
 
 def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
     here = sight.pose.north_m, sight.pose.east_m
-    ways = find_ways(find_ground(space, here, BODY_RADIUS_M + plan.clearance_m))
-    reaches = ways.reaches(START_NE_M)
-    way_m = ways.length_m(START_NE_M) if reaches else math.dist(here, START_NE_M)
-    return TURNS_S + way_m / (SPEED_SHARE * plan.speed_m_s)
+    ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
+    if not ways.reaches(START_NE_M):
+        return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
+    doorways = find_doorways(ways.ground, here, ways.to(START_NE_M))
+    flown_s = ways.length_m(START_NE_M) / (SPEED_SHARE * plan.speed_m_s)
+    return TURNS_S + flown_s + DOORWAY_S * len(doorways)

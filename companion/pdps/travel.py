@@ -38,7 +38,7 @@ from companion.pdps.doorways import (
     remembered,
 )
 from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 
@@ -207,7 +207,7 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
     """As far as they are needed: near the way so far, if one there leads to the goal."""
-    clear_m = BODY_RADIUS_M + plan.clearance_m
+    clear_m = clear_of_all_m(plan)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
     ways = find_ways(find_ground(nearby, here, clear_m))
     if ways.reaches(travel.goal_ne_m):
