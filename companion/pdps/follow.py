@@ -24,7 +24,7 @@ CORNER_M = 0.15
 CLOSE_M = 0.4
 """Within this the drone trims its position without turning: it hovers in space it came through."""
 NOSE_ON_RAD = math.radians(12)
-FLIES_FROM_RAD = math.radians(50)
+FLIES_FROM_RAD = math.radians(80)
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.4
