@@ -36,7 +36,6 @@ from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)
-OUTSIDE_WITHIN_M = 2.5
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
 NEAR_ENOUGH_M = 0.35
 """So near to where it wants to look from it begins to turn."""
@@ -162,7 +161,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
-        found = looks(explore.ways, sight, plan, explore.tried, _within_m(plan))
+        found = looks(explore.ways, sight, plan, explore.tried)
         if not found:
             return replace(explore, phase=ExplorePhase.DONE)
         return replace(explore, looks=found)
@@ -176,11 +175,6 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
         tried=explore.tried,
         checked_s=sight.pose.time_s,
     )
-
-
-def _within_m(plan: MissionConfig) -> float:
-    """Outside there is no end of free space: only what is near to something is looked at."""
-    return OUTSIDE_WITHIN_M if plan.kind == "exterior" else math.inf
 
 
 def _go(

@@ -37,6 +37,8 @@ LOOK_S = 4.0
 MOST_LOOKS = 8
 """The order of so many can be found in a few milliseconds."""
 MOST_TARGETS = 100
+NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
+"""From the nearest thing that stands there to what is worth seeing, and to what may be."""
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5
@@ -56,13 +58,15 @@ class Look:
 
 
 def frontiers(grid: Occupancy) -> Cells:
-    """Seen cells with an unknown neighbour that are not beside something occupied.
-
-    Gaps between two beams that are narrower than the drone count as seen.
-    """
-    seen = ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
+    """Seen cells with an unknown neighbour that are not beside something occupied."""
+    seen = _seen(grid)
     edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
     return without_specks(edge, LEAST_FRONTIER_CELLS)
+
+
+def _seen(grid: Occupancy) -> Cells:
+    """Free cells, and the gaps between two beams that are narrower than the drone."""
+    return ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
 
 def vague_surfaces(grid: Occupancy) -> Cells:
@@ -98,18 +102,15 @@ def looks(
     sight: Sight,
     plan: MissionConfig,
     tried: tuple[Places, ...] = (),
-    within_m: float = math.inf,
 ) -> tuple[Look, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
     `tried` are the places that each look so far was for; twice is enough, also for what was seen:
-    a step of the pose may draw a wall beside itself, where nobody will ever see one. Only what is
-    within `within_m` of something that stands there counts.
+    a step of the pose may draw a wall beside itself, where nobody will ever see one.
     """
     grid = ways.ground.grid
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
-    targets = unseen(grid, tried)
-    targets = targets[to_occupied_m[tuple(targets.T)] <= within_m]
+    targets = _worth_seeing(unseen(grid, tried), to_occupied_m, grid, plan)
     views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= ROOM_TO_LOOK_M))
     if not len(targets) or not len(views):
         return ()
@@ -128,6 +129,29 @@ def looks(
         found.append(Look(grid.place(_cell(views[best])), at))
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)
+
+
+def _worth_seeing(
+    targets: Indices, to_occupied_m: NDArray[np.float64], grid: Occupancy, plan: MissionConfig
+) -> Indices:
+    """Those near to something, or beside unknown space that is closed in, as amid a hall.
+
+    The open outside has no end: in a building it is looked at when nothing else is left, and not
+    far from what stands there; round a building not at all.
+    """
+    off_m = to_occupied_m[tuple(targets.T)]
+    worthy = (off_m <= NEAR_SOMETHING_M) | _closed_in(grid)[tuple(targets.T)]
+    if not worthy.any() and plan.kind != "exterior":
+        worthy = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
+    near: Indices = targets[worthy]
+    return near
+
+
+def _closed_in(grid: Occupancy) -> Cells:
+    """Beside unknown space that known space surrounds."""
+    unknown = np.pad(~(_seen(grid) | grid.occupied), 1, constant_values=True)
+    parts, _ = label(unknown)
+    return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
 
 def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:

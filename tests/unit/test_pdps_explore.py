@@ -25,7 +25,7 @@ from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 
-PLAN = MissionConfig(kind="building")
+PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
 Place = tuple[float, float]
 
@@ -151,10 +151,32 @@ def test_what_was_looked_at_twice_is_let_be() -> None:
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     grid = open_ground()
     ways = ways_from(grid, (0.0, 0.0))
-    assert not looks(ways, sight(), PLAN, within_m=2.5)
+    assert not looks(ways, sight(), OUTSIDE)
+    assert looks(ways, sight(), PLAN)
     grid.block((3.0, 0.0), 0.3)
-    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN, within_m=2.5)
-    assert all(place[0] > 0 for place in look.at_ne_m)
+    for plan in (OUTSIDE, PLAN):
+        found = looks(ways_from(grid, (0.0, 0.0)), sight(), plan)
+        assert all(place[0] > 0 for look in found for place in look.at_ne_m)
+
+
+@pytest.mark.parametrize("plan", [PLAN, OUTSIDE], ids=["in", "outside"])
+def test_unknown_space_amid_known_is_looked_at(plan: MissionConfig) -> None:
+    grid = Occupancy()
+    for degree in range(0, 360, 10):
+        bearing_rad = math.radians(degree)
+        look_round(grid, (7 * math.cos(bearing_rad), 7 * math.sin(bearing_rad)), 3.0, hit=False)
+    found = looks(ways_from(grid, (7.0, 0.0)), sight((7.0, 0.0)), plan)
+    assert found
+    assert all(math.hypot(*place) < 5 for look in found for place in look.at_ne_m)
+
+
+def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> None:
+    here, pillar = (1.0, 0.0), tuple((0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5))
+    for reach_m, plan, has_more in ((4.0, OUTSIDE, False), (4.0, PLAN, True), (8.0, PLAN, False)):
+        grid = open_ground(reach_m)
+        grid.block((0.0, 0.0), 0.3)
+        seen_enough = (pillar, pillar)
+        assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
 
 
 def test_what_lies_on_the_way_home_is_left_for_the_way_home() -> None:
