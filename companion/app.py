@@ -16,7 +16,6 @@ from companion.drivers.models import range_models
 from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
-from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
 from companion.health.watch import Health
@@ -36,6 +35,7 @@ from companion.messages import (
     Order,
     Pose,
     RangeScan,
+    RangeUnit,
     Setpoint,
     Sketch,
     WallSegment,
@@ -129,13 +129,14 @@ class App:
         self.estimator: Estimator | None = None
         self._ceiling = Ceiling(config.sensors.mount_offset_m)
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
-        self._models = models
+        self._units = level_units(config.sensors)
+        self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
         self._spaces = [Space()]
         """What is known of the space around, of each layer."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
         self._heights = Heights(offset_m)
-        self._near = Near(models, offset_m)
+        self._near = Near(self._units)
         self._health = Health()
         self._resets = 0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
@@ -219,8 +220,7 @@ class App:
 
     def _draw(self, estimator: Estimator, scan: RangeScan) -> None:
         """Heights and cells; these are drawn anew whenever the trajectory has been set right."""
-        sensors, pose = self._config.sensors, estimator.pose(scan.time_s)
-        keyframes = estimator.record.poses
+        pose, keyframes = estimator.pose(scan.time_s), estimator.record.poses
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
             for space in self._spaces:
@@ -231,8 +231,7 @@ class App:
             self._overhead.see(scan, over_floor)
             height_m = self.flight.layers.height_m(self._config.mission)
             if abs(estimator.height_m - height_m) < AT_LAYER_M:
-                seen = rays(pose, scan, self._models, sensors.mount_offset_m)
-                self.space.add(seen, keyframes)
+                self.space.add(rays(pose, scan, self._units), keyframes)
         self.space.advance()
 
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
@@ -241,7 +240,14 @@ class App:
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
-            sight=Sight(pose, inputs.scan.readings, sensors.mount_offset_m, self._standoff_m, wall),
+            sight=Sight(
+                pose,
+                inputs.scan.readings,
+                sensors.mount_offset_m,
+                self._standoff_m,
+                self._bearings_frd_rad,
+                wall,
+            ),
             space=self.space.grid,
             around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
@@ -299,7 +305,7 @@ def _segments(traced: Traced) -> tuple[WallSegment, ...]:
 def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:
     """The sensors that look level; `Mounts` has put them all equally far from the centre."""
     return {
-        beam: RangeUnit(model, BEARING_FRD_RAD[beam], sensors.mount_offset_m)
+        beam: RangeUnit(model, sensors.bearing_of_rad(beam), sensors.mount_offset_m)
         for beam, model in range_models(sensors).items()
         if beam in BEARING_FRD_RAD
     }

@@ -4,6 +4,7 @@ Whatever cannot be used ends in a `ConfigError` of one line that names file, key
 is allowed; an unknown key is refused, never ignored.
 """
 
+import math
 import tomllib
 from collections.abc import Mapping
 from functools import cached_property
@@ -14,7 +15,7 @@ import tomlkit
 from pydantic import BaseModel, Field, PlainValidator, ValidationError, model_validator
 
 from companion.errors import ConfigError
-from companion.messages import Beam
+from companion.messages import BEARING_FRD_RAD, Beam
 from companion.range_config import (
     AdcChannel,
     Calibration,
@@ -110,6 +111,11 @@ class SensorsConfig(Group):
         """How far from the drone's centre along its beam."""
         own = self.beams[beam].mount_offset_m
         return self.mount_offset_m if own is None else own
+
+    def bearing_of_rad(self, beam: Beam) -> float:
+        """Where a level beam points, clockwise from the nose."""
+        own_deg = self.beams[beam].bearing_deg
+        return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
 
     @model_validator(mode="after")
     def _no_two_at_one_place(self) -> Self:

@@ -99,6 +99,17 @@ class RangeModel(Protocol):
 
 
 @value
+class RangeUnit:
+    """One range sensor on the drone."""
+
+    model: RangeModel
+    bearing_frd_rad: float
+    """Where its beam points, clockwise from the nose."""
+    offset_m: float
+    """From the drone's centre to the sensor, along its beam."""
+
+
+@value
 class RangeScan:
     """One sweep over all range sensors."""
 

@@ -8,24 +8,29 @@ from companion.messages import Beam, RangeScan
 
 BEARINGS_DEG = {Beam.FRONT: 0.0, Beam.RIGHT: 90.0, Beam.BACK: 180.0, Beam.LEFT: -90.0}
 """Clockwise from ahead, seen from above."""
+MOST_ASIDE_DEG = 20.0
+"""How far a mount may be bent, so that the beam still looks where the manoeuvres need it."""
 
 
 class Mounts:
     """Of every beam's sensor.
 
     Raises:
-        ConfigError: a sensor looks aside from its beam, which the estimator does not know yet.
+        ConfigError: a sensor looks far aside from where its beam's name says.
     """
 
     def __init__(self, config: SensorsConfig) -> None:
         for beam, sensor in config.beams.items():
             usual_deg = BEARINGS_DEG.get(beam)
-            if sensor.bearing_deg is not None and sensor.bearing_deg != usual_deg:
+            if sensor.bearing_deg is None:
+                continue
+            key = f"sensors.ranges.{beam.value}.bearing_deg"
+            if usual_deg is None:
+                raise ConfigError(f"{key}: {beam.value} has none")
+            if abs((sensor.bearing_deg - usual_deg + 180) % 360 - 180) > MOST_ASIDE_DEG:
                 raise ConfigError(
-                    f"sensors.ranges.{beam.value}.bearing_deg = {sensor.bearing_deg:g}: "
-                    f"should be {usual_deg:g}, or left out"
-                    if usual_deg is not None
-                    else f"sensors.ranges.{beam.value}.bearing_deg: {beam.value} has none"
+                    f"{key} = {sensor.bearing_deg:g}: should be within {MOST_ASIDE_DEG:g} of "
+                    f"{usual_deg:g}"
                 )
         self._farther_m = {
             beam: farther_m

@@ -14,7 +14,7 @@ from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.height import Height
 from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
-from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.restart import restart
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
@@ -30,6 +30,7 @@ from companion.messages import (
     RangeModel,
     RangeReading,
     RangeScan,
+    RangeUnit,
     WallLine,
 )
 

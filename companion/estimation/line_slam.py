@@ -19,9 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.heading import HeadingFilter
-from companion.estimation.range_units import RangeUnit
 from companion.estimation.wall_runs import Line
 from companion.frames import Vector2, Vector3, wrap_rad
+from companion.messages import RangeUnit
 from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3

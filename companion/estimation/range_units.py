@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.messages import Beam, RangeModel
-from companion.values import value
+from companion.messages import Beam, RangeUnit
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
@@ -15,17 +14,6 @@ BEAMS = tuple(Beam)
 LEAST_SIGMA_M = 1e-3
 LEAST_STEP_M = 1e-9
 """A sensor that only ever told one distance has a range of no length."""
-
-
-@value
-class RangeUnit:
-    """One range sensor on the drone."""
-
-    model: RangeModel
-    bearing_frd_rad: float
-    """Where its beam points, clockwise from the nose."""
-    offset_m: float
-    """From the drone's centre to the sensor, along its beam."""
 
 
 class RangeUnits:

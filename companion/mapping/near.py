@@ -26,6 +26,7 @@ from companion.messages import (
     RangeReading,
     RangeScan,
     RangeState,
+    RangeUnit,
 )
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
@@ -68,9 +69,8 @@ class Near:
     proof of the next; and how often a beam has gone through since.
     """
 
-    def __init__(self, sensors: Mapping[Beam, RangeModel], mount_offset_m: float) -> None:
-        self._sensors = sensors
-        self._mount_offset_m = mount_offset_m
+    def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
+        self._units = units
         self._points: Points = np.empty((0, 5))
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
@@ -111,20 +111,20 @@ class Near:
         relative = self._relative()
         readings = dict(scan.readings)
         passed, met = np.zeros(len(relative), dtype=bool), []
-        for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
-            reading = readings.get(beam)
-            if reading is None:
+        for beam in BEARING_FRD_RAD:
+            unit, reading = self._units.get(beam), readings.get(beam)
+            if unit is None or reading is None:
                 continue
-            cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
+            cos_b, sin_b = math.cos(unit.bearing_frd_rad), math.sin(unit.bearing_frd_rad)
             along_m = relative @ (cos_b, sin_b)
             aside_m = np.abs(relative @ (-sin_b, cos_b))
-            known_m = self._known_m(along_m, aside_m)
-            unfolded = self._unfolded(reading, beam, known_m)
+            known_m = self._known_m(along_m, aside_m) - unit.offset_m
+            unfolded = _unfolded(reading, unit.model, known_m)
             readings[beam] = unfolded
-            from_m, to_m = self._seen_through_m(unfolded, beam)
+            from_m, to_m = _seen_through_m(unfolded, unit)
             beyond = along_m > np.where(self._points[:, _MEASURED] > 0, from_m, 0.0)
             passed |= (aside_m < BESIDE_BEAM_M) & beyond & (along_m < to_m)
-            end_m = self._end_m(unfolded, known_m)
+            end_m = _end_m(unfolded, known_m, unit.offset_m)
             if end_m is not None:
                 met.append((end_m * cos_b, end_m * sin_b, unfolded.is_distance))
         self._points[passed, _PASSED] += 1
@@ -152,47 +152,9 @@ class Near:
         self._points = points[is_near & (points[:, _MET_S] > now_s - KEPT_S)]
 
     def _known_m(self, along_m: Points, aside_m: Points) -> float:
-        """From the sensor to the nearest thing measured along its beam; infinite without any."""
+        """To the nearest thing measured along a beam; infinite without any."""
         known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, _MEASURED] > 0)
-        return float(along_m[known].min(initial=math.inf)) - self._mount_offset_m
-
-    def _unfolded(self, reading: RangeReading, beam: Beam, known_m: float) -> RangeReading:
-        """Too near, if what is known along the beam fits the reading's alias better."""
-        if not reading.is_distance or math.isinf(known_m):
-            return reading
-        alias_m = self._sensors[beam].alias_m(reading.distance_m)
-        if alias_m is None:
-            return reading
-        if abs(known_m - alias_m) > min(ALIAS_M, abs(known_m - reading.distance_m)):
-            return reading
-        return RangeReading(RangeState.TOO_NEAR, alias_m)
-
-    def _seen_through_m(self, reading: RangeReading, beam: Beam) -> Vector2:
-        """What lies along the beam from here to there is gone.
-
-        A reading that may have folded back says nothing of what is too near to be measured, if
-        that was measured before.
-        """
-        model = self._sensors[beam]
-        if reading.is_distance:
-            folds = model.alias_m(reading.distance_m) is not None
-            end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
-            to_m = end_m + self._mount_offset_m - SEEN_THROUGH_M
-            return model.min_m + self._mount_offset_m if folds else 0.0, to_m
-        if reading.state is RangeState.NOTHING:
-            return 0.0, model.max_m - SEEN_THROUGH_M
-        return 0.0, 0.0
-
-    def _end_m(self, reading: RangeReading, known_m: float) -> float | None:
-        """Where there is something near, from the drone's centre, if that is new."""
-        if reading.state is RangeState.TOO_NEAR:
-            is_guessed = not math.isnan(reading.distance_m)
-            guess_m = reading.distance_m if is_guessed else UNMEASURED_M - self._mount_offset_m
-            return None if abs(known_m - guess_m) <= ALIAS_M else guess_m + self._mount_offset_m
-        if not reading.is_distance or math.sqrt(reading.variance_m2) >= MOST_SIGMA_M:
-            return None
-        end_m = reading.distance_m + self._mount_offset_m
-        return end_m if end_m < WITHIN_M else None
+        return float(along_m[known].min(initial=math.inf))
 
     def _put(self, forward_m: float, right_m: float, time_s: float, is_measured: bool) -> None:
         north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
@@ -216,3 +178,44 @@ class Near:
         rotation = np.array([[cos_y, -sin_y], [sin_y, cos_y]])
         relative: Points = off @ rotation
         return relative
+
+
+def _unfolded(reading: RangeReading, model: RangeModel, known_m: float) -> RangeReading:
+    """Too near, if what is known along the beam fits the reading's alias better."""
+    if not reading.is_distance or math.isinf(known_m):
+        return reading
+    alias_m = model.alias_m(reading.distance_m)
+    if alias_m is None:
+        return reading
+    if abs(known_m - alias_m) > min(ALIAS_M, abs(known_m - reading.distance_m)):
+        return reading
+    return RangeReading(RangeState.TOO_NEAR, alias_m)
+
+
+def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
+    """What lies along the beam from here to there is gone.
+
+    A reading that may have folded back says nothing of what is too near to be measured, if
+    that was measured before.
+    """
+    model = unit.model
+    if reading.is_distance:
+        folds = model.alias_m(reading.distance_m) is not None
+        end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
+        to_m = end_m + unit.offset_m - SEEN_THROUGH_M
+        return model.min_m + unit.offset_m if folds else 0.0, to_m
+    if reading.state is RangeState.NOTHING:
+        return 0.0, model.max_m - SEEN_THROUGH_M
+    return 0.0, 0.0
+
+
+def _end_m(reading: RangeReading, known_m: float, offset_m: float) -> float | None:
+    """Where there is something near, from the drone's centre, if that is new."""
+    if reading.state is RangeState.TOO_NEAR:
+        is_guessed = not math.isnan(reading.distance_m)
+        guess_m = reading.distance_m if is_guessed else UNMEASURED_M - offset_m
+        return None if abs(known_m - guess_m) <= ALIAS_M else guess_m + offset_m
+    if not reading.is_distance or math.sqrt(reading.variance_m2) >= MOST_SIGMA_M:
+        return None
+    end_m = reading.distance_m + offset_m
+    return end_m if end_m < WITHIN_M else None

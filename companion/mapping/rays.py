@@ -5,7 +5,15 @@ from collections.abc import Mapping
 
 from companion.frames import wrap_rad
 from companion.mapping.occupancy import Ray
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeModel, RangeScan, RangeState
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    Pose,
+    RangeModel,
+    RangeScan,
+    RangeState,
+    RangeUnit,
+)
 
 SEES_SIGMA_M = 0.15
 """Where the sensor's noise has grown to this, it may well have missed something."""
@@ -19,22 +27,19 @@ def sees_to_m(sensor: RangeModel) -> float:
     return distance_m
 
 
-def rays(
-    pose: Pose, scan: RangeScan, sensors: Mapping[Beam, RangeModel], mount_offset_m: float
-) -> list[Ray]:
+def rays(pose: Pose, scan: RangeScan, units: Mapping[Beam, RangeUnit]) -> list[Ray]:
     """Of the horizontal beams; one that is too near, stale or failed says nothing."""
     found = []
     here = pose.north_m, pose.east_m
-    for beam, bearing_frd_rad in BEARING_FRD_RAD.items():
-        reading = scan.readings.get(beam)
-        bearing_rad = wrap_rad(pose.yaw_rad + bearing_frd_rad)
-        if reading is None:
+    for beam in BEARING_FRD_RAD:
+        unit, reading = units.get(beam), scan.readings.get(beam)
+        if unit is None or reading is None:
             continue
+        bearing_rad = wrap_rad(pose.yaw_rad + unit.bearing_frd_rad)
         if reading.is_distance:
-            end_m = reading.distance_m + mount_offset_m
+            end_m = reading.distance_m + unit.offset_m
             found.append(Ray(here, bearing_rad, end_m, math.sqrt(reading.variance_m2), True))
         elif reading.state is RangeState.NOTHING:
-            found.append(
-                Ray(here, bearing_rad, sees_to_m(sensors[beam]) + mount_offset_m, 0.0, False)
-            )
+            free_m = sees_to_m(unit.model) + unit.offset_m
+            found.append(Ray(here, bearing_rad, free_m, 0.0, False))
     return found

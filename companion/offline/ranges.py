@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.estimation.range_units import RangeUnit
-from companion.messages import BEARING_FRD_RAD, Beam
+from companion.messages import BEARING_FRD_RAD, Beam, RangeUnit
 from companion.offline.log import Array, Log
 from companion.offline.sensors import RangeConfig, RangeSensor, SensorsConfig
 

@@ -114,7 +114,8 @@ class RoomScan:
     """Where it began to look along the wall the last time."""
 
 
-_BEAM_BEARING_RAD = {Beam.FRONT: 0.0, Beam.RIGHT: QUARTER_TURN_RAD, Beam.LEFT: -QUARTER_TURN_RAD}
+_TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
+"""What looks for the nearest wall in the first turn."""
 
 
 def step(
@@ -158,11 +159,11 @@ def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
 def _rays(sight: Sight) -> tuple[Ray, ...]:
     return tuple(
         Ray(
-            wrap_rad(sight.pose.yaw_rad + bearing_rad),
+            wrap_rad(sight.pose.yaw_rad + sight.bearings_frd_rad[beam]),
             reading.distance_m + sight.mount_offset_m,
             math.sqrt(reading.variance_m2),
         )
-        for beam, bearing_rad in _BEAM_BEARING_RAD.items()
+        for beam in _TURNING
         if (reading := sight.ranges.get(beam)) is not None and reading.is_distance
     )
 

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping
+from dataclasses import field
 
-from companion.messages import Beam, Pose, RangeReading, RangeState
+from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeReading, RangeState
 from companion.values import value
 
 
@@ -16,6 +17,8 @@ class Sight:
     mount_offset_m: float
     standoff_m: float = 1.5
     """From the drone's centre to the wall that it scans, as planned."""
+    bearings_frd_rad: Mapping[Beam, float] = field(default_factory=lambda: BEARING_FRD_RAD)
+    """Where the level beams point."""
     wall_ahead: tuple[float, float] | None = None
     """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
     distance along it, m."""

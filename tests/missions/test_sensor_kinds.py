@@ -26,6 +26,16 @@ right = { kind = "autopilot" } }
 """
 
 
+BENT = """
+[sensors.ranges]
+front = { kind = "sharp_ads1115", address = 0x48, channel = 0, bearing_deg = 6 }
+left = { kind = "sharp_ads1115", address = 0x48, channel = 1, bearing_deg = -78 }
+right = { kind = "sharp_ads1115", address = 0x48, channel = 2, bearing_deg = 97 }
+up = { kind = "sharp_ads1115", address = 0x48, channel = 3 }
+down = { kind = "sharp_ads1115", address = 0x49, channel = 0 }
+"""
+
+
 @pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s", "tf_luna"])
 def test_it_maps_the_room_with_other_sensors(sitl: Sitl, profile: str) -> None:
     flight = sitl.fly("room_100", profile=profile)
@@ -51,6 +61,18 @@ def test_it_maps_the_room_with_any_mix(
     assert flight.report.wall_error_aligned_cm <= 12
 
 
+@pytest.mark.parametrize("world", ["room_100", "office"])
+def test_bent_mounts_cost_nothing_if_they_are_told(sitl: Sitl, tmp_path: Path, world: str) -> None:
+    config = tmp_path / "drone.toml"
+    config.write_text(BENT)
+    mission = "room" if world == "room_100" else "building"
+    flight = sitl.fly(world, mission=mission, config=str(config))
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.coverage >= 0.93
+    assert flight.report.wall_error_aligned_cm <= 5
+
+
 def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(MIX)
@@ -58,6 +80,16 @@ def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_
     as_bytes = sitl.fly("room_100", config=str(config), seed=5, transport="bytes")
     assert first.truth.path == as_bytes.truth.path
     assert first.plan == as_bytes.plan
+
+
+BENT = """
+[sensors.ranges]
+front = { kind = "sharp_ads1115", address = 0x48, channel = 0, bearing_deg = 6 }
+left = { kind = "sharp_ads1115", address = 0x48, channel = 1, bearing_deg = -78 }
+right = { kind = "sharp_ads1115", address = 0x48, channel = 2, bearing_deg = 97 }
+up = { kind = "sharp_ads1115", address = 0x48, channel = 3 }
+down = { kind = "sharp_ads1115", address = 0x49, channel = 0 }
+"""
 
 
 @pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s"])

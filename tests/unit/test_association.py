@@ -12,13 +12,13 @@ from companion.drivers.sharp import GP2Y0A710K0F
 from companion.estimation.estimate import Estimate
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord
-from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import FINAL_GATES, Smoother
 from companion.estimation.support import Support
 from companion.estimation.unknowns import Array, Measured, Unknowns, project
 from companion.frames import Vector2
 from companion.mapping.floor_plan import wall_segments
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, WallSegment
+from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit, WallSegment
 
 Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})

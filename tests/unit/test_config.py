@@ -114,5 +114,5 @@ def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
 
 def test_a_sensor_that_looks_aside_is_refused_with_the_key() -> None:
     values = {"sensors": {"ranges": {"left": {"kind": "vl53l1x", "bearing_deg": -45}}}}
-    with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be -90"):
+    with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be within 20 of -90"):
         App(Config.model_validate(values))

@@ -17,7 +17,7 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.line_slam import OdometryModel
-from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
 from companion.estimation.unknowns import Array, Measured, Unknowns
@@ -31,6 +31,7 @@ from companion.messages import (
     RangeReading,
     RangeScan,
     RangeState,
+    RangeUnit,
 )
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})

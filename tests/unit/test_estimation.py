@@ -12,7 +12,6 @@ from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.estimator import Estimator
 from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
 from companion.estimation.line_slam import LineSlam, Wall
-from companion.estimation.range_units import RangeUnit
 from companion.estimation.rest import RestCalibration
 from companion.estimation.wall_runs import RunHit, WallRun
 from companion.messages import (
@@ -24,6 +23,7 @@ from companion.messages import (
     RangeReading,
     RangeScan,
     RangeState,
+    RangeUnit,
 )
 
 

@@ -10,13 +10,28 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.mapping.near import Near, Surroundings
-from companion.messages import Beam, Odometry, RangeReading, RangeScan, RangeState, Setpoint
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    Odometry,
+    RangeModel,
+    RangeReading,
+    RangeScan,
+    RangeState,
+    RangeUnit,
+    Setpoint,
+)
 from companion.pdps.guard import guarded
 
 CLEARANCE_M = 0.3
 KEEP_OFF_M = 0.5
 FORWARD = Setpoint(forward_m_s=1.0, yaw_rate_rad_s=0.3)
 Place = tuple[float, float]
+
+
+def near(sensor: RangeModel, offset_m: float) -> Near:
+    """Of four such sensors so far from the drone's centre."""
+    return Near({beam: RangeUnit(sensor, at, offset_m) for beam, at in BEARING_FRD_RAD.items()})
 
 
 def wall(ahead_m: float, half_m: float = 1.0) -> list[Place]:
@@ -140,7 +155,7 @@ class Drone:
 
 
 def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(right=at(1.2))
     drone.move(0.3)
     [(forward_m, right_m)] = drone.points
@@ -149,7 +164,7 @@ def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
 
 
 def test_who_has_walked_on_is_forgotten() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     drone.see(front=at(3.5))
     drone.see(front=at(3.5))
@@ -157,7 +172,7 @@ def test_who_has_walked_on_is_forgotten() -> None:
 
 
 def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(5):
         drone.see(right=at(1.2))
         drone.move(0.05)
@@ -168,7 +183,7 @@ def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None
 
 
 def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(30):
         drone.see(right=at(1.2))
         drone.move(0.01)
@@ -178,7 +193,7 @@ def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
 
 
 def test_what_was_measured_stays_while_it_is_too_near_to_be_measured() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.1))
     for _ in range(14):
         drone.move(0.05)
@@ -188,7 +203,7 @@ def test_what_was_measured_stays_while_it_is_too_near_to_be_measured() -> None:
 
 
 def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(front=at(1.1))
     for _ in range(14):
         drone.move(0.05)
@@ -199,7 +214,7 @@ def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
 
 
 def test_what_was_inferred_is_no_proof_of_the_next() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(right=at(1.1))
     folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.4))
     assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
@@ -208,7 +223,7 @@ def test_what_was_inferred_is_no_proof_of_the_next() -> None:
 
 @pytest.mark.parametrize("guess_m", [0.25, 0.55])
 def test_a_guess_of_how_near_it_is_moves_nothing_that_was_measured(guess_m: float) -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.0))
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(front=at(1.1))
     for _ in range(14):
         drone.move(0.05)
@@ -217,13 +232,13 @@ def test_a_guess_of_how_near_it_is_moves_nothing_that_was_measured(guess_m: floa
 
 
 def test_a_sensor_that_does_not_fold_is_believed() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, PAPER), 0.0))
+    drone = Drone(near(PAPER, 0.0))
     drone.see(front=at(0.4))
     assert drone.see(front=at(1.1)).readings[Beam.FRONT].is_distance
 
 
 def test_what_suddenly_is_too_near_is_kept_off_from() -> None:
-    drone = Drone(Near(dict.fromkeys(Beam, GP2Y0A710K0F), 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
     stopped = guarded(FORWARD, drone.near.surroundings, CLEARANCE_M)
     assert stopped.forward_m_s < 0.2

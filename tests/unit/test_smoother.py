@@ -17,7 +17,7 @@ from companion.estimation.candidates import Gate
 from companion.estimation.estimator import Estimator
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.in_flight import PERIOD_S
-from companion.estimation.range_units import BEAMS, RangeUnit, RangeUnits
+from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import Smoother
 from companion.estimation.support import Support
 from companion.estimation.unknowns import Measured, Unknowns
@@ -31,6 +31,7 @@ from companion.messages import (
     RangeReading,
     RangeScan,
     RangeState,
+    RangeUnit,
 )
 
 
