@@ -42,7 +42,7 @@ from companion.messages import (
 )
 from companion.pdps import flight
 from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
 from companion.values import value
@@ -145,13 +145,7 @@ class App:
     @property
     def space(self) -> Space:
         """What is known of the space around at the present height, as the flight uses it."""
-        layers = self.flight.layers
-        if layers.number == len(self._spaces):
-            needs_m = BODY_RADIUS_M + self._config.mission.clearance_m
-            needs_m += layers.height_m(self._config.mission)
-            low = self._overhead.lower_than(needs_m, self._ceiling.height_m)
-            self._spaces.append(Space(self._spaces[-1].grid.layer_above(low)))
-        return self._spaces[layers.number]
+        return self._spaces[self.flight.layers.number]
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """One tick of the control loop."""
@@ -259,7 +253,16 @@ class App:
         if inputs.order is not None and inputs.order.mission:
             plan = plan.model_copy(update={"kind": inputs.order.mission})
         self.flight, action = flight.step(self.flight, view, plan)
+        if self.flight.layers.number == len(self._spaces):
+            self._begin_layer()
         return action
+
+    def _begin_layer(self) -> None:
+        """What is known of the layer below tells where the drone may go in the next."""
+        plan = self._config.mission
+        top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
+        low = self._overhead.lower_than(top_m, self._ceiling.height_m)
+        self._spaces.append(Space(self._spaces[-1].grid.layer_above(low)))
 
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:

@@ -98,7 +98,7 @@ def _fly(job: Job) -> Flown:
         waited_s=time.monotonic() - began_s,
     )
     truth = wall_surfaces(setup.world, settings.mission.height_m)
-    trace_s = round(TICK_S * traced_ticks, 2)
+    trace_s = round(TICK_S * traced_ticks, 2) if traced_ticks else None
     trace = {"trace_time_s": trace_s, "trace_over_least": _over_least(trace_s, report, truth)}
     row = {**report, **job.key, "lost": False, **trace}
     return Flown(row, _sketch(truth, plan, simulation.record))
@@ -108,7 +108,7 @@ def _nobody_looks(progress: Progress) -> None:
     """Of so many flights."""
 
 
-def _over_least(trace_s: float, report: Report, truth: Sequence[Segment]) -> float | None:
+def _over_least(trace_s: float | None, report: Report, truth: Sequence[Segment]) -> float | None:
     """Time without turns against the bound, of a completed flight in a room that it holds for."""
     least_s = report["least_time_s"]
     if not trace_s or not least_s or not report["completed"] or len(truth) != WALLS_OF_A_ROOM:
