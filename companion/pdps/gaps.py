@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
 
@@ -29,7 +30,7 @@ LEAST_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
 VIEW_EVERY_CELLS = 3
 ROOM_TO_LOOK_M = 0.65
-"""A place to look round from has at least so much room."""
+"""A place to look round from has at least so much room, unless only tight ones are left."""
 AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
@@ -45,6 +46,8 @@ UNSEEN_WITHIN_M = 1.5
 """What is unseen at a place can be told from what is so near to it."""
 TRIES = 2
 Indices = NDArray[np.int64]
+Metres = NDArray[np.float64]
+Seconds = NDArray[np.float64]
 SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
 
@@ -107,19 +110,44 @@ def looks(
 
     `tried` are the places that each look so far was for; twice is enough, also for what was seen:
     a step of the pose may draw a wall beside itself, where nobody will ever see one.
+
+    What only a tight place shows, as a corridor, is left for later. The open outside has no end: in
+    a building it is looked at last, and not far from what stands there; round one not at all.
     """
     grid = ways.ground.grid
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
-    targets = _worth_seeing(unseen(grid, tried), to_occupied_m, grid, plan)
-    views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= ROOM_TO_LOOK_M))
-    if not len(targets) or not len(views):
-        return ()
+    targets = unseen(grid, tried)
+    off_m = to_occupied_m[tuple(targets.T)]
+    worthy = targets[(off_m <= NEAR_SOMETHING_M) | _closed_in(grid)[tuple(targets.T)]]
+    steps = [(worthy, ROOM_TO_LOOK_M), (worthy, clear_of_all_m(plan))]
+    if plan.kind != "exterior":
+        is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
+        steps.append((targets[is_near], ROOM_TO_LOOK_M))
+    for some, least_room_m in steps:
+        views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
+        if len(some) and len(views):
+            room_m = to_occupied_m[tuple(views.T)]
+            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid)
+            if found:
+                return found
+    return ()
+
+
+def _seconds(
+    views: Indices, room_m: Metres, ways: Ways, sight: Sight, plan: MissionConfig
+) -> Seconds:
+    """(n,): what it takes to go to each place and look, and what is lost where it is crowded."""
+    time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
+    time_s += turn_rad(sight, views, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
+    crowded: Seconds = time_s + CROWDED_S * np.maximum(AMPLE_ROOM_M - room_m, 0)
+    return crowded
+
+
+def _best(targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy) -> tuple[Look, ...]:
+    """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
     pairs = _sights(grid, views, targets)
-    time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
-    time_s += turn_rad(sight, views, grid) / math.radians(plan.turn_rate_deg_s)
-    time_s += CROWDED_S * np.maximum(AMPLE_ROOM_M - to_occupied_m[tuple(views.T)], 0)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
@@ -129,22 +157,6 @@ def looks(
         found.append(Look(grid.place(_cell(views[best])), at))
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)
-
-
-def _worth_seeing(
-    targets: Indices, to_occupied_m: NDArray[np.float64], grid: Occupancy, plan: MissionConfig
-) -> Indices:
-    """Those near to something, or beside unknown space that is closed in, as amid a hall.
-
-    The open outside has no end: in a building it is looked at when nothing else is left, and not
-    far from what stands there; round a building not at all.
-    """
-    off_m = to_occupied_m[tuple(targets.T)]
-    worthy = (off_m <= NEAR_SOMETHING_M) | _closed_in(grid)[tuple(targets.T)]
-    if not worthy.any() and plan.kind != "exterior":
-        worthy = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
-    near: Indices = targets[worthy]
-    return near
 
 
 def _closed_in(grid: Occupancy) -> Cells:

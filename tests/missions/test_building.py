@@ -27,6 +27,17 @@ def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, 
     assert flight.report.return_m < 0.3
 
 
+@pytest.mark.parametrize("world", ["open_house", "corridor"])
+def test_it_sees_all_of_a_building_that_is_open_or_narrow(sitl: Sitl, world: str) -> None:
+    """It flew off into the open until the battery was down, and left a corridor of 1.2 m out."""
+    flight = sitl.fly(f"worlds/{world}.toml", mission="building")
+    assert flight.completed, flight.ending
+    assert flight.report.collisions == 0
+    assert flight.report.clearance_m > 0.15
+    assert flight.report.coverage >= 0.95
+    assert flight.report.return_m < 0.3
+
+
 def test_the_pose_stays_true_through_many_rooms(sitl: Sitl) -> None:
     """Walls of the first room used to grow through the third, and moved the drone by a metre."""
     errors_m = []
