@@ -27,12 +27,13 @@ from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
 from companion.pdps.control import stay
 from companion.pdps.doorways import Doorway
-from companion.pdps.gaps import Look, Places, looks, still_unseen
 from companion.pdps.guard import clear_of_all_m
+from companion.pdps.looks import Look, looks
 from companion.pdps.route import Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour
 from companion.pdps.travel import START_NE_M, Travel, TravelPhase
+from companion.pdps.unseen import Places, still_unseen
 
 FIRST_LOOK_RAD = math.tau
 LOOK_RAD = math.pi + math.radians(10)

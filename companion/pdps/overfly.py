@@ -23,11 +23,12 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.messages import HOLD, Setpoint
 from companion.pdps import travel
 from companion.pdps.doorways import Doorway
-from companion.pdps.gaps import turn_rad, without_specks
 from companion.pdps.guard import clear_of_all_m
+from companion.pdps.looks import turn_rad
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.unseen import without_specks
 
 OVER_M, OVER_BY_WALLS_M = 1.2, 0.3
 """What is no farther from where the drone has flown counts as flown over."""

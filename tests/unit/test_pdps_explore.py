@@ -18,12 +18,13 @@ from companion.pdps import travel as travelling
 from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
-from companion.pdps.gaps import frontiers, looks, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.looks import looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.unseen import frontiers, vague_surfaces
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5

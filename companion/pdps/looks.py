@@ -1,8 +1,6 @@
-"""What is still unseen, and from where to look at it.
+"""From where to look at what is unseen.
 
-Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
-1997), and surfaces that were only met from so far that they cannot be mapped exactly. The next
-place to look from is the one that shows most of them for the time that it takes to get there; but
+The next place to look from is the one that shows most for the time that it takes to get there; but
 how much counts by its root only, or what little is left would be left behind, and come back for.
 """
 
@@ -11,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
+from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from companion.config import MissionConfig
@@ -20,10 +18,8 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
+from companion.pdps.unseen import Indices, Places, closed_in, unseen
 
-LEAST_FRONTIER_CELLS = 6
-"""Six tenths of a metre: no drone fits through less."""
-LEAST_SURFACE_CELLS = 4
 SEES_M = 2.4
 """From so far a look shows a surface well."""
 LEAST_SEES_M = 0.9
@@ -40,16 +36,8 @@ MOST_LOOKS = 8
 MOST_TARGETS = 100
 NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
 """From the nearest thing that stands there to what is worth seeing, and to what may be."""
-BEAM_GAP_CELLS = 2
-TRIED_WITHIN_M = 0.25
-UNSEEN_WITHIN_M = 1.5
-"""What is unseen at a place can be told from what is so near to it."""
-TRIES = 2
-Indices = NDArray[np.int64]
 Metres = NDArray[np.float64]
 Seconds = NDArray[np.float64]
-SQUARE = np.ones((3, 3), dtype=bool)
-Places = tuple[Vector2, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,46 +46,6 @@ class Look:
 
     from_ne_m: Vector2
     at_ne_m: Places
-
-
-def frontiers(grid: Occupancy) -> Cells:
-    """Seen cells with an unknown neighbour that are not beside something occupied."""
-    seen = _seen(grid)
-    edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
-    return without_specks(edge, LEAST_FRONTIER_CELLS)
-
-
-def _seen(grid: Occupancy) -> Cells:
-    """Free cells, and the gaps between two beams that are narrower than the drone."""
-    return ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
-
-
-def vague_surfaces(grid: Occupancy) -> Cells:
-    """Occupied cells beside free space that no exact reading has ended in, nor close by."""
-    vague = grid.occupied & ~_grown(grid.well_seen)
-    return without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
-
-
-def _grown(cells: Cells, times: int = 1) -> Cells:
-    """Every cell within so many of one that is set, diagonals included."""
-    for _ in range(times):
-        tall = cells.copy()
-        tall[1:] |= cells[:-1]
-        tall[:-1] |= cells[1:]
-        cells = tall.copy()
-        cells[:, 1:] |= tall[:, :-1]
-        cells[:, :-1] |= tall[:, 1:]
-    return cells
-
-
-def _beside(cells: Cells) -> Cells:
-    """Every cell that is set, or has one at its side that is."""
-    beside = cells.copy()
-    beside[1:] |= cells[:-1]
-    beside[:-1] |= cells[1:]
-    beside[:, 1:] |= cells[:, :-1]
-    beside[:, :-1] |= cells[:, 1:]
-    return beside
 
 
 def looks(
@@ -118,7 +66,7 @@ def looks(
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     targets = unseen(grid, tried)
     off_m = to_occupied_m[tuple(targets.T)]
-    worthy = targets[(off_m <= NEAR_SOMETHING_M) | _closed_in(grid)[tuple(targets.T)]]
+    worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(grid)[tuple(targets.T)]]
     steps = [(worthy, ROOM_TO_LOOK_M), (worthy, clear_of_all_m(plan))]
     if plan.kind != "exterior":
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
@@ -159,39 +107,6 @@ def _best(targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy) ->
     return tuple(found)
 
 
-def _closed_in(grid: Occupancy) -> Cells:
-    """Beside unknown space that known space surrounds."""
-    unknown = np.pad(~(_seen(grid) | grid.occupied), 1, constant_values=True)
-    parts, _ = label(unknown)
-    return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
-
-
-def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
-    """Cells worth a look, (n, 2)."""
-    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
-    if not len(cells):
-        return cells
-    places = np.array([grid.place(_cell(cell)) for cell in cells])
-    times = np.zeros(len(cells), dtype=int)
-    for looked_at in tried:
-        near_m, _ = cKDTree(np.array(looked_at)).query(places)
-        times += near_m < TRIED_WITHIN_M
-    return cells[times < TRIES]
-
-
-def still_unseen(grid: Occupancy, places: Places) -> Places:
-    """Those of the places that are, or have close by, something unseen."""
-    if not places:
-        return ()
-    grid = grid.window(places, UNSEEN_WITHIN_M)
-    cells = unseen(grid)
-    if not len(cells):
-        return ()
-    tree = cKDTree(np.array([grid.place(_cell(cell)) for cell in cells]))
-    near_m, _ = tree.query(np.array(places))
-    return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
-
-
 def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
     """(n,): how far the nose has to turn towards each place."""
     here = grid.cell((sight.pose.north_m, sight.pose.east_m))
@@ -199,18 +114,6 @@ def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float6
     off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
     turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
     return turned_rad
-
-
-def _cell(row_column: Indices) -> tuple[int, int]:
-    return int(row_column[0]), int(row_column[1])
-
-
-def without_specks(cells: Cells, least: int) -> Cells:
-    """Without what hangs together in fewer cells than that."""
-    numbers, count = label(cells, SQUARE)
-    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
-    kept: Cells = cells & (sizes[numbers] >= least)
-    return kept
 
 
 def _viewpoints(may: Cells) -> Indices:
@@ -242,3 +145,7 @@ def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     blocked[pair[before_end]] = True
     clear: Indices = pairs[~blocked]
     return clear
+
+
+def _cell(row_column: Indices) -> tuple[int, int]:
+    return int(row_column[0]), int(row_column[1])

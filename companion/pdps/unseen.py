@@ -1,0 +1,110 @@
+"""What is still unseen.
+
+Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
+1997), and surfaces that were only met from so far that they cannot be mapped exactly.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
+
+from companion.frames import Vector2
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+
+LEAST_FRONTIER_CELLS = 6
+"""Six tenths of a metre: no drone fits through less."""
+LEAST_SURFACE_CELLS = 4
+BEAM_GAP_CELLS = 2
+TRIED_WITHIN_M = 0.25
+UNSEEN_WITHIN_M = 1.5
+"""What is unseen at a place can be told from what is so near to it."""
+TRIES = 2
+Indices = NDArray[np.int64]
+SQUARE = np.ones((3, 3), dtype=bool)
+Places = tuple[Vector2, ...]
+
+
+def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
+    """Cells worth a look, (n, 2)."""
+    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
+    if not len(cells):
+        return cells
+    places = _places(grid, cells)
+    times = np.zeros(len(cells), dtype=int)
+    for looked_at in tried:
+        near_m, _ = cKDTree(np.array(looked_at)).query(places)
+        times += near_m < TRIED_WITHIN_M
+    return cells[times < TRIES]
+
+
+def still_unseen(grid: Occupancy, places: Places) -> Places:
+    """Those of the places that are, or have close by, something unseen."""
+    if not places:
+        return ()
+    grid = grid.window(places, UNSEEN_WITHIN_M)
+    cells = unseen(grid)
+    if not len(cells):
+        return ()
+    near_m, _ = cKDTree(_places(grid, cells)).query(np.array(places))
+    return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
+
+
+def _places(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
+    """(n, 2), north and east."""
+    return np.array([grid.place((row, column)) for row, column in cells.tolist()])
+
+
+def frontiers(grid: Occupancy) -> Cells:
+    """Seen cells with an unknown neighbour that are not beside something occupied."""
+    seen = _seen(grid)
+    edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
+    return without_specks(edge, LEAST_FRONTIER_CELLS)
+
+
+def vague_surfaces(grid: Occupancy) -> Cells:
+    """Occupied cells beside free space that no exact reading has ended in, nor close by."""
+    vague = grid.occupied & ~_grown(grid.well_seen)
+    return without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
+
+
+def closed_in(grid: Occupancy) -> Cells:
+    """Beside unknown space that known space surrounds."""
+    unknown = np.pad(~(_seen(grid) | grid.occupied), 1, constant_values=True)
+    parts, _ = label(unknown)
+    return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
+
+
+def without_specks(cells: Cells, least: int) -> Cells:
+    """Without what hangs together in fewer cells than that."""
+    numbers, count = label(cells, SQUARE)
+    sizes = np.bincount(numbers.ravel(), minlength=count + 1)
+    kept: Cells = cells & (sizes[numbers] >= least)
+    return kept
+
+
+def _seen(grid: Occupancy) -> Cells:
+    """Free cells, and the gaps between two beams that are narrower than the drone."""
+    return ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
+
+
+def _grown(cells: Cells, times: int = 1) -> Cells:
+    """Every cell within so many of one that is set, diagonals included."""
+    for _ in range(times):
+        tall = cells.copy()
+        tall[1:] |= cells[:-1]
+        tall[:-1] |= cells[1:]
+        cells = tall.copy()
+        cells[:, 1:] |= tall[:, :-1]
+        cells[:, :-1] |= tall[:, 1:]
+    return cells
+
+
+def _beside(cells: Cells) -> Cells:
+    """Every cell that is set, or has one at its side that is."""
+    beside = cells.copy()
+    beside[1:] |= cells[:-1]
+    beside[:-1] |= cells[1:]
+    beside[:, 1:] |= cells[:, :-1]
+    beside[:, :-1] |= cells[:, 1:]
+    return beside
