@@ -182,7 +182,7 @@ class App:
             return
         self._rest.add(inputs.gyro)
         if self._rest.bias_rad_s is not None:
-            self.estimator = Estimator(self._rest.bias_rad_s, level_units(self._config.sensors))
+            self.estimator = Estimator(self._rest.bias_rad_s, self._units)
 
     def _predict(self, inputs: Inputs) -> None:
         """Where it has come to since the last tick, before anything that was seen is taken in."""

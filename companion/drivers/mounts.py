@@ -1,13 +1,12 @@
 """Where the sensors sit: distances from unequal places, told as from equal ones."""
 
+import math
 from dataclasses import replace
 
 from companion.config import SensorsConfig
 from companion.errors import ConfigError
-from companion.messages import Beam, RangeScan
+from companion.messages import BEARING_FRD_RAD, RangeScan
 
-BEARINGS_DEG = {Beam.FRONT: 0.0, Beam.RIGHT: 90.0, Beam.BACK: 180.0, Beam.LEFT: -90.0}
-"""Clockwise from ahead, seen from above."""
 MOST_ASIDE_DEG = 20.0
 """How far a mount may be bent, so that the beam still looks where the manoeuvres need it."""
 
@@ -21,12 +20,12 @@ class Mounts:
 
     def __init__(self, config: SensorsConfig) -> None:
         for beam, sensor in config.beams.items():
-            usual_deg = BEARINGS_DEG.get(beam)
             if sensor.bearing_deg is None:
                 continue
             key = f"sensors.ranges.{beam.value}.bearing_deg"
-            if usual_deg is None:
+            if beam not in BEARING_FRD_RAD:
                 raise ConfigError(f"{key}: {beam.value} has none")
+            usual_deg = math.degrees(BEARING_FRD_RAD[beam])
             if abs((sensor.bearing_deg - usual_deg + 180) % 360 - 180) > MOST_ASIDE_DEG:
                 raise ConfigError(
                     f"{key} = {sensor.bearing_deg:g}: should be within {MOST_ASIDE_DEG:g} of "

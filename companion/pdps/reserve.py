@@ -80,6 +80,7 @@ def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     if not ways.reaches(START_NE_M):
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
-    doorways = find_doorways(ways.ground, here, ways.to(START_NE_M))
-    flown_s = ways.length_m(START_NE_M) / (SPEED_SHARE * plan.speed_m_s)
+    way = ways.to(START_NE_M)
+    doorways = find_doorways(ways.ground, here, way)
+    flown_s = ways.length_m(way) / (SPEED_SHARE * plan.speed_m_s)
     return TURNS_S + flown_s + DOORWAY_S * len(doorways)

@@ -83,10 +83,10 @@ class Ways:
         corners = _straightened(cells, np.where(self.ground.passable, self.ground.room_m, 0.0))
         return (*(self.ground.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
 
-    def length_m(self, place_ne_m: Vector2) -> float:
-        """Of the way there, metres."""
+    def length_m(self, way: tuple[Vector2, ...]) -> float:
+        """Of a way from where the drone is, metres."""
         start = self.ground.grid.place(self.ground.start)
-        return sum(math.dist(a, b) for a, b in pairwise((start, *self.to(place_ne_m))))
+        return sum(math.dist(a, b) for a, b in pairwise((start, *way)))
 
 
 def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
