@@ -18,8 +18,10 @@ STUCK_S, STUCK_M, STUCK_RAD = 0.5, 0.2, math.radians(20)
 """A reading that has not changed at all for so long, while the drone went so far along the beam or
 turned so far, is none."""
 ROUGH_SIGMAS, ROUGH_OF, ROUGH = 6.0, 20, 12
-"""Of the last readings, so many are this far off the middle of those before and after: edges of
-furniture are, too, but not most of all readings."""
+"""Of the last readings, so many are this far off the middle of those before and after,"""
+KNOWN_SIGMAS, KNOWN_BY = 2.0, 4
+"""and agree with fewer than so many of the others: along an edge the beam meets now what is before
+it, now what is behind it, but each again and again."""
 FAILED = RangeReading(RangeState.FAILED)
 Travel = tuple[float, float, float, float]
 """Forward, right, down in metres, and the turn in radians, each added up since the start."""
@@ -80,6 +82,7 @@ class _BeamWatch:
         self._last: tuple[float, float] = (math.nan, math.nan)
         """The two distances before."""
         self._rough: deque[bool] = deque(maxlen=ROUGH_OF)
+        self._lately_m: deque[float] = deque(maxlen=ROUGH_OF)
 
     def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         if not reading.is_alive:
@@ -107,6 +110,9 @@ class _BeamWatch:
         after_m = reading.distance_m if reading.is_distance else math.nan
         self._last = middle_m, after_m
         off_m = abs(before_m - 2 * middle_m + after_m)
-        is_rough = reading.is_distance and off_m > ROUGH_SIGMAS * math.sqrt(reading.variance_m2)
+        sigma_m = math.sqrt(reading.variance_m2)
+        known_by = sum(abs(m - after_m) < KNOWN_SIGMAS * sigma_m for m in self._lately_m)
+        is_rough = off_m > ROUGH_SIGMAS * sigma_m and known_by < KNOWN_BY
+        self._lately_m.append(after_m)
         self._rough.append(is_rough)
         return is_rough + sum(self._rough) > ROUGH

@@ -215,7 +215,13 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
     kept, why = reserve.step(flight.reserve, spent, view.sight, view.space, plan)
     if kept is not flight.reserve:
         flight = replace(flight, reserve=kept)
-    return _go(flight, Phase.HOME, view, f"turned back {why}") if why else flight
+    return _turn_back(flight, view, why) if why else flight
+
+
+def _turn_back(flight: Flight, view: View, why: str) -> Flight:
+    """What was an extra may end so: the mission is complete without it."""
+    trouble = "" if flight.layers.is_extra else f"turned back {why}"
+    return _go(flight, Phase.HOME, view, trouble)
 
 
 def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
@@ -424,7 +430,7 @@ def _with_the_battery(flight: Flight, view: View, plan: MissionConfig) -> Flight
     if percent <= plan.battery_land_percent:
         return _go(flight, Phase.LAND, view, f"{percent:.0f} % of the battery is left")
     if percent <= plan.battery_home_percent and flight.phase in MISSION_PHASES.values():
-        return _go(flight, Phase.HOME, view, f"turned back with {percent:.0f} % of the battery")
+        return _turn_back(flight, view, f"with {percent:.0f} % of the battery")
     return None
 
 

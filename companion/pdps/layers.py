@@ -58,6 +58,11 @@ class Layers:
         return plan.height_m + self.number * plan.layer_spacing_m
 
     @property
+    def is_extra(self) -> bool:
+        """Whether all layers were seen, and what goes on is not worth the last of the battery."""
+        return self.phase is LayersPhase.OVERFLY
+
+    @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
         if self.phase is LayersPhase.EXPLORE:

@@ -3,8 +3,8 @@
     CHOOSE ──not flown over yet──► GO ──there, or no way──► CHOOSE
        └──all was, or it has taken long──► DONE
 
-Straight on as long as there is something new ahead: turning takes as long as a metre or two. Along
-the walls, where most tables stand, the tracks are closer.
+Straight on as long as that meets something new: a turn or a stop takes as long as a metre or two.
+Along the walls, where most tables stand, the tracks are closer.
 
 Safety: it goes only where `travel` goes.
 """
@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, uniform_filter
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -25,22 +25,28 @@ from companion.pdps import travel
 from companion.pdps.doorways import Doorway
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import turn_rad
-from companion.pdps.route import Ways, find_ground, find_ways
+from companion.pdps.route import Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import without_specks
 
-OVER_M, OVER_BY_WALLS_M = 1.2, 0.3
+OVER_M, OVER_BY_WALLS_M = 1.2, 0.2
 """What is no farther from where the drone has flown counts as flown over."""
 WALL_WITHIN_M = 0.7
 NEAR_ENOUGH_M = 0.3
 LEAST_CELLS = 12
 """An eighth of a square metre: less is not worth a turn."""
 AIMED_WITHIN_M = 0.6
-MOST_S = 120.0
-"""What was not flown over by then is left: it is an extra, and the battery is not for it alone."""
-STRAIGHT_ON_M = 6.0
-Cell = tuple[int, int]
+MOST_S = 180.0
+"""What was not flown over by then is left: it is an extra."""
+STRAIGHT_ON_M, HEADINGS = 6.0, 72
+STOP_S = 2.0
+"""What the end of a straight way costs."""
+LEAST_MET = 4.0
+"""In cells over which a way goes: where it meets less, it is better to go elsewhere."""
+Indices = NDArray[np.int64]
+Metres = NDArray[np.float64]
+Seconds = NDArray[np.float64]
 
 
 class OverflyPhase(enum.Enum):
@@ -109,22 +115,37 @@ def _not_flown_over(ways: Ways, aimed_at: tuple[Vector2, ...]) -> Cells:
 
 
 def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2:
-    """The place that is reached soonest, turning counted, or farther straight on from it."""
-    cells = np.argwhere(left)
+    """The end of the straight way that meets most for its time, or the nearest that is left."""
+    grid = ways.ground.grid
+    ends, meets = _straight_on(left, ways.ground)
+    worth = meets / (_seconds(ends, ways, sight, plan) + STOP_S)
+    best = int(np.argmax(worth))
+    if meets[best] < LEAST_MET:
+        ends = np.argwhere(left)
+        best = int(np.argmin(_seconds(ends, ways, sight, plan)))
+    row, column = ends[best].tolist()
+    return grid.place((row, column))
+
+
+def _seconds(cells: Indices, ways: Ways, sight: Sight, plan: MissionConfig) -> Seconds:
+    """(n,): to get to each cell, the turn towards it counted."""
     turn_s = turn_rad(sight, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
-    soonest = int(np.argmin(ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s))
-    row, column = cells[soonest].tolist()
-    towards = cells[soonest] - np.array(ways.ground.start)
-    return ways.ground.grid.place(_straight_on((row, column), towards, left))
+    return ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
 
 
-def _straight_on(cell: Cell, towards: NDArray[np.int64], left: Cells) -> Cell:
-    """The last place from a cell on that is in a row with it, none of them flown over yet."""
-    unit = towards / max(float(np.hypot(*towards)), 1.0)
-    for step_cells in range(1, round(STRAIGHT_ON_M / CELL_M)):
-        row, column = np.rint(cell + step_cells * unit).astype(int).tolist()
-        inside = 0 <= row < left.shape[0] and 0 <= column < left.shape[1]
-        if not inside or not left[row, column]:
-            row, column = np.rint(cell + (step_cells - 1) * unit).astype(int).tolist()
-            return row, column
-    return row, column
+def _straight_on(left: Cells, ground: Ground) -> tuple[Indices, Metres]:
+    """Ends (n, 2) of straight ways to all sides and of all lengths, and what they meet (n,).
+
+    A way meets what is left within its width.
+    """
+    width_cells = 2 * round(OVER_BY_WALLS_M / CELL_M) + 1
+    beside = uniform_filter(left.astype(float), width_cells)
+    away = np.arange(STRAIGHT_ON_M / CELL_M)
+    aside_rad = np.linspace(-math.pi, math.pi, HEADINGS, endpoint=False)[:, None]
+    rows = np.rint(ground.start[0] + away * np.cos(aside_rad)).astype(int)
+    columns = np.rint(ground.start[1] + away * np.sin(aside_rad)).astype(int)
+    inside = (rows >= 0) & (rows < left.shape[0]) & (columns >= 0) & (columns < left.shape[1])
+    rows, columns = rows * inside, columns * inside
+    open_so_far = np.logical_and.accumulate(inside & ground.passable[rows, columns], axis=1)
+    meets = np.cumsum(beside[rows, columns], axis=1)[open_so_far]
+    return np.column_stack([rows[open_so_far], columns[open_so_far]]), meets

@@ -4,9 +4,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from companion.health.gyro import GyroWatch
 from companion.health.mounting import MountingWatch, misplaced
@@ -156,13 +158,27 @@ def test_nothing_in_range_is_well_on_the_way() -> None:
     assert {seen_by(watch, told, nothing) for told in flown(60)} == {RangeState.NOTHING}
 
 
-def test_a_sensor_that_leaps_from_reading_to_reading_has_failed() -> None:
+SIGMA_M = 0.05
+
+
+def seen_to_leap(metres: NDArray[np.float64]) -> set[RangeState]:
     watch = RangeWatch()
-    leaps = [
-        seen_by(watch, told, RangeReading(RangeState.DISTANCE, 2.0 + (i % 2), 0.01))
-        for i, told in enumerate(flown(30))
-    ]
-    assert leaps[-1] is RangeState.FAILED
+    readings = [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in metres.tolist()]
+    flights = zip(flown(len(readings)), readings, strict=True)
+    return {seen_by(watch, told, reading) for told, reading in flights}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sensor_with_ten_times_its_noise_has_failed(seed: int) -> None:
+    noise_m = np.random.default_rng(seed).normal(0.0, 10 * SIGMA_M, 100)
+    assert RangeState.FAILED in seen_to_leap(3.0 + noise_m)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sensor_that_looks_along_an_edge_is_well(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    walls_m = rng.choice([2.0, 3.0], 200)
+    assert seen_to_leap(rng.normal(walls_m, SIGMA_M)) == {RangeState.DISTANCE}
 
 
 def profile(quarters: int) -> dict[int, float]:
