@@ -29,6 +29,8 @@ NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.4
 LOOK_AHEAD_M = 0.6
+LOST_SIGMAS, SURE_M = 3.0, 0.6
+"""Three sigma of the pose, up to so much, are what the clearance is for."""
 SWING_BELOW_M = 0.8
 SWING_RAD, SWING_S = math.radians(35), 4.0
 """With so little room it swings its nose so far to either side, to and fro in that time."""
@@ -48,29 +50,35 @@ def follow(
         way = way[1:]
     if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
         return (), HOLD
-    swing_rad = _swing_rad(sight, space)
-    return way, _towards(way, sight, plan, _speed_m_s(sight, space, plan), swing_rad)
+    room_m = _room_m(sight, space)
+    return way, _towards(way, sight, plan, _speed_m_s(room_m, plan), _swing_rad(room_m, sight))
 
 
-def _swing_rad(sight: Sight, space: Occupancy) -> float:
-    """How far the nose should be off the way, to the right, at this moment."""
-    here = sight.pose.north_m, sight.pose.east_m
-    if space.nearest_m(here, SWING_BELOW_M) >= SWING_BELOW_M:
-        return 0.0
-    return SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
+def _room_m(sight: Sight, space: Occupancy) -> float:
+    """To what is mapped, up to a metre: the least from here, and from where it will be soon.
 
-
-def _speed_m_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
-    """Slow where it is narrow, here and where the drone will be soon."""
+    Where the drone may be farther off the map than that is sure, there may be so much less.
+    """
     pose = sight.pose
+    lost_m = max(LOST_SIGMAS * pose.position_sigma_m - SURE_M, 0.0)
     ahead_ne_m = (
         pose.north_m + LOOK_AHEAD_M * math.cos(pose.yaw_rad),
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
-    near_m = min(
-        space.nearest_m(place, NARROW_M) for place in ((pose.north_m, pose.east_m), ahead_ne_m)
-    )
-    wide = (near_m - TIGHT_M) / (NARROW_M - TIGHT_M)
+    places = (pose.north_m, pose.east_m), ahead_ne_m
+    return min(space.nearest_m(place, NARROW_M + lost_m) for place in places) - lost_m
+
+
+def _swing_rad(room_m: float, sight: Sight) -> float:
+    """How far the nose should be off the way, to the right, at this moment."""
+    if room_m >= SWING_BELOW_M:
+        return 0.0
+    return SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
+
+
+def _speed_m_s(room_m: float, plan: MissionConfig) -> float:
+    """Slow where it is narrow."""
+    wide = (room_m - TIGHT_M) / (NARROW_M - TIGHT_M)
     return max(LEAST_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
 
 

@@ -130,7 +130,8 @@ def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2
 def _seconds(cells: Indices, ways: Ways, sight: Sight, plan: MissionConfig) -> Seconds:
     """(n,): to get to each cell, the turn towards it counted."""
     turn_s = turn_rad(sight, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
-    return ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
+    seconds: Seconds = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
+    return seconds
 
 
 def _straight_on(left: Cells, ground: Ground) -> tuple[Indices, Metres]:
