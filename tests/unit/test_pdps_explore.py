@@ -241,6 +241,19 @@ def test_in_the_open_it_flies_nose_first() -> None:
         assert setpoint.yaw_rate_rad_s == 0
 
 
+def test_lost_near_to_a_wall_it_looks_about_as_if_it_were_beside_it() -> None:
+    grid, way = open_ground(), ((3.0, 0.0),)
+    grid.block((1.0, -1.2), 0.1)
+    swung = sight(place=(1.0, 0.0), time_s=1.0)
+    _, sure = follow(way, swung, grid, PLAN)
+    _, lost = follow(
+        way, replace(swung, pose=replace(swung.pose, position_sigma_m=0.45)), grid, PLAN
+    )
+    assert sure.yaw_rate_rad_s == 0
+    assert lost.yaw_rate_rad_s > 0.2
+    assert lost.forward_m_s < sure.forward_m_s
+
+
 def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((0.6, -0.7), 0.1)
