@@ -37,6 +37,7 @@ chroot "$root" /usr/bin/env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin LANG=C.UTF-8 T
 /src/deploy/install.sh --root /drone
 python=/drone/opt/pdps/venv/bin/python
 du -sm /drone/opt/pdps/venv
+"$python" -m ensurepip >/dev/null
 "$python" -m pip install --quiet hypothesis pytest pytest-xdist python-fcl
 cd /tests
 "$python" -c "import companion, platform as p; print(companion.__file__, p.machine())"

@@ -50,6 +50,8 @@ make_user() {
 make_venv() {
     venv=$root/opt/pdps/venv
     [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
+    # pip is not for the drone: slim.sh takes it out again
+    "$venv/bin/python" -m ensurepip >/dev/null
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
         --no-compile --upgrade "$from"
     "$here/slim.sh" "$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
@@ -98,7 +100,8 @@ set_up_buses
 start_using
 
 cat <<END
-installed: $("$root/opt/pdps/venv/bin/python" -m pip --disable-pip-version-check freeze | grep -i '^pdps')
+installed: pdps-companion $("$venv/bin/python" -c 'from importlib.metadata import version
+print(version("pdps-companion"))')
   1. say how the sensors are wired in /etc/pdps/drone.toml
   2. reboot, if this was the first time
   3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml

@@ -16,8 +16,9 @@ from companion.pdps.flight import Flight, Phase
 from sitl.autopilot.parameters.table import load_table
 
 LEFT_OUT = (
-    *("lxml", "zstandard", "setuptools", "pkg_resources"),
+    *("lxml", "zstandard", "setuptools", "pkg_resources", "pip", "tzdata"),
     *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
+    *("PIL._avif", "PIL._imagingcms", "PIL._imagingft", "PIL._imagingtk"),
 )
 """By deploy/slim.sh."""
 HARDWARE_ONLY = {"BRD_SER2_RTSCTS"}
@@ -26,7 +27,7 @@ STUB = """#!/bin/sh
 # Stands for python3: makes a venv of itself, installs nothing
 case "$1 $2" in
     "-m venv") mkdir -p "$3/bin" && cp "$0" "$3/bin/python" ;;
-    "-m pip") echo pdps-companion==0 ;;
+    "-m pip" | "-m ensurepip") ;;
     "-c import sysconfig; print"*) echo "@PACKAGES@" ;;
     *) exec @PYTHON@ "$@" ;;
 esac
