@@ -57,7 +57,8 @@ def follow(
 def _room_m(sight: Sight, space: Occupancy) -> float:
     """To what is mapped, up to a metre: the least from here, and from where it will be soon.
 
-    Where the drone may be farther off the map than that is sure, there may be so much less.
+    Where the drone may be farther off the map than that is sure, there may be so much less. And
+    what the beams to the sides meet, they meet wherever the drone is.
     """
     pose = sight.pose
     lost_m = max(LOST_SIGMAS * pose.position_sigma_m - SURE_M, 0.0)
@@ -66,7 +67,9 @@ def _room_m(sight: Sight, space: Occupancy) -> float:
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
     places = (pose.north_m, pose.east_m), ahead_ne_m
-    return min(space.nearest_m(place, NARROW_M + lost_m) for place in places) - lost_m
+    mapped_m = min(space.nearest_m(place, NARROW_M + lost_m) for place in places) - lost_m
+    beside_m = (sight.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in sight.ranges)
+    return min(mapped_m, *beside_m)
 
 
 def _swing_rad(room_m: float, sight: Sight) -> float:
