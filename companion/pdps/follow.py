@@ -69,7 +69,7 @@ def _room_m(sight: Sight, space: Occupancy) -> float:
     places = (pose.north_m, pose.east_m), ahead_ne_m
     mapped_m = min(space.nearest_m(place, NARROW_M + lost_m) for place in places) - lost_m
     beside_m = (sight.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in sight.ranges)
-    return min(mapped_m, *beside_m)
+    return min((mapped_m, *beside_m))
 
 
 def _swing_rad(room_m: float, sight: Sight) -> float:

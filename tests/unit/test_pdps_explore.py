@@ -254,6 +254,16 @@ def test_lost_near_to_a_wall_it_looks_about_as_if_it_were_beside_it() -> None:
     assert lost.forward_m_s < sure.forward_m_s
 
 
+def test_beside_a_wall_that_the_map_has_elsewhere_it_is_slow_and_looks_about() -> None:
+    way, alone = ((3.0, 0.0),), sight(place=(1.0, 0.0), time_s=1.0)
+    near = {**alone.ranges, Beam.LEFT: RangeReading(RangeState.TOO_NEAR)}
+    _, free = follow(way, alone, open_ground(), PLAN)
+    _, beside = follow(way, replace(alone, ranges=near), open_ground(), PLAN)
+    assert free.yaw_rate_rad_s == 0
+    assert beside.yaw_rate_rad_s > 0.2
+    assert beside.forward_m_s < 0.5 * free.forward_m_s
+
+
 def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((0.6, -0.7), 0.1)
