@@ -127,8 +127,12 @@ def fly_all(setups: list[Setup]) -> Iterator[FlightResult]:
     """On all cores, one process each, as they end; the same flights in any order."""
     spawn = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(mp_context=spawn) as pool:
-        for future in as_completed([pool.submit(fly, setup) for setup in setups]):
-            yield future.result()
+        flights = [pool.submit(fly, setup) for setup in setups]
+        try:
+            for flight in as_completed(flights):
+                yield flight.result()
+        finally:
+            pool.shutdown(cancel_futures=True)
 
 
 def setups(seeds: int) -> list[Setup]:

@@ -1,6 +1,7 @@
 """`sitl bench`: figures that can be checked."""
 
 import json
+import signal
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -16,8 +17,9 @@ commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the
 
 
 @commands.callback()
-def _several_commands() -> None:
-    """Keep each benchmark a command of its own."""
+def _end_as_by_ctrl_c() -> None:
+    """Whoever ends a campaign politely loses nothing that has been flown."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 DEFAULT_PROFILE = "gp2y0a710k0f"
