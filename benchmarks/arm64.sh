@@ -39,6 +39,8 @@ python=/drone/opt/pdps/venv/bin/python
 du -sm /drone/opt/pdps/venv
 "$python" -m ensurepip >/dev/null
 "$python" -m pip install --quiet hypothesis pytest pytest-xdist python-fcl
+# pytest colours what differs, which the drone's pygments cannot any more
+"$python" -m pip install --quiet --force-reinstall --no-deps pygments
 cd /tests
 "$python" -c "import companion, platform as p; print(companion.__file__, p.machine())"
 # shellcheck disable=SC2086
