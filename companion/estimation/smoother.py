@@ -46,11 +46,8 @@ FINAL_GATES = (
 )
 """Of the rounds after the flight. It begins from what was smoothed in flight: wider gates would
 only bring together walls that are not one."""
-FLYING_GATES = Gate(0.2, 0.6, looks=WHOLE), Gate(0.1, 0.4, refutes=True)
+FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, refutes=True)
 """While it flies the filters start from the last smoothing and are not far off.
-
-What is met farther beyond the end of a wall shows another one, which is made one with it if one
-line fits both: far hits on a cupboard in the next room were given to the wall behind it.
 
 Without the beams that go through them walls would grow beyond their ends, through rooms, and pull
 at what is met beside them there."""

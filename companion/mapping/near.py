@@ -6,9 +6,8 @@ is near.
 
 A triangulating sensor folds back: what is nearer than half a metre reads as if it were a metre or
 more away. From one reading nobody can tell, but what comes so near was met before, or by another
-beam: a reading whose alias lies on a point that is known here, or goes on along the line that the
-beam has followed, is called too near. How near is a guess, wrong by up to two decimetres; what was
-measured there before says it better.
+beam: a reading whose alias lies on a point that is known here is called too near. How near is a
+guess, wrong by up to two decimetres; what was measured there before says it better.
 """
 
 import math
@@ -19,7 +18,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import Vector2, frd_to_ned, ned_to_frd
-from companion.mapping.track import Track
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -49,8 +47,6 @@ goes past its edge as near as that."""
 ALIAS_M = 0.25
 """So well must a folded reading, or a guess of how near it is, fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
-TRACKED_M, ON_TRACK_M = 1.2, 0.08
-"""What is nearer than so much is followed; and so well must an alias go on along the line."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
@@ -80,7 +76,6 @@ class Near:
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
-        self._tracks = {beam: Track() for beam in units}
 
     @property
     def surroundings(self) -> Surroundings:
@@ -124,16 +119,8 @@ class Near:
             along_m = relative @ (cos_b, sin_b)
             aside_m = np.abs(relative @ (-sin_b, cos_b))
             known_m = self._known_m(along_m, aside_m) - unit.offset_m
-            bearing_rad = self._yaw_rad + unit.bearing_frd_rad
-            track = self._tracks[beam]
-            tracked_m = track.ahead_m(scan.time_s, self._ne_m, bearing_rad) - unit.offset_m
-            unfolded = _unfolded(reading, unit.model, known_m, tracked_m)
+            unfolded = _unfolded(reading, unit.model, known_m)
             readings[beam] = unfolded
-            if unfolded.distance_m < TRACKED_M:
-                centre_m = unfolded.distance_m + unit.offset_m
-                north_m, east_m = frd_to_ned(centre_m * cos_b, centre_m * sin_b, self._yaw_rad)
-                end_ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
-                track.add(scan.time_s, end_ne_m)
             from_m, to_m = _seen_through_m(unfolded, unit)
             beyond = along_m > np.where(self._points[:, _MEASURED] > 0, from_m, 0.0)
             passed |= (aside_m < BESIDE_BEAM_M) & beyond & (along_m < to_m)
@@ -193,20 +180,16 @@ class Near:
         return relative
 
 
-def _unfolded(
-    reading: RangeReading, model: RangeModel, known_m: float, tracked_m: float
-) -> RangeReading:
-    """Too near, if what is known along the beam, or its track, fits the reading's alias better."""
-    far_m = reading.distance_m
-    alias_m = None if math.isnan(far_m) else model.alias_m(far_m)
+def _unfolded(reading: RangeReading, model: RangeModel, known_m: float) -> RangeReading:
+    """Too near, if what is known along the beam fits the reading's alias better."""
+    if not reading.is_distance or math.isinf(known_m):
+        return reading
+    alias_m = model.alias_m(reading.distance_m)
     if alias_m is None:
         return reading
-    is_known = abs(known_m - alias_m) <= min(ALIAS_M, abs(known_m - far_m))
-    if reading.is_distance and math.isfinite(known_m) and is_known:
-        return RangeReading(RangeState.TOO_NEAR, alias_m)
-    if abs(tracked_m - alias_m) <= min(ON_TRACK_M, abs(tracked_m - far_m)):
-        return RangeReading(RangeState.TOO_NEAR, alias_m)
-    return reading
+    if abs(known_m - alias_m) > min(ALIAS_M, abs(known_m - reading.distance_m)):
+        return reading
+    return RangeReading(RangeState.TOO_NEAR, alias_m)
 
 
 def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
