@@ -24,8 +24,8 @@ REG_INTERRUPT_CLEAR = 0x0086
 REG_MODE_START, TIMED, STOPPED = 0x0087, 0x40, 0x00
 REG_DATA_READY = 0x0031
 REG_RESULT = 0x0089
-RESULT_BYTES, RANGE_AT = 15, 13
-"""From the status to the distance in mm, 0x0096."""
+RESULT_BYTES, STREAM_AT, RANGE_AT = 15, 2, 13
+"""From the status to the distance in mm, 0x0096; at 0x008B how many were measured, eight bits."""
 CLOCK_CORRECTION = 1.075
 SILENT_S = 0.25
 BOOT_S, BOOT_TRIES = 1.2e-3, 10
@@ -76,6 +76,7 @@ class Vl53l1x:
         self._select = [Transaction(mux[0], bytes([1 << mux[1]]))] if mux else []
         self._latest = Latest()
         self._configured_s: float | None = None
+        self._stream: int | None = None
         where = f"0x{address:02x}" + (f" behind 0x{mux[0]:02x} branch {mux[1]}" if mux else "")
         try:
             found = self._number(REG_MODEL_ID)
@@ -128,6 +129,9 @@ class Vl53l1x:
                 write(self._address, REG_INTERRUPT_CLEAR, 0x01, 1),
             ]
         )
+        if result[STREAM_AT] == self._stream:
+            return None  # it hangs, and says again what it said
+        self._stream = result[STREAM_AT]
         status = result[0] & 0x1F
         if status == VALID:
             return VL53L1X.reading(int.from_bytes(result[RANGE_AT:], "big") * 1e-3)

@@ -58,6 +58,11 @@ class TofUnit:
         """How many measurements have ended until then."""
         return int((time_s + self._phase_s) / self._period_s)
 
+    @property
+    def measured(self) -> int:
+        """How many the one that was read last is."""
+        return self._count
+
     def distance_m(self, time_s: float) -> float | None:
         """The latest measurement that had ended by then; None: no light came back."""
         count = self.count(time_s)

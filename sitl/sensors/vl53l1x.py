@@ -13,6 +13,7 @@ from companion.drivers.vl53l1x import (
     REG_PERIOD,
     REG_RESULT,
     RESULT_BYTES,
+    STREAM_AT,
     TIMED,
     VALID,
 )
@@ -68,6 +69,7 @@ class Vl53l1xDevice:
         distance_m = self._unit.distance_m(time_s)
         result = bytearray(RESULT_BYTES)
         result[0] = NO_SIGNAL if distance_m is None else VALID
+        result[STREAM_AT] = self._unit.measured & 0xFF
         result[RANGE_AT:] = round(1000 * (distance_m or 0.0)).to_bytes(2, "big")
         self._registers[REG_RESULT : REG_RESULT + RESULT_BYTES] = result
 

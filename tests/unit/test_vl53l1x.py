@@ -51,6 +51,21 @@ def test_after_a_brown_out_it_is_configured_again() -> None:
     assert chip._registers[REG_MODE_START] == TIMED
 
 
+@pytest.mark.parametrize("distance_m", [2.0, None])
+def test_one_that_hangs_is_silent_though_it_goes_on_saying_what_it_said(
+    distance_m: float | None,
+) -> None:
+    unit = TofUnit(TOF_PHYSICS["vl53l1x"], lambda time_s: distance_m, Random(1))
+    bus = DeviceBus({ADDRESS: Vl53l1xDevice(unit)})
+    sensor = Vl53l1x(bus, ADDRESS, None)
+    for tick in range(60):
+        time_s = 0.05 * tick
+        bus.set_time(time_s)
+        unit.is_stuck = time_s > 1.0
+        told = sensor.read(time_s)
+        assert (told is None) == (time_s > 1.2) or time_s < 0.2 or 1.0 < time_s <= 1.2
+
+
 @pytest.mark.parametrize("status", range(32))
 def test_only_a_valid_status_is_a_distance(status: int) -> None:
     reading = MEANINGS.get(status)
