@@ -215,6 +215,18 @@ def test_a_battery_that_runs_low_sends_it_home_and_then_down() -> None:
     assert after(Phase.ROOM, view(unknown))[0] is Phase.ROOM
 
 
+@pytest.mark.parametrize(
+    ("phase", "trouble"),
+    [(LayersPhase.EXPLORE, "turned back with 15 % of the battery"), (LayersPhase.OVERFLY, "")],
+)
+def test_a_mission_is_complete_without_the_rest_of_its_overflight(
+    phase: LayersPhase, trouble: str
+) -> None:
+    began = replace(flying(Phase.LAYERS), layers=Layers(phase))
+    flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
+    assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
+
+
 def test_an_autopilot_that_stands_on_the_ground_and_does_not_disarm_is_told_to() -> None:
     stands = replace(FLYING, mode="LAND", landed_state=LandedState.ON_GROUND)
     assert asks(after(Phase.LAND, view(stands))[1]) is None
