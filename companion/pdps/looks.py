@@ -18,12 +18,14 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import Indices, Places, closed_in, unseen
+from companion.pdps.unseen import Indices, Places, closed_in, seen_cells, unseen
 
 SEES_M = 2.4
 """From so far a look shows a surface well."""
 LEAST_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
+BEYOND_M = 0.5
+"""So far beyond a frontier, at least, a look has to show something new."""
 VIEW_EVERY_CELLS = 3
 ROOM_TO_LOOK_M = 0.65
 """A place to look round from has at least so much room, unless only tight ones are left."""
@@ -143,8 +145,24 @@ def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     before_end = np.maximum(abs(rows[at, pair] - end_row), abs(columns[at, pair] - end_column)) > 1
     blocked = np.zeros(len(pairs), dtype=bool)
     blocked[pair[before_end]] = True
-    clear: Indices = pairs[~blocked]
+    clear: Indices = pairs[~blocked & (vague[fits] | _opens(grid, starts, ends))]
     return clear
+
+
+def _opens(grid: Occupancy, starts: Indices, ends: Indices) -> NDArray[np.bool_]:
+    """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
+
+    A look that only grazes a frontier goes on where all is known, and leaves it where it is.
+    """
+    known = np.pad(seen_cells(grid) | grid.occupied, (beyond := round(BEYOND_M / CELL_M)))
+    along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
+    cells = np.arange(1, beyond + 1)
+    rows, columns = (
+        beyond + np.rint(end[:, None] + cells * step[:, None]).astype(np.int32)
+        for end, step in zip(ends.T, along.T, strict=True)
+    )
+    opens: NDArray[np.bool_] = ~known[rows, columns].all(axis=1)
+    return opens
 
 
 def _cell(row_column: Indices) -> tuple[int, int]:

@@ -57,7 +57,7 @@ def _places(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
 
 def frontiers(grid: Occupancy) -> Cells:
     """Seen cells with an unknown neighbour that are not beside something occupied."""
-    seen = _seen(grid)
+    seen = seen_cells(grid)
     edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
     return without_specks(edge, LEAST_FRONTIER_CELLS)
 
@@ -70,7 +70,7 @@ def vague_surfaces(grid: Occupancy) -> Cells:
 
 def closed_in(grid: Occupancy) -> Cells:
     """Beside unknown space that known space surrounds."""
-    unknown = np.pad(~(_seen(grid) | grid.occupied), 1, constant_values=True)
+    unknown = np.pad(~(seen_cells(grid) | grid.occupied), 1, constant_values=True)
     parts, _ = label(unknown)
     return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
@@ -83,7 +83,7 @@ def without_specks(cells: Cells, least: int) -> Cells:
     return kept
 
 
-def _seen(grid: Occupancy) -> Cells:
+def seen_cells(grid: Occupancy) -> Cells:
     """Free cells, and the gaps between two beams that are narrower than the drone."""
     return ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
