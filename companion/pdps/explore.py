@@ -76,8 +76,8 @@ class Explore:
     """In GO."""
     look_at_ne_m: Places = ()
     """What the next look is for; empty at the first."""
-    tried: tuple[Places, ...] = ()
-    """What each look so far was for."""
+    tried: tuple[Look, ...] = ()
+    """All looks so far, also those that were seen from the way, or not come to."""
     doorways: tuple[Doorway, ...] = ()
     """All found so far."""
     checked_s: float = 0.0
@@ -121,7 +121,7 @@ def _look(
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
     if is_enough:
-        return _to_choose(explore, explore.look_at_ne_m), HOLD
+        return _to_choose(explore, here, explore.look_at_ne_m), HOLD
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
@@ -147,9 +147,9 @@ def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) ->
     return bool(clockwise_rad <= other_way_rad)
 
 
-def _to_choose(explore: Explore, looked_at: Places = ()) -> Explore:
-    """Some places have been looked at."""
-    tried = (*explore.tried, looked_at) if looked_at else explore.tried
+def _to_choose(explore: Explore, from_ne_m: Vector2, looked_at: Places) -> Explore:
+    """Some places have been looked at, or cannot be."""
+    tried = (*explore.tried, Look(from_ne_m, looked_at)) if looked_at else explore.tried
     return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
 
 
@@ -183,19 +183,19 @@ def _go(
 ) -> tuple[Explore, Setpoint]:
     going, now_s = explore.travel, sight.pose.time_s
     if going is None:
-        return _to_choose(explore), HOLD
+        return replace(explore, phase=ExplorePhase.CHOOSE), HOLD
     is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
     if is_due and travel.in_the_open(sight, space):
         left = still_unseen(space, explore.look_at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
             seen = tuple(place for place in explore.look_at_ne_m if place not in left)
-            return _to_choose(explore, seen), HOLD
+            return _to_choose(explore, (sight.pose.north_m, sight.pose.east_m), seen), HOLD
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
             return _to_look(explore, going, sight), setpoint
         case TravelPhase.GAVE_UP:
-            return _to_choose(explore, explore.look_at_ne_m), setpoint
+            return _to_choose(explore, going.goal_ne_m, explore.look_at_ne_m), setpoint
         case _:
             return replace(explore, travel=going), setpoint

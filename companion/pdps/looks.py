@@ -5,6 +5,7 @@ how much counts by its root only, or what little is left would be left behind, a
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,12 +19,22 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import Indices, Places, closed_in, seen_cells, unseen
+from companion.pdps.unseen import (
+    TRIED_WITHIN_M,
+    Indices,
+    Places,
+    centres,
+    closed_in,
+    seen_cells,
+    unseen,
+)
 
 SEES_M = 2.4
 """From so far a look shows a surface well."""
 LEAST_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
+SAME_VIEW_M = 0.4
+"""Within this, a place shows no more than the other."""
 BEYOND_M = 0.5
 """So far beyond a frontier, at least, a look has to show something new."""
 VIEW_EVERY_CELLS = 3
@@ -54,19 +65,20 @@ def looks(
     ways: Ways,
     sight: Sight,
     plan: MissionConfig,
-    tried: tuple[Places, ...] = (),
+    tried: tuple[Look, ...] = (),
 ) -> tuple[Look, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
-    `tried` are the places that each look so far was for; twice is enough, also for what was seen:
-    a step of the pose may draw a wall beside itself, where nobody will ever see one.
+    `tried` are all looks so far. What one from here did not show, another will not; and twice is
+    enough, also for what was seen: a step of the pose may draw a wall beside itself, where nobody
+    will ever see one.
 
     What only a tight place shows, as a corridor, is left for later. The open outside has no end: in
     a building it is looked at last, and not far from what stands there; round one not at all.
     """
     grid = ways.ground.grid
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
-    targets = unseen(grid, tried)
+    targets = unseen(grid, [look.at_ne_m for look in tried])
     off_m = to_occupied_m[tuple(targets.T)]
     worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(grid)[tuple(targets.T)]]
     steps = [(worthy, ROOM_TO_LOOK_M), (worthy, clear_of_all_m(plan))]
@@ -77,7 +89,7 @@ def looks(
         views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
-            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid)
+            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid, tried)
             if found:
                 return found
     return ()
@@ -93,11 +105,17 @@ def _seconds(
     return crowded
 
 
-def _best(targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy) -> tuple[Look, ...]:
+def _best(
+    targets: Indices,
+    views: Indices,
+    time_s: Seconds,
+    grid: Occupancy,
+    tried: Sequence[Look],
+) -> tuple[Look, ...]:
     """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
-    pairs = _sights(grid, views, targets)
+    pairs = _untried(_sights(grid, views, targets), grid, views, targets, tried)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
@@ -147,6 +165,24 @@ def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     blocked[pair[before_end]] = True
     clear: Indices = pairs[~blocked & (vague[fits] | _opens(grid, starts, ends))]
     return clear
+
+
+def _untried(
+    pairs: Indices, grid: Occupancy, views: Indices, targets: Indices, tried: Sequence[Look]
+) -> Indices:
+    """The pairs (view, target), (n, 2), without what was looked at from there before."""
+    near_views = cKDTree(centres(grid, views))
+    targets_ne_m = centres(grid, targets)
+    untried = np.ones(len(pairs), dtype=bool)
+    for look in tried:
+        from_there = near_views.query_ball_point(look.from_ne_m, SAME_VIEW_M)
+        if not from_there:
+            continue
+        off_m, _ = cKDTree(np.array(look.at_ne_m)).query(targets_ne_m)
+        is_there = np.isin(pairs[:, 0], from_there) & (off_m < TRIED_WITHIN_M)[pairs[:, 1]]
+        untried &= ~is_there
+    kept: Indices = pairs[untried]
+    return kept
 
 
 def _opens(grid: Occupancy, starts: Indices, ends: Indices) -> NDArray[np.bool_]:

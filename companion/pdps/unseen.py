@@ -4,6 +4,8 @@ Two kinds of places are worth a look: frontiers, known free space next to unknow
 1997), and surfaces that were only met from so far that they cannot be mapped exactly.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import label
@@ -25,12 +27,12 @@ SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
 
 
-def unseen(grid: Occupancy, tried: tuple[Places, ...] = ()) -> Indices:
+def unseen(grid: Occupancy, tried: Sequence[Places] = ()) -> Indices:
     """Cells worth a look, (n, 2)."""
     cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
     if not len(cells):
         return cells
-    places = _places(grid, cells)
+    places = centres(grid, cells)
     times = np.zeros(len(cells), dtype=int)
     for looked_at in tried:
         near_m, _ = cKDTree(np.array(looked_at)).query(places)
@@ -46,11 +48,11 @@ def still_unseen(grid: Occupancy, places: Places) -> Places:
     cells = unseen(grid)
     if not len(cells):
         return ()
-    near_m, _ = cKDTree(_places(grid, cells)).query(np.array(places))
+    near_m, _ = cKDTree(centres(grid, cells)).query(np.array(places))
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def _places(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
+def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
     """(n, 2), north and east."""
     return np.array([grid.place((row, column)) for row, column in cells.tolist()])
 

@@ -19,12 +19,12 @@ from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.looks import looks
+from companion.pdps.looks import Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
-from companion.pdps.unseen import frontiers, vague_surfaces
+from companion.pdps.unseen import frontiers, seen_cells, vague_surfaces
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
@@ -145,8 +145,35 @@ def test_what_was_looked_at_twice_is_let_be() -> None:
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
     )
     ways = ways_from(grid, (0.0, 0.0))
-    assert looks(ways, sight(), PLAN, (everywhere,))
-    assert not looks(ways, sight(), PLAN, (everywhere, everywhere))
+    once, again = Look((1.0, 0.0), everywhere), Look((-1.0, 0.0), everywhere)
+    assert looks(ways, sight(), PLAN, (once,))
+    assert not looks(ways, sight(), PLAN, (once, again))
+
+
+def test_what_a_look_did_not_show_is_looked_at_from_elsewhere() -> None:
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    best, *_ = looks(ways, sight(), PLAN)
+    for again in looks(ways, sight(), PLAN, (best,)):
+        if set(again.at_ne_m) & set(best.at_ne_m):
+            assert math.dist(again.from_ne_m, best.from_ne_m) > 0.3
+
+
+def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
+    """Not from the side, along what is known already."""
+    grid = open_ground()
+    known = seen_cells(grid)
+    for look in looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN):
+        from_north_m, from_east_m = look.from_ne_m
+        for north_m, east_m in look.at_ne_m:
+            away_m = math.hypot(north_m - from_north_m, east_m - from_east_m)
+            beyond = np.arange(0.1, 0.55, 0.1) / away_m
+            cells = [
+                grid.cell(
+                    (north_m + b * (north_m - from_north_m), east_m + b * (east_m - from_east_m))
+                )
+                for b in beyond.tolist()
+            ]
+            assert not all(grid.has(cell) and known[cell] for cell in cells)
 
 
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
@@ -176,7 +203,7 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
     for reach_m, plan, has_more in ((4.0, OUTSIDE, False), (4.0, PLAN, True), (8.0, PLAN, False)):
         grid = open_ground(reach_m)
         grid.block((0.0, 0.0), 0.3)
-        seen_enough = (pillar, pillar)
+        seen_enough = (Look((1.5, 0.0), pillar), Look((-1.5, 0.0), pillar))
         assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
 
 
@@ -463,7 +490,7 @@ def test_go_takes_another_place_where_there_is_no_way() -> None:
     explore = going(open_ground())
     stuck = replace(explore, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     another, _ = step(stuck, sight(), open_ground(), PLAN)
-    assert another.tried == (explore.look_at_ne_m,)
+    assert [look.at_ne_m for look in another.tried] == [explore.look_at_ne_m]
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
 
@@ -476,7 +503,7 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
 def test_what_was_seen_on_the_way_counts_as_looked_at() -> None:
     explore = going(open_ground())
     after, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
-    assert after.tried == (explore.look_at_ne_m,)
+    assert [look.at_ne_m for look in after.tried] == [explore.look_at_ne_m]
 
 
 def test_done_stays_done() -> None:
