@@ -74,8 +74,8 @@ class Explore:
     """and then from where to look."""
     travel: Travel | None = None
     """In GO."""
-    look_at_ne_m: Places = ()
-    """What the next look is for; empty at the first."""
+    look: Look | None = None
+    """The next, or the present one; None at the first."""
     tried: tuple[Look, ...] = ()
     """All looks so far, also those that were seen from the way, or not come to."""
     doorways: tuple[Doorway, ...] = ()
@@ -116,23 +116,23 @@ def _look(
     left_rad = explore.to_turn_rad - abs(wrap_rad(yaw_rad - last_rad))
     here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
     explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
-    is_enough = left_rad <= 0
-    if explore.look_at_ne_m and now_s - explore.checked_s > CHECK_S:
+    look, is_enough = explore.look, left_rad <= 0
+    if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
-        is_enough = is_enough or not still_unseen(space, explore.look_at_ne_m)
+        is_enough = is_enough or not still_unseen(space, look.at_ne_m)
     if is_enough:
-        return _to_choose(explore, here, explore.look_at_ne_m), HOLD
+        return _to_choose(explore, look and replace(look, from_ne_m=here)), HOLD
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
 
-def _to_look(explore: Explore, at: Travel, sight: Sight) -> Explore:
+def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight) -> Explore:
     return Explore(
         ExplorePhase.LOOK,
         LOOK_RAD,
         here_ne_m=at.goal_ne_m,
-        clockwise=_turns_less_clockwise(explore.look_at_ne_m, at.goal_ne_m, sight.pose.yaw_rad),
-        look_at_ne_m=explore.look_at_ne_m,
+        clockwise=_turns_less_clockwise(look.at_ne_m, at.goal_ne_m, sight.pose.yaw_rad),
+        look=look,
         tried=explore.tried,
         doorways=at.known,
     )
@@ -147,9 +147,9 @@ def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) ->
     return bool(clockwise_rad <= other_way_rad)
 
 
-def _to_choose(explore: Explore, from_ne_m: Vector2, looked_at: Places) -> Explore:
-    """Some places have been looked at, or cannot be."""
-    tried = (*explore.tried, Look(from_ne_m, looked_at)) if looked_at else explore.tried
+def _to_choose(explore: Explore, ended: Look | None) -> Explore:
+    """A look is over, or there will be none."""
+    tried = explore.tried if ended is None else (*explore.tried, ended)
     return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
 
 
@@ -172,7 +172,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     return Explore(
         ExplorePhase.GO,
         travel=travel.along(explore.ways, going, sight),
-        look_at_ne_m=look.at_ne_m,
+        look=look,
         tried=explore.tried,
         checked_s=sight.pose.time_s,
     )
@@ -181,21 +181,22 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
 def _go(
     explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    going, now_s = explore.travel, sight.pose.time_s
-    if going is None:
-        return replace(explore, phase=ExplorePhase.CHOOSE), HOLD
+    going, look, now_s = explore.travel, explore.look, sight.pose.time_s
+    if going is None or look is None:
+        return _to_choose(explore, None), HOLD
     is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
     if is_due and travel.in_the_open(sight, space):
-        left = still_unseen(space, explore.look_at_ne_m)
+        left = still_unseen(space, look.at_ne_m)
         explore = replace(explore, checked_s=now_s)
-        if len(left) < WORTH_SHARE * len(explore.look_at_ne_m):
-            seen = tuple(place for place in explore.look_at_ne_m if place not in left)
-            return _to_choose(explore, (sight.pose.north_m, sight.pose.east_m), seen), HOLD
+        if len(left) < WORTH_SHARE * len(look.at_ne_m):
+            here = sight.pose.north_m, sight.pose.east_m
+            seen = tuple(place for place in look.at_ne_m if place not in left)
+            return _to_choose(explore, replace(look, from_ne_m=here, at_ne_m=seen)), HOLD
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return _to_look(explore, going, sight), setpoint
+            return _to_look(explore, look, going, sight), setpoint
         case TravelPhase.GAVE_UP:
-            return _to_choose(explore, going.goal_ne_m, explore.look_at_ne_m), setpoint
+            return _to_choose(explore, look), setpoint
         case _:
             return replace(explore, travel=going), setpoint

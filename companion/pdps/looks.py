@@ -6,7 +6,7 @@ how much counts by its root only, or what little is left would be left behind, a
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,6 +49,8 @@ MOST_LOOKS = 8
 MOST_TARGETS = 100
 NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
 """From the nearest thing that stands there to what is worth seeing, and to what may be."""
+OPEN_LOOKS = 6
+"""After so many into the open, one after the other, nothing more is expected there."""
 Metres = NDArray[np.float64]
 Seconds = NDArray[np.float64]
 
@@ -59,6 +61,8 @@ class Look:
 
     from_ne_m: Vector2
     at_ne_m: Places
+    is_open: bool = False
+    """Nothing stands near to what it is for."""
 
 
 def looks(
@@ -74,25 +78,32 @@ def looks(
     will ever see one.
 
     What only a tight place shows, as a corridor, is left for later. The open outside has no end: in
-    a building it is looked at last, and not far from what stands there; round one not at all.
+    a building it is looked at last, not far from what stands there, and only while that shows
+    anything; round one not at all.
     """
     grid = ways.ground.grid
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     targets = unseen(grid, [look.at_ne_m for look in tried])
     off_m = to_occupied_m[tuple(targets.T)]
     worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(grid)[tuple(targets.T)]]
-    steps = [(worthy, ROOM_TO_LOOK_M), (worthy, clear_of_all_m(plan))]
-    if plan.kind != "exterior":
+    steps = [(worthy, ROOM_TO_LOOK_M, False), (worthy, clear_of_all_m(plan), False)]
+    if plan.kind != "exterior" and not _in_vain(tried):
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
-        steps.append((targets[is_near], ROOM_TO_LOOK_M))
-    for some, least_room_m in steps:
+        steps.append((targets[is_near], ROOM_TO_LOOK_M, True))
+    for some, least_room_m, is_open in steps:
         views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
             found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid, tried)
             if found:
-                return found
+                return tuple(replace(look, is_open=is_open) for look in found)
     return ()
+
+
+def _in_vain(tried: Sequence[Look]) -> bool:
+    """The last looks into the open have shown nothing that is worth another."""
+    last = tried[-OPEN_LOOKS:]
+    return len(last) == OPEN_LOOKS and all(look.is_open for look in last)
 
 
 def _seconds(

@@ -19,7 +19,7 @@ from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import follow, is_blocked
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.looks import Look, looks
+from companion.pdps.looks import OPEN_LOOKS, Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
@@ -205,6 +205,14 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
         grid.block((0.0, 0.0), 0.3)
         seen_enough = (Look((1.5, 0.0), pillar), Look((-1.5, 0.0), pillar))
         assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
+
+
+def test_when_look_after_look_into_the_open_shows_nothing_it_is_let_be() -> None:
+    ways, inside = ways_from(open_ground(), (0.0, 0.0)), Look((0.0, 0.0), ((9.0, 9.0),))
+    into_the_open = replace(inside, is_open=True)
+    assert looks(ways, sight(), PLAN, (into_the_open,) * (OPEN_LOOKS - 1))
+    assert looks(ways, sight(), PLAN, (*(into_the_open,) * OPEN_LOOKS, inside))
+    assert not looks(ways, sight(), PLAN, (into_the_open,) * OPEN_LOOKS)
 
 
 def test_what_lies_on_the_way_home_is_left_for_the_way_home() -> None:
@@ -445,7 +453,7 @@ def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
 
 
 def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
-    looking = Explore(look_at_ne_m=((3.9, 0.0),), to_turn_rad=3.0)
+    looking = Explore(look=Look((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
     explore, _ = step(looking, sight(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
@@ -471,7 +479,7 @@ def test_go_looks_round_on_arrival() -> None:
     there = sight(explore.travel.goal_ne_m)
     explore, _ = step(explore, there, open_ground(), PLAN)
     assert explore.phase is ExplorePhase.LOOK
-    assert explore.look_at_ne_m
+    assert explore.look is not None
 
 
 def test_it_turns_the_way_that_shows_what_it_came_for_sooner() -> None:
@@ -481,7 +489,7 @@ def test_it_turns_the_way_that_shows_what_it_came_for_sooner() -> None:
     for bearing_deg, clockwise in ((20, True), (-20, False)):
         bearing_rad = math.radians(bearing_deg)
         place = at[0] + math.cos(bearing_rad), at[1] + math.sin(bearing_rad)
-        looking, _ = step(replace(explore, look_at_ne_m=(place,)), sight(at), open_ground(), PLAN)
+        looking, _ = step(replace(explore, look=Look(at, (place,))), sight(at), open_ground(), PLAN)
         assert looking.phase is ExplorePhase.LOOK
         assert looking.clockwise is clockwise
 
@@ -490,7 +498,7 @@ def test_go_takes_another_place_where_there_is_no_way() -> None:
     explore = going(open_ground())
     stuck = replace(explore, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     another, _ = step(stuck, sight(), open_ground(), PLAN)
-    assert [look.at_ne_m for look in another.tried] == [explore.look_at_ne_m]
+    assert another.tried == (explore.look,)
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
 
@@ -503,7 +511,8 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
 def test_what_was_seen_on_the_way_counts_as_looked_at() -> None:
     explore = going(open_ground())
     after, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
-    assert [look.at_ne_m for look in after.tried] == [explore.look_at_ne_m]
+    assert explore.look is not None
+    assert [look.at_ne_m for look in after.tried] == [explore.look.at_ne_m]
 
 
 def test_done_stays_done() -> None:
