@@ -8,7 +8,6 @@ a wall within seconds, and only the front beam, turned aside, meets the wall far
 """
 
 import math
-from itertools import pairwise
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
@@ -22,8 +21,6 @@ from companion.pdps.sight import Sight
 ARRIVED_M = 0.10
 CORNER_M = 0.15
 """A corner of the way counts as passed within this."""
-STRAIGHT_ON_RAD = math.radians(20)
-"""Round a corner that bends less than this it does not slow down."""
 CLOSE_M = 0.4
 """Within this the drone trims its position without turning: it hovers in space it came through."""
 NOSE_ON_RAD = math.radians(12)
@@ -49,32 +46,12 @@ def follow(
     Nothing is left so near to its end.
     """
     here = sight.pose.north_m, sight.pose.east_m
-    while len(way) > 1 and _has_passed(here, way[0], way[1]):
+    while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
     if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
         return (), HOLD
     room_m = _room_m(sight, space)
     return way, _towards(way, sight, plan, _speed_m_s(room_m, plan), _swing_rad(room_m, sight))
-
-
-def _has_passed(here: Vector2, corner: Vector2, after: Vector2) -> bool:
-    """At a corner of the way, or beside it and on towards the next."""
-    off = here[0] - corner[0], here[1] - corner[1]
-    onward = off[0] * (after[0] - corner[0]) + off[1] * (after[1] - corner[1])
-    return math.hypot(*off) < (CLOSE_M if onward > 0 else CORNER_M)
-
-
-def _straight_on_m(here: Vector2, way: Way) -> float:
-    """Along the way until it bends, or ends."""
-    bearing_rad: float | None = None
-    length_m = 0.0
-    for start, end in pairwise((here, *way)):
-        leg_rad = math.atan2(end[1] - start[1], end[0] - start[0])
-        if bearing_rad is not None and abs(wrap_rad(leg_rad - bearing_rad)) > STRAIGHT_ON_RAD:
-            break
-        length_m += math.dist(start, end)
-        bearing_rad = leg_rad
-    return length_m
 
 
 def _room_m(sight: Sight, space: Occupancy) -> float:
@@ -133,8 +110,7 @@ def _towards(
     yaw_rate_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     nose_on = max(0.0, 1 - max(abs(off_rad) - abs(swing_rad), 0.0) / FLIES_FROM_RAD)
-    here = sight.pose.north_m, sight.pose.east_m
-    room_m = min(_room_ahead_m(off_rad, sight, plan), _straight_on_m(here, way))
+    room_m = min(_room_ahead_m(off_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
