@@ -15,29 +15,15 @@ from scipy.spatial import cKDTree
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import (
-    TRIED_WITHIN_M,
-    Indices,
-    Places,
-    centres,
-    closed_in,
-    seen_cells,
-    unseen,
-)
+from companion.pdps.unseen import TRIED_WITHIN_M, Indices, Places, centres, closed_in, unseen
+from companion.pdps.views import sights, viewpoints
 
-SEES_M = 2.4
-"""From so far a look shows a surface well."""
-LEAST_SEES_M = 0.9
-"""Nearer than this the sensor cannot measure."""
 SAME_VIEW_M = 0.4
 """Within this, a place shows no more than the other."""
-BEYOND_M = 0.5
-"""So far beyond a frontier, at least, a look has to show something new."""
-VIEW_EVERY_CELLS = 3
 ROOM_TO_LOOK_M = 0.65
 """A place to look round from has at least so much room, unless only tight ones are left."""
 AMPLE_ROOM_M = 1.1
@@ -91,7 +77,7 @@ def looks(
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
         steps.append((targets[is_near], ROOM_TO_LOOK_M, True))
     for some, least_room_m, is_open in steps:
-        views = _viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
+        views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
             found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid, tried)
@@ -126,7 +112,7 @@ def _best(
     """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
-    pairs = _untried(_sights(grid, views, targets), grid, views, targets, tried)
+    pairs = _untried(sights(grid, views, targets), grid, views, targets, tried)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
@@ -147,37 +133,6 @@ def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float6
     return turned_rad
 
 
-def _viewpoints(may: Cells) -> Indices:
-    """Cells where it may look round, (n, 2), a few decimetres apart."""
-    return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
-
-
-def _sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
-    """Pairs (view, target), (n, 2), with nothing in between, within the range of a good look."""
-    near = cKDTree(views).sparse_distance_matrix(
-        cKDTree(targets), SEES_M / CELL_M, output_type="ndarray"
-    )
-    pairs = np.column_stack([near["i"], near["j"]])
-    starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
-    away = np.hypot(*(ends - starts).T) * CELL_M
-    vague = grid.occupied[tuple(ends.T)]
-    fits = ~vague | (away >= LEAST_SEES_M)
-    pairs, starts, ends = pairs[fits], starts[fits], ends[fits]
-    steps = np.linspace(0, 1, round(SEES_M / CELL_M), dtype=np.float32)[:, None]
-    rows, columns = (
-        np.rint(start + steps * (end - start)).astype(np.int32)
-        for start, end in zip(starts.T.astype(np.float32), ends.T.astype(np.float32), strict=True)
-    )
-    hit = grid.occupied.ravel()[rows * grid.occupied.shape[1] + columns]
-    at, pair = np.nonzero(hit)
-    end_row, end_column = ends[pair].T
-    before_end = np.maximum(abs(rows[at, pair] - end_row), abs(columns[at, pair] - end_column)) > 1
-    blocked = np.zeros(len(pairs), dtype=bool)
-    blocked[pair[before_end]] = True
-    clear: Indices = pairs[~blocked & (vague[fits] | _opens(grid, starts, ends))]
-    return clear
-
-
 def _untried(
     pairs: Indices, grid: Occupancy, views: Indices, targets: Indices, tried: Sequence[Look]
 ) -> Indices:
@@ -194,22 +149,6 @@ def _untried(
         untried &= ~is_there
     kept: Indices = pairs[untried]
     return kept
-
-
-def _opens(grid: Occupancy, starts: Indices, ends: Indices) -> NDArray[np.bool_]:
-    """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
-
-    A look that only grazes a frontier goes on where all is known, and leaves it where it is.
-    """
-    known = np.pad(seen_cells(grid) | grid.occupied, (beyond := round(BEYOND_M / CELL_M)))
-    along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
-    cells = np.arange(1, beyond + 1)
-    rows, columns = (
-        beyond + np.rint(end[:, None] + cells * step[:, None]).astype(np.int32)
-        for end, step in zip(ends.T, along.T, strict=True)
-    )
-    opens: NDArray[np.bool_] = ~known[rows, columns].all(axis=1)
-    return opens
 
 
 def _cell(row_column: Indices) -> tuple[int, int]:

@@ -1,0 +1,72 @@
+"""What shows from where: lines through the cells, from places to what is unseen."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.unseen import Indices, seen_cells
+
+SEES_M = 2.4
+"""From so far a look shows a surface well."""
+LEAST_SEES_M = 0.9
+"""Nearer than this the sensor cannot measure."""
+BEYOND_M = 0.5
+"""So far beyond a frontier, at least, a look has to show something new."""
+VIEW_EVERY_CELLS = 3
+Which = NDArray[np.bool_]
+
+
+def viewpoints(may: Cells) -> Indices:
+    """Cells where it may look round, (n, 2), a few decimetres apart."""
+    return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
+
+
+def sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
+    """Pairs (view, target), (n, 2), of places (v, 2) and what is unseen (t, 2).
+
+    A look from the one shows the other well, or what is behind it, with nothing in between.
+    """
+    near = cKDTree(views).sparse_distance_matrix(
+        cKDTree(targets), SEES_M / CELL_M, output_type="ndarray"
+    )
+    pairs = np.column_stack([near["i"], near["j"]])
+    starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
+    away_m = np.hypot(*(ends - starts).T) * CELL_M
+    is_surface = grid.occupied[tuple(ends.T)]
+    shows = np.where(is_surface, away_m >= LEAST_SEES_M, _opens(grid, starts, ends))
+    pairs, starts, ends = pairs[shows], starts[shows], ends[shows]
+    clear: Indices = pairs[_is_clear(grid, starts, ends)]
+    return clear
+
+
+def _is_clear(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
+    """(n,): whether nothing stands on the lines from starts to ends (n, 2)."""
+    steps = np.linspace(0, 1, round(SEES_M / CELL_M), dtype=np.float32)[:, None]
+    rows, columns = (
+        np.rint(start + steps * (end - start)).astype(np.int32)
+        for start, end in zip(starts.T.astype(np.float32), ends.T.astype(np.float32), strict=True)
+    )
+    hit = grid.occupied.ravel()[rows * grid.occupied.shape[1] + columns]
+    at, line = np.nonzero(hit)
+    end_row, end_column = ends[line].T
+    before_end = np.maximum(abs(rows[at, line] - end_row), abs(columns[at, line] - end_column)) > 1
+    clear = np.ones(len(ends), dtype=bool)
+    clear[line[before_end]] = False
+    return clear
+
+
+def _opens(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
+    """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
+
+    A look that only grazes a frontier goes on where all is known, and leaves it where it is.
+    """
+    beyond = round(BEYOND_M / CELL_M)
+    known = np.pad(seen_cells(grid) | grid.occupied, beyond)
+    along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
+    rows, columns = (
+        beyond + np.rint(end[:, None] + np.arange(1, beyond + 1) * step[:, None]).astype(np.int32)
+        for end, step in zip(ends.T, along.T, strict=True)
+    )
+    opens: Which = ~known[rows, columns].all(axis=1)
+    return opens
