@@ -40,7 +40,7 @@ def errors_cm(noise_factor: float, gain_sigma: float, seeds: int) -> list[float]
         )
         for seed in range(1, seeds + 1)
     ]
-    results = list(fly_all(setups))
+    results = fly_all(setups)
     return [_mean(results, error) for error in ERRORS]
 
 

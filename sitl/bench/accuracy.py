@@ -4,10 +4,8 @@ Beside each figure stand those of dead reckoning and of the ideal solver for the
 (`references.py`), and what the companion's processor needed.
 """
 
-import multiprocessing
 import time
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 
 import numpy as np
@@ -16,6 +14,7 @@ from companion import config as configuration
 from companion.app import App, Inputs, Outputs
 from companion.config import Config
 from companion.messages import FloorPlan
+from sitl.bench.lanes import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
 from sitl.lockstep import fly_in_lockstep
 from sitl.report import Report, make_report
@@ -123,16 +122,18 @@ def _references(
     return dead_reckoned(flown, plan), ideal(flown, simulation.record, surfaces)
 
 
-def fly_all(setups: list[Setup]) -> Iterator[FlightResult]:
-    """On all cores, one process each, as they end; the same flights in any order."""
-    spawn = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(mp_context=spawn) as pool:
-        flights = [pool.submit(fly, setup) for setup in setups]
-        try:
-            for flight in as_completed(flights):
-                yield flight.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
+def fly_all(setups: Sequence[Setup]) -> list[FlightResult]:
+    """On all cores, with a bar; without those that were called off, or whose process died."""
+    flown = with_a_bar(setups, _told, fly, _lost)
+    return [result for result in flown if result is not None]
+
+
+def _told(result: FlightResult | None) -> str:
+    return "lost: its process died" if result is None else f"{result.world}, {result.profile}"
+
+
+def _lost(setup: Setup, why: str) -> None:
+    """There are no figures of it."""
 
 
 def setups(seeds: int) -> list[Setup]:

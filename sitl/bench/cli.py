@@ -8,7 +8,6 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import track
 from rich.table import Table
 
 from sitl.options import Autopilot, Battery, Crop, FlightOptions, Profile, Seed
@@ -69,10 +68,7 @@ def accuracy(
     from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
     from sitl.bench.accuracy_table import accuracy_tables  # noqa: PLC0415
 
-    flights = setups(seeds)
-    progress = Console(stderr=True)
-    results = list(track(fly_all(flights), "flying", len(flights), console=progress))
-    rows = summary(results)
+    rows = summary(fly_all(setups(seeds)))
     if as_json:
         print(json.dumps({"seeds": seeds, "rows": rows}, indent=1))
         return

@@ -3,20 +3,25 @@
 import json
 import subprocess
 
+import pytest
+
 from tests.system.processes import sitl
 
 SEEDS = 40
+MISSIONS = ("missions", "--worlds", "room_100", "--seeds", str(SEEDS))
+ACCURACY = ("accuracy", "--seeds", str(SEEDS))
 ENDS_WITHIN_S = 120
 
 
-def test_what_was_flown_by_then_is_not_lost() -> None:
-    command = sitl("bench", "missions", "--worlds", "room_100", "--seeds", str(SEEDS), "--json")
-    campaign = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+@pytest.mark.parametrize("campaign", [MISSIONS, ACCURACY], ids=lambda campaign: campaign[0])
+def test_what_was_flown_by_then_is_not_lost(campaign: tuple[str, ...]) -> None:
+    command = sitl("bench", *campaign, "--json")
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        assert campaign.stderr is not None
-        assert campaign.stderr.readline().startswith("1 of ")
-        campaign.terminate()
-        told, _ = campaign.communicate(timeout=ENDS_WITHIN_S)
+        assert flying.stderr is not None
+        assert flying.stderr.readline().startswith("1 of ")
+        flying.terminate()
+        told, _ = flying.communicate(timeout=ENDS_WITHIN_S)
     finally:
-        campaign.kill()
+        flying.kill()
     assert 0 < len(json.loads(told)["rows"]) < SEEDS
