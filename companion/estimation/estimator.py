@@ -17,7 +17,6 @@ from companion.estimation.line_slam import LineSlam
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.restart import restart
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
-from companion.estimation.steps import Steps
 from companion.estimation.support import Support
 from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Measured, Unknowns
@@ -68,7 +67,6 @@ class Estimator:
         self._smoother = Smoother(self.models, Support())
         self._in_flight = InFlightSmoothing(self.models)
         self._resets = 0
-        self._steps = Steps()
         self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
         self._height_m = 0.0
@@ -235,22 +233,18 @@ class Estimator:
     def improve(self, now_s: float) -> None:
         """Smooth the flight so far, a piece at each call; then go on from what came out.
 
-        The pose and the walls make a step at the end, if it is believed.
+        The pose and the walls make a step at the end.
         """
         done = self._in_flight.step(now_s, self.record, self._walls)
         if done is None:
             return
+        restart(self.heading, self.slam, done.estimate)
+        x, wall_of = done.estimate.x, done.estimate.wall_of
+        self.record.correct(done.first, x.poses[:, :3], done.first_hit, wall_of)
         north_m, east_m = (
             now - then for now, then in zip(self._raw.ne_m, done.raw_ne_m, strict=True)
         )
         body_m = ned_to_frd(north_m, east_m, done.raw_yaw_rad)
-        step_m = math.dist(done.position_ne_m(body_m), self.slam.position_ne_m)
-        if not self._steps.believes(step_m, self.slam.position_sigma_m):
-            return
-        self._in_flight.take(done)
-        restart(self.heading, self.slam, done.estimate)
-        x, wall_of = done.estimate.x, done.estimate.wall_of
-        self.record.correct(done.first, x.poses[:, :3], done.first_hit, wall_of)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - done.time_s)
         turned_rad = self._raw.yaw_rad - done.raw_yaw_rad
         self.heading.turn(turned_rad, self._turned_until_s - done.time_s)

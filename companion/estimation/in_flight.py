@@ -25,7 +25,7 @@ from companion.estimation.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoother import FLYING_GATES, Smoother
 from companion.estimation.support import Support
 from companion.estimation.unknowns import POSE_SIZE, Array, Measured, Unknowns
-from companion.frames import Vector2, frd_to_ned
+from companion.frames import Vector2
 
 PERIOD_S = 4.0
 GROWN_BY = 1.25
@@ -59,16 +59,6 @@ class Improved:
     time_s: float
     raw_ne_m: Vector2
     raw_yaw_rad: float
-    past: Past | None
-    """What the next parts rest on, if this is taken,"""
-    whole_keyframes: int
-    """and how long the flight was when it was last solved as a whole."""
-
-    def position_ne_m(self, moved_frd_m: Vector2) -> Vector2:
-        """Where that puts the drone, so far on since by odometry."""
-        north_m, east_m, yaw_rad, _ = self.estimate.x.poses[-1].tolist()
-        on_north_m, on_east_m = frd_to_ned(*moved_frd_m, yaw_rad)
-        return north_m + on_north_m, east_m + on_east_m
 
 
 class InFlightSmoothing:
@@ -100,10 +90,6 @@ class InFlightSmoothing:
             self._work = None  # the filters go on as they are, and the next one may do better
         return None
 
-    def take(self, improved: Improved) -> None:
-        """The filters go on from it, and what is smoothed next rests on it."""
-        self._past, self._whole_keyframes = improved.past, improved.whole_keyframes
-
     def _begin(self, record: FlightRecord, walls: Walls) -> None:
         if not len(walls.lines):
             return
@@ -130,23 +116,14 @@ class InFlightSmoothing:
         begin_at(x, past)
         estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
         estimate = yield from Doubt(smoother, part, past, FLYING_GATES).reconsidering(estimate)
-        length, next_past, whole_keyframes = len(x.poses), self._past, self._whole_keyframes
+        length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield
-            next_past, estimate = smoother.past_before(
+            self._past, estimate = smoother.past_before(
                 length - OVERLAP_KEYFRAMES, estimate, part, past
             )
-            whole_keyframes = len(poses) if is_whole else whole_keyframes
-        return Improved(
-            estimate,
-            first,
-            first_hit,
-            time_s,
-            raw_ne_m,
-            raw_yaw_rad,
-            next_past,
-            whole_keyframes,
-        )
+            self._whole_keyframes = len(poses) if is_whole else self._whole_keyframes
+        return Improved(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
 
 
 def begin_at(x: Unknowns, past: Past) -> None:
