@@ -44,8 +44,6 @@ SEEN_THROUGH_M = 0.30
 PASSES, TOGETHER_M = 2, 0.20
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that."""
-PASSES_BESIDE = 5
-"""Or so often, whatever is beside it: a reading that was off, in the middle of a doorway."""
 ALIAS_M = 0.25
 """So well must a folded reading, or a guess of how near it is, fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
@@ -136,13 +134,15 @@ class Near:
         return replace(scan, readings=readings)
 
     def _gone(self) -> NDArray[np.bool_]:
-        """(n,): through which beams went, and through all that is close by, or very often."""
-        passed = self._points[:, _PASSED]
-        doubted, gone = passed >= PASSES, passed >= PASSES_BESIDE
+        """(n,): through which beams went, and through all that is close by."""
+        doubted = self._points[:, _PASSED] >= PASSES
+        if not doubted.any():
+            return doubted
+        gone = doubted.copy()
         there = self._points[~doubted, :2]
-        for at in np.flatnonzero(doubted & ~gone):
+        for at in np.flatnonzero(doubted) if len(there) else ():
             off_m = there - self._points[at, :2]
-            gone[at] = (off_m * off_m).sum(axis=1).min(initial=math.inf) > TOGETHER_M**2
+            gone[at] = (off_m * off_m).sum(axis=1).min() > TOGETHER_M**2
         return gone
 
     def _forget(self, now_s: float) -> None:

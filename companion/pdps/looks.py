@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
-from scipy.spatial import cKDTree
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -19,11 +18,9 @@ from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import TRIED_WITHIN_M, Indices, Places, centres, closed_in, unseen
+from companion.pdps.unseen import Indices, Places, closed_in, unseen
 from companion.pdps.views import sights, viewpoints
 
-SAME_VIEW_M = 0.4
-"""Within this, a place shows no more than the other."""
 ROOM_TO_LOOK_M = 0.65
 """A place to look round from has at least so much room, unless only tight ones are left."""
 AMPLE_ROOM_M = 1.1
@@ -59,9 +56,8 @@ def looks(
 ) -> tuple[Look, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
-    `tried` are all looks so far. What one from here did not show, another will not; and twice is
-    enough, also for what was seen: a step of the pose may draw a wall beside itself, where nobody
-    will ever see one.
+    `tried` are all looks so far; twice is enough, also for what was seen: a step of the pose may
+    draw a wall beside itself, where nobody will ever see one.
 
     What only a tight place shows, as a corridor, is left for later. The open outside has no end: in
     a building it is looked at last, not far from what stands there, and only while that shows
@@ -80,7 +76,7 @@ def looks(
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
-            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid, tried)
+            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid)
             if found:
                 return tuple(replace(look, is_open=is_open) for look in found)
     return ()
@@ -102,17 +98,11 @@ def _seconds(
     return crowded
 
 
-def _best(
-    targets: Indices,
-    views: Indices,
-    time_s: Seconds,
-    grid: Occupancy,
-    tried: Sequence[Look],
-) -> tuple[Look, ...]:
+def _best(targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy) -> tuple[Look, ...]:
     """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
-    pairs = _untried(sights(grid, views, targets), grid, views, targets, tried)
+    pairs = sights(grid, views, targets)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
@@ -131,24 +121,6 @@ def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float6
     off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
     turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
     return turned_rad
-
-
-def _untried(
-    pairs: Indices, grid: Occupancy, views: Indices, targets: Indices, tried: Sequence[Look]
-) -> Indices:
-    """The pairs (view, target), (n, 2), without what was looked at from there before."""
-    near_views = cKDTree(centres(grid, views))
-    targets_ne_m = centres(grid, targets)
-    untried = np.ones(len(pairs), dtype=bool)
-    for look in tried:
-        from_there = near_views.query_ball_point(look.from_ne_m, SAME_VIEW_M)
-        if not from_there:
-            continue
-        off_m, _ = cKDTree(np.array(look.at_ne_m)).query(targets_ne_m)
-        is_there = np.isin(pairs[:, 0], from_there) & (off_m < TRIED_WITHIN_M)[pairs[:, 1]]
-        untried &= ~is_there
-    kept: Indices = pairs[untried]
-    return kept
 
 
 def _cell(row_column: Indices) -> tuple[int, int]:

@@ -32,7 +32,7 @@ def unseen(grid: Occupancy, tried: Sequence[Places] = ()) -> Indices:
     cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
     if not len(cells):
         return cells
-    places = centres(grid, cells)
+    places = _centres(grid, cells)
     times = np.zeros(len(cells), dtype=int)
     for looked_at in tried:
         near_m, _ = cKDTree(np.array(looked_at)).query(places)
@@ -48,11 +48,11 @@ def still_unseen(grid: Occupancy, places: Places) -> Places:
     cells = unseen(grid)
     if not len(cells):
         return ()
-    near_m, _ = cKDTree(centres(grid, cells)).query(np.array(places))
+    near_m, _ = cKDTree(_centres(grid, cells)).query(np.array(places))
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
+def _centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
     """(n, 2), north and east."""
     return np.array([grid.place((row, column)) for row, column in cells.tolist()])
 

@@ -150,14 +150,6 @@ def test_what_was_looked_at_twice_is_let_be() -> None:
     assert not looks(ways, sight(), PLAN, (once, again))
 
 
-def test_what_a_look_did_not_show_is_looked_at_from_elsewhere() -> None:
-    ways = ways_from(open_ground(), (0.0, 0.0))
-    best, *_ = looks(ways, sight(), PLAN)
-    for again in looks(ways, sight(), PLAN, (best,)):
-        if set(again.at_ne_m) & set(best.at_ne_m):
-            assert math.dist(again.from_ne_m, best.from_ne_m) > 0.3
-
-
 def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
     """Not from the side, along what is known already."""
     grid = open_ground()
