@@ -121,7 +121,7 @@ def _look(
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, look.at_ne_m)
     if is_enough:
-        return _to_choose(explore, look and replace(look, from_ne_m=here)), HOLD
+        return _to_choose(explore, look), HOLD
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
     return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
 
@@ -189,9 +189,8 @@ def _go(
         left = still_unseen(space, look.at_ne_m)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):
-            here = sight.pose.north_m, sight.pose.east_m
             seen = tuple(place for place in look.at_ne_m if place not in left)
-            return _to_choose(explore, replace(look, from_ne_m=here, at_ne_m=seen)), HOLD
+            return _to_choose(explore, replace(look, at_ne_m=seen)), HOLD
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:

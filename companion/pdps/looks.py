@@ -14,11 +14,11 @@ from scipy.ndimage import distance_transform_edt
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import Indices, Places, closed_in, unseen
+from companion.pdps.unseen import Indices, Places, closed_in, known_cells, unseen
 from companion.pdps.views import sights, viewpoints
 
 ROOM_TO_LOOK_M = 0.65
@@ -64,10 +64,11 @@ def looks(
     anything; round one not at all.
     """
     grid = ways.ground.grid
+    known = known_cells(grid)
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     targets = unseen(grid, [look.at_ne_m for look in tried])
     off_m = to_occupied_m[tuple(targets.T)]
-    worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(grid)[tuple(targets.T)]]
+    worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(known)[tuple(targets.T)]]
     steps = [(worthy, ROOM_TO_LOOK_M, False), (worthy, clear_of_all_m(plan), False)]
     if plan.kind != "exterior" and not _in_vain(tried):
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
@@ -76,7 +77,8 @@ def looks(
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
-            found = _best(some, views, _seconds(views, room_m, ways, sight, plan), grid)
+            time_s = _seconds(views, room_m, ways, sight, plan)
+            found = _best(some, views, time_s, grid, known)
             if found:
                 return tuple(replace(look, is_open=is_open) for look in found)
     return ()
@@ -98,11 +100,13 @@ def _seconds(
     return crowded
 
 
-def _best(targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy) -> tuple[Look, ...]:
+def _best(
+    targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy, known: Cells
+) -> tuple[Look, ...]:
     """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
     if len(targets) > MOST_TARGETS:
         targets = targets[:: len(targets) // MOST_TARGETS + 1]
-    pairs = sights(grid, views, targets)
+    pairs = sights(grid, known, views, targets)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))

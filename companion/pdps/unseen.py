@@ -58,9 +58,9 @@ def _centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
 
 
 def frontiers(grid: Occupancy) -> Cells:
-    """Seen cells with an unknown neighbour that are not beside something occupied."""
-    seen = seen_cells(grid)
-    edge = seen & ~_grown(grid.occupied) & _beside(~(seen | grid.occupied))
+    """Known cells with an unknown neighbour that are not beside something occupied."""
+    known = known_cells(grid)
+    edge = known & ~_grown(grid.occupied) & _beside(~known)
     return without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
@@ -70,9 +70,9 @@ def vague_surfaces(grid: Occupancy) -> Cells:
     return without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
 
 
-def closed_in(grid: Occupancy) -> Cells:
+def closed_in(known: Cells) -> Cells:
     """Beside unknown space that known space surrounds."""
-    unknown = np.pad(~(seen_cells(grid) | grid.occupied), 1, constant_values=True)
+    unknown = np.pad(~known, 1, constant_values=True)
     parts, _ = label(unknown)
     return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
@@ -85,9 +85,9 @@ def without_specks(cells: Cells, least: int) -> Cells:
     return kept
 
 
-def seen_cells(grid: Occupancy) -> Cells:
-    """Free cells, and the gaps between two beams that are narrower than the drone."""
-    return ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
+def known_cells(grid: Occupancy) -> Cells:
+    """Free and occupied cells, and the gaps between two beams that are narrower than the drone."""
+    return grid.occupied | ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
 
 def _grown(cells: Cells, times: int = 1) -> Cells:

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.unseen import Indices, seen_cells
+from companion.pdps.unseen import Indices
 
 SEES_M = 2.4
 """From so far a look shows a surface well."""
@@ -22,8 +22,8 @@ def viewpoints(may: Cells) -> Indices:
     return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
 
 
-def sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
-    """Pairs (view, target), (n, 2), of places (v, 2) and what is unseen (t, 2).
+def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> Indices:
+    """Pairs (view, target), (n, 2), of places (v, 2) and what is unseen (t, 2); `known`: cells.
 
     A look from the one shows the other well, or what is behind it, with nothing in between.
     """
@@ -34,7 +34,7 @@ def sights(grid: Occupancy, views: Indices, targets: Indices) -> Indices:
     starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
     away_m = np.hypot(*(ends - starts).T) * CELL_M
     is_surface = grid.occupied[tuple(ends.T)]
-    shows = np.where(is_surface, away_m >= LEAST_SEES_M, _opens(grid, starts, ends))
+    shows = np.where(is_surface, away_m >= LEAST_SEES_M, _opens(known, starts, ends))
     pairs, starts, ends = pairs[shows], starts[shows], ends[shows]
     clear: Indices = pairs[_is_clear(grid, starts, ends)]
     return clear
@@ -56,13 +56,13 @@ def _is_clear(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
     return clear
 
 
-def _opens(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
+def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
     """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
 
     A look that only grazes a frontier goes on where all is known, and leaves it where it is.
     """
     beyond = round(BEYOND_M / CELL_M)
-    known = np.pad(seen_cells(grid) | grid.occupied, beyond)
+    known = np.pad(known, beyond)
     along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
     rows, columns = (
         beyond + np.rint(end[:, None] + np.arange(1, beyond + 1) * step[:, None]).astype(np.int32)

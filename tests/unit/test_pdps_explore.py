@@ -24,7 +24,7 @@ from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
-from companion.pdps.unseen import frontiers, seen_cells, vague_surfaces
+from companion.pdps.unseen import frontiers, known_cells, vague_surfaces
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
@@ -153,7 +153,7 @@ def test_what_was_looked_at_twice_is_let_be() -> None:
 def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
     """Not from the side, along what is known already."""
     grid = open_ground()
-    known = seen_cells(grid)
+    known = known_cells(grid)
     for look in looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN):
         from_north_m, from_east_m = look.from_ne_m
         for north_m, east_m in look.at_ne_m:
