@@ -25,6 +25,7 @@ from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import frontiers, known_cells, vague_surfaces
+from companion.pdps.views import sights
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
@@ -148,6 +149,16 @@ def test_what_was_looked_at_twice_is_let_be() -> None:
     once, again = Look((1.0, 0.0), everywhere), Look((-1.0, 0.0), everywhere)
     assert looks(ways, sight(), PLAN, (once,))
     assert not looks(ways, sight(), PLAN, (once, again))
+
+
+def test_a_frontier_shows_from_before_it_and_not_from_its_side() -> None:
+    grid = open_ground()
+    frontier = grid.cell((0.0, 2.0))
+    known = known_cells(grid)
+    known[:, frontier[1] + 1 :] = False
+    before, beside = grid.cell((0.0, 0.5)), grid.cell((1.5, 2.0))
+    [shown] = sights(grid, known, np.array([before, beside]), np.array([frontier]))
+    assert shown.tolist() == [0, 0]
 
 
 def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
