@@ -7,8 +7,10 @@ person who has walked on is forgotten. Free space and ignorance never look alike
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,6 +53,7 @@ class Ray:
     sigma_m: float
     is_hit: bool
     """False: nothing was met up to `end_m`."""
+    time_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +65,7 @@ class Rays:
     end_m: Metres
     sigma_m: Metres
     is_hit: Cells
+    time_s: Metres
 
     @classmethod
     def of(cls, rays: Sequence[Ray]) -> "Rays":
@@ -71,7 +75,34 @@ class Rays:
             np.array([ray.end_m for ray in rays]),
             np.array([ray.sigma_m for ray in rays]),
             np.array([ray.is_hit for ray in rays], dtype=np.bool_),
+            np.array([ray.time_s for ray in rays]),
         )
+
+
+class _Layers(NamedTuple):
+    """What is kept of each cell; all of one shape."""
+
+    log_odds: LogOdds
+    well_seen: Cells
+    flown: Cells
+    allowed: Cells
+    met_s: Metres
+    """When a beam last ended there."""
+
+    @classmethod
+    def unknown(cls, shape: tuple[int, int]) -> Self:
+        """Nothing has been seen, and nothing is forbidden."""
+        return cls(
+            np.zeros(shape, dtype=np.float32),
+            np.zeros(shape, dtype=np.bool_),
+            np.zeros(shape, dtype=np.bool_),
+            np.ones(shape, dtype=np.bool_),
+            np.zeros(shape),
+        )
+
+    def each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
+        """The same done to all of them."""
+        return type(self)(*(change(layer) for layer in self))
 
 
 class Occupancy:
@@ -80,36 +111,31 @@ class Occupancy:
     def __init__(self) -> None:
         half = CHUNK_CELLS // 2
         self._low = (-half, -half)
-        self._log_odds: LogOdds = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.float32)
-        self._well_seen: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
-        self._flown: Cells = np.zeros((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
-        self._allowed: Cells = np.ones((CHUNK_CELLS, CHUNK_CELLS), dtype=np.bool_)
+        self._layers = _Layers.unknown((CHUNK_CELLS, CHUNK_CELLS))
         self._is_all_allowed = True
         """So is what lies beyond the grid."""
 
+    def _with(self, low: tuple[int, int], layers: _Layers) -> "Occupancy":
+        other = Occupancy()
+        other._low, other._layers = low, layers
+        other._is_all_allowed = self._is_all_allowed
+        return other
+
     def layer_above(self, low_ne_m: Sequence[Vector2]) -> "Occupancy":
         """Nothing is known there; it may be flown where this is free, but for some low places."""
-        above = Occupancy()
-        above._low = self._low
-        above._log_odds = np.zeros_like(self._log_odds)
-        above._well_seen, above._flown = (np.zeros_like(self._flown) for _ in range(2))
         seen = binary_closing(self.free, iterations=GAP_CELLS + 1) & ~self.occupied
-        above._allowed = (seen | self.free) & self._allowed
-        above._is_all_allowed = False
-        low = np.zeros_like(self._allowed)
+        low = np.zeros_like(self.allowed)
         for cell in filter(self.has, map(self.cell, low_ne_m)):
             low[cell] = True
-        above._allowed &= ~binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
+        hangs_low = binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
+        allowed = (seen | self.free) & self.allowed & ~hangs_low
+        above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
+        above._is_all_allowed = False
         return above
 
     def copy(self) -> "Occupancy":
         """Another one, as it is now."""
-        copy = Occupancy()
-        copy._low = self._low
-        copy._log_odds, copy._well_seen = self._log_odds.copy(), self._well_seen.copy()
-        copy._flown, copy._allowed = self._flown.copy(), self._allowed.copy()
-        copy._is_all_allowed = self._is_all_allowed
-        return copy
+        return self._with(self._low, self._layers.each(np.copy))
 
     def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
         """A copy of the part around some places."""
@@ -117,49 +143,43 @@ class Occupancy:
         margin = math.ceil(margin_m / CELL_M)
         top, left = np.maximum(cells.min(axis=0) - margin, 0).tolist()
         bottom, right = (cells.max(axis=0) + margin + 1).tolist()
-        part = Occupancy()
-        part._low = (self._low[0] + top, self._low[1] + left)
-        part._log_odds = self._log_odds[top:bottom, left:right].copy()
-        part._well_seen = self._well_seen[top:bottom, left:right].copy()
-        part._flown = self._flown[top:bottom, left:right].copy()
-        part._allowed = self._allowed[top:bottom, left:right].copy()
-        part._is_all_allowed = self._is_all_allowed
-        return part
+        part = self._layers.each(lambda layer: layer[top:bottom, left:right].copy())
+        return self._with((self._low[0] + top, self._low[1] + left), part)
 
     def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
         """A copy of no more than has been seen, and a place."""
-        seen = self._log_odds != 0
+        seen = self._layers.log_odds != 0
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         corners = [(rows[0], columns[0]), (rows[-1], columns[-1])] if len(rows) else []
         return self.window([place_ne_m, *(self.place(cell) for cell in corners)], margin_m)
 
     @property
     def shape(self) -> tuple[int, int]:
-        rows, columns = self._log_odds.shape
+        rows, columns = self._layers.log_odds.shape
         return rows, columns
 
     @property
     def free(self) -> Cells:
-        return self._log_odds < FREE_BELOW
+        return self._layers.log_odds < FREE_BELOW
 
     @property
     def occupied(self) -> Cells:
-        return self._log_odds > OCCUPIED_ABOVE
+        return self._layers.log_odds > OCCUPIED_ABOVE
 
     @property
     def well_seen(self) -> Cells:
         """A reading exact enough to map by has ended here."""
-        return self._well_seen
+        return self._layers.well_seen
 
     @property
     def flown(self) -> Cells:
         """The drone's centre has been here."""
-        return self._flown
+        return self._layers.flown
 
     @property
     def allowed(self) -> Cells:
         """What stands or hangs at other heights is not in the way."""
-        return self._allowed
+        return self._layers.allowed
 
     def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
         """Row and column; may lie outside the grid."""
@@ -179,20 +199,25 @@ class Occupancy:
             (cell[1] + self._low[1] + 0.5) * CELL_M,
         )
 
-    def occupied_near(self, place_ne_m: Vector2, within_m: float) -> Metres:
-        """Middles (n, 2) of the occupied cells that are so near, or hardly farther."""
+    def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Metres, Metres]:
+        """Middles (n, 2) of the occupied cells that are so near, or hardly farther.
+
+        And when each was last met (n,).
+        """
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)
         top, left = max(row - reach, 0), max(column - reach, 0)
-        window = self._log_odds[top : row + reach + 1, left : column + reach + 1]
-        cells = np.argwhere(window > OCCUPIED_ABOVE) + np.add(self._low, (top, left))
-        places: Metres = CELL_M * (cells.astype(np.float64) + 0.5)
-        return places
+        window = np.s_[top : row + reach + 1, left : column + reach + 1]
+        cells = np.argwhere(self._layers.log_odds[window] > OCCUPIED_ABOVE)
+        met_s = self._layers.met_s[window][cells[:, 0], cells[:, 1]]
+        corner = np.add(self._low, (top, left))
+        return CELL_M * ((cells + corner).astype(np.float64) + 0.5), met_s
 
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
         """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
-        near = self.occupied_near(place_ne_m, within_m) - self.place(self.cell(place_ne_m))
-        return min(float(np.hypot(*near.T).min(initial=within_m)), within_m)
+        near, _ = self.met_near(place_ne_m, within_m)
+        off = near - self.place(self.cell(place_ne_m))
+        return min(float(np.hypot(*off.T).min(initial=within_m)), within_m)
 
     def known_free_m(
         self, from_ne_m: Vector2, bearing_rad: float, half_width_m: float, most_m: float
@@ -205,7 +230,7 @@ class Occupancy:
         columns = self._indices(from_ne_m[1] + along[:, None] * sin_b + aside * cos_b, 1)
         inside = (rows >= 0) & (rows < self.shape[0]) & (columns >= 0) & (columns < self.shape[1])
         log_odds = np.zeros(inside.shape, dtype=np.float32)
-        log_odds[inside] = self._log_odds[rows[inside], columns[inside]]
+        log_odds[inside] = self._layers.log_odds[rows[inside], columns[inside]]
         unknown = (log_odds >= FREE_BELOW).sum(axis=1) > GAP_CELLS
         blocked = (log_odds > OCCUPIED_ABOVE).any(axis=1) | unknown
         return float(along[blocked.argmax()]) if blocked.any() else most_m
@@ -224,16 +249,18 @@ class Occupancy:
         self._reach((float(reached[:, 0].min()), float(reached[:, 1].min())))
         self._reach((float(reached[:, 0].max()), float(reached[:, 1].max())))
         self._free(rays, unit)
+        log_odds = self._layers.log_odds
         north_m, east_m = rays.origin_ne_m.T
-        self._flown[self._indices(north_m, 0), self._indices(east_m, 1)] = True
+        self.flown[self._indices(north_m, 0), self._indices(east_m, 1)] = True
         exact = rays.is_hit & (rays.sigma_m <= LEAST_EXACT_SIGMA_M)
         weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
         rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
-        np.add.at(self._log_odds, (rows[exact], columns[exact]), weight[exact])
         well = exact & (rays.sigma_m <= WELL_SIGMA_M)
-        self._well_seen[rows[well], columns[well]] = True
+        self.well_seen[rows[well], columns[well]] = True
         met = rows[exact], columns[exact]
-        self._log_odds[met] = np.minimum(self._log_odds[met], MOST_LOG_ODDS)
+        np.add.at(log_odds, met, weight[exact])
+        log_odds[met] = np.minimum(log_odds[met], MOST_LOG_ODDS)
+        np.maximum.at(self._layers.met_s, met, rays.time_s[exact])
 
     def _free(self, rays: Rays, unit: Metres) -> None:
         """Each cell that a ray went through, once for every ray."""
@@ -249,7 +276,7 @@ class Occupancy:
         is_new = np.ones(len(cells), dtype=bool)
         is_new[1:] = cells[1:] != cells[:-1]
         is_new[begin] = True
-        flat = self._log_odds.reshape(-1)
+        flat = self._layers.log_odds.reshape(-1)
         np.add.at(flat, cells[is_new], np.float32(MISS))
         flat[cells] = np.maximum(flat[cells], -MOST_LOG_ODDS)
 
@@ -258,7 +285,7 @@ class Occupancy:
         self._reach(place_ne_m)
         row, column = self.cell(place_ne_m)
         reach = math.ceil(radius_m / CELL_M)
-        near = self._log_odds[
+        near = self._layers.log_odds[
             max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
         ]
         near[:] = MOST_LOG_ODDS
@@ -276,10 +303,9 @@ class Occupancy:
             if before or after:
                 widths = [(0, 0), (0, 0)]
                 widths[axis] = (before, after)
-                self._log_odds = np.pad(self._log_odds, widths)
-                self._well_seen = np.pad(self._well_seen, widths)
-                self._flown = np.pad(self._flown, widths)
-                self._allowed = np.pad(self._allowed, widths, constant_values=self._is_all_allowed)
+                allowed = np.pad(self.allowed, widths, constant_values=self._is_all_allowed)
+                grown = self._layers.each(partial(np.pad, pad_width=widths))
+                self._layers = grown._replace(allowed=allowed)
                 low = list(self._low)
                 low[axis] -= before
                 self._low = (low[0], low[1])

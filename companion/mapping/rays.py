@@ -38,8 +38,9 @@ def rays(pose: Pose, scan: RangeScan, units: Mapping[Beam, RangeUnit]) -> list[R
         bearing_rad = wrap_rad(pose.yaw_rad + unit.bearing_frd_rad)
         if reading.is_distance:
             end_m = reading.distance_m + unit.offset_m
-            found.append(Ray(here, bearing_rad, end_m, math.sqrt(reading.variance_m2), True))
+            sigma_m = math.sqrt(reading.variance_m2)
+            found.append(Ray(here, bearing_rad, end_m, sigma_m, True, pose.time_s))
         elif reading.state is RangeState.NOTHING:
             free_m = sees_to_m(unit.model) + unit.offset_m
-            found.append(Ray(here, bearing_rad, free_m, 0.0, False))
+            found.append(Ray(here, bearing_rad, free_m, 0.0, False, pose.time_s))
     return found

@@ -31,7 +31,7 @@ RAYS_AT_ONCE = 12
 """Some ticks' rays are drawn together, which takes hardly longer than one."""
 RAYS_A_STAGE = 500
 MOST_STAGES = 12
-_KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT = range(7)
+_KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(8)
 
 
 class Space:
@@ -44,7 +44,7 @@ class Space:
         """The same, or what will take its place when all is drawn."""
         self._drawn_rays = 0
         self._stages: list[tuple[int, Occupancy]] = [(0, self.grid.copy())]
-        self._rays = np.empty((256, 7))
+        self._rays = np.empty((256, 8))
         self._count = 0
         self._drawn: Array = np.empty((0, 3))
         """The keyframes as they were when their rays were drawn."""
@@ -66,6 +66,7 @@ class Space:
                 ray.end_m,
                 ray.sigma_m,
                 float(ray.is_hit),
+                ray.time_s,
             )
 
     def _keep(self, *row: float) -> None:
@@ -121,7 +122,7 @@ class Space:
 
 
 def _placed(rays: Array, keyframes: Array) -> Rays:
-    """Where the rays (r, 7) lie by the keyframes."""
+    """Where the rays (r, 8) lie by the keyframes."""
     frames = keyframes[rays[:, _KEYFRAME].astype(np.int64)]
     cos_yaw, sin_yaw = np.cos(frames[:, 2]), np.sin(frames[:, 2])
     forward, right = rays[:, _FORWARD], rays[:, _RIGHT]
@@ -134,4 +135,5 @@ def _placed(rays: Array, keyframes: Array) -> Rays:
         rays[:, _END],
         rays[:, _SIGMA],
         rays[:, _IS_HIT] > 0,
+        rays[:, _TIME],
     )

@@ -160,7 +160,8 @@ def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
 
 def _doorway(ground: Ground, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
     """Between the nearest thing and the nearest on the other side; None without one as near."""
-    jambs = ground.grid.occupied_near(place, JAMBS_WITHIN_M) - place
+    met, _ = ground.grid.met_near(place, JAMBS_WITHIN_M)
+    jambs = met - place
     away_m = np.hypot(*jambs.T)
     if not len(jambs) or away_m.min() < 0.5 * CELL_M:
         return None

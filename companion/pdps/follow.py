@@ -9,10 +9,12 @@ a wall within seconds, and only the front beam, turned aside, meets the wall far
 
 import math
 
+import numpy as np
+
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import HOLD, Beam, Setpoint
+from companion.messages import HOLD, Beam, Pose, Setpoint
 from companion.pdps.control import MOST_SIDE_M_S, approach_speed, clamp, stay, turn_towards
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
@@ -31,6 +33,9 @@ LEAST_SPEED_M_S = 0.4
 LOOK_AHEAD_M = 0.6
 LOST_SIGMAS, SURE_M = 3.0, 0.6
 """Three sigma of the pose, up to so much, are what the clearance is for."""
+WANDERS_M_SQRT_S = 0.03
+"""Odometry, in a second: twice its noise, for heading and scale. What was met a moment ago is no
+farther off than that, however far the drone may be from where it began."""
 SWING_BELOW_M = 0.8
 SWING_RAD, SWING_S = math.radians(35), 4.0
 """With so little room it swings its nose so far to either side, to and fro in that time."""
@@ -57,19 +62,28 @@ def follow(
 def _room_m(sight: Sight, space: Occupancy) -> float:
     """To what is mapped, up to a metre: the least from here, and from where it will be soon.
 
-    Where the drone may be farther off the map than that is sure, there may be so much less. And
-    what the beams to the sides meet, they meet wherever the drone is.
+    What the beams to the sides meet, they meet wherever the drone is.
     """
     pose = sight.pose
-    lost_m = max(LOST_SIGMAS * pose.position_sigma_m - SURE_M, 0.0)
     ahead_ne_m = (
         pose.north_m + LOOK_AHEAD_M * math.cos(pose.yaw_rad),
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
     places = (pose.north_m, pose.east_m), ahead_ne_m
-    mapped_m = min(space.nearest_m(place, NARROW_M + lost_m) for place in places) - lost_m
+    mapped_m = (_to_mapped_m(place, pose, space) for place in places)
     beside_m = (sight.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in sight.ranges)
-    return min((mapped_m, *beside_m))
+    return min((*mapped_m, *beside_m))
+
+
+def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
+    """To what is mapped, up to a metre, less how far the drone may be off that."""
+    within_m = NARROW_M + LOST_SIGMAS * pose.position_sigma_m
+    met_ne_m, met_s = space.met_near(place_ne_m, within_m)
+    away_m = np.hypot(*(met_ne_m - place_ne_m).T)
+    wandered_m = WANDERS_M_SQRT_S * np.sqrt(np.maximum(pose.time_s - met_s, 0.0))
+    sigma_m = np.minimum(wandered_m, pose.position_sigma_m)
+    lost_m = np.maximum(LOST_SIGMAS * sigma_m - SURE_M, 0.0)
+    return float((away_m - lost_m).min(initial=NARROW_M))
 
 
 def _swing_rad(room_m: float, sight: Sight) -> float:

@@ -84,7 +84,7 @@ def corridor() -> Occupancy:
     for _ in range(3):
         for step in range(-10, 11):
             for north_m, bearing_rad in ((-3.0, 0.0), (3.0, 3.14159)):
-                grid.add(Ray((north_m, 0.1 * step), bearing_rad, 6.0, 0.02, False))
+                grid.add(Ray((north_m, 0.1 * step), bearing_rad, 6.0, 0.02, False, 0.0))
     return grid
 
 
@@ -96,7 +96,7 @@ def test_a_higher_layer_is_flown_only_above_free_space_and_below_nothing(
     above = below.layer_above(low)
     for _ in range(3):
         for step in range(-60, 61):
-            above.add(Ray((0.05 * step, -5.0), 3.14159 / 2, 10.0, 0.02, False))
+            above.add(Ray((0.05 * step, -5.0), 3.14159 / 2, 10.0, 0.02, False, 0.0))
     ways = find_ways(find_ground(above, (-2.0, 0.0), CLEAR_M))
     assert ways.reaches((2.0, 0.0)) is not bool(low)
     assert not ways.reaches((-2.0, 3.0))

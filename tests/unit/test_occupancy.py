@@ -30,7 +30,7 @@ def seen(grid: Occupancy, ray: Ray, times: int = 3) -> Occupancy:
 def test_a_hit_is_free_before_it_and_unknown_behind(
     origin: tuple[float, float], bearing_rad: float, end_m: float
 ) -> None:
-    grid = seen(Occupancy(), Ray(origin, bearing_rad, end_m, 0.01, True))
+    grid = seen(Occupancy(), Ray(origin, bearing_rad, end_m, 0.01, True, 0.0))
     along = math.cos(bearing_rad), math.sin(bearing_rad)
 
     def at(metres: float) -> tuple[float, float]:
@@ -42,21 +42,21 @@ def test_a_hit_is_free_before_it_and_unknown_behind(
 
 
 def test_nothing_met_frees_but_fills_nothing() -> None:
-    grid = seen(Occupancy(), Ray((0, 0), 0.0, 4.0, 0.0, False))
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 4.0, 0.0, False, 0.0))
     assert state(grid, (3.9, 0)) == "free"
     assert not grid.occupied.any()
 
 
 def test_a_reading_too_inexact_fills_nothing() -> None:
-    grid = seen(Occupancy(), Ray((0, 0), 0.0, 5.0, 0.18, True))
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 5.0, 0.18, True, 0.0))
     assert not grid.occupied.any()
     assert state(grid, (2, 0)) == "free"
 
 
 def test_what_has_walked_on_is_forgotten() -> None:
-    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True))
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True, 0.0))
     assert state(grid, (2, 0)) == "occupied"
-    seen(grid, Ray((0, 0), 0.0, 4.0, 0.02, True), times=20)
+    seen(grid, Ray((0, 0), 0.0, 4.0, 0.02, True, 0.0), times=20)
     assert state(grid, (2, 0)) == "free"
 
 
@@ -68,6 +68,6 @@ def test_cells_and_places_are_each_others_inverse(place: tuple[float, float]) ->
 
 
 def test_the_nearest_thing() -> None:
-    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True))
+    grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True, 0.0))
     assert grid.nearest_m((1.4, 0.0), 1.0) == pytest.approx(0.6, abs=0.15)
     assert grid.nearest_m((-5.0, 0.0), 1.0) == 1.0

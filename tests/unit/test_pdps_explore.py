@@ -46,7 +46,7 @@ def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
 def look_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> None:
     for degree in range(0, 360):
         for _ in range(3):
-            grid.add(Ray(centre, math.radians(degree), reach_m, 0.01, hit))
+            grid.add(Ray(centre, math.radians(degree), reach_m, 0.01, hit, 0.0))
 
 
 def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:
@@ -106,7 +106,7 @@ def test_where_it_has_come_through_it_may_go_back_unless_that_was_closed(
 ) -> None:
     grid = open_ground()
     for decimetre in range(-10, 11) if came_through else ():
-        grid.add(Ray((0.05, 0.1 * decimetre), 0.0, 0.5, 0.01, is_hit=False))
+        grid.add(Ray((0.05, 0.1 * decimetre), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
     for row in range(-40, 41):
         if abs(0.1 * row + 0.05) > width_m / 2:
             grid.block((0.1 * row + 0.05, 0.05), 0.01)
@@ -122,7 +122,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
     grid = walled()
     for degree in range(-20, 21):
         for _ in range(20):
-            grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False))
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False, 0.0))
     assert frontiers(grid).any()
     look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
     for place in look.at_ne_m:
@@ -133,8 +133,8 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
     grid = Occupancy()
     for degree in range(360):
         for _ in range(3):
-            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True))
-            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False))
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True, 0.0))
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False, 0.0))
     assert vague_surfaces(grid).any()
     look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
@@ -279,17 +279,24 @@ def test_in_the_open_it_flies_nose_first() -> None:
         assert setpoint.yaw_rate_rad_s == 0
 
 
-def test_lost_near_to_a_wall_it_looks_about_as_if_it_were_beside_it() -> None:
+def test_lost_near_to_a_wall_met_long_ago_it_looks_about_as_if_it_were_beside_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
-    swung = sight(place=(1.0, 0.0), time_s=1.0)
-    _, sure = follow(way, swung, grid, PLAN)
-    _, lost = follow(
-        way, replace(swung, pose=replace(swung.pose, position_sigma_m=0.45)), grid, PLAN
-    )
-    assert sure.yaw_rate_rad_s == 0
-    assert lost.yaw_rate_rad_s > 0.2
-    assert lost.forward_m_s < sure.forward_m_s
+    sure = sight(place=(1.0, 0.0), time_s=121.0)
+    lost = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
+    _, flown_sure = follow(way, sure, grid, PLAN)
+    _, flown_lost = follow(way, lost, grid, PLAN)
+    assert flown_sure.yaw_rate_rad_s == 0
+    assert flown_lost.yaw_rate_rad_s > 0.2
+    assert flown_lost.forward_m_s < flown_sure.forward_m_s
+
+
+def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> None:
+    grid, way = open_ground(), ((3.0, 0.0),)
+    grid.block((1.0, -1.2), 0.1)
+    sure = sight(place=(1.0, 0.0), time_s=5.0)
+    far = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
+    assert follow(way, far, grid, PLAN) == follow(way, sure, grid, PLAN)
 
 
 def test_beside_a_wall_that_the_map_has_elsewhere_it_is_slow_and_looks_about() -> None:

@@ -43,7 +43,7 @@ CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
 SPACE = Occupancy()
 for degree in range(360):
     for _ in range(3):
-        SPACE.add(Ray((1.0, 1.0), math.radians(degree), 4.0, 0.0, False))
+        SPACE.add(Ray((1.0, 1.0), math.radians(degree), 4.0, 0.0, False, 0.0))
 """Free space, as far as one look shows it."""
 
 

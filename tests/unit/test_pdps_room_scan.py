@@ -19,7 +19,7 @@ def open_ground(reach_m: float) -> Occupancy:
     grid = Occupancy()
     for degree in range(360):
         for _ in range(3):
-            grid.add(Ray((0.0, 0.0), math.radians(degree), reach_m, 0.0, False))
+            grid.add(Ray((0.0, 0.0), math.radians(degree), reach_m, 0.0, False, 0.0))
     return grid
 
 
