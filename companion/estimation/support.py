@@ -25,6 +25,8 @@ MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
 STRETCH_M = 0.5
 MOST_CUTS = 8
+MOST_OFF_M = 0.15
+"""One sigma of where a wall goes on, far from the piece that tells most of it."""
 GLIMPSE_KEYFRAMES, LEAST_TOGETHER = 5, 4
 """A second to either side; a turning beam meets a metre of a wall so often in passing."""
 
@@ -79,22 +81,33 @@ def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candi
     return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
-def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Support) -> Candidates:
+def without_strays(
+    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, support: Support
+) -> Candidates:
     """Without hits on a wall that goes by there only as a line.
 
     A piece far from the main one must be worth it by itself; where the line crosses another
-    wall, it is not.
+    wall, it is not. And the main one must tell well where the line goes on: through two short
+    pieces, as the returns of two corners, there is always a line, and it would turn the drone.
     """
     hit, wall, worth = pairs.worths()
-    order, _, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
+    order, along, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
     hit, wall, worth = hit[order], wall[order], worth[order]
     piece = np.cumsum(is_first) - 1
     of_piece = wall[is_first]
-    worths = np.bincount(piece, worth, len(of_piece))
-    hits = np.bincount(piece, minlength=len(of_piece))
-    main = np.zeros(len(x.walls))
-    np.maximum.at(main, of_piece, worths)
-    stray = (worths < main[of_piece]) & (worths < support.needed(hits))
+    count = len(of_piece)
+    worths = np.bincount(piece, worth, count)
+    hits = np.bincount(piece, minlength=count)
+    weight = sigma_m[hit] ** -2.0
+    centre = np.bincount(piece, weight * along, count) / np.bincount(piece, weight, count)
+    spread = np.bincount(piece, weight * (along - centre[piece]) ** 2, count)
+    main_of = np.full(len(x.walls), -1)
+    upwards = np.argsort(worths, kind="stable")
+    main_of[of_piece[upwards]] = upwards
+    main = main_of[of_piece]
+    off_m = np.abs(centre - centre[main]) / np.sqrt(np.maximum(spread[main], 1e-9))
+    stray = (worths < support.needed(hits)) | (off_m > MOST_OFF_M)
+    stray &= np.arange(count) != main
     strayed = np.full(len(seen.points), NO_WALL)
     strayed[hit[stray[piece]]] = wall[stray[piece]]
     return pairs.only(strayed[pairs.hit] != pairs.wall)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from companion.drivers.sharp import GP2Y0A710K0F
+from companion.estimation.association import Association
 from companion.estimation.estimate import Estimate
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord
@@ -178,3 +179,19 @@ def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None
     wall_of = mapped(record).wall_of
     assert (wall_of[:-hits] != NO_WALL).mean() > 0.9
     assert (wall_of[-hits:] != NO_WALL).all() == belong
+
+
+@pytest.mark.parametrize(("length_m", "goes_on"), [(0.5, False), (3.0, True)])
+def test_a_wall_goes_on_far_away_only_if_it_tells_well_where(
+    length_m: float, goes_on: bool
+) -> None:
+    """Through two short pieces there is always a line, which may be that of no wall."""
+    far = (3.0, 4.0), (3.0, 4.5)
+    record = fly([((3.0, -4.0), (3.0, length_m - 4.0)), far], [(0.0, -4.2), (0.0, 4.7)], seed=2)
+    x = Unknowns.at(record.poses.copy(), 0.0)
+    x.add_walls(np.array([[0.0, 3.0]]), np.array([[-4.0, 4.5]]))
+    m = Measured.of(record, UNITS)
+    wall_of = Association(UNITS, Support()).associate(x, m, FINAL_GATES[0])
+    east_m = project(x, m).points[:, 1]
+    on_both = all((wall_of[piece] != NO_WALL).any() for piece in (east_m < 0, east_m > 0))
+    assert on_both == goes_on
