@@ -11,6 +11,8 @@ HEIGHT_GAIN_1_S = 0.8
 MOST_CLIMB_M_S = 0.4
 DISTANCE_GAIN_1_S = 0.7
 TRIM_GAIN_1_S = 0.8
+CLOSE_M = 0.4
+"""Within this of a place the drone trims its position without turning."""
 MOST_SIDE_M_S = 0.3
 """The drone trims its place without turning."""
 BRAKING_M_S2 = 0.5
@@ -40,6 +42,19 @@ def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
 def approach_speed(room_m: float, most_m_s: float) -> float:
     """The speed from which the drone can still stop within `room_m`: √(2·a·room)."""
     return min(most_m_s, math.sqrt(2 * BRAKING_M_S2 * max(room_m, 0.0)))
+
+
+def glide(place_ne_m: Vector2, sight: Sight, most_m_s: float) -> Setpoint:
+    """Straight to a place nearby, whatever way the nose points, and stay there."""
+    here = sight.pose.north_m, sight.pose.east_m
+    distance_m = math.dist(here, place_ne_m)
+    if distance_m < CLOSE_M:
+        return stay(place_ne_m, sight)
+    speed_m_s = approach_speed(distance_m, most_m_s) / distance_m
+    forward_m, right_m = ned_to_frd(
+        place_ne_m[0] - here[0], place_ne_m[1] - here[1], sight.pose.yaw_rad
+    )
+    return Setpoint(speed_m_s * forward_m, speed_m_s * right_m)
 
 
 def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:

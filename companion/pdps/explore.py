@@ -5,13 +5,17 @@
     LOOK ────────────────► CHOOSE ──────────────► GO
      ▲                      │   ▲                 │ │
      │          nothing is  │   └─────────────────┘ │
-     │                      ▼     no way, or most   │
-     │                     DONE   of it was seen    │
+     │                      ▼     no way, or it was │
+     │                     DONE   seen from the way │
      └──────────────────────────────────────────────┘
-                           arrived
+              nearly there, and some is still unseen
 
-Safety: it goes only where `travel` goes, through cells that beams have found free, and turns before
-it goes anywhere new: three beams at right angles see all around in half a turn.
+It hardly stops. The swing of its nose shows what lies ahead and beside the way; it turns for the
+rest while it goes the last metres, only as far as one of three beams has to, and chooses while it
+goes on.
+
+Safety: it goes only where `travel` goes, through cells that beams have found free, and the last
+metres straight.
 """
 
 import enum
@@ -25,8 +29,9 @@ from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
-from companion.pdps.control import stay
+from companion.pdps.control import glide
 from companion.pdps.doorways import Doorway
+from companion.pdps.follow import ARRIVED_M
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import Look, looks
 from companion.pdps.route import Ground, Ways, find_ground, find_ways
@@ -36,10 +41,12 @@ from companion.pdps.travel import START_NE_M, Travel, TravelPhase
 from companion.pdps.unseen import Places, still_unseen
 
 FIRST_LOOK_RAD = math.tau
-LOOK_RAD = math.pi + math.radians(10)
+MOST_LOOK_RAD = math.pi + math.radians(10)
+PAST_RAD = math.radians(15)
+"""So far it turns on when a beam has passed over all that it has come for."""
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
-NEAR_ENOUGH_M = 0.35
-"""So near to where it wants to look from it begins to turn."""
+NEAR_ENOUGH_M = 2.0
+"""So near to where it wants to look from it begins to turn, and goes there meanwhile."""
 CHECK_S = 1.0
 """So often it is asked whether what it looks for is still unseen."""
 WORTH_SHARE = 0.35
@@ -73,7 +80,7 @@ class Explore:
     looks: tuple[Look, ...] = ()
     """and then from where to look."""
     travel: Travel | None = None
-    """In GO."""
+    """In GO; and in CHOOSE, if there was no need to stop."""
     look: Look | None = None
     """The next, or the present one; None at the first."""
     tried: tuple[Look, ...] = ()
@@ -101,7 +108,8 @@ def step(
         case ExplorePhase.LOOK:
             return _look(explore, sight, space, plan)
         case ExplorePhase.CHOOSE:
-            return _choose(explore, sight, space, plan), HOLD
+            chosen = _choose(explore, sight, space, plan)
+            return chosen, _meanwhile(explore, sight, space, plan)
         case ExplorePhase.GO:
             return _go(explore, sight, space, plan)
         case ExplorePhase.DONE:
@@ -121,36 +129,49 @@ def _look(
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, look.at_ne_m)
     if is_enough:
-        return _to_choose(explore, look), HOLD
+        return replace(_to_choose(explore, look), here_ne_m=here), glide(
+            here, sight, plan.speed_m_s
+        )
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
-    return explore, replace(stay(here, sight), yaw_rate_rad_s=rate_rad_s)
+    return explore, replace(glide(here, sight, plan.speed_m_s), yaw_rate_rad_s=rate_rad_s)
 
 
-def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight) -> Explore:
+def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occupancy) -> Explore:
+    left = still_unseen(space, look.at_ne_m)
+    if not left:
+        return replace(_to_choose(explore, look), travel=replace(at, within_m=ARRIVED_M))
+    turn_rad = _turn_rad(left, at.goal_ne_m, sight.pose.yaw_rad)
     return Explore(
         ExplorePhase.LOOK,
-        LOOK_RAD,
+        min(abs(turn_rad) + PAST_RAD, MOST_LOOK_RAD),
         here_ne_m=at.goal_ne_m,
-        clockwise=_turns_less_clockwise(look.at_ne_m, at.goal_ne_m, sight.pose.yaw_rad),
+        clockwise=turn_rad >= 0,
         look=look,
         tried=explore.tried,
         doorways=at.known,
     )
 
 
-def _turns_less_clockwise(places: Places, from_ne_m: Vector2, yaw_rad: float) -> bool:
-    """Until one of the beams to the front and sides has passed over each of the places."""
+def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
+    """Until one of the beams to the front and sides has passed over each of the places.
+
+    The shorter way round; clockwise is positive.
+    """
     north_m, east_m = (np.array(places) - from_ne_m).T
     off_rad = (np.arctan2(east_m, north_m) - yaw_rad)[:, None] - SIDES_RAD
-    clockwise_rad = (off_rad % math.tau).min(axis=1).max(initial=0)
-    other_way_rad = (-off_rad % math.tau).min(axis=1).max(initial=0)
-    return bool(clockwise_rad <= other_way_rad)
+    clockwise_rad = float((off_rad % math.tau).min(axis=1).max(initial=0))
+    other_way_rad = float((-off_rad % math.tau).min(axis=1).max(initial=0))
+    return clockwise_rad if clockwise_rad <= other_way_rad else -other_way_rad
 
 
 def _to_choose(explore: Explore, ended: Look | None) -> Explore:
     """A look is over, or there will be none."""
     tried = explore.tried if ended is None else (*explore.tried, ended)
-    return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
+    return Explore(
+        ExplorePhase.CHOOSE,
+        tried=tried,
+        doorways=explore.known_doorways,
+    )
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
@@ -178,6 +199,14 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     )
 
 
+def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Setpoint:
+    """It goes on until it has chosen, or it would stop every time."""
+    if explore.travel is not None:
+        going, setpoint = travel.step(explore.travel, sight, space, plan)
+        return setpoint if going.phase is TravelPhase.FLY else HOLD
+    return glide(explore.here_ne_m, sight, plan.speed_m_s) if explore.here_ne_m else HOLD
+
+
 def _go(
     explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
@@ -190,11 +219,13 @@ def _go(
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):
             seen = tuple(place for place in look.at_ne_m if place not in left)
-            return _to_choose(explore, replace(look, at_ne_m=seen)), HOLD
+            chooses = replace(_to_choose(explore, replace(look, at_ne_m=seen)), travel=going)
+            return chooses, _meanwhile(chooses, sight, space, plan)
+    before = going
     going, setpoint = travel.step(going, sight, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return _to_look(explore, look, going, sight), setpoint
+            return _to_look(explore, look, before, sight, space), setpoint
         case TravelPhase.GAVE_UP:
             return _to_choose(explore, look), setpoint
         case _:

@@ -1,10 +1,11 @@
-"""Along a way, nose first, so that the front beam looks where the drone goes.
+"""Along a way, the nose swinging to and fro about it.
 
 TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
 
-It begins to fly while it still turns, the slower the farther it has to. Near to something it swings
-its nose to and fro: within half a metre the beams to the sides measure nothing, odometry leads into
-a wall within seconds, and only the front beam, turned aside, meets the wall far enough ahead.
+It begins to fly while it still turns, the slower the farther it has to. By its swing three beams at
+right angles pass over all but what lies behind. Nearer than half a metre the beams to the sides
+measure nothing, and odometry leads into a wall within seconds: the front beam, turned aside, meets
+it far enough ahead.
 """
 
 import math
@@ -15,7 +16,7 @@ from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, Pose, Setpoint
-from companion.pdps.control import MOST_SIDE_M_S, approach_speed, clamp, stay, turn_towards
+from companion.pdps.control import CLOSE_M, approach_speed, clamp, stay, turn_towards
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
 from companion.pdps.sight import Sight
@@ -23,10 +24,8 @@ from companion.pdps.sight import Sight
 ARRIVED_M = 0.10
 CORNER_M = 0.15
 """A corner of the way counts as passed within this."""
-CLOSE_M = 0.4
-"""Within this the drone trims its position without turning: it hovers in space it came through."""
 NOSE_ON_RAD = math.radians(12)
-FLIES_FROM_RAD = math.radians(80)
+FLIES_FROM_RAD = math.radians(120)
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.4
@@ -36,9 +35,8 @@ LOST_SIGMAS, SURE_M = 3.0, 0.6
 WANDERS_M_SQRT_S = 0.03
 """Odometry, in a second: twice its noise, for heading and scale. What was met a moment ago is no
 farther off than that, however far the drone may be from where it began."""
-SWING_BELOW_M = 0.8
-SWING_RAD, SWING_S = math.radians(35), 4.0
-"""With so little room it swings its nose so far to either side, to and fro in that time."""
+SWING_RAD, SWING_S = math.radians(45), 5.0
+"""It swings its nose so far to either side, to and fro in that time."""
 
 Way = tuple[Vector2, ...]
 
@@ -56,7 +54,7 @@ def follow(
     if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
         return (), HOLD
     room_m = _room_m(sight, space)
-    return way, _towards(way, sight, plan, _speed_m_s(room_m, plan), _swing_rad(room_m, sight))
+    return way, _towards(way, sight, plan, _speed_m_s(room_m, plan))
 
 
 def _room_m(sight: Sight, space: Occupancy) -> float:
@@ -86,13 +84,6 @@ def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
     return float((away_m - lost_m).min(initial=NARROW_M))
 
 
-def _swing_rad(room_m: float, sight: Sight) -> float:
-    """How far the nose should be off the way, to the right, at this moment."""
-    if room_m >= SWING_BELOW_M:
-        return 0.0
-    return SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
-
-
 def _speed_m_s(room_m: float, plan: MissionConfig) -> float:
     """Slow where it is narrow."""
     wide = (room_m - TIGHT_M) / (NARROW_M - TIGHT_M)
@@ -111,9 +102,7 @@ def is_blocked(way: Way, sight: Sight) -> bool:
     return faces and to_go_m > CLOSE_M and room_m <= 0
 
 
-def _towards(
-    way: Way, sight: Sight, plan: MissionConfig, most_m_s: float, swing_rad: float
-) -> Setpoint:
+def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Setpoint:
     north_m = way[0][0] - sight.pose.north_m
     east_m = way[0][1] - sight.pose.east_m
     distance_m = math.hypot(north_m, east_m)
@@ -121,14 +110,18 @@ def _towards(
         return stay(way[0], sight)
     bearing_rad = math.atan2(east_m, north_m)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
-    yaw_rate_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, most_rad_s)
+    phase_rad = math.tau * sight.pose.time_s / SWING_S
+    swing_rad = SWING_RAD * math.sin(phase_rad)
+    swing_rad_s = math.tau / SWING_S * SWING_RAD * math.cos(phase_rad)
+    to_turn_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, math.inf)
+    yaw_rate_rad_s = clamp(to_turn_rad_s + swing_rad_s, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     nose_on = max(0.0, 1 - max(abs(off_rad) - abs(swing_rad), 0.0) / FLIES_FROM_RAD)
     room_m = min(_room_ahead_m(off_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
-        clamp(speed_m_s * math.sin(off_rad), MOST_SIDE_M_S),
+        speed_m_s * math.sin(off_rad),
         yaw_rate_rad_s=yaw_rate_rad_s,
     )
 
