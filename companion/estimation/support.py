@@ -25,8 +25,6 @@ MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
 STRETCH_M = 0.5
 MOST_CUTS = 8
-MOST_OFF_M = 0.15
-"""One sigma of where a wall goes on, far from the piece that tells most of it."""
 GLIMPSE_KEYFRAMES, LEAST_TOGETHER = 5, 4
 """A second to either side; a turning beam meets a metre of a wall so often in passing."""
 
@@ -81,35 +79,25 @@ def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candi
     return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
-def without_strays(
-    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, support: Support
-) -> Candidates:
-    """Without hits on a wall that goes by there only as a line.
+def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candidates:
+    """Without hits far from the row of hits that a wall is worth most for.
 
-    A piece far from the main one must be worth it by itself; where the line crosses another
-    wall, it is not. And the main one must tell well where the line goes on: through two short
-    pieces, as the returns of two corners, there is always a line, and it would turn the drone.
+    Walls that are farther apart are two, however well they are in line. Through two short pieces,
+    as the returns of two corners, there is always a line, and not far from where a wall would go
+    on there often is another: with a lever of metres it would turn the whole flight.
     """
     hit, wall, worth = pairs.worths()
-    order, along, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
+    order, _, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
     hit, wall, worth = hit[order], wall[order], worth[order]
-    piece = np.cumsum(is_first) - 1
-    of_piece = wall[is_first]
-    count = len(of_piece)
-    worths = np.bincount(piece, worth, count)
-    hits = np.bincount(piece, minlength=count)
-    weight = sigma_m[hit] ** -2.0
-    centre = np.bincount(piece, weight * along, count) / np.bincount(piece, weight, count)
-    spread = np.bincount(piece, weight * (along - centre[piece]) ** 2, count)
-    main_of = np.full(len(x.walls), -1)
+    row = np.cumsum(is_first) - 1
+    of_row = wall[is_first]
+    worths = np.bincount(row, worth, len(of_row))
+    main = np.full(len(x.walls), -1)
     upwards = np.argsort(worths, kind="stable")
-    main_of[of_piece[upwards]] = upwards
-    main = main_of[of_piece]
-    off_m = np.abs(centre - centre[main]) / np.sqrt(np.maximum(spread[main], 1e-9))
-    stray = (worths < support.needed(hits)) | (off_m > MOST_OFF_M)
-    stray &= np.arange(count) != main
+    main[of_row[upwards]] = upwards
     strayed = np.full(len(seen.points), NO_WALL)
-    strayed[hit[stray[piece]]] = wall[stray[piece]]
+    stray = main[wall] != row
+    strayed[hit[stray]] = wall[stray]
     return pairs.only(strayed[pairs.hit] != pairs.wall)
 
 

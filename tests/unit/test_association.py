@@ -181,17 +181,16 @@ def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None
     assert (wall_of[-hits:] != NO_WALL).all() == belong
 
 
-@pytest.mark.parametrize(("length_m", "goes_on"), [(0.5, False), (3.0, True)])
-def test_a_wall_goes_on_far_away_only_if_it_tells_well_where(
-    length_m: float, goes_on: bool
-) -> None:
+@pytest.mark.parametrize(("apart_m", "one"), [(6.0, False), (1.0, True)])
+def test_pieces_of_wall_that_are_far_apart_are_two(apart_m: float, one: bool) -> None:
     """Through two short pieces there is always a line, which may be that of no wall."""
-    far = (3.0, 4.0), (3.0, 4.5)
-    record = fly([((3.0, -4.0), (3.0, length_m - 4.0)), far], [(0.0, -4.2), (0.0, 4.7)], seed=2)
-    x = Unknowns.at(record.poses.copy(), 0.0)
-    x.add_walls(np.array([[0.0, 3.0]]), np.array([[-4.0, 4.5]]))
-    m = Measured.of(record, UNITS)
+    end = apart_m - 3.0
+    pieces = [((3.0, -4.0), (3.0, -3.0)), ((3.0, end), (3.0, end + 1.0))]
+    record = fly(pieces, [(0.0, -4.2), (0.0, end + 1.2)], seed=2)
+    x, m = Unknowns.at(record.poses.copy(), 0.0), Measured.of(record, UNITS)
+    x.add_walls(np.array([[0.0, 3.0]]), np.array([[-4.0, end + 1.0]]))
     wall_of = Association(UNITS, Support()).associate(x, m, FINAL_GATES[0])
     east_m = project(x, m).points[:, 1]
-    on_both = all((wall_of[piece] != NO_WALL).any() for piece in (east_m < 0, east_m > 0))
-    assert on_both == goes_on
+    near, far = east_m < -2.9, east_m > end - 0.1
+    on_both = all((wall_of[piece] != NO_WALL).any() for piece in (near, far))
+    assert on_both == one
