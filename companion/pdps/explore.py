@@ -47,6 +47,8 @@ PAST_RAD = math.radians(15)
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
 NEAR_ENOUGH_M = 2.0
 """So near to where it wants to look from it begins to turn, and goes there meanwhile."""
+GLIDE_SHARE = 0.6
+"""Of its speed: its nose points elsewhere meanwhile."""
 CHECK_S = 1.0
 """So often it is asked whether what it looks for is still unseen."""
 WORTH_SHARE = 0.35
@@ -70,9 +72,9 @@ class Explore:
     to_turn_rad: float = FIRST_LOOK_RAD
     last_yaw_rad: float | None = None
     here_ne_m: Vector2 | None = None
-    """Where it turns round,"""
+    """Where it turns round, or waits while it chooses,"""
     clockwise: bool = True
-    """and which way."""
+    """and which way it turns."""
     ground: Ground | None = None
     """In CHOOSE: where it fits, once that is found,"""
     ways: Ways | None = None
@@ -133,7 +135,9 @@ def _look(
             here, sight, plan.speed_m_s
         )
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
-    return explore, replace(glide(here, sight, plan.speed_m_s), yaw_rate_rad_s=rate_rad_s)
+    return explore, replace(
+        glide(here, sight, GLIDE_SHARE * plan.speed_m_s), yaw_rate_rad_s=rate_rad_s
+    )
 
 
 def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occupancy) -> Explore:
@@ -189,7 +193,8 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
         return replace(explore, looks=found)
     places = tuple(look.from_ne_m for look in explore.looks)
     look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
-    going = Travel(look.from_ne_m, within_m=NEAR_ENOUGH_M, known=explore.doorways)
+    course = explore.travel.course if explore.travel else None
+    going = Travel(look.from_ne_m, NEAR_ENOUGH_M, course=course, known=explore.doorways)
     return Explore(
         ExplorePhase.GO,
         travel=travel.along(explore.ways, going, sight),
@@ -204,7 +209,9 @@ def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionCo
     if explore.travel is not None:
         going, setpoint = travel.step(explore.travel, sight, space, plan)
         return setpoint if going.phase is TravelPhase.FLY else HOLD
-    return glide(explore.here_ne_m, sight, plan.speed_m_s) if explore.here_ne_m else HOLD
+    return (
+        glide(explore.here_ne_m, sight, GLIDE_SHARE * plan.speed_m_s) if explore.here_ne_m else HOLD
+    )
 
 
 def _go(

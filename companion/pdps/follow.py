@@ -1,21 +1,23 @@
 """Along a way, the nose swinging to and fro about it.
 
-TURN to the next corner's bearing ─► FLY to it ─► the next corner … ─► arrived
+TURN to the next corner's bearing ─► FLY to it, swinging ─► the next corner … ─► arrived
 
-It begins to fly while it still turns, the slower the farther it has to. By its swing three beams at
-right angles pass over all but what lies behind. Nearer than half a metre the beams to the sides
-measure nothing, and odometry leads into a wall within seconds: the front beam, turned aside, meets
-it far enough ahead.
+It begins to fly while it still turns, the slower the farther it has to: the front beam must have
+looked along the course before the drone is quick. Then it swings its nose: three beams at right
+angles pass over all but what lies behind, and over the course itself twice in five seconds. Nearer
+than half a metre the beams to the sides measure nothing, and odometry leads into a wall within
+seconds; the front beam, turned aside, meets it far enough ahead.
 """
 
 import math
+from dataclasses import dataclass
 
 import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import Occupancy
-from companion.messages import HOLD, Beam, Pose, Setpoint
+from companion.messages import Beam, Pose, Setpoint
 from companion.pdps.control import CLOSE_M, approach_speed, clamp, stay, turn_towards
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
@@ -25,7 +27,9 @@ ARRIVED_M = 0.10
 CORNER_M = 0.15
 """A corner of the way counts as passed within this."""
 NOSE_ON_RAD = math.radians(12)
-FLIES_FROM_RAD = math.radians(120)
+FLIES_FROM_RAD = math.radians(80)
+BENDS_RAD = math.radians(30)
+"""A course that bends by more is another one, and has to be faced first."""
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
 LEAST_SPEED_M_S = 0.4
@@ -41,20 +45,43 @@ SWING_RAD, SWING_S = math.radians(45), 5.0
 Way = tuple[Vector2, ...]
 
 
-def follow(
-    way: Way, sight: Sight, space: Occupancy, plan: MissionConfig, within_m: float = ARRIVED_M
-) -> tuple[Way, Setpoint]:
-    """What is left of the way, and the velocity that flies it.
+@dataclass(frozen=True, slots=True)
+class Course:
+    """The nose has pointed along it: nothing stood there, as far as the front beam goes."""
 
-    Nothing is left so near to its end.
-    """
+    bearing_rad: float
+    since_s: float
+
+    def swing(self, now_s: float) -> tuple[float, float]:
+        """How far off the course the nose should be now, to the right, and how quickly it turns."""
+        phase_rad = math.tau * (now_s - self.since_s) / SWING_S
+        rate_rad_s = math.tau / SWING_S * SWING_RAD
+        return SWING_RAD * math.sin(phase_rad), rate_rad_s * math.cos(phase_rad)
+
+
+def passed(way: Way, sight: Sight, within_m: float) -> Way:
+    """What is left of the way; nothing so near to its end."""
     here = sight.pose.north_m, sight.pose.east_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
-    if not way or (len(way) == 1 and math.dist(here, way[0]) < within_m):
-        return (), HOLD
-    room_m = _room_m(sight, space)
-    return way, _towards(way, sight, plan, _speed_m_s(room_m, plan))
+    return () if len(way) == 1 and math.dist(here, way[0]) < within_m else way
+
+
+def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
+    """The course to the next corner; None as long as the nose has not pointed along it."""
+    bearing_rad = _bearing_rad(way, sight)
+    if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
+        return course
+    if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) < NOSE_ON_RAD:
+        return Course(bearing_rad, sight.pose.time_s)
+    return None
+
+
+def follow(
+    way: Way, course: Course | None, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> Setpoint:
+    """The velocity that flies a way, of which something is left."""
+    return _towards(way, course, sight, plan, _speed_m_s(_room_m(sight, space), plan))
 
 
 def _room_m(sight: Sight, space: Occupancy) -> float:
@@ -94,29 +121,30 @@ def is_blocked(way: Way, sight: Sight) -> bool:
     """Something stands where the nose points to and the way leads."""
     if not way:
         return False
-    here = sight.pose.north_m, sight.pose.east_m
-    to_go_m = math.dist(here, way[0])
-    bearing_rad = math.atan2(way[0][1] - here[1], way[0][0] - here[0])
-    faces = abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) < NOSE_ON_RAD
+    to_go_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
+    faces = abs(wrap_rad(_bearing_rad(way, sight) - sight.pose.yaw_rad)) < NOSE_ON_RAD
     room_m = sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M
     return faces and to_go_m > CLOSE_M and room_m <= 0
 
 
-def _towards(way: Way, sight: Sight, plan: MissionConfig, most_m_s: float) -> Setpoint:
-    north_m = way[0][0] - sight.pose.north_m
-    east_m = way[0][1] - sight.pose.east_m
-    distance_m = math.hypot(north_m, east_m)
+def _bearing_rad(way: Way, sight: Sight) -> float:
+    """To the next corner."""
+    return math.atan2(way[0][1] - sight.pose.east_m, way[0][0] - sight.pose.north_m)
+
+
+def _towards(
+    way: Way, course: Course | None, sight: Sight, plan: MissionConfig, most_m_s: float
+) -> Setpoint:
+    distance_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
     if distance_m < CLOSE_M and len(way) == 1:
         return stay(way[0], sight)
-    bearing_rad = math.atan2(east_m, north_m)
+    bearing_rad = _bearing_rad(way, sight)
+    swing_rad, swing_rad_s = course.swing(sight.pose.time_s) if course else (0.0, 0.0)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
-    phase_rad = math.tau * sight.pose.time_s / SWING_S
-    swing_rad = SWING_RAD * math.sin(phase_rad)
-    swing_rad_s = math.tau / SWING_S * SWING_RAD * math.cos(phase_rad)
     to_turn_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, math.inf)
     yaw_rate_rad_s = clamp(to_turn_rad_s + swing_rad_s, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
-    nose_on = max(0.0, 1 - max(abs(off_rad) - abs(swing_rad), 0.0) / FLIES_FROM_RAD)
+    nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
     room_m = min(_room_ahead_m(off_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(

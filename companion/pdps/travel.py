@@ -37,7 +37,7 @@ from companion.pdps.doorways import (
     passed_squarely,
     remembered,
 )
-from companion.pdps.follow import ARRIVED_M, Way, follow, is_blocked
+from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
@@ -74,9 +74,11 @@ class Travel:
 
     goal_ne_m: Vector2
     within_m: float = ARRIVED_M
-    """So near to it, it has arrived, unless that is in a doorway."""
+    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there."""
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
+    course: Course | None = None
+    """To the next corner, once it was faced."""
     planned_s: float = -math.inf
     checked_s: float = -math.inf
     """When the way was found, and when it was last found free."""
@@ -129,12 +131,13 @@ def _fly(
     if is_open and (sweep := _begin_sweep(travel, sight)):
         return sweep, HOLD
     if is_blocked(travel.way, sight):
-        return travel, HOLD
-    within_m = travel.within_m if is_open else ARRIVED_M
-    way, setpoint = follow(travel.way, sight, space, plan, within_m)
+        return replace(travel, course=None), HOLD
+    within_m = travel.within_m if is_open and travel.course else ARRIVED_M
+    way = passed(travel.way, sight, within_m)
     if not way:
-        return replace(travel, phase=TravelPhase.ARRIVED), setpoint
-    return replace(travel, way=way), setpoint
+        return replace(travel, phase=TravelPhase.ARRIVED), HOLD
+    course = faced(travel.course, way, sight)
+    return replace(travel, way=way, course=course), follow(way, course, sight, space, plan)
 
 
 def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:

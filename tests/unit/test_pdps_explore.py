@@ -17,7 +17,7 @@ from companion.pdps import layers as layering
 from companion.pdps import travel as travelling
 from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
-from companion.pdps.follow import follow, is_blocked
+from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.looks import OPEN_LOOKS, Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
@@ -29,6 +29,7 @@ from companion.pdps.views import sights
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
+NORTH = Course(0.0, 0.0)
 Place = tuple[float, float]
 
 
@@ -239,22 +240,44 @@ def test_the_tour_is_the_shortest_of_all(count: int, seed: int) -> None:
     assert shortest_first(here, between[:-1, :-1], home) == best[0]
 
 
+def followed(
+    way: Way, at: Sight, grid: Occupancy | None = None, course: Course | None = NORTH
+) -> Setpoint:
+    return follow(way, course, at, grid or open_ground(), PLAN)
+
+
 def test_it_turns_to_where_it_flies_and_is_slow_until_it_has() -> None:
-    _, setpoint = follow(((0.0, 3.0),), sight(), open_ground(), PLAN)
+    setpoint = followed(((0.0, 3.0),), sight(), course=None)
     assert setpoint.forward_m_s == pytest.approx(0)
-    assert 0 < setpoint.right_m_s < 0.4
+    assert setpoint.right_m_s == pytest.approx(0)
     assert setpoint.yaw_rate_rad_s > 0
-    _, setpoint = follow(((3.0, 0.0),), sight(), open_ground(), PLAN)
-    assert setpoint.forward_m_s > 0.5
-    _, setpoint = follow(((-3.0, 0.0),), sight(), open_ground(), PLAN)
-    assert setpoint.forward_m_s == pytest.approx(0)
+    half = followed(((3.0, 0.0),), sight(yaw_rad=0.7), course=None)
+    assert 0.2 < math.hypot(half.forward_m_s, half.right_m_s) < 0.6
+    assert followed(((3.0, 0.0),), sight(), course=None).forward_m_s > 0.9
+
+
+@pytest.mark.parametrize(
+    ("yaw_deg", "bearing_deg", "is_faced"), [(0, 5, True), (0, 40, False), (-40, 0, False)]
+)
+def test_a_course_is_faced_when_the_nose_has_pointed_along_it(
+    yaw_deg: float, bearing_deg: float, is_faced: bool
+) -> None:
+    corner = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+    here = sight(yaw_rad=math.radians(yaw_deg))
+    assert (faced(None, (corner,), here) is not None) == is_faced
+
+
+def test_a_course_stays_faced_until_the_way_bends() -> None:
+    turned = sight(yaw_rad=math.radians(45))
+    assert faced(NORTH, ((3.0, 1.0),), turned) == NORTH
+    assert faced(NORTH, ((1.0, -1.0),), turned) is None
 
 
 def test_it_slows_down_where_it_is_narrow() -> None:
     grid = open_ground()
-    _, wide = follow(((3.0, 0.0),), sight(), grid, PLAN)
+    wide = followed(((3.0, 0.0),), sight(), grid)
     grid.block((0.6, 0.5), 0.1)
-    _, narrow = follow(((3.0, 0.0),), sight(), grid, PLAN)
+    narrow = followed(((3.0, 0.0),), sight(), grid)
     assert narrow.forward_m_s < 0.5 * wide.forward_m_s
 
 
@@ -265,9 +288,7 @@ def test_it_swings_its_nose_over_all_that_lies_ahead_and_keeps_to_its_way(beside
     way, headings_rad = ((3.0, 0.0),), []
     yaw_rad = 0.0
     for tick in range(200):
-        _, setpoint = follow(
-            way, sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0)), grid, PLAN
-        )
+        setpoint = followed(way, sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0)), grid)
         course_rad = yaw_rad + math.atan2(setpoint.right_m_s, setpoint.forward_m_s)
         assert math.hypot(setpoint.forward_m_s, setpoint.right_m_s) > 0.2
         assert course_rad == pytest.approx(0, abs=1e-6)
@@ -280,11 +301,9 @@ def test_it_swings_its_nose_over_all_that_lies_ahead_and_keeps_to_its_way(beside
 def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
-    sure = sight(place=(1.0, 0.0), time_s=121.0)
+    sure = sight(place=(1.0, 0.0), time_s=120.0)
     lost = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
-    _, flown_sure = follow(way, sure, grid, PLAN)
-    _, flown_lost = follow(way, lost, grid, PLAN)
-    assert flown_lost.forward_m_s < flown_sure.forward_m_s
+    assert followed(way, lost, grid).forward_m_s < followed(way, sure, grid).forward_m_s
 
 
 def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> None:
@@ -292,24 +311,23 @@ def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> N
     grid.block((1.0, -1.2), 0.1)
     sure = sight(place=(1.0, 0.0), time_s=5.0)
     far = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
-    assert follow(way, far, grid, PLAN) == follow(way, sure, grid, PLAN)
+    assert followed(way, far, grid) == followed(way, sure, grid)
 
 
 def test_beside_a_wall_that_the_map_has_elsewhere_it_is_slow() -> None:
-    way, alone = ((3.0, 0.0),), sight(place=(1.0, 0.0), time_s=1.0)
+    way, alone = ((3.0, 0.0),), sight(place=(1.0, 0.0), time_s=5.0)
     near = {**alone.ranges, Beam.LEFT: RangeReading(RangeState.TOO_NEAR)}
-    _, free = follow(way, alone, open_ground(), PLAN)
-    _, beside = follow(way, replace(alone, ranges=near), open_ground(), PLAN)
+    free, beside = followed(way, alone), followed(way, replace(alone, ranges=near))
     assert beside.forward_m_s < 0.5 * free.forward_m_s
 
 
 def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((0.6, -0.7), 0.1)
-    left_rad, swung_left_s = math.radians(-35), 3.0
-    _, beside = follow(way, sight((0.0, 0.0), left_rad, 1.0, swung_left_s), grid, PLAN)
+    left_rad = math.radians(-35)
+    beside = followed(way, sight((0.0, 0.0), left_rad, 1.0), grid)
     assert beside.forward_m_s > 0.2
-    _, before = follow(way, sight((0.0, 0.0), left_rad, 0.65, swung_left_s), grid, PLAN)
+    before = followed(way, sight((0.0, 0.0), left_rad, 0.65), grid)
     assert before.forward_m_s == 0
 
 
@@ -317,13 +335,12 @@ def test_it_stops_before_what_stands_in_the_way() -> None:
     way = ((3.0, 0.0),)
     assert is_blocked(way, sight(ahead_m=0.5))
     assert not is_blocked(way, sight(ahead_m=3.0))
-    _, setpoint = follow(way, sight(ahead_m=0.5), open_ground(), PLAN)
-    assert setpoint.forward_m_s == 0
+    assert followed(way, sight(ahead_m=0.5)).forward_m_s == 0
 
 
-def test_it_arrives() -> None:
-    way, _ = follow(((0.05, 0.0),), sight(), open_ground(), PLAN)
-    assert way == ()
+def test_corners_that_are_near_are_passed() -> None:
+    assert passed(((0.05, 0.0),), sight(), ARRIVED_M) == ()
+    assert passed(((0.05, 0.0), (2.0, 0.0)), sight(), ARRIVED_M) == ((2.0, 0.0),)
 
 
 # Travel
@@ -491,7 +508,7 @@ def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
         (3.95 * math.cos(math.radians(b)), 3.95 * math.sin(math.radians(b))) for b in bearings_deg
     ]
     here = (0.0, 0.0)
-    going = Explore(ExplorePhase.GO, travel=Travel(here), look=Look(here, tuple(rim)))
+    going = Explore(ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Look(here, tuple(rim)))
     return step(going, sight(here, yaw_rad=yaw_rad), open_ground(), PLAN)[0]
 
 
@@ -507,7 +524,9 @@ def test_it_turns_the_way_that_shows_what_it_came_for_sooner(clockwise: bool) ->
 
 def test_it_does_not_turn_when_all_that_it_came_for_was_seen_on_the_way() -> None:
     here = (0.0, 0.0)
-    going = Explore(ExplorePhase.GO, travel=Travel(here), look=Look(here, ((1.0, 0.0),)))
+    going = Explore(
+        ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Look(here, ((1.0, 0.0),))
+    )
     explore, _ = step(going, sight(here), open_ground(), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
 
