@@ -2,8 +2,8 @@
 
 TURN to the next corner's bearing ─► FLY to it, swinging ─► the next corner … ─► arrived
 
-It begins to fly while it still turns, the slower the farther it has to: the front beam must have
-looked along the course before the drone is quick. Then it swings its nose: three beams at right
+It begins to fly while it still turns, the slower the farther it has to: a beam must have looked
+along the course before the drone is quick. Then it swings its nose: three beams at right
 angles pass over all but what lies behind, and over the course itself twice in five seconds. Nearer
 than half a metre the beams to the sides measure nothing, and odometry leads into a wall within
 seconds; the front beam, turned aside, meets it far enough ahead.
@@ -26,7 +26,9 @@ from companion.pdps.sight import Sight
 ARRIVED_M = 0.10
 CORNER_M = 0.15
 """A corner of the way counts as passed within this."""
-NOSE_ON_RAD = math.radians(12)
+ALONG_RAD = math.radians(12)
+"""A beam points along the course within this."""
+LOOKING = Beam.FRONT, Beam.LEFT, Beam.RIGHT
 FLIES_FROM_RAD = math.radians(80)
 BENDS_RAD = math.radians(30)
 """A course that bends by more is another one, and has to be faced first."""
@@ -47,7 +49,7 @@ Way = tuple[Vector2, ...]
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """The nose has pointed along it: nothing stood there, as far as the front beam goes."""
+    """A beam has pointed along it: nothing stood there, as far as that sees."""
 
     bearing_rad: float
     since_s: float
@@ -68,13 +70,13 @@ def passed(way: Way, sight: Sight, within_m: float) -> Way:
 
 
 def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
-    """The course to the next corner; None as long as the nose has not pointed along it."""
+    """The course to the next corner; None as long as no beam has pointed along it."""
     bearing_rad = _bearing_rad(way, sight)
     if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
         return course
-    if abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)) < NOSE_ON_RAD:
-        return Course(bearing_rad, sight.pose.time_s)
-    return None
+    if _looking(bearing_rad, sight) is None:
+        return None
+    return Course(bearing_rad, sight.pose.time_s)
 
 
 def follow(
@@ -118,13 +120,21 @@ def _speed_m_s(room_m: float, plan: MissionConfig) -> float:
 
 
 def is_blocked(way: Way, sight: Sight) -> bool:
-    """Something stands where the nose points to and the way leads."""
-    if not way:
+    """Something stands where the way leads, and a beam points there."""
+    if not way or math.dist((sight.pose.north_m, sight.pose.east_m), way[0]) <= CLOSE_M:
         return False
-    to_go_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
-    faces = abs(wrap_rad(_bearing_rad(way, sight) - sight.pose.yaw_rad)) < NOSE_ON_RAD
-    room_m = sight.clear_m(Beam.FRONT) - FULL_STOP_BEFORE_M
-    return faces and to_go_m > CLOSE_M and room_m <= 0
+    beam = _looking(_bearing_rad(way, sight), sight)
+    return beam is not None and sight.clear_m(beam) <= FULL_STOP_BEFORE_M
+
+
+def _looking(bearing_rad: float, sight: Sight) -> Beam | None:
+    """The beam that points there."""
+    off_rad = bearing_rad - sight.pose.yaw_rad
+    for beam in LOOKING:
+        aside_rad = wrap_rad(off_rad - sight.bearings_frd_rad[beam])
+        if beam in sight.ranges and abs(aside_rad) < ALONG_RAD:
+            return beam
+    return None
 
 
 def _bearing_rad(way: Way, sight: Sight) -> float:
@@ -145,7 +155,7 @@ def _towards(
     yaw_rate_rad_s = clamp(to_turn_rad_s + swing_rad_s, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
-    room_m = min(_room_ahead_m(off_rad, sight, plan), distance_m)
+    room_m = min(_room_ahead_m(bearing_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
@@ -154,13 +164,11 @@ def _towards(
     )
 
 
-def _room_ahead_m(off_rad: float, sight: Sight, plan: MissionConfig) -> float:
-    """Along the way, as far as the front beam tells, which points so far off it.
-
-    What it meets beside the way is passed.
-    """
+def _room_ahead_m(bearing_rad: float, sight: Sight, plan: MissionConfig) -> float:
+    """Along the way, as far as a beam tells; what the front beam meets beside the way is passed."""
+    beam = _looking(bearing_rad, sight)
+    if beam is not None:
+        return sight.clear_m(beam) - FULL_STOP_BEFORE_M
     clear_m = sight.clear_m(Beam.FRONT)
-    is_turned = abs(off_rad) > NOSE_ON_RAD
-    if is_turned and clear_m * math.sin(abs(off_rad)) > clear_of_all_m(plan):
-        return math.inf
-    return clear_m - FULL_STOP_BEFORE_M
+    aside_m = clear_m * math.sin(abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)))
+    return math.inf if aside_m > clear_of_all_m(plan) else clear_m - FULL_STOP_BEFORE_M
