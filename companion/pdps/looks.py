@@ -56,7 +56,7 @@ def looks(
 ) -> tuple[Look, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
-    `tried` are all looks so far; twice is enough, also for what was seen: a step of the pose may
+    `tried` are all looks so far; three are enough, also for what was seen: a step of the pose may
     draw a wall beside itself, where nobody will ever see one.
 
     What only a tight place shows, as a corridor, is left for later. The open outside has no end: in

@@ -21,7 +21,7 @@ BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5
 """What is unseen at a place can be told from what is so near to it."""
-TRIES = 2
+TRIES = 3
 Indices = NDArray[np.int64]
 SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
