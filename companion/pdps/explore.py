@@ -130,14 +130,11 @@ def _look(
     if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not still_unseen(space, look.at_ne_m)
+    gliding = glide(here, sight, GLIDE_SHARE * plan.speed_m_s)
     if is_enough:
-        return replace(_to_choose(explore, look), here_ne_m=here), glide(
-            here, sight, plan.speed_m_s
-        )
+        return replace(_to_choose(explore, look), here_ne_m=here), gliding
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
-    return explore, replace(
-        glide(here, sight, GLIDE_SHARE * plan.speed_m_s), yaw_rate_rad_s=rate_rad_s
-    )
+    return explore, replace(gliding, yaw_rate_rad_s=rate_rad_s)
 
 
 def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occupancy) -> Explore:
@@ -171,11 +168,7 @@ def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
 def _to_choose(explore: Explore, ended: Look | None) -> Explore:
     """A look is over, or there will be none."""
     tried = explore.tried if ended is None else (*explore.tried, ended)
-    return Explore(
-        ExplorePhase.CHOOSE,
-        tried=tried,
-        doorways=explore.known_doorways,
-    )
+    return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
@@ -209,9 +202,9 @@ def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionCo
     if explore.travel is not None:
         going, setpoint = travel.step(explore.travel, sight, space, plan)
         return setpoint if going.phase is TravelPhase.FLY else HOLD
-    return (
-        glide(explore.here_ne_m, sight, GLIDE_SHARE * plan.speed_m_s) if explore.here_ne_m else HOLD
-    )
+    if explore.here_ne_m is not None:
+        return glide(explore.here_ne_m, sight, GLIDE_SHARE * plan.speed_m_s)
+    return HOLD
 
 
 def _go(
