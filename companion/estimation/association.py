@@ -42,7 +42,7 @@ class Association:
         if merge(x, seen, sigma_m + gate.across_m / GATE_SIGMAS, pairs.best(), known):
             pairs = candidates(x, m, seen, self.units, gate)
         pairs = one_wall_a_stretch(x, seen, pairs)
-        pairs = without_strays(x, seen, pairs)
+        pairs = without_strays(x, seen, pairs, self.support)
         pairs = without_glimpses(m, pairs)
         if gate.refutes:
             pairs = without_bends(x, seen, sigma_m, pairs, known)

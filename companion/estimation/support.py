@@ -6,7 +6,7 @@ from itertools import combinations
 
 import numpy as np
 
-from companion.estimation.candidates import Candidates
+from companion.estimation.candidates import LEAST_COS_INCIDENCE, Candidates
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.straightness import bend, longer_side
@@ -25,6 +25,8 @@ MOST_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
 STRETCH_M = 0.5
 MOST_CUTS = 8
+HIDES_M, LEAST_HIDING, MOST_THROUGH_SHARE = 0.15, 3, 0.1
+"""What hides a wall stands so far before it, and hardly a beam goes on behind the wall."""
 GLIMPSE_KEYFRAMES, LEAST_TOGETHER = 5, 4
 """A second to either side; a turning beam meets a metre of a wall so often in passing."""
 
@@ -79,26 +81,53 @@ def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candi
     return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
-def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candidates:
+def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Support) -> Candidates:
     """Without hits far from the row of hits that a wall is worth most for.
 
-    Walls that are farther apart are two, however well they are in line. Through two short pieces,
-    as the returns of two corners, there is always a line, and not far from where a wall would go
-    on there often is another: with a lever of metres it would turn the whole flight.
+    Another row must be worth it by itself, and the wall must go on to it behind what hides it, as
+    behind a cupboard. Otherwise it is another wall: through two short pieces, as the returns of two
+    corners, there is always a line, and not far from where a wall ends there often begins another;
+    with a lever of metres that would turn the whole flight.
     """
     hit, wall, worth = pairs.worths()
-    order, _, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
+    order, along, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
     hit, wall, worth = hit[order], wall[order], worth[order]
     row = np.cumsum(is_first) - 1
-    of_row = wall[is_first]
-    worths = np.bincount(row, worth, len(of_row))
+    first = np.flatnonzero(is_first)
+    last = np.append(first, len(hit))[1:] - 1
+    of_row, low_m, high_m = wall[first], along[first], along[last]
+    worths = np.bincount(row, worth, len(first))
+    hits = np.bincount(row, minlength=len(first))
     main = np.full(len(x.walls), -1)
     upwards = np.argsort(worths, kind="stable")
     main[of_row[upwards]] = upwards
+    stray = worths < support.needed(hits)
+    for number in np.flatnonzero(~stray & (main[of_row] != np.arange(len(first)))):
+        on = main[of_row[number]]
+        gap_m = sorted((low_m[number], high_m[number], low_m[on], high_m[on]))[1:3]
+        stray[number] = not _is_hidden(x, seen, int(of_row[number]), *gap_m)
+    stray[main[main >= 0]] = False
     strayed = np.full(len(seen.points), NO_WALL)
-    stray = main[wall] != row
-    strayed[hit[stray]] = wall[stray]
+    strayed[hit[stray[row]]] = wall[stray[row]]
     return pairs.only(strayed[pairs.hit] != pairs.wall)
+
+
+def _is_hidden(x: Unknowns, seen: Sightings, wall: int, low_m: float, high_m: float) -> bool:
+    """A stretch of a wall's line, from there to there along it: beams ended before it, not behind.
+
+    Not if it has not been looked at.
+    """
+    cos = seen.beams @ x.normals[wall]
+    before_m = x.walls[wall, 1] - seen.eyes @ x.normals[wall]
+    towards = (before_m > 0) & (cos > LEAST_COS_INCIDENCE)
+    ahead_m = before_m[towards] / cos[towards]
+    eyes, beams = seen.eyes[towards], seen.beams[towards]
+    met_m = (eyes + ahead_m[:, None] * beams) @ x.tangents[wall]
+    range_m = ((seen.points[towards] - eyes) * beams).sum(axis=1)
+    inside = (met_m > low_m) & (met_m < high_m)
+    ended = int((inside & (range_m < ahead_m - HIDES_M)).sum())
+    went_on = int((inside & (range_m > ahead_m + HIDES_M)).sum())
+    return ended >= LEAST_HIDING and went_on <= MOST_THROUGH_SHARE * ended
 
 
 def without_glimpses(m: Measured, pairs: Candidates) -> Candidates:

@@ -181,16 +181,23 @@ def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None
     assert (wall_of[-hits:] != NO_WALL).all() == belong
 
 
-@pytest.mark.parametrize(("apart_m", "one"), [(6.0, False), (1.0, True)])
-def test_pieces_of_wall_that_are_far_apart_are_two(apart_m: float, one: bool) -> None:
+CUPBOARD = closed((2.4, -1.9), (3.0, -1.9), (3.0, 1.9), (2.4, 1.9))
+
+
+@pytest.mark.parametrize(
+    ("between_m", "before", "one"), [(4.0, [], False), (4.0, CUPBOARD, True), (1.0, [], True)]
+)
+def test_pieces_of_wall_that_are_far_apart_are_two_unless_something_hides_the_rest(
+    between_m: float, before: list[Segment], one: bool
+) -> None:
     """Through two short pieces there is always a line, which may be that of no wall."""
-    end = apart_m - 3.0
-    pieces = [((3.0, -4.0), (3.0, -3.0)), ((3.0, end), (3.0, end + 1.0))]
-    record = fly(pieces, [(0.0, -4.2), (0.0, end + 1.2)], seed=2)
+    end = 0.5 * between_m
+    pieces = [((3.0, -end - 1.0), (3.0, -end)), ((3.0, end), (3.0, end + 1.0))]
+    record = fly([*pieces, *before], [(0.0, -end - 1.2), (0.0, end + 1.2)], seed=2)
     x, m = Unknowns.at(record.poses.copy(), 0.0), Measured.of(record, UNITS)
-    x.add_walls(np.array([[0.0, 3.0]]), np.array([[-4.0, end + 1.0]]))
+    x.add_walls(np.array([[0.0, 3.0]]), np.array([[-end - 1.0, end + 1.0]]))
     wall_of = Association(UNITS, Support()).associate(x, m, FINAL_GATES[0])
     east_m = project(x, m).points[:, 1]
-    near, far = east_m < -2.9, east_m > end - 0.1
-    on_both = all((wall_of[piece] != NO_WALL).any() for piece in (near, far))
+    met = wall_of != NO_WALL
+    on_both = met[east_m < -end].any() and met[east_m > end].any()
     assert on_both == one
