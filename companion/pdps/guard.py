@@ -38,7 +38,7 @@ NARROW_M = 0.7
 CENTRING_GAIN_1_S = 1.2
 COURSE_M_S = 0.1
 """Slower than this the drone hovers, and has no course."""
-ROUNDS = 8
+FULL_ROUNDS, ROUNDS = 8, 40
 LEAST_SPEED_M_S = 0.02
 
 
@@ -68,17 +68,19 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 
 
 def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
-    """Project onto the bound that is broken worst, a few times."""
+    """Project onto the bound that is broken worst, often.
+
+    Between two that cannot both be kept the steps become smaller, down to where both are broken
+    alike: in too narrow a gap the drone is led to the middle. Hovering, it would drift into a side.
+    """
     velocity = wanted.copy()
-    for _ in range(ROUNDS):
+    for round_ in range(ROUNDS):
         over = towards @ velocity - most_m_s
         worst = int(over.argmax())
         if over[worst] <= 1e-6:
-            return float(velocity[0]), float(velocity[1])
-        velocity = velocity - over[worst] * towards[worst]
-    over = towards @ velocity - most_m_s
-    if over.max() > LEAST_SPEED_M_S:
-        return 0.0, 0.0
+            break
+        share = min(1.0, FULL_ROUNDS / (round_ + 1))
+        velocity = velocity - share * over[worst] * towards[worst]
     return float(velocity[0]), float(velocity[1])
 
 
