@@ -221,6 +221,15 @@ def test_what_was_inferred_is_no_proof_of_the_next() -> None:
     assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
 
 
+def test_a_wall_that_comes_near_unseen_is_not_taken_for_its_alias() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.0))
+    for right_m in np.arange(0.6, 0.3, -0.01):  # as round a corner, that it passes closely
+        reading = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(right_m))
+        seen = drone.see(right=reading).readings[Beam.RIGHT]
+        assert seen.state is RangeState.TOO_NEAR
+        drone.move(0.03)
+
+
 def beside_a_wall(metres: list[float]) -> list[RangeReading]:
     """What is made of each reading of a wall that is so far to the right."""
     drone, rng = Drone(near(GP2Y0A710K0F, 0.0)), np.random.default_rng(1)
@@ -234,7 +243,7 @@ def beside_a_wall(metres: list[float]) -> list[RangeReading]:
 
 @pytest.mark.parametrize("slope", [0.1, 0.2, 0.35])
 def test_a_wall_that_falls_back_at_a_slant_is_believed(slope: float) -> None:
-    metres = [0.6 + 0.03 * slope * i for i in range(round(0.8 / (0.03 * slope)))]
+    metres = [0.7 + 0.03 * slope * i for i in range(round(0.7 / (0.03 * slope)))]
     for right_m, reading in zip(metres, beside_a_wall(metres), strict=True):
         if right_m > 1.05:
             assert reading.distance_m == pytest.approx(right_m, abs=0.1)
