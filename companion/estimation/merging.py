@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from companion.estimation.candidates import UNEXPLAINED
+from companion.estimation.straightness import bend
 from companion.estimation.unknowns import WALL_SIZE, Array, Indices, Sightings, Unknowns
 from companion.frames import wrap_rad
 
@@ -45,7 +46,8 @@ def merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known:
             common = line if i < known else fitted(line, seen.points[both], sigma_m[both])
             sets = [mine] if i < known else [members[i], mine]
             costs = [_mean_cost(common, seen.points[hits], sigma_m[hits]) for hits in sets]
-            if max(costs) < MOST_MEAN_COST:
+            is_straight = _is_straight(common, seen.points[both], sigma_m[both])
+            if max(costs) < MOST_MEAN_COST and is_straight:
                 lines[i], members[i] = common, both
                 wider = (
                     min(reaches[i][0], own_reach[0]),
@@ -71,6 +73,12 @@ def fitted(line: Array, points: Array, sigma_m: Array) -> Array:
     slope, across_m = np.polyfit(along, points @ normal, 1, w=1 / sigma_m)
     turned_rad = math.atan(slope)
     return np.array([line[0] - turned_rad, across_m * math.cos(turned_rad)])
+
+
+def _is_straight(line: Array, points: Array, sigma_m: Array) -> bool:
+    along_m = points @ (-math.sin(line[0]), math.cos(line[0]))
+    across_m = points @ (math.cos(line[0]), math.sin(line[0])) - line[1]
+    return bend(along_m, across_m, sigma_m).is_straight
 
 
 def _mean_cost(line: Array, points: Array, sigma_m: Array) -> float:

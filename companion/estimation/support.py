@@ -164,7 +164,7 @@ def without_bends(
             bent = bend(along, across, sigma_m[mine])
             if bent.is_straight:
                 break
-            kept = longer_side(along, bent.worst_m)
+            kept = longer_side(along, bent.at_m)
             cut_off[mine[~kept]] = wall
             mine = mine[kept]
     return pairs.only(cut_off[pairs.hit] != pairs.wall)

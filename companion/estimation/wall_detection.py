@@ -134,7 +134,7 @@ def _refine(
         bent = bend(along, across, cloud.sigma_m[mine])
         if bent.is_straight:
             break
-        mine[np.flatnonzero(mine)[~longer_side(along, bent.worst_m)]] = False
+        mine[np.flatnonzero(mine)[~longer_side(along, bent.at_m)]] = False
         if mine.sum() < look.hits:
             return None
         line, sigma_rad, misfit = _fit(cloud, mine, line)

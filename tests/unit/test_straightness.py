@@ -1,0 +1,59 @@
+"""Hits along a wall that bends, or has a step, are told from those along a straight one."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.estimation.straightness import bend, longer_side
+
+SIGMA_M = 0.05
+LENGTH_M = 4.0
+
+
+def along_m(hits: int = 400) -> np.ndarray:
+    return np.linspace(-LENGTH_M / 2, LENGTH_M / 2, hits)
+
+
+def noise_m(seed: int, hits: int = 400) -> np.ndarray:
+    return np.random.default_rng(seed).normal(0.0, SIGMA_M, hits)
+
+
+def fitted_m(across_m: np.ndarray) -> np.ndarray:
+    """About the line that fits best."""
+    return across_m - np.polyval(np.polyfit(along_m(), across_m, 1), along_m())
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-0.1, 0.1))
+def test_a_straight_wall_is_straight_however_it_is_turned(seed: int, slope: float) -> None:
+    across_m = slope * along_m() + noise_m(seed)
+    assert bend(along_m(), across_m, np.full(400, SIGMA_M)).is_straight
+
+
+@pytest.mark.parametrize("at_m", [-1.0, 0.0, 0.7])
+@pytest.mark.parametrize("bend_deg", [-16.0, 10.0])
+def test_a_wall_that_bends_is_cut_there(at_m: float, bend_deg: float) -> None:
+    behind_m = np.maximum(along_m() - at_m, 0.0)
+    across_m = fitted_m(math.tan(math.radians(bend_deg)) * behind_m + noise_m(1))
+    bent = bend(along_m(), across_m, np.full(400, SIGMA_M))
+    assert not bent.is_straight
+    assert bent.at_m == pytest.approx(at_m, abs=0.5)
+
+
+def test_a_wall_with_a_step_is_cut_there_and_the_longer_side_is_kept() -> None:
+    across_m = fitted_m(np.where(along_m() > 1.0, 0.2, 0.0) + noise_m(2))
+    bent = bend(along_m(), across_m, np.full(400, SIGMA_M))
+    assert not bent.is_straight
+    kept = longer_side(along_m(), bent.at_m)
+    assert along_m()[kept].max() == pytest.approx(1.0, abs=0.3)
+    assert kept.sum() > 200
+
+
+def test_what_is_too_short_is_straight() -> None:
+    assert bend(np.linspace(0, 0.4, 20), np.linspace(0, 0.4, 20), np.full(20, 0.01)).is_straight
+
+
+def test_no_hits_are_straight() -> None:
+    assert bend(np.empty(0), np.empty(0), np.empty(0)).is_straight
