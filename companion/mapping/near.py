@@ -4,12 +4,8 @@ The points are kept in a frame of their own that is only ever moved on, by odome
 the gyro. A step of the estimate, or a wall that was taken for another, moves the map but not what
 is near.
 
-A triangulating sensor folds back: what is nearer than half a metre reads as if it were a metre or
-more away. From one reading nobody can tell, but what comes so near was met before, or by another
-beam: a reading whose alias lies on a point that is known here is called too near. Round a corner
-that is passed closely a wall comes near that was never met: there the beam goes on from what was
-too near to the alias without a step, and no beam has looked there before. How near is a guess,
-wrong by up to two decimetres; what was measured there before says it better.
+Readings that have folded back are called too near (`folds.py`). How near, they tell badly; what was
+measured there before says it better.
 """
 
 import math
@@ -20,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import Vector2, frd_to_ned, ned_to_frd
+from companion.mapping.folds import ALIAS_M, Folds
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
     Odometry,
-    RangeModel,
     RangeReading,
     RangeScan,
     RangeState,
@@ -46,20 +42,10 @@ SEEN_THROUGH_M = 0.30
 PASSES, TOGETHER_M = 2, 0.20
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that."""
-ALIAS_M = 0.25
-"""So well must a folded reading, or a guess of how near it is, fit a point that is known."""
 ALIAS_ASIDE_M = 0.12
-GOES_ON_M = 0.08
-"""By no more does what a beam meets come nearer from one sweep to the next."""
-PEAK_M = 0.15
-"""About the strongest signal what is too near may be on either side of it, this far apart."""
-BEHIND_M, LOOKED_ASIDE_M, LOOKED_S = 0.15, 0.07, 6.0
-"""If a beam has gone through so far behind a place, so near to it and so lately, nothing stands
-there. Not longer ago: beside a wall odometry wanders by decimetres in ten seconds."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
-Readings = Mapping[Beam, RangeReading]
 _MET_S, _MEASURED, _PASSED = 2, 3, 4
 
 
@@ -82,12 +68,7 @@ class Near:
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
         self._points: Points = np.empty((0, 5))
-        self._looked: Points = np.empty((0, 6))
-        """(r, 6): what beams went through a moment ago; from where, unit vector, how far, when."""
-        self._near_m: dict[Beam, float] = {}
-        """Of what was too near a sweep ago: how near it was, at least,"""
-        self._past_peak: set[Beam] = set()
-        """and whether it may have been nearer than where the signal is strongest."""
+        self._folds = Folds(units)
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
@@ -124,6 +105,7 @@ class Near:
     def see(self, scan: RangeScan) -> RangeScan:
         """Take in a sweep; the same with readings that have folded back called too near."""
         self._forget(scan.time_s)
+        self._folds.move_to(self._ne_m, self._yaw_rad)
         relative = self._relative()
         readings = dict(scan.readings)
         passed, met = np.zeros(len(relative), dtype=bool), []
@@ -135,7 +117,7 @@ class Near:
             along_m = relative @ (cos_b, sin_b)
             aside_m = np.abs(relative @ (-sin_b, cos_b))
             known_m = self._known_m(along_m, aside_m) - unit.offset_m
-            unfolded = self._unfolded(beam, reading, known_m)
+            unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
             from_m, to_m = _seen_through_m(unfolded, unit)
             beyond = along_m > np.where(self._points[:, _MEASURED] > 0, from_m, 0.0)
@@ -147,57 +129,8 @@ class Near:
         self._points = self._points[~self._gone()]
         for forward_m, right_m, is_measured in met:
             self._put(forward_m, right_m, scan.time_s, is_measured)
-        self._look(scan.time_s, scan.readings, readings)
+        self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
-
-    def _unfolded(self, beam: Beam, reading: RangeReading, known_m: float) -> RangeReading:
-        """Too near, if it is likely that the reading has folded back."""
-        model = self._units[beam].model
-        alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
-        off_m, alias_off_m = abs(known_m - reading.distance_m), abs(known_m - alias_m)
-        goes_on = (
-            beam in self._past_peak and abs(alias_m - was_m) < GOES_ON_M and off_m > SAME_OLD_M
-        )
-        if reading.is_distance and (
-            alias_off_m <= min(ALIAS_M, off_m)
-            or (goes_on and not self._is_looked_at(beam, alias_m))
-        ):
-            reading = RangeReading(RangeState.TOO_NEAR, alias_m)
-        if reading.state is not RangeState.TOO_NEAR:
-            self._past_peak.discard(beam)
-            return reading
-        self._near_m[beam] = alias_m
-        if reading.distance_m - alias_m < PEAK_M:
-            self._past_peak.add(beam)
-        return reading
-
-    def _is_looked_at(self, beam: Beam, distance_m: float) -> bool:
-        """Beams have gone through what lies behind a place so far from a sensor, along its beam.
-
-        Not only past it: along a wall beams graze its corner.
-        """
-        off_m = self._ne_m - self._looked[:, :2]
-        off_m += (distance_m + BEHIND_M + self._units[beam].offset_m) * self._unit_ne(beam)
-        along_m = (off_m * self._looked[:, 2:4]).sum(axis=1)
-        aside_m = np.abs(off_m[:, 0] * self._looked[:, 3] - off_m[:, 1] * self._looked[:, 2])
-        through = (along_m > 0) & (along_m < self._looked[:, 4] - LOOKED_ASIDE_M)
-        return bool((through & (aside_m < LOOKED_ASIDE_M)).any())
-
-    def _look(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
-        """Note what the beams went through, also before what is too near by its signal."""
-        looked = []
-        for beam, unit in self._units.items():
-            if beam not in raw:
-                continue
-            to_m = _went_m(raw[beam], unfolded[beam], unit.model) + unit.offset_m
-            if to_m > LOOKED_ASIDE_M:
-                looked.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
-        lately = self._looked[self._looked[:, 5] > now_s - LOOKED_S]
-        self._looked = np.vstack([lately, *looked]) if looked else lately
-
-    def _unit_ne(self, beam: Beam) -> Points:
-        bearing_rad = self._yaw_rad + self._units[beam].bearing_frd_rad
-        return np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
 
     def _gone(self) -> NDArray[np.bool_]:
         """(n,): through which beams went, and through all that is close by."""
@@ -244,22 +177,6 @@ class Near:
         rotation = np.array([[cos_y, -sin_y], [sin_y, cos_y]])
         relative: Points = off @ rotation
         return relative
-
-
-def _alias_m(reading: RangeReading, model: RangeModel) -> float:
-    """The least distance that reads the same; nan if there is none nearer than its least."""
-    alias_m = model.alias_m(reading.distance_m)
-    return math.nan if alias_m is None else alias_m
-
-
-def _went_m(raw: RangeReading, unfolded: RangeReading, model: RangeModel) -> float:
-    """So far from the sensor its beam met nothing; 0 if that is not known."""
-    if raw.state is RangeState.TOO_NEAR:
-        least_m = _alias_m(raw, model)
-        return 0.0 if math.isnan(least_m) else least_m
-    if unfolded.is_distance:
-        return unfolded.distance_m
-    return model.max_m if unfolded.state is RangeState.NOTHING else 0.0
 
 
 def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
