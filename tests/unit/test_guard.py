@@ -104,6 +104,14 @@ def test_off_the_middle_of_a_doorway_it_moves_over() -> None:
     assert to_the_right.right_m_s > 0
 
 
+@pytest.mark.parametrize("aside_m", [-0.06, 0.06])
+def test_between_two_things_that_are_too_near_it_keeps_to_the_middle(aside_m: float) -> None:
+    for setpoint in (Setpoint(), FORWARD):
+        safe = guarded(setpoint, around(doorway(0.6, aside_m=aside_m)), CLEARANCE_M)
+        assert safe.right_m_s * aside_m > 0
+        assert abs(safe.right_m_s) > 0.02
+
+
 @given(
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=20),
     st.floats(-1, 1),

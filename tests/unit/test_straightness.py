@@ -51,6 +51,18 @@ def test_a_wall_with_a_step_is_cut_there_and_the_longer_side_is_kept() -> None:
     assert kept.sum() > 200
 
 
+def test_what_is_left_of_a_bend_that_the_flight_was_bent_to_is_seen_in_coarse_hits() -> None:
+    """Two walls of a corridor that bent by 16 degrees were one, each hit within its noise."""
+    sigma_m = 0.09
+    along = np.linspace(-2.75, 0.5, 260)
+    left_m = np.interp(along, [-2.75, -1.0, 0.5], [0.12, -0.09, 0.06])
+    across_m = left_m + np.random.default_rng(3).normal(0.0, sigma_m, len(along))
+    assert (np.abs(across_m) < 3 * sigma_m).mean() > 0.98
+    bent = bend(along, across_m, np.full(len(along), sigma_m))
+    assert not bent.is_straight
+    assert bent.at_m == pytest.approx(-1.0, abs=0.5)
+
+
 def test_what_is_too_short_is_straight() -> None:
     assert bend(np.linspace(0, 0.4, 20), np.linspace(0, 0.4, 20), np.full(20, 0.01)).is_straight
 
