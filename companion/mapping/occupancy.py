@@ -28,7 +28,11 @@ EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
 """A reading as exact as this fills its cell at once; one less exact counts for less, one less
 exact than the other for nothing: its wall would be smeared."""
 WELL_SIGMA_M = 0.055
-"""A reading as exact as this has seen a surface well."""
+"""A reading as exact as this has seen a surface well,"""
+LEAST_FACING = 0.4
+"""on those sides of a cell towards which so much of it, at least, has come."""
+SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
+"""North, east, south and west of a cell, in rows and columns."""
 GAP_CELLS = 1
 """Across a strip of space, so many cells may lie unseen between two beams."""
 STEP_CELLS = 0.5
@@ -41,6 +45,7 @@ FREE_TO_SIGMAS = 2.0
 Cells = NDArray[np.bool_]
 LogOdds = NDArray[np.float32]
 Metres = NDArray[np.float64]
+Bits = NDArray[np.uint8]
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +88,8 @@ class _Layers(NamedTuple):
     """What is kept of each cell; all of one shape."""
 
     log_odds: LogOdds
-    well_seen: Cells
+    well_seen: Bits
+    """One for each of the SIDES."""
     flown: Cells
     allowed: Cells
     met_s: Metres
@@ -94,7 +100,7 @@ class _Layers(NamedTuple):
         """Nothing has been seen, and nothing is forbidden."""
         return cls(
             np.zeros(shape, dtype=np.float32),
-            np.zeros(shape, dtype=np.bool_),
+            np.zeros(shape, dtype=np.uint8),
             np.zeros(shape, dtype=np.bool_),
             np.ones(shape, dtype=np.bool_),
             np.zeros(shape),
@@ -166,10 +172,10 @@ class Occupancy:
     def occupied(self) -> Cells:
         return self._layers.log_odds > OCCUPIED_ABOVE
 
-    @property
-    def well_seen(self) -> Cells:
-        """A reading exact enough to map by has ended here."""
-        return self._layers.well_seen
+    def well_seen(self, side: int) -> Cells:
+        """From this one of its SIDES a reading exact enough to map by has ended here."""
+        seen: Cells = (self._layers.well_seen >> side & 1).astype(np.bool_)
+        return seen
 
     @property
     def flown(self) -> Cells:
@@ -256,7 +262,9 @@ class Occupancy:
         weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
         rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
         well = exact & (rays.sigma_m <= WELL_SIGMA_M)
-        self.well_seen[rows[well], columns[well]] = True
+        for side, towards in enumerate(SIDES):
+            faces = well & (unit @ towards < -LEAST_FACING)
+            self._layers.well_seen[rows[faces], columns[faces]] |= np.uint8(1 << side)
         met = rows[exact], columns[exact]
         np.add.at(log_odds, met, weight[exact])
         log_odds[met] = np.minimum(log_odds[met], MOST_LOG_ODDS)

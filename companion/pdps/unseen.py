@@ -1,7 +1,8 @@
 """What is still unseen.
 
 Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
-1997), and surfaces that were only met from so far that they cannot be mapped exactly.
+1997), and surfaces that on this side were only met from so far that they cannot be mapped exactly:
+a wall is two of them.
 """
 
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
 
 LEAST_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
@@ -60,21 +61,28 @@ def _centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
 def frontiers(grid: Occupancy) -> Cells:
     """Known cells with an unknown neighbour that are not beside something occupied."""
     known = known_cells(grid)
-    edge = known & ~_grown(grid.occupied) & _beside(~known)
+    edge = known & ~grown(grid.occupied) & _beside(~known)
     return without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
 def vague_surfaces(grid: Occupancy) -> Cells:
-    """Occupied cells beside free space that no exact reading has ended in, nor close by."""
-    vague = grid.occupied & ~_grown(grid.well_seen)
-    return without_specks(vague & _grown(grid.free), LEAST_SURFACE_CELLS)
+    """Cells before a surface that from their side no exact reading has ended in, nor close by.
+
+    They are beside it, and free, or free space is beside them.
+    """
+    occupied, free = grid.occupied, grid.free
+    before = np.zeros_like(occupied)
+    for side, (north, east) in enumerate(SIDES):
+        vague = _moved(occupied & ~grown(grid.well_seen(side)), north, east)
+        before |= vague & (free | _moved(free, -north, -east))
+    return without_specks(before & ~occupied, LEAST_SURFACE_CELLS)
 
 
 def closed_in(known: Cells) -> Cells:
     """Beside unknown space that known space surrounds."""
     unknown = np.pad(~known, 1, constant_values=True)
     parts, _ = label(unknown)
-    return _grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
+    return grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
 
 def without_specks(cells: Cells, least: int) -> Cells:
@@ -87,10 +95,17 @@ def without_specks(cells: Cells, least: int) -> Cells:
 
 def known_cells(grid: Occupancy) -> Cells:
     """Free and occupied cells, and the gaps between two beams that are narrower than the drone."""
-    return grid.occupied | ~_grown(~_grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
+    return grid.occupied | ~grown(~grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
 
-def _grown(cells: Cells, times: int = 1) -> Cells:
+def _moved(cells: Cells, north: int, east: int) -> Cells:
+    """By one cell; what leaves the grid is gone."""
+    padded = np.pad(cells, 1)
+    rows, columns = cells.shape
+    return padded[1 - north : 1 - north + rows, 1 - east : 1 - east + columns]
+
+
+def grown(cells: Cells, times: int = 1) -> Cells:
     """Every cell within so many of one that is set, diagonals included."""
     for _ in range(times):
         tall = cells.copy()

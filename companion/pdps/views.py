@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.unseen import Indices
+from companion.pdps.unseen import Indices, grown
 
 SEES_M = 2.4
 """From so far a look shows a surface well."""
@@ -13,6 +13,7 @@ LEAST_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
 BEYOND_M = 0.5
 """So far beyond a frontier, at least, a look has to show something new."""
+MEETS_WITHIN_CELLS = 2
 VIEW_EVERY_CELLS = 3
 Which = NDArray[np.bool_]
 
@@ -33,8 +34,9 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
     pairs = np.column_stack([near["i"], near["j"]])
     starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
     away_m = np.hypot(*(ends - starts).T) * CELL_M
-    is_surface = grid.occupied[tuple(ends.T)]
-    shows = np.where(is_surface, away_m >= LEAST_SEES_M, _opens(known, starts, ends))
+    is_surface = grown(grid.occupied)[tuple(ends.T)]
+    meets = (away_m >= LEAST_SEES_M) & _meets(grid, starts, ends)
+    shows = np.where(is_surface, meets, _opens(known, starts, ends))
     pairs, starts, ends = pairs[shows], starts[shows], ends[shows]
     clear: Indices = pairs[_is_clear(grid, starts, ends)]
     return clear
@@ -61,12 +63,20 @@ def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
 
     A look that only grazes a frontier goes on where all is known, and leaves it where it is.
     """
-    beyond = round(BEYOND_M / CELL_M)
-    known = np.pad(known, beyond)
+    return np.any(~_behind(known, starts, ends, round(BEYOND_M / CELL_M)), axis=1)
+
+
+def _meets(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
+    """(n,): whether the lines from starts to ends (n, 2), which are before a surface, meet it."""
+    return np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
+
+
+def _behind(cells: Cells, starts: Indices, ends: Indices, count: int) -> Cells:
+    """(n, count): what is set where the lines from starts to ends (n, 2) go on."""
     along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
     rows, columns = (
-        beyond + np.rint(end[:, None] + np.arange(1, beyond + 1) * step[:, None]).astype(np.int32)
+        count + np.rint(end[:, None] + np.arange(1, count + 1) * step[:, None]).astype(np.int32)
         for end, step in zip(ends.T, along.T, strict=True)
     )
-    opens: Which = ~known[rows, columns].all(axis=1)
-    return opens
+    behind: Cells = np.pad(cells, count)[rows, columns]
+    return behind
