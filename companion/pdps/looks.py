@@ -27,6 +27,8 @@ AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
+LEAST_SHOWN = 3
+"""What shows fewer cells is left for later."""
 MOST_LOOKS = 8
 """The order of so many can be found in a few milliseconds."""
 MOST_TARGETS = 100
@@ -69,16 +71,21 @@ def looks(
     targets = unseen(grid, [look.at_ne_m for look in tried])
     off_m = to_occupied_m[tuple(targets.T)]
     worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(known)[tuple(targets.T)]]
-    steps = [(worthy, ROOM_TO_LOOK_M, False), (worthy, clear_of_all_m(plan), False)]
+    tight_m = clear_of_all_m(plan)
+    steps = [
+        (worthy, LEAST_SHOWN, ROOM_TO_LOOK_M, False),
+        (worthy, LEAST_SHOWN, tight_m, False),
+        (worthy, 1, tight_m, False),
+    ]
     if plan.kind != "exterior" and not _in_vain(tried):
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
-        steps.append((targets[is_near], ROOM_TO_LOOK_M, True))
-    for some, least_room_m, is_open in steps:
+        steps.append((targets[is_near], 1, ROOM_TO_LOOK_M, True))
+    for some, least_shown, least_room_m, is_open in steps:
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
             time_s = _seconds(views, room_m, ways, sight, plan)
-            found = _best(some, views, time_s, grid, known)
+            found = _best(some, least_shown, views, time_s, grid, known)
             if found:
                 return tuple(replace(look, is_open=is_open) for look in found)
     return ()
@@ -101,16 +108,24 @@ def _seconds(
 
 
 def _best(
-    targets: Indices, views: Indices, time_s: Seconds, grid: Occupancy, known: Cells
+    targets: Indices,
+    least_shown: int,
+    views: Indices,
+    time_s: Seconds,
+    grid: Occupancy,
+    known: Cells,
 ) -> tuple[Look, ...]:
     """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
-    if len(targets) > MOST_TARGETS:
-        targets = targets[:: len(targets) // MOST_TARGETS + 1]
+    every = len(targets) // (MOST_TARGETS + 1) + 1
+    targets = targets[::every]
     pairs = sights(grid, known, views, targets)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
+        shows[every * shows < least_shown] = 0
         best = int(np.argmax(np.sqrt(shows) / time_s))
+        if not shows[best]:
+            break
         shown = pairs[pairs[:, 0] == best, 1]
         at = tuple(grid.place(_cell(cell)) for cell in targets[shown])
         found.append(Look(grid.place(_cell(views[best])), at))

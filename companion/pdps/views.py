@@ -63,12 +63,15 @@ def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
 
     A look that only grazes a frontier goes on where all is known, and leaves it where it is.
     """
-    return np.any(~_behind(known, starts, ends, round(BEYOND_M / CELL_M)), axis=1)
+    is_known = _behind(known, starts, ends, round(BEYOND_M / CELL_M))
+    opens: Which = np.any(~is_known, axis=1)
+    return opens
 
 
 def _meets(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
     """(n,): whether the lines from starts to ends (n, 2), which are before a surface, meet it."""
-    return np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
+    meets: Which = np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
+    return meets
 
 
 def _behind(cells: Cells, starts: Indices, ends: Indices, count: int) -> Cells:
