@@ -61,7 +61,7 @@ def looks(
     `tried` are all looks so far; three are enough, also for what was seen: a step of the pose may
     draw a wall beside itself, where nobody will ever see one.
 
-    What only a tight place shows, as a corridor, is left for later. The open outside has no end: in
+    What only a tight place shows, as a corridor, is left for later, and so is what is small. The open outside has no end: in
     a building it is looked at last, not far from what stands there, and only while that shows
     anything; round one not at all.
     """
@@ -85,7 +85,7 @@ def looks(
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
             time_s = _seconds(views, room_m, ways, sight, plan)
-            found = _best(some, least_shown, views, time_s, grid, known)
+            found = _best(some, views, time_s, grid, known, least_shown=least_shown)
             if found:
                 return tuple(replace(look, is_open=is_open) for look in found)
     return ()
@@ -109,13 +109,14 @@ def _seconds(
 
 def _best(
     targets: Indices,
-    least_shown: int,
     views: Indices,
     time_s: Seconds,
     grid: Occupancy,
     known: Cells,
+    *,
+    least_shown: int,
 ) -> tuple[Look, ...]:
-    """The places (v, 2) that show most of the targets (t, 2) for their time (v,)."""
+    """The places (v, 2) that show most of the targets (t, 2) for their time (v,), at least so many."""
     every = len(targets) // (MOST_TARGETS + 1) + 1
     targets = targets[::every]
     pairs = sights(grid, known, views, targets)
