@@ -61,9 +61,9 @@ def looks(
     `tried` are all looks so far; three are enough, also for what was seen: a step of the pose may
     draw a wall beside itself, where nobody will ever see one.
 
-    What only a tight place shows, as a corridor, is left for later, and so is what is small. The open
-    outside has no end: in a building it is looked at last, not far from what stands there, and only
-    while that shows anything; round one not at all.
+    What only a tight place shows, as a corridor, is left for later, and so is what is small. The
+    open outside has no end: in a building it is looked at last, not far from what stands there, and
+    only while that shows anything; round one not at all.
     """
     grid = ways.ground.grid
     known = known_cells(grid)
