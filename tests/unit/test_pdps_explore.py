@@ -19,7 +19,7 @@ from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.looks import OPEN_LOOKS, Look, looks
+from companion.pdps.looks import LEAST_SHOWN, OPEN_LOOKS, Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.tour import first_of_tour, shortest_first
@@ -139,6 +139,41 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
     assert vague_surfaces(grid).any()
     look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
+
+
+def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None:
+    """It is 0.2 m thick: to map it from one side only is to miss half of it."""
+    grid = open_ground(1.5, (-2.0, 0.0))
+    look_round(grid, (2.0, 0.0), 1.5, hit=False)
+    near_side_m, far_side_m = -0.1, 0.1
+    for centimetre in range(-100, 101, 5):
+        east_m = 0.01 * centimetre
+        for _ in range(8):
+            grid.add(Ray((-2.0, east_m), 0.0, near_side_m + 2.0, 0.02, True, 0.0))
+            grid.add(Ray((2.5, east_m), math.pi, 2.5 - far_side_m, 0.08, True, 0.0))
+            grid.add(Ray((2.5, east_m), math.pi, 2.4 - far_side_m, 0.0, False, 0.0))
+    rows = np.argwhere(vague_surfaces(grid))[:, 0]
+    norths_m = [grid.place((row, 0))[0] for row in rows.tolist()]
+    assert norths_m
+    assert min(norths_m) > far_side_m
+    tried = Look((0.0, 0.0), tuple(map(grid.place, np.argwhere(frontiers(grid)).tolist())))
+    ways = ways_from(grid, (2.0, 0.0))
+    look, *_ = looks(ways, sight((2.0, 0.0)), PLAN, (tried,) * TRIES)
+    assert look.from_ne_m[0] > far_side_m + 0.5
+
+
+def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
+    grid = walled(reach_m=2.5)
+    for degree in (*range(-15, 16), 90):
+        for _ in range(20):
+            grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.01, False, 0.0))
+    ways = ways_from(grid, (0.0, 0.0))
+    large = looks(ways, sight(), PLAN)
+    assert large
+    assert all(len(look.at_ne_m) >= LEAST_SHOWN for look in large)
+    small = looks(ways, sight(), PLAN, large * TRIES)
+    assert small
+    assert all(len(look.at_ne_m) < LEAST_SHOWN for look in small)
 
 
 def test_what_was_looked_at_often_enough_is_let_be() -> None:
