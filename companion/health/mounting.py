@@ -1,13 +1,14 @@
 """Whether the level beams look where they should.
 
 While the drone turns once on the spot, each beam sees the same all around, one after the other. A
-beam that agrees with the front one only if it looks elsewhere is wired or mounted wrongly. Where
-that says nothing, as in the middle of a square, moving does: what a beam looks at comes nearer by
-as much as the drone goes there.
+beam that agrees with the front one only if it looks elsewhere is wired or mounted wrongly; one that
+has agreed, and would not have elsewhere, is right for the rest of the flight, whatever a maze looks
+like later on. Where that says nothing, as in the middle of a square, moving does: what a beam looks
+at comes nearer by as much as the drone goes there.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from statistics import median
 
 from companion.health.ranges import Travel
@@ -44,6 +45,7 @@ class MountingWatch:
         self._began_rad = 0.0
         self._began_at_ne_m = (math.nan, math.nan)
         self._seen: dict[Beam, Seen] = {}
+        self._right: set[Beam] = set()
         self._ways = {beam: _Way(beam) for beam in BEARING_FRD_RAD}
 
     def take(self, scan: RangeScan, place_ne_m: tuple[float, float], travel: Travel) -> None:
@@ -61,7 +63,9 @@ class MountingWatch:
             if self._ways[beam].is_wrong(reading, travel) and beam not in self.misplaced:
                 self.misplaced += (beam,)
         if abs(turned_rad - self._began_rad) > ENOUGH_TURN_RAD:
-            self.misplaced += tuple(b for b in misplaced(self._seen) if b not in self.misplaced)
+            told = self._right.union(self.misplaced)
+            self.misplaced += tuple(beam for beam in misplaced(self._seen) if beam not in told)
+            self._right.update(placed(self._seen))
             self._begin(place_ne_m, turned_rad)
 
     def _begin(self, place_ne_m: tuple[float, float], turned_rad: float) -> None:
@@ -112,16 +116,31 @@ class _Way:
 
 def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     """The beams that do not fit the front one as they are, but would looking elsewhere."""
-    front = seen.get(Beam.FRONT, {})
     return tuple(
-        beam for beam in seen if beam is not Beam.FRONT and _is_misplaced(beam, front, seen[beam])
+        beam
+        for beam, (own_m, elsewhere_m) in _fits(seen)
+        if own_m > LEAST_OFF_M and elsewhere_m < CLEARLY * own_m
     )
 
 
-def _is_misplaced(beam: Beam, front: Seen, other: Seen) -> bool:
-    own = round(BEARING_FRD_RAD[beam] / (math.pi / 2)) % 4
-    off_m = [_off_m(front, other, quarters) for quarters in range(4)]
-    return off_m[own] > LEAST_OFF_M and min(off_m) < CLEARLY * off_m[own]
+def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
+    """The beams that fit the front one as they are, and would not looking elsewhere."""
+    return tuple(
+        beam
+        for beam, (own_m, elsewhere_m) in _fits(seen)
+        if elsewhere_m > LEAST_OFF_M and own_m < CLEARLY * elsewhere_m
+    )
+
+
+def _fits(seen: Mapping[Beam, Seen]) -> Iterator[tuple[Beam, tuple[float, float]]]:
+    """How far each beam is off the front one: as it is, and at best looking elsewhere."""
+    front = seen.get(Beam.FRONT, {})
+    for beam in seen:
+        if beam is Beam.FRONT:
+            continue
+        own = round(BEARING_FRD_RAD[beam] / (math.pi / 2)) % 4
+        off_m = [_off_m(front, seen[beam], quarters) for quarters in range(4)]
+        yield beam, (off_m.pop(own), min(off_m))
 
 
 def _off_m(front: Seen, other: Seen, quarters: int) -> float:

@@ -197,6 +197,31 @@ def test_swapped_beams_show_in_one_turn() -> None:
     assert misplaced(seen) == (Beam.RIGHT, Beam.LEFT)
 
 
+def turn_round(watch: MountingWatch, turns: int, quarters: dict[Beam, int]) -> None:
+    """So many times on the spot; each beam sees that room as if it looked so far clockwise."""
+    for i in range(36 * turns):
+        readings = {
+            beam: RangeReading(RangeState.DISTANCE, profile(off)[i % 36], 0.02**2)
+            for beam, off in quarters.items()
+        }
+        turned_rad = math.radians(10 * i)
+        watch.take(RangeScan(0.1 * i, readings), (0.0, 0.0), (0.0, 0.0, 0.0, turned_rad))
+
+
+@pytest.mark.parametrize(
+    ("first", "is_believed"), [({}, False), ({Beam.RIGHT: 1, Beam.LEFT: 3}, True)]
+)
+def test_a_beam_that_was_right_in_one_turn_stays_right(
+    first: dict[Beam, int], is_believed: bool
+) -> None:
+    """A maze may look otherwise later on, from its corners."""
+    watch = MountingWatch()
+    if first:
+        turn_round(watch, 2, {Beam.FRONT: 0, **first})
+    turn_round(watch, 2, {Beam.FRONT: 0, Beam.RIGHT: 3, Beam.LEFT: 1})
+    assert (watch.misplaced == ()) is is_believed
+
+
 def watched_front(walls_m: Sequence[tuple[float, float]]) -> tuple[Beam, ...]:
     """What is called misplaced: the drone goes along a wall by tenths of a metre.
 
