@@ -127,6 +127,23 @@ def on_the_way(
     return tuple(sorted(passed, key=lambda doorway: doorway.leg))
 
 
+def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
+    """As if the doorways were walls."""
+    if not doorways:
+        return ground
+    passable, cost = ground.passable.copy(), ground.cost.copy()
+    for doorway in doorways:
+        (north, east), (x, y) = doorway.middle_ne_m, doorway.through_ne
+        reach_m = doorway.half_m + CELL_M
+        for aside_m in np.arange(-reach_m, reach_m, CELL_M / 2).tolist():
+            for along_m in (-CELL_M, 0.0, CELL_M):  # ways go diagonally, too
+                place = north + along_m * x - aside_m * y, east + along_m * y + aside_m * x
+                cell = ground.grid.cell(place)
+                if ground.grid.has(cell):
+                    passable[cell], cost[cell] = False, np.inf
+    return replace(ground, passable=passable, cost=cost)
+
+
 def passed_squarely(ground: Ground, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
     """The way, through the doorways' middles."""
     squared: list[Vector2] = []

@@ -7,7 +7,8 @@
      │ ▼
     SWEEP
 
-    FLY, no way or no progress even so ─► GAVE_UP
+    FLY, no way even so ─► GAVE_UP
+    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut
 
 The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
 anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
@@ -36,6 +37,7 @@ from companion.pdps.doorways import (
     on_the_way,
     passed_squarely,
     remembered,
+    with_shut,
 )
 from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.guard import clear_of_all_m
@@ -87,6 +89,8 @@ class Travel:
     doorways: tuple[Doorway, ...] = ()
     known: tuple[Doorway, ...] = ()
     """All doorways found so far."""
+    shut: tuple[Doorway, ...] = ()
+    """Those that it could not get through."""
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     stay_ne_m: Vector2 = (0.0, 0.0)
@@ -196,7 +200,7 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     if gets_on and travel.way:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
     if travel.looked_round:
-        return replace(travel, phase=TravelPhase.GAVE_UP)
+        return _another_way(travel, sight, space, plan)
     thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
     return replace(
         travel,
@@ -208,14 +212,27 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     )
 
 
+def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+    """Not through the doorway before which it is stuck."""
+    here = sight.pose.north_m, sight.pose.east_m
+    near = (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M)
+    stuck_at = next(near, None)
+    if stuck_at is not None:
+        avoiding = replace(travel, shut=(*travel.shut, stuck_at), progress_s=sight.pose.time_s)
+        ways = _ways(avoiding, here, space, plan)
+        if ways.reaches(travel.goal_ne_m):
+            return along(ways, avoiding, sight)
+    return replace(travel, phase=TravelPhase.GAVE_UP)
+
+
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
     """As far as they are needed: near the way so far, if one there leads to the goal."""
     clear_m = clear_of_all_m(plan)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
-    ways = find_ways(find_ground(nearby, here, clear_m))
+    ways = find_ways(with_shut(find_ground(nearby, here, clear_m), travel.shut))
     if ways.reaches(travel.goal_ne_m):
         return ways
-    return find_ways(find_ground(space, here, clear_m))
+    return find_ways(with_shut(find_ground(space, here, clear_m), travel.shut))
 
 
 def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:

@@ -17,7 +17,7 @@ from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
 
 LEAST_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
-LEAST_SURFACE_CELLS = 4
+LEAST_SURFACE_CELLS = 8
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5
