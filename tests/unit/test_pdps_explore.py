@@ -490,6 +490,25 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     assert setpoint == HOLD
 
 
+@pytest.mark.parametrize("has_another", [True, False])
+def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_another: bool) -> None:
+    grid = with_doorway(1.0)
+    if has_another:
+        for centimetre in range(-39, 40, 3):
+            east_m = 2.5 + 0.01 * centimetre
+            for _ in range(20):
+                grid.add(Ray((0.0, east_m), 0.0, 2.0, 0.01, is_hit=False, time_s=0.0))
+    travel, _ = gone(Travel((2.0, 0.0)), grid)
+    assert max(abs(east_m) for _, east_m in travel.way) < 0.5
+    travel = replace(travel, looked_round=True)
+    travel, _ = gone(travel, grid, time_s=21.0)
+    if has_another:
+        assert travel.phase is TravelPhase.FLY
+        assert max(east_m for _, east_m in travel.way) > 1.5
+    else:
+        assert travel.phase is TravelPhase.GAVE_UP
+
+
 # Transitions of the exploration
 
 
