@@ -68,7 +68,7 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
 def _reachable(world: World, height_m: float, start: Vector2) -> Points:
     """Cell centres that the drone's body can be brought to at this height, (n, 2)."""
     model = WorldModel(world)
-    (south, west), (north, east) = world.bounds
+    (south, west), (north, east) = _bounds_with(world, start)
     waiting = deque([(0, 0)])
     free = {(0, 0)}
     while waiting:
@@ -83,6 +83,15 @@ def _reachable(world: World, height_m: float, start: Vector2) -> Points:
                 free.add(cell)
                 waiting.append(cell)
     return np.array(start) + CELL_M * np.array(sorted(free), dtype=float)
+
+
+def _bounds_with(world: World, start: Vector2) -> tuple[Vector2, Vector2]:
+    """What there is, and a start that lies well outside."""
+    low, high = world.bounds
+    return (
+        (min(low[0], start[0]), min(low[1], start[1])),
+        (max(high[0], start[0]), max(high[1], start[1])),
+    )
 
 
 def _near(tree: cKDTree, point: Points) -> NDArray[np.int64]:

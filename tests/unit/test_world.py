@@ -167,6 +167,17 @@ def test_a_wall_seen_from_one_side_only_counts_once() -> None:
     assert len(points) * 0.05 == pytest.approx(around_yard + around_building, rel=0.01)
 
 
+@pytest.mark.parametrize("away_m", [0.7, 3.0])
+def test_from_a_start_outside_a_closed_building_its_outer_walls_are_seen(away_m: float) -> None:
+    square = {"points": [(0, 0), (4, 0), (4, 4), (0, 4)], "closed": True}
+    start = {"name": "garden", "position": (-away_m, 2)}
+    world = World.model_validate(
+        {"name": "hut", "height_m": 2.6, "walls": [square], "starts": [start]}
+    )
+    points = seeable_points(world, 1.2, world.starts[0].position)
+    assert len(points) * 0.05 == pytest.approx(16, rel=0.02)
+
+
 DOOR = World.model_validate(
     {
         "name": "door",
