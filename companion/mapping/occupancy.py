@@ -29,8 +29,9 @@ EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
 exact than the other for nothing: its wall would be smeared."""
 WELL_SIGMA_M = 0.055
 """A reading as exact as this has seen a surface well,"""
-LEAST_FACING = 0.4
-"""on those sides of a cell towards which so much of it, at least, has come."""
+LEAST_FACING = 0.1
+"""on those sides of a cell from which it has come, by so much at least: a wall lies askew in the
+grid, and has two of them on either side."""
 SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """North, east, south and west of a cell, in rows and columns."""
 GAP_CELLS = 1
