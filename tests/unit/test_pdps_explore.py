@@ -156,7 +156,8 @@ def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None
     norths_m = [grid.place((row, 0))[0] for row in rows.tolist()]
     assert norths_m
     assert min(norths_m) > far_side_m
-    tried = Look((0.0, 0.0), tuple(map(grid.place, np.argwhere(frontiers(grid)).tolist())))
+    edge = np.argwhere(frontiers(grid)).tolist()
+    tried = Look((0.0, 0.0), tuple(grid.place((row, column)) for row, column in edge))
     ways = ways_from(grid, (2.0, 0.0))
     look, *_ = looks(ways, sight((2.0, 0.0)), PLAN, (tried,) * TRIES)
     assert look.from_ne_m[0] > far_side_m + 0.5
