@@ -1,7 +1,7 @@
 """Flying over everything once, so that the down beam meets what stands lower: tables, boxes.
 
     CHOOSE ──not flown over yet──► GO ──there, or no way──► CHOOSE
-       └──all was, or it has taken long──► DONE
+       └──all was──► DONE
 
 Straight on as long as that meets something new: a turn or a stop takes as long as a metre or two.
 Along the walls, where most tables stand, the tracks are closer.
@@ -37,8 +37,6 @@ NEAR_ENOUGH_M = 0.3
 LEAST_CELLS = 12
 """An eighth of a square metre: less is not worth a turn."""
 AIMED_WITHIN_M = 0.6
-MOST_S = 180.0
-"""What was not flown over by then is left: it is an extra."""
 STRAIGHT_ON_M, HEADINGS = 6.0, 72
 STOP_S = 2.0
 """What the end of a straight way costs."""
@@ -62,7 +60,6 @@ class Overfly:
     """The whole memory."""
 
     phase: OverflyPhase = OverflyPhase.CHOOSE
-    began_s: float = math.inf
     travel: Travel | None = None
     """In GO."""
     doorways: tuple[Doorway, ...] = ()
@@ -82,17 +79,13 @@ def step(
     match going.phase:
         case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
             aimed_at = (*overfly.aimed_at, going.goal_ne_m)
-            chosen = Overfly(began_s=overfly.began_s, doorways=going.known, aimed_at=aimed_at)
-            return chosen, setpoint
+            return Overfly(doorways=going.known, aimed_at=aimed_at), setpoint
         case _:
             return replace(overfly, travel=going), setpoint
 
 
 def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfig) -> Overfly:
-    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
-    overfly = replace(overfly, began_s=min(overfly.began_s, now_s))
-    if now_s - overfly.began_s > MOST_S:
-        return replace(overfly, phase=OverflyPhase.DONE)
+    here = sight.pose.north_m, sight.pose.east_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():

@@ -11,8 +11,8 @@ SEES_M = 2.4
 """From so far a look shows a surface well."""
 LEAST_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
-BEYOND_M = 0.5
-"""So far beyond a frontier, at least, a look has to show something new."""
+BEYOND_M, LEAST_BEYOND = 0.5, 0.6
+"""So far beyond a frontier a look goes on, and of that so much, at least, has to be unknown."""
 MEETS_WITHIN_CELLS = 2
 VIEW_EVERY_CELLS = 3
 Which = NDArray[np.bool_]
@@ -61,10 +61,10 @@ def _is_clear(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
 def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
     """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
 
-    A look that only grazes a frontier goes on where all is known, and leaves it where it is.
+    A look that grazes a frontier goes on where most is known, and leaves it where it is.
     """
     is_known = _behind(known, starts, ends, round(BEYOND_M / CELL_M))
-    opens: Which = np.any(~is_known, axis=1)
+    opens: Which = np.mean(~is_known, axis=1) >= LEAST_BEYOND
     return opens
 
 
