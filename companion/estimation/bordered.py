@@ -146,6 +146,13 @@ class BorderedSystem:
         chained = -a_inverse_gradient - a_inverse_b @ shared
         return Solution(chained, shared, covariance, factor, a_inverse_b)
 
+    def of_shared(self) -> tuple[Array, Array]:
+        """What is told of the shared unknowns, S (s, s), and the gradient (s,), poses integrated out."""
+        a, b, c, a_gradient, b_gradient = self._totals()
+        factor = cholesky_banded(a, lower=True)
+        solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
+        return c - b.T @ solved[:, :-1], b_gradient - b.T @ solved[:, -1]
+
     def belief_of_last(self, count: int) -> Belief:
         """Of the chain's last unknowns and the shared ones, with all before integrated out."""
         a, b, c, a_gradient, b_gradient = self._totals()

@@ -8,6 +8,9 @@ trajectory bridged by odometry, and the hits given to walls from there:
                                     ●──●──●
     bridged by odometry        ●──●──●──●──●──●──●
 
+And what pulls at a wall that was met again may have met another (`revisits.py`): it is given a
+wall of its own for once.
+
 Whichever explains all measurements better is kept: it may be odometry that was wrong.
 """
 
@@ -23,8 +26,9 @@ from companion.estimation.estimate import Estimate, Past
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
+from companion.estimation.revisits import apart, doubtful_visits
 from companion.estimation.smoother import Smoother
-from companion.estimation.unknowns import Array, Measured, Unknowns, to_ned
+from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
 
 Mask = NDArray[np.bool_]
 
@@ -35,6 +39,7 @@ TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
 the second."""
 MOST_RECONSIDERED = 3
+MOST_TRIED = 4
 BRIDGING_STEPS, MORE_ROUNDS = 2, 3
 STRETCH_S = 45.0
 MOST_STRETCHES = 4
@@ -53,7 +58,7 @@ class Doubt:
     gates: Sequence[Gate]
 
     def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """Where odometry contradicts this one."""
+        """Where odometry contradicts this one, and in walls that were met again."""
         for _ in range(MOST_RECONSIDERED):
             doubted = contradicted(estimate.x, self.m, self.smoother.models.odometry)
             if not doubted.any():
@@ -62,18 +67,33 @@ class Doubt:
             if self._cost(other) >= self._cost(estimate):
                 break
             estimate = other
-        return estimate
+        return (yield from self._revisiting(estimate))
 
     def searching(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """In the stretches that strain odometry most, contradicted or not.
+        """In walls that were met again, and the stretches that strain odometry most.
 
         For when the flight is over, and there is time.
         """
+        estimate = yield from self._revisiting(estimate)
         for _ in range(MOST_RECONSIDERED):
             likely = self._cost(estimate) - LEAST_GAIN
             for doubted in strained(estimate.x, self.m, self.smoother.models.odometry):
                 other = yield from self._without(doubted, estimate)
                 if self._cost(other) < likely:
+                    estimate = other
+                    break
+            else:
+                break
+        return estimate
+
+    def _revisiting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Where what was met again may have been another wall."""
+        for _ in range(MOST_RECONSIDERED):
+            visits = doubtful_visits(self.smoother, estimate, self.m, self.past)
+            yield
+            for hits in visits[:MOST_TRIED]:
+                other = yield from self._apart(hits, estimate)
+                if self._cost(other) < self._cost(estimate):
                     estimate = other
                     break
             else:
@@ -92,6 +112,15 @@ class Doubt:
         first = replace(self.gates[1], looks=self.gates[0].looks)
         gates = first, *self.gates[2:][:MORE_ROUNDS]
         return (yield from self.smoother.smoothing(x, self.m, self.past, gates))
+
+    def _apart(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The flight with some hits of a wall on one of their own."""
+        other = apart(estimate, [hits])
+        for _ in range(BRIDGING_STEPS):
+            self.smoother.step(other.x, self.m, other.wall_of, self.past)
+            yield
+        narrow = [gate for gate in self.gates if gate.refutes]
+        return (yield from self.smoother.smoothing(other.x, self.m, self.past, narrow))
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:

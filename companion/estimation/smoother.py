@@ -134,7 +134,7 @@ class Smoother:
         square: Sequence[tuple[int, int]] = (),
     ) -> Solution:
         """One Gauss-Newton step of `x`, with the hits' walls as they are."""
-        system = self._system(x, m, wall_of, past)
+        system = self.system(x, m, wall_of, past)
         for pair in square:
             factors.add_square(system, x, *pair)
         solution = system.solve()
@@ -170,7 +170,7 @@ class Smoother:
         part = m.between(0, end)
         wall_of_part = wall_of[: len(part.frame)].copy()
         wall_of_part[hits:] = NO_WALL
-        belief = self._system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
+        belief = self.system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
         now = Past(past.frame + frame, values(before, frame), belief)
         return now, Estimate(x, wall_of, solution)
 
@@ -182,7 +182,8 @@ class Smoother:
         factors.add_told(system, x, m, self.models.told)
         return system
 
-    def _system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
+    def system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
+        """All equations, about `x` and with the hits' walls as they are."""
         system = self.motion(x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
         belief = past.belief.moved(past.beside(x))
