@@ -147,7 +147,7 @@ class BorderedSystem:
         return Solution(chained, shared, covariance, factor, a_inverse_b)
 
     def of_shared(self) -> tuple[Array, Array]:
-        """What is told of the shared unknowns, S (s, s), and the gradient (s,), poses integrated out."""
+        """S (s, s) and the gradient (s,) of the shared unknowns, with the poses integrated out."""
         a, b, c, a_gradient, b_gradient = self._totals()
         factor = cholesky_banded(a, lower=True)
         solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))

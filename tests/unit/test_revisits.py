@@ -1,0 +1,81 @@
+"""Walls nearly in line that were taken for one, and walls that are one."""
+
+import math
+from collections.abc import Callable, Generator
+from random import Random
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from companion.drivers.sharp import PAPER
+from companion.estimation.doubt import Doubt
+from companion.estimation.estimate import Estimate
+from companion.estimation.factors import Models
+from companion.estimation.flight_record import FlightRecord
+from companion.estimation.range_units import BEAMS, RangeUnits
+from companion.estimation.revisits import doubtful_visits
+from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.support import Support
+from companion.estimation.unknowns import Measured, Unknowns
+from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
+
+EASTWARDS_RAD = math.pi / 2
+UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
+SMOOTHER = Smoother(Models(UNITS), Support())
+START = SMOOTHER.from_start(np.array([0.0, 0.0, EASTWARDS_RAD]))
+KEYFRAMES, DOORWAY = 151, range(60, 90)
+STEP_M = 0.1
+Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]
+
+
+def flight_past_two_walls(seed: int, apart_m: float) -> tuple[Measured, Estimate]:
+    """15 m east, past a wall 1.5 m north, nothing for 3 m, and a wall `apart_m` farther north.
+
+    All along there is one 1.5 m south. And what is made of it when those are taken for one.
+    """
+    random, record = Random(seed), FlightRecord()
+    walk_m = 0.005 * math.sqrt(2)
+    north_m = east_m = 0.0
+    for k in range(KEYFRAMES):
+        pose = Pose(0.2 * k, north_m, east_m, -1.2, EASTWARDS_RAD)
+        record.advance(pose, (north_m, east_m), EASTWARDS_RAD)
+        wall_m = 1.5 if k < DOORWAY.start else 1.5 + apart_m
+        for beam, there_m in ((Beam.LEFT, wall_m), (Beam.RIGHT, 1.5)):
+            if beam is Beam.RIGHT or k not in DOORWAY:
+                reading_m = there_m + random.gauss(0, 0.05)
+                record.add_hit(
+                    pose, BEAMS.index(beam), reading_m, ((0.0, 0.0), BEARING_FRD_RAD[beam]), None
+                )
+        north_m += random.gauss(0, walk_m)
+        east_m += STEP_M + random.gauss(0, walk_m)
+    m = Measured.of(record, UNITS)
+    x = Unknowns.at(record.poses, 0.0)
+    x.add_walls(np.array([(0.0, 1.5), (math.pi, 1.5)]), np.array([(-1.0, 16.0), (-16.0, 1.0)]))
+    wall_of = np.where(m.beam == BEAMS.index(Beam.LEFT), 0, 1)
+    for _ in range(4):
+        solution = SMOOTHER.step(x, m, wall_of, START)
+    return m, Estimate(x, wall_of, solution)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000))
+def test_one_wall_seen_twice_is_not_doubted(seed: int) -> None:
+    m, taken_for_one = flight_past_two_walls(seed, 0.0)
+    assert not doubtful_visits(SMOOTHER, taken_for_one, m, START)
+
+
+@settings(max_examples=30)
+@given(st.integers(0, 1000), st.sampled_from([-0.5, -0.4, 0.4, 0.5]))
+def test_two_walls_taken_for_one_are_doubted(seed: int, apart_m: float) -> None:
+    m, taken_for_one = flight_past_two_walls(seed, apart_m)
+    assert doubtful_visits(SMOOTHER, taken_for_one, m, START)
+
+
+@pytest.mark.parametrize("looking", [Doubt.reconsidering, Doubt.searching])
+def test_each_of_them_is_given_its_own(looking: Looking) -> None:
+    m, taken_for_one = flight_past_two_walls(1, 0.4)
+    likelier = at_once(looking(Doubt(SMOOTHER, m, START, FINAL_GATES), taken_for_one))
+    assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.5, 1.5, 1.9], abs=0.1)
+    assert abs(likelier.x.poses[-1, 0]) < 0.1
