@@ -47,19 +47,14 @@ class Doorway:
     swept_s: float = -math.inf
     """When the front beam last passed over both jambs."""
 
-    def at_m(self, along_m: float) -> Vector2:
-        """A place before (negative) or after the middle."""
-        return (
-            self.middle_ne_m[0] + along_m * self.through_ne[0],
-            self.middle_ne_m[1] + along_m * self.through_ne[1],
-        )
+    def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
+        """A place before (negative) or after the middle, and aside of it, to the right."""
+        (north, east), (x, y) = self.middle_ne_m, self.through_ne
+        return north + along_m * x - aside_m * y, east + along_m * y + aside_m * x
 
     def jambs_ne_m(self) -> tuple[Vector2, Vector2]:
         """Left and right as it is passed."""
-        (north, east), (x, y) = self.middle_ne_m, self.through_ne
-        aside_north, aside_east = -y * self.half_m, x * self.half_m
-        left = north - aside_north, east - aside_east
-        return left, (north + aside_north, east + aside_east)
+        return self.at_m(0.0, -self.half_m), self.at_m(0.0, self.half_m)
 
     def along_m(self, place_ne_m: Vector2) -> float:
         """How far past the middle a place is."""
@@ -133,12 +128,10 @@ def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
         return ground
     passable, cost = ground.passable.copy(), ground.cost.copy()
     for doorway in doorways:
-        (north, east), (x, y) = doorway.middle_ne_m, doorway.through_ne
         reach_m = doorway.half_m + CELL_M
         for aside_m in np.arange(-reach_m, reach_m, CELL_M / 2).tolist():
             for along_m in (-CELL_M, 0.0, CELL_M):  # ways go diagonally, too
-                place = north + along_m * x - aside_m * y, east + along_m * y + aside_m * x
-                cell = ground.grid.cell(place)
+                cell = ground.grid.cell(doorway.at_m(along_m, aside_m))
                 if ground.grid.has(cell):
                     passable[cell], cost[cell] = False, np.inf
     return replace(ground, passable=passable, cost=cost)

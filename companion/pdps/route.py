@@ -52,6 +52,13 @@ class Ground:
         cell = self.grid.cell(place_ne_m)
         return self.grid.has(cell) and bool(self.passable[cell])
 
+    def fits_along(self, start_ne_m: Vector2, end_ne_m: Vector2) -> bool:
+        """Whether it does on the straight line between two places."""
+        steps = np.linspace(
+            start_ne_m, end_ne_m, 2 + round(math.dist(start_ne_m, end_ne_m) / CELL_M)
+        )
+        return all(self.fits((north, east)) for north, east in steps.tolist())
+
     def clear_m(self, place_ne_m: Vector2) -> float:
         """Distance to anything that is there, or may be."""
         row, column = self.grid.cell(place_ne_m)

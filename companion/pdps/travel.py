@@ -51,8 +51,10 @@ STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
-BACK_OFF_M = (1.2, 1.5)
-"""It goes so far off, where it fits, when it has come too near."""
+SWEEP_ROOM_M = 0.5
+"""With so much room it may turn on the spot: in a corridor, but not in a doorway."""
+BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
+"""So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
@@ -132,7 +134,7 @@ def _fly(
             travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
         return travel, HOLD
-    if is_open and (sweep := _begin_sweep(travel, sight)):
+    if _has_room(sight, space, SWEEP_ROOM_M) and (sweep := _begin_sweep(travel, sight)):
         return sweep, HOLD
     if is_blocked(travel.way, sight):
         return replace(travel, course=None), HOLD
@@ -169,8 +171,12 @@ def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
 
 def in_the_open(sight: Sight, space: Occupancy) -> bool:
     """Not in a doorway, nor where it is as narrow."""
+    return _has_room(sight, space, DOORWAY_ROOM_M)
+
+
+def _has_room(sight: Sight, space: Occupancy, room_m: float) -> bool:
     here = sight.pose.north_m, sight.pose.east_m
-    return space.nearest_m(here, DOORWAY_ROOM_M) >= DOORWAY_ROOM_M
+    return space.nearest_m(here, room_m) >= room_m
 
 
 def _passes_doorway(travel: Travel, sight: Sight) -> bool:
@@ -266,8 +272,8 @@ def _backed_off(
     is_before = doorway.along_m(here) < -IN_DOORWAY_M
     if not is_too_near or not is_before or _was_swept(travel, doorway):
         return None
-    places = (doorway.at_m(-off_m) for off_m in BACK_OFF_M)
-    return next((place for place in places if ground.fits(place)), None)
+    places = (doorway.at_m(-off_m, aside_m) for off_m, aside_m in BACK_OFF_M)
+    return next((place for place in places if ground.fits_along(here, place)), None)
 
 
 def _was_swept(travel: Travel, doorway: Doorway) -> bool:

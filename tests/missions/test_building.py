@@ -79,7 +79,7 @@ def test_the_pose_stays_true_through_many_rooms(sitl: Sitl) -> None:
     assert flight.completed, flight.ending
     assert np.quantile(errors_m, 0.95) < 0.25
     assert flight.report.collisions == 0
-    assert flight.report.coverage >= 0.97
+    assert flight.report.coverage >= 0.95
     assert flight.report.return_m < 0.3
 
 

@@ -443,6 +443,18 @@ def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None
     assert travel.way[0][0] < -0.2
 
 
+def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
+    grid = with_doorway(0.65)
+    for row in range(-40, 41):
+        grid.block((-0.75, 0.1 * row + 0.05), 0.01)
+    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    aside = travel.way[0]
+    assert travel.phase is TravelPhase.FLY
+    assert abs(aside[1]) > 0.8
+    travel, _ = travelling.step(travel, sight(aside), grid, PLAN)
+    assert travel.phase is TravelPhase.SWEEP
+
+
 def test_a_doorway_just_looked_at_is_not_looked_at_again() -> None:
     for swept_s, phase in ((5.0, TravelPhase.FLY), (-50.0, TravelPhase.SWEEP)):
         doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.5, swept_s)
