@@ -58,6 +58,8 @@ BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7,
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
+AT_PLACE_M = 0.5
+"""From where it is to stay: a step of the pose is less."""
 BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
 """So far to either side, slowly enough for a reading every few centimetres."""
 ON_HEADING_RAD = math.radians(5)
@@ -321,6 +323,11 @@ def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
 
 
 def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+    if sight.pose.reset_counter != travel.resets:  # the drone has not moved, nor shall it
+        here = sight.pose.north_m, sight.pose.east_m
+        is_there = math.dist(here, travel.stay_ne_m) < AT_PLACE_M
+        stay_ne_m = here if is_there else travel.stay_ne_m
+        travel = replace(travel, resets=sight.pose.reset_counter, stay_ne_m=stay_ne_m)
     holding = stay(travel.stay_ne_m, sight)
     heading_rad, *later = travel.sweep_rad
     off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)

@@ -443,6 +443,15 @@ def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None
     assert travel.way[0][0] < -0.2
 
 
+def test_a_step_of_the_pose_does_not_move_it_while_it_looks() -> None:
+    grid = with_doorway(1.45)
+    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    seen = sight((0.0, 0.3))
+    stepped = replace(seen, pose=replace(seen.pose, reset_counter=1))
+    travel, setpoint = travelling.step(travel, stepped, grid, PLAN)
+    assert (setpoint.forward_m_s, setpoint.right_m_s) == (0.0, 0.0)
+
+
 def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
     grid = with_doorway(0.65)
     for row in range(-40, 41):
