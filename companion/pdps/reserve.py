@@ -11,7 +11,7 @@ from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy
 from companion.pdps.doorways import find_doorways
 from companion.pdps.guard import clear_of_all_m
-from companion.pdps.route import find_ground, find_ways
+from companion.pdps.route import find_ground, find_ways, retraced
 from companion.pdps.sight import Sight
 from companion.pdps.travel import START_NE_M
 from companion.values import value
@@ -77,7 +77,10 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
 
 def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
     here = sight.pose.north_m, sight.pose.east_m
-    ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
+    ground = find_ground(space, here, clear_of_all_m(plan))
+    ways = find_ways(ground)
+    if not ways.reaches(START_NE_M):
+        ways = find_ways(retraced(ground))
     if not ways.reaches(START_NE_M):
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)

@@ -6,7 +6,7 @@ and where it has been before, though what was met beside has moved in on the map
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -24,6 +24,8 @@ FLOWN_CLEAR_M = 0.3
 """Likewise where it has come through: no door has been closed there."""
 TIGHT_COST = 12.0
 """Where it is tight, a way counts as so much longer: the drone goes there only to pass."""
+RETRACED_COST = 30.0
+"""Likewise where something is drawn that was not there when the drone came through."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
 CLOSE_COST = 4.0
 """A way along the edge of what is allowed counts as so much longer than one in the open."""
@@ -128,6 +130,16 @@ def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
         return flown
     may: Cells = flown & (distance_transform_edt(~grid.occupied) * CELL_M >= FLOWN_CLEAR_M)
     return may
+
+
+def retraced(ground: Ground) -> Ground:
+    """Also where the drone has flown, whatever is drawn there.
+
+    Where a map is bent, walls of one room stand in another.
+    """
+    again: Cells = binary_dilation(ground.grid.flown) & ~ground.passable
+    cost = np.where(again, RETRACED_COST, ground.cost)
+    return replace(ground, passable=ground.passable | again, cost=cost)
 
 
 def find_ways(ground: Ground) -> Ways:

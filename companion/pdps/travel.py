@@ -7,7 +7,7 @@
      │ ▼
     SWEEP
 
-    FLY, no way even so ─► GAVE_UP
+    FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
     FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut
 
 The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
@@ -41,7 +41,7 @@ from companion.pdps.doorways import (
 )
 from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.guard import clear_of_all_m
-from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways
+from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways, retraced
 from companion.pdps.sight import Sight
 
 START_NE_M: Vector2 = (0.0, 0.0)
@@ -51,7 +51,7 @@ STUCK_S, STUCK_M = 10.0, 0.25
 """So long without getting so far, and it gives up."""
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
-SWEEP_ROOM_M = 0.5
+SWEEP_ROOM_M = 0.65
 """With so much room it may turn on the spot: in a corridor, but not in a doorway."""
 BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
 """So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
@@ -234,13 +234,21 @@ def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionCo
 
 
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
-    """As far as they are needed: near the way so far, if one there leads to the goal."""
+    """As far as they are needed: near the way so far, if one there leads to the goal.
+
+    If there is none to the start, even after it has looked, it goes back the way that it came, and
+    stops before what is really there.
+    """
     clear_m = clear_of_all_m(plan)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
     ways = find_ways(with_shut(find_ground(nearby, here, clear_m), travel.shut))
     if ways.reaches(travel.goal_ne_m):
         return ways
-    return find_ways(with_shut(find_ground(space, here, clear_m), travel.shut))
+    ground = find_ground(space, here, clear_m)
+    ways = find_ways(with_shut(ground, travel.shut))
+    if ways.reaches(travel.goal_ne_m) or travel.goal_ne_m != START_NE_M or not travel.looked_round:
+        return ways
+    return find_ways(with_shut(retraced(ground), travel.shut))
 
 
 def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:

@@ -455,7 +455,7 @@ def test_a_step_of_the_pose_does_not_move_it_while_it_looks() -> None:
 def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
     grid = with_doorway(0.65)
     for row in range(-40, 41):
-        grid.block((-0.75, 0.1 * row + 0.05), 0.01)
+        grid.block((-1.0, 0.1 * row + 0.05), 0.01)
     travel, _ = gone(Travel((3.0, 0.0)), grid)
     aside = travel.way[0]
     assert travel.phase is TravelPhase.FLY
@@ -510,6 +510,19 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     travel, setpoint = gone(travel, grid, time_s=time_s + 2)
     assert travel.phase is TravelPhase.GAVE_UP
     assert setpoint == HOLD
+
+
+@pytest.mark.parametrize(("goal", "goes"), [((0.0, 0.0), True), ((-1.0, 0.0), False)])
+def test_home_it_goes_as_it_came_whatever_is_drawn_there(goal: Place, *, goes: bool) -> None:
+    grid = open_ground()
+    for decimetre in range(26):
+        grid.add(Ray((0.1 * decimetre, 0.0), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
+    for row in range(-40, 41):
+        grid.block((1.25, 0.1 * row + 0.05), 0.1)
+    travel = Travel(goal, looked_round=True)
+    travel, _ = travelling.step(travel, sight((2.5, 0.0), yaw_rad=math.pi), grid, PLAN)
+    assert (travel.phase is not TravelPhase.GAVE_UP) is goes
+    assert bool(travel.way) is goes
 
 
 @pytest.mark.parametrize("has_another", [True, False])
