@@ -26,7 +26,7 @@ from companion.estimation.estimate import Estimate, Past
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
-from companion.estimation.revisits import apart, doubtful_visits
+from companion.estimation.revisits import apart, doubting
 from companion.estimation.smoother import Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
 
@@ -89,8 +89,7 @@ class Doubt:
     def _revisiting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where what was met again may have been another wall."""
         for _ in range(MOST_RECONSIDERED):
-            visits = doubtful_visits(self.smoother, estimate, self.m, self.past)
-            yield
+            visits = yield from doubting(self.smoother, estimate, self.m, self.past)
             for hits in visits[:MOST_TRIED]:
                 other = yield from self._apart(hits, estimate)
                 if self._cost(other) < self._cost(estimate):

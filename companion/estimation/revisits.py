@@ -15,8 +15,10 @@ poses and all else free to follow, one step of that wall alone would lower χ² 
     gᵀ (C - Bᵀ A⁻¹ B)⁻¹ g        g: gradient by its own two unknowns, C: their information,
                                  A: that of all else, B: between them
 
-as in a score test (Rao 1948): the equations are solved once for all visits.
+as in a score test (Rao 1948): the equations are solved once for many visits.
 """
+
+from collections.abc import Generator
 
 import numpy as np
 
@@ -28,20 +30,24 @@ from companion.estimation.unknowns import WALL_SIZE, Array, Indices, Measured
 PAUSE_S = 5.0
 """A wall that has not been met for so long is visited again."""
 LEAST_HITS = 8
-MOST_VISITS = 100
-"""Those with most hits; it bounds time and memory."""
+MOST_VISITS, AT_ONCE = 100, 25
+"""Those with most hits; and so many for one solution of the equations: time and memory."""
 LEAST_GAIN = 25.0
 """χ² that a visit's own wall has to save; where all walls are right, the best of them save 15."""
 
 
-def doubtful_visits(
+def doubting(
     smoother: Smoother, estimate: Estimate, m: Measured, past: Past
-) -> list[Indices]:
-    """The hits of visits to walls that must have been others, those that save most first."""
-    visits = _visits(estimate, m, past.walls)
-    if not visits:
-        return []
-    gains = _gains(smoother, estimate, m, past, visits)
+) -> Generator[None, None, list[Indices]]:
+    """The hits of visits to walls that must have been others, those that save most first.
+
+    In pieces of some milliseconds: it yields after each.
+    """
+    visits, gains = _visits(estimate, m, past.walls), np.empty(0)
+    for first in range(0, len(visits), AT_ONCE):
+        some = _gains(smoother, estimate, m, past, visits[first : first + AT_ONCE])
+        gains = np.append(gains, some)
+        yield
     return [visits[i] for i in np.argsort(-gains, kind="stable") if gains[i] >= LEAST_GAIN]
 
 
