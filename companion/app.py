@@ -53,11 +53,14 @@ SEEING_PHASES = frozenset(
         *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD),
     }
 )
-"""What the beams meet on the ground already ties the walls to the origin."""
+"""What is near, floor and ceiling are told on the ground already."""
 EXPLORING_PHASES = frozenset(
     {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
 )
-"""In these the space around is drawn."""
+"""In these the drone is at its height, and what it sees is mapped.
+
+From the ground it sees what stands before a wall, a box or a bed, and would take it for the wall.
+"""
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
@@ -204,7 +207,8 @@ class App:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         if self.flight.phase in SEEING_PHASES:
-            self.estimator.see(inputs.scan)
+            if self.flight.phase in EXPLORING_PHASES:
+                self.estimator.see(inputs.scan)
             if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
                 self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
             self._ceiling.see(inputs.scan, self.estimator.over_floor_m)
