@@ -22,6 +22,7 @@ from companion.health.watch import Health
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
+from companion.mapping.known_walls import KnownWalls
 from companion.mapping.near import Near
 from companion.mapping.overhead import Overhead
 from companion.mapping.rays import rays
@@ -245,6 +246,7 @@ class App:
                 self._standoff_m,
                 self._bearings_frd_rad,
                 wall,
+                self.estimator.known_walls if self.estimator else KnownWalls.none,
             ),
             space=self.space.grid,
             around=self._near.surroundings,

@@ -22,6 +22,7 @@ from companion.estimation.traced import Traced
 from companion.estimation.unknowns import Measured, Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.mapping.known_walls import KnownWalls
 from companion.messages import (
     Beam,
     GyroSample,
@@ -312,6 +313,13 @@ class Estimator:
             if met and (nearest is None or distance_m < nearest[1]):
                 nearest = normal_rad, distance_m
         return nearest
+
+    def known_walls(self) -> KnownWalls:
+        """All walls, for the flight."""
+        walls = self._walls()
+        normals = np.column_stack([np.cos(walls.lines[:, 0]), np.sin(walls.lines[:, 0])])
+        covariance_m2 = self.slam.offsets_covariance_m2
+        return KnownWalls(normals, walls.lines[:, 1], walls.reach_m, covariance_m2)
 
     def wall_lines(self) -> tuple[WallLine, ...]:
         """All walls, for the map."""

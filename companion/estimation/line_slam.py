@@ -122,6 +122,11 @@ class LineSlam:
         offset_m = north * math.cos(normal_rad) + east * math.sin(normal_rad)
         return normal_rad, offset_m + self._x[_WALLS + wall.index]
 
+    @property
+    def offsets_covariance_m2(self) -> Matrix:
+        """(w, w): of the walls' distances from their anchors, in their order."""
+        return self._p[_WALLS:, _WALLS:].copy()
+
     def offset_sigma_m(self, wall: Wall) -> float:
         at = _WALLS + wall.index
         return math.sqrt(self._p.item(at, at))

@@ -1,7 +1,7 @@
 """Seeing everything that can be reached: look round, go to where most is unseen, again.
 
-          turned, or            something unseen
-          all of it seen        can be reached
+          turned, or            something unseen can be reached,
+          all of it seen        or else two walls be tied
     LOOK ────────────────► CHOOSE ──────────────► GO
      ▲                      │   ▲                 │ │
      │          nothing is  │   └─────────────────┘ │
@@ -34,10 +34,11 @@ from companion.pdps.doorways import Doorway
 from companion.pdps.follow import ARRIVED_M
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import Look, looks
-from companion.pdps.route import Ground, Ways, find_ground, find_ways
+from companion.pdps.route import START_NE_M, Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
+from companion.pdps.ties import ties
 from companion.pdps.tour import first_of_tour
-from companion.pdps.travel import START_NE_M, Travel, TravelPhase
+from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import Places, still_unseen
 
 FIRST_LOOK_RAD = math.tau
@@ -96,6 +97,12 @@ class Explore:
         return self.doorways if self.travel is None else self.travel.known
 
     @property
+    def is_extra(self) -> bool:
+        """All that can be reached was seen, and what goes on is not worth the last battery."""
+        last = self.look or (self.tried[-1] if self.tried else None)
+        return last is not None and last.is_tie
+
+    @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
         sweeps = self.travel is not None and self.travel.phase is TravelPhase.SWEEP
@@ -129,7 +136,7 @@ def _look(
     look, is_enough = explore.look, left_rad <= 0
     if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
-        is_enough = is_enough or not still_unseen(space, look.at_ne_m)
+        is_enough = is_enough or not _left_of(look, space)
     gliding = glide(here, sight, GLIDE_SHARE * plan.speed_m_s)
     if is_enough:
         return replace(_to_choose(explore, look), here_ne_m=here), gliding
@@ -138,19 +145,25 @@ def _look(
 
 
 def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occupancy) -> Explore:
-    left = still_unseen(space, look.at_ne_m)
+    left = _left_of(look, space)
     if not left:
         return replace(_to_choose(explore, look), travel=replace(at, within_m=ARRIVED_M))
     turn_rad = _turn_rad(left, at.goal_ne_m, sight.pose.yaw_rad)
+    enough_rad = MOST_LOOK_RAD if look.is_tie else abs(turn_rad) + PAST_RAD
     return Explore(
         ExplorePhase.LOOK,
-        min(abs(turn_rad) + PAST_RAD, MOST_LOOK_RAD),
+        min(enough_rad, MOST_LOOK_RAD),
         here_ne_m=at.goal_ne_m,
         clockwise=turn_rad >= 0,
         look=look,
         tried=explore.tried,
         doorways=at.known,
     )
+
+
+def _left_of(look: Look, space: Occupancy) -> Places:
+    """What is still to be seen of it; walls are tied only from there."""
+    return look.at_ne_m if look.is_tie else still_unseen(space, look.at_ne_m)
 
 
 def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
@@ -181,6 +194,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
         found = looks(explore.ways, sight, plan, explore.tried)
+        found = found or ties(explore.ways, sight, plan, explore.tried)
         if not found:
             return replace(explore, phase=ExplorePhase.DONE)
         return replace(explore, looks=found)
@@ -215,7 +229,7 @@ def _go(
         return _to_choose(explore, None), HOLD
     is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
     if is_due and travel.in_the_open(sight, space):
-        left = still_unseen(space, look.at_ne_m)
+        left = _left_of(look, space)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):
             seen = tuple(place for place in look.at_ne_m if place not in left)

@@ -52,8 +52,9 @@ from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.reserve import Reserve, Spent
 from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.route import START_NE_M
 from companion.pdps.sight import Sight
-from companion.pdps.travel import START_NE_M, Travel, TravelPhase
+from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
 LINK_LOST_S = 10.0
@@ -220,7 +221,8 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
 
 def _turn_back(flight: Flight, view: View, why: str) -> Flight:
     """What was an extra may end so: the mission is complete without it."""
-    trouble = "" if flight.layers.is_extra else f"turned back {why}"
+    is_extra = flight.layers.is_extra or flight.building.is_extra
+    trouble = "" if is_extra else f"turned back {why}"
     return _go(flight, Phase.HOME, view, trouble)
 
 

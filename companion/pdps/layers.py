@@ -24,8 +24,9 @@ from companion.pdps import explore, overfly, travel
 from companion.pdps.control import stay
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.overfly import Overfly, OverflyPhase
+from companion.pdps.route import START_NE_M
 from companion.pdps.sight import Sight
-from companion.pdps.travel import START_NE_M, Travel, TravelPhase
+from companion.pdps.travel import Travel, TravelPhase
 
 AT_HEIGHT_M = 0.08
 OVER_HEAD_M = 0.25

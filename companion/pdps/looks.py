@@ -48,6 +48,8 @@ class Look:
     at_ne_m: Places
     is_open: bool = False
     """Nothing stands near to what it is for."""
+    is_tie: bool = False
+    """It is for how far two walls are apart."""
 
 
 def looks(
@@ -84,7 +86,7 @@ def looks(
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
         if len(some) and len(views):
             room_m = to_occupied_m[tuple(views.T)]
-            time_s = _seconds(views, room_m, ways, sight, plan)
+            time_s = seconds(views, room_m, ways, sight, plan)
             found = _best(some, views, time_s, grid, known, least_shown=least_shown)
             if found:
                 return tuple(replace(look, is_open=is_open) for look in found)
@@ -97,7 +99,7 @@ def _in_vain(tried: Sequence[Look]) -> bool:
     return len(last) == OPEN_LOOKS and all(look.is_open for look in last)
 
 
-def _seconds(
+def seconds(
     views: Indices, room_m: Metres, ways: Ways, sight: Sight, plan: MissionConfig
 ) -> Seconds:
     """(n,): what it takes to go to each place and look, and what is lost where it is crowded."""

@@ -11,9 +11,8 @@ from companion.config import MissionConfig
 from companion.mapping.occupancy import Occupancy
 from companion.pdps.doorways import find_doorways
 from companion.pdps.guard import clear_of_all_m
-from companion.pdps.route import find_ground, find_ways, retraced
+from companion.pdps.route import START_NE_M, find_ground, find_ways, retraced
 from companion.pdps.sight import Sight
-from companion.pdps.travel import START_NE_M
 from companion.values import value
 
 ASK_AGAIN_S = 5.0

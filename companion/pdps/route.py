@@ -18,8 +18,12 @@ from scipy.sparse.csgraph import dijkstra
 from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
+START_NE_M: Vector2 = (0.0, 0.0)
 TIGHT_CLEAR_M = 0.4
 """From the drone's centre to the sides of a doorway; what has less is an opening not entered."""
+DEEP_M = 0.7
+"""From where it has all of its clearance it goes so far into what is narrower: no doorway is
+deeper, and in a corridor like that it would be blind to both sides for too long."""
 FLOWN_CLEAR_M = 0.3
 """Likewise where it has come through: no door has been closed there."""
 TIGHT_COST = 12.0
@@ -111,6 +115,8 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
     passable[around] |= room[around] >= min(room[row, column], tight_m)
+    deep_m = _deep_m(grid, room >= clear_m)
+    passable &= deep_m <= max(DEEP_M, deep_m[row, column])
     passable |= _flown_before(grid, passable)
     if not grid.allowed.all():  # beams do not show what is in the way there: no passing with less
         allowed_m = distance_transform_edt(grid.allowed) * CELL_M
@@ -121,6 +127,17 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
     return Ground(grid, (row, column), passable, room, cost)
+
+
+def _deep_m(grid: Occupancy, roomy: Cells) -> NDArray[np.float64]:
+    """To where it has all of its clearance, or took off."""
+    from_here = roomy.copy()
+    if grid.has(start := grid.cell(START_NE_M)):
+        from_here[start] = True
+    if not from_here.any():
+        return np.zeros(roomy.shape)
+    deep_m: NDArray[np.float64] = distance_transform_edt(~from_here) * CELL_M
+    return deep_m
 
 
 def _flown_before(grid: Occupancy, passable: Cells) -> Cells:

@@ -1,9 +1,10 @@
 """What the drone sees at one moment, as every manoeuvre takes it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import field
 
+from companion.mapping.known_walls import KnownWalls
 from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeReading, RangeState
 from companion.values import value
 
@@ -22,6 +23,8 @@ class Sight:
     wall_ahead: tuple[float, float] | None = None
     """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
     distance along it, m."""
+    walls: Callable[[], KnownWalls] = KnownWalls.none
+    """All that are mapped; drawn up only when asked for."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam; 0 unless the beam says so."""

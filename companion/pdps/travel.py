@@ -41,10 +41,17 @@ from companion.pdps.doorways import (
 )
 from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
 from companion.pdps.guard import clear_of_all_m
-from companion.pdps.route import TIGHT_CLEAR_M, Ground, Ways, find_ground, find_ways, retraced
+from companion.pdps.route import (
+    START_NE_M,
+    TIGHT_CLEAR_M,
+    Ground,
+    Ways,
+    find_ground,
+    find_ways,
+    retraced,
+)
 from companion.pdps.sight import Sight
 
-START_NE_M: Vector2 = (0.0, 0.0)
 CHECK_S, PLAN_S = 2.0, 8.0
 DETOUR_M = 3.0
 STUCK_S, STUCK_M = 10.0, 0.25

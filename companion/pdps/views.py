@@ -38,13 +38,13 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
     meets = (away_m >= LEAST_SEES_M) & _meets(grid, starts, ends)
     shows = np.where(is_surface, meets, _opens(known, starts, ends))
     pairs, starts, ends = pairs[shows], starts[shows], ends[shows]
-    clear: Indices = pairs[_is_clear(grid, starts, ends)]
+    clear: Indices = pairs[is_clear(grid, starts, ends, SEES_M)]
     return clear
 
 
-def _is_clear(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
-    """(n,): whether nothing stands on the lines from starts to ends (n, 2)."""
-    steps = np.linspace(0, 1, round(SEES_M / CELL_M), dtype=np.float32)[:, None]
+def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
+    """(n,): whether nothing stands on the lines, none longer than that, of cells (n, 2)."""
+    steps = np.linspace(0, 1, round(most_m / CELL_M), dtype=np.float32)[:, None]
     rows, columns = (
         np.rint(start + steps * (end - start)).astype(np.int32)
         for start, end in zip(starts.T.astype(np.float32), ends.T.astype(np.float32), strict=True)

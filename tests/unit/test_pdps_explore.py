@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from itertools import pairwise, permutations
+from itertools import pairwise, permutations, product
 
 import numpy as np
 import pytest
@@ -96,6 +96,20 @@ def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
             if abs(0.1 * row + 0.05) > width_m / 2:
                 grid.block((0.1 * row + 0.05, 0.05), 0.01)
         assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
+
+
+@pytest.mark.parametrize(("width_m", "least_m", "most_m"), [(0.9, 0.5, 1.2), (1.3, 5.0, 6.0)])
+def test_it_does_not_go_far_into_what_is_narrower_than_its_clearance_nor_step_by_step(
+    width_m: float, least_m: float, most_m: float
+) -> None:
+    grid = open_ground(reach_m=7.0)
+    for row, column in product(range(-70, 71), range(0, 71)):
+        if abs(0.1 * row + 0.05) > width_m / 2 and (column == 0 or abs(row) < 9):
+            grid.block((0.1 * row + 0.05, 0.1 * column + 0.05), 0.01)
+    here = (0.05, -1.0)
+    while ways_from(grid, here).reaches(further := (here[0], here[1] + 0.1)) and further[1] < 6:
+        here = further
+    assert least_m < here[1] < most_m
 
 
 @pytest.mark.parametrize(

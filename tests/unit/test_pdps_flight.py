@@ -23,6 +23,7 @@ from companion.messages import (
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight import Action, Flight, Phase, View, step
 from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.looks import Look
 from companion.pdps.reserve import Reserve
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.pdps.sight import Sight
@@ -225,6 +226,15 @@ def test_a_mission_is_complete_without_the_rest_of_its_overflight(
     began = replace(flying(Phase.LAYERS), layers=Layers(phase))
     flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
     assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
+
+
+def test_a_mission_is_complete_without_the_rest_of_its_ties() -> None:
+    for is_tie, trouble in ((False, "turned back with 15 % of the battery"), (True, "")):
+        look = Look((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)), is_tie=is_tie)
+        building = Explore(ExplorePhase.GO, travel=Travel((1.0, 1.0)), look=look)
+        began = replace(flying(Phase.BUILDING), building=building)
+        flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
+        assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
 
 
 def test_an_autopilot_that_stands_on_the_ground_and_does_not_disarm_is_told_to() -> None:

@@ -1,0 +1,158 @@
+"""Walls that face one another but were not measured from one place, and where to tie them."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.config import MissionConfig
+from companion.estimation.heading import HeadingFilter, WallBearing
+from companion.estimation.line_slam import LineSlam, Wall
+from companion.frames import Vector2
+from companion.mapping.known_walls import KnownWalls
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.messages import Beam, Pose, RangeReading, RangeState
+from companion.pdps.explore import Explore, ExplorePhase, step
+from companion.pdps.looks import Look
+from companion.pdps.route import find_ground, find_ways
+from companion.pdps.sight import Sight
+from companion.pdps.ties import LOOSE_M, TIES_FROM_M, TIES_TO_M, TRIED_WITHIN_M, ties
+
+PLAN = MissionConfig(kind="building")
+HALF_M, REACH_M = 3.5, 5.0
+"""Two walls, north and south of the middle, 10 m long."""
+HERE: Vector2 = (0.0, -2.0)
+
+
+def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) -> KnownWalls:
+    """Their distances from the origin are known to that; tied: but that between them exactly."""
+    normals = np.array([[math.cos(turned_rad), math.sin(turned_rad)]]) * [[1.0], [-1.0]]
+    covariance_m2 = sigma_m**2 * np.array([[1.0, -1.0], [-1.0, 1.0]] if tied else np.eye(2))
+    reach_m = np.array([[-REACH_M, REACH_M]] * 2)
+    return KnownWalls(normals, np.array([HALF_M, HALF_M]), reach_m, covariance_m2)
+
+
+def yard(*, partition: bool = False) -> Occupancy:
+    """What lies between them, seen whole."""
+    grid = Occupancy()
+    for decimetre in range(-45, 46):
+        for bearing_rad in (0.0, math.pi):
+            for _ in range(3):
+                eye = (0.05, 0.1 * decimetre + 0.05)
+                grid.add(Ray(eye, bearing_rad, HALF_M, 0.01, is_hit=True, time_s=0.0))
+    if partition:
+        for decimetre in range(-45, 46):
+            grid.block((0.05, 0.1 * decimetre + 0.05), 0.01)
+    return grid
+
+
+def sight(walls: KnownWalls, here: Vector2 = HERE) -> Sight:
+    clear = RangeReading(RangeState.DISTANCE, 5.0, 0.01)
+    pose = Pose(10.0, *here, -PLAN.height_m, 0.0)
+    return Sight(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
+
+
+def found(
+    walls: KnownWalls, grid: Occupancy, tried: tuple[Look, ...] = (), here: Vector2 = HERE
+) -> tuple[Look, ...]:
+    return ties(find_ways(find_ground(grid, here, 0.5)), sight(walls, here), PLAN, tried)
+
+
+@given(st.floats(1.1 * LOOSE_M, 1.0))
+def test_walls_that_are_not_tied_are_looked_at_from_where_both_are_near(sigma_m: float) -> None:
+    (look,) = found(two_walls(sigma_m), yard())
+    assert sorted(north_m for north_m, _ in look.at_ne_m) == pytest.approx([-HALF_M, HALF_M])
+    for foot in look.at_ne_m:
+        assert TIES_FROM_M <= math.dist(look.from_ne_m, foot) <= TIES_TO_M
+
+
+@given(st.floats(0.0, 1.0))
+def test_walls_that_are_tied_are_let_be_however_far_both_are_off_the_start(sigma_m: float) -> None:
+    assert not found(two_walls(sigma_m, tied=True), yard())
+    assert not found(two_walls(0.5 * LOOSE_M), yard())
+
+
+def test_what_stands_between_hides_one_from_the_other() -> None:
+    walls, grid = two_walls(0.2), yard(partition=True)
+    assert not found(walls, grid, here=(1.5, -2.0))
+
+
+def test_from_one_place_it_is_tried_once() -> None:
+    walls, grid, tried = two_walls(0.2), yard(), ()
+    while more := found(walls, grid, tried):
+        for look in tried:
+            assert math.dist(look.from_ne_m, more[0].from_ne_m) > TRIED_WITHIN_M
+        tried = (*tried, *more)
+    assert 1 < len(tried) < 9
+
+
+def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
+    """A sealed corridor, so that nothing but the walls' distance is worth a look."""
+    grid, walls, tied = yard(), two_walls(0.2), two_walls(0.2, tied=True)
+    for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
+        for east_m in (-4.6, 4.7):
+            grid.block((north_m, east_m), 0.1)
+    enough = tuple(Look(HERE, _everywhere()) for _ in range(3))
+    explore = Explore(ExplorePhase.CHOOSE, tried=enough)
+    while explore.phase is ExplorePhase.CHOOSE:
+        explore, _ = step(explore, sight(walls), grid, PLAN)
+    assert explore.phase is ExplorePhase.GO
+    assert explore.is_extra
+    assert explore.look is not None
+    there = explore.look.from_ne_m
+    while explore.phase is ExplorePhase.GO:
+        explore, _ = step(explore, sight(walls, there), grid, PLAN)
+    assert explore.phase is ExplorePhase.LOOK
+    assert explore.to_turn_rad > math.pi
+    explore = replace(explore, to_turn_rad=0.0)
+    while explore.phase is not ExplorePhase.DONE:
+        explore, _ = step(explore, sight(tied, there), grid, PLAN)
+
+
+def _everywhere() -> tuple[Vector2, ...]:
+    return tuple((0.25 * i, 0.25 * j) for i in range(-20, 21) for j in range(-24, 25))
+
+
+@given(st.floats(-math.pi, math.pi), st.floats(0.0, 0.3), st.booleans())
+def test_how_sure_a_distance_is_does_not_hang_on_where_north_is(
+    turned_rad: float, sigma_m: float, tied: bool
+) -> None:
+    sigmas_m = two_walls(sigma_m, tied=tied, turned_rad=turned_rad).gap_sigmas_m()
+    expected_m = 0.0 if tied else math.sqrt(2) * sigma_m
+    assert sigmas_m[0, 1] == pytest.approx(expected_m, abs=1e-6)
+    assert not np.diag(sigmas_m).any()
+
+
+@given(st.floats(-REACH_M, REACH_M), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
+def test_a_beam_straight_to_a_wall_meets_it_in_its_foot(
+    east_m: float, north_m: float, turned_rad: float
+) -> None:
+    walls, place = two_walls(0.1, turned_rad=turned_rad), (north_m, east_m)
+    for wall, away_m in enumerate(walls.distances_m(np.array([place]))[0].tolist()):
+        foot = walls.foot_ne_m(wall, place)
+        assert math.dist(place, foot) == pytest.approx(abs(away_m), abs=1e-9)
+        assert np.dot(foot, walls.normals[wall]) == pytest.approx(HALF_M)
+
+
+def test_the_filter_knows_how_sure_a_distance_is() -> None:
+    """Between two walls, seen one after the other with a flight between, or both at once."""
+    slam = LineSlam(heading := HeadingFilter(0.0))
+    for side in (0.0, math.pi):
+        heading.add_wall(WallBearing(side, math.radians(0.5), 0.0, 0.0))
+    walls = [Wall(0, (3.0, 0.0), -3.0, 3.0), Wall(1, (-3.0, 0.0), -3.0, 3.0)]
+    state = np.zeros(5)
+    apart, at_once = np.diag([0.1, 0.1, 0.01, 0.1, 0.1]) ** 2, np.zeros((5, 5))
+    by_position = np.array([1.0, 0.0, 0.0, 1.0, -1.0])
+    at_once += 0.1**2 * np.outer(by_position, by_position)
+    for covariance, sigma_m in ((apart, 0.141), (at_once, 0.0)):
+        slam.restart(state, covariance, walls)
+        known = KnownWalls(
+            np.array([[1.0, 0.0], [-1.0, 0.0]]),
+            np.array([3.0, 3.0]),
+            np.array([[-3.0, 3.0]] * 2),
+            slam.offsets_covariance_m2,
+        )
+        assert known.gap_sigmas_m()[0, 1] == pytest.approx(sigma_m, abs=0.01)
