@@ -208,8 +208,8 @@ class App:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         if self.flight.phase in SEEING_PHASES:
-            if self.flight.phase in EXPLORING_PHASES:
-                self.estimator.see(inputs.scan)
+            is_at_height = self.flight.phase in EXPLORING_PHASES
+            self.estimator.see(inputs.scan if is_at_height else replace(inputs.scan, readings={}))
             if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
                 self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
             self._ceiling.see(inputs.scan, self.estimator.over_floor_m)
