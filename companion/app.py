@@ -48,20 +48,18 @@ from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
 from companion.values import value
 
-SEEING_PHASES = frozenset(
-    {
-        *(Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF),
-        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD),
-    }
-)
-"""What is near, floor and ceiling are told on the ground already."""
 EXPLORING_PHASES = frozenset(
     {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
 )
-"""In these the drone is at its height, and what it sees is mapped.
+"""In these the space around is drawn."""
+MAPPING_PHASES = EXPLORING_PHASES | {Phase.TAKE_OFF}
+"""In these walls are looked for.
 
-From the ground it sees what stands before a wall, a box or a bed, and would take it for the wall.
+From the ground it sees what stands before a wall, a box or a bed: hundreds of readings, all alike,
+which would be taken for the wall.
 """
+SEEING_PHASES = MAPPING_PHASES | {Phase.OFFBOARD, Phase.ARM}
+"""What is near, floor and ceiling are told on the ground already."""
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
@@ -208,8 +206,8 @@ class App:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         if self.flight.phase in SEEING_PHASES:
-            is_at_height = self.flight.phase in EXPLORING_PHASES
-            self.estimator.see(inputs.scan if is_at_height else replace(inputs.scan, readings={}))
+            is_mapping = self.flight.phase in MAPPING_PHASES
+            self.estimator.see(inputs.scan if is_mapping else replace(inputs.scan, readings={}))
             if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
                 self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
             self._ceiling.see(inputs.scan, self.estimator.over_floor_m)
