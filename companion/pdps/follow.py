@@ -83,7 +83,7 @@ def follow(
     way: Way, course: Course | None, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
     """The velocity that flies a way, of which something is left."""
-    return _towards(way, course, sight, plan, _speed_m_s(_room_m(sight, space), plan))
+    return _towards(way, course, sight, plan, most_speed_m_s(_room_m(sight, space), plan))
 
 
 def _room_m(sight: Sight, space: Occupancy) -> float:
@@ -113,7 +113,7 @@ def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
     return float((away_m - lost_m).min(initial=NARROW_M))
 
 
-def _speed_m_s(room_m: float, plan: MissionConfig) -> float:
+def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
     """Slow where it is narrow."""
     wide = (room_m - TIGHT_M) / (NARROW_M - TIGHT_M)
     return max(LEAST_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)

@@ -6,18 +6,26 @@ than what was flown since.
 
 import math
 from dataclasses import replace
+from itertools import pairwise
+from statistics import fmean
+
+import numpy as np
 
 from companion.config import MissionConfig
+from companion.frames import Vector2
 from companion.mapping.occupancy import Occupancy
 from companion.pdps.doorways import find_doorways
+from companion.pdps.follow import Way, most_speed_m_s
 from companion.pdps.guard import clear_of_all_m
-from companion.pdps.route import START_NE_M, find_ground, find_ways, retraced
+from companion.pdps.route import START_NE_M, Ways, find_ground, find_ways, retraced
 from companion.pdps.sight import Sight
 from companion.values import value
 
 ASK_AGAIN_S = 5.0
 SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
-"""What a way takes: of the planned speed, for each doorway, and for the first turns and the end."""
+"""What a way takes: of the speed that its room allows, for each doorway, for the turns at its
+ends."""
+STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
 BATTERY_TOLD_S = 60.0
@@ -84,5 +92,16 @@ def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    flown_s = ways.length_m(way) / (SPEED_SHARE * plan.speed_m_s)
-    return TURNS_S + flown_s + DOORWAY_S * len(doorways)
+    return TURNS_S + _flown_s(ways, here, way, plan) + DOORWAY_S * len(doorways)
+
+
+def _flown_s(ways: Ways, here: Vector2, way: Way, plan: MissionConfig) -> float:
+    """Along a way, slow where that is narrow."""
+    flown_s = 0.0
+    for start, end in pairwise((here, *way)):
+        length_m = math.dist(start, end)
+        places = np.linspace(start, end, 1 + math.ceil(length_m / STEP_M)).tolist()
+        room_m = (ways.ground.clear_m((north, east)) for north, east in places)
+        speeds_m_s = [SPEED_SHARE * most_speed_m_s(metres, plan) for metres in room_m]
+        flown_s += length_m * fmean(1 / speed for speed in speeds_m_s)
+    return flown_s

@@ -272,6 +272,29 @@ def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
     assert step(began, away, plan)[0].phase is phase
 
 
+def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
+    """It has come 6 m along a corridor that is 1.2 m or 4 m wide."""
+    turns_back_s = []
+    for half_width_m in (0.6, 2.0):
+        space = Occupancy()
+        for decimetre in range(-10, 80):
+            for side in (-1, 1):
+                for _ in range(3):
+                    eye, bearing_rad = (0.1 * decimetre + 0.05, 0.05), side * math.pi / 2
+                    space.add(Ray(eye, bearing_rad, half_width_m, 0.0, True, 0.0))
+        far = replace(view(position=(6.0, 0.0)), space=space)
+        left_s = 60.0
+        while True:
+            late = replace(far, time_s=90.0 + PLAN.time_limit_s - PLAN.reserve_s - left_s)
+            if step(flying(Phase.BUILDING), late, PLAN)[0].phase is Phase.HOME:
+                break
+            left_s -= 1.0
+        turns_back_s.append(left_s)
+    narrow_s, wide_s = turns_back_s
+    assert 15 < wide_s < 25
+    assert narrow_s > wide_s + 6
+
+
 def test_time_limit_and_request_land_the_drone() -> None:
     assert after(Phase.HOME, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
     assert after(Phase.ROOM, view(land_requested=True))[0] is Phase.LAND
