@@ -100,7 +100,7 @@ class Explore:
     def is_extra(self) -> bool:
         """All that can be reached was seen, and what goes on is not worth the last battery."""
         last = self.look or (self.tried[-1] if self.tried else None)
-        return last is not None and last.is_tie
+        return last is not None and last.is_extra
 
     @property
     def activity(self) -> str:
@@ -163,7 +163,9 @@ def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occu
 
 def _left_of(look: Look, space: Occupancy) -> Places:
     """What is still to be seen of it; walls are tied only from there."""
-    return look.at_ne_m if look.is_tie else still_unseen(space, look.at_ne_m)
+    if look.is_tie:
+        return look.at_ne_m
+    return still_unseen(space, look.at_ne_m, look.least_surface)
 
 
 def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:

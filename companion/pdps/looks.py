@@ -5,8 +5,8 @@ how much counts by its root only, or what little is left would be left behind, a
 """
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,17 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import Indices, Places, closed_in, known_cells, unseen
+from companion.pdps.unseen import (
+    LEAST_SURFACE_CELLS,
+    SMALL_SURFACE_CELLS,
+    Indices,
+    Places,
+    closed_in,
+    known_cells,
+    not_tried,
+    unseen,
+    vague_surfaces,
+)
 from companion.pdps.views import sights, viewpoints
 
 ROOM_TO_LOOK_M = 0.65
@@ -50,6 +60,13 @@ class Look:
     """Nothing stands near to what it is for."""
     is_tie: bool = False
     """It is for how far two walls are apart."""
+    least_surface: int = LEAST_SURFACE_CELLS
+    """What is for it of surfaces is so wide, in cells."""
+
+    @property
+    def is_extra(self) -> bool:
+        """It is not worth the last of the battery."""
+        return self.is_tie or self.least_surface < LEAST_SURFACE_CELLS
 
 
 def looks(
@@ -65,32 +82,49 @@ def looks(
 
     What only a tight place shows, as a corridor, is left for later, and so is what is small. The
     open outside has no end: in a building it is looked at last, not far from what stands there, and
-    only while that shows anything; round one not at all.
+    only while that shows anything; round one not at all. Then come the narrow sides of furniture.
     """
     grid = ways.ground.grid
     known = known_cells(grid)
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
-    targets = unseen(grid, [look.at_ne_m for look in tried])
+    for stage in _stages(grid, known, to_occupied_m, plan, tried):
+        views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= stage.least_room_m))
+        if len(stage.targets) and len(views):
+            time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, sight, plan)
+            if found := _best(stage, views, time_s, grid, known):
+                return found
+    return ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Stage:
+    """What is looked for, (t, 2), and from where."""
+
+    targets: Indices
+    least_shown: int
+    least_room_m: float
+    is_open: bool = False
+    least_surface: int = LEAST_SURFACE_CELLS
+
+
+def _stages(
+    grid: Occupancy, known: Cells, to_occupied_m: Metres, plan: MissionConfig, tried: Sequence[Look]
+) -> Iterator[_Stage]:
+    """One after the other, each only if there is nothing of those before."""
+    tight_m = clear_of_all_m(plan)
+    looked_at = [look.at_ne_m for look in tried]
+    targets = unseen(grid, looked_at)
     off_m = to_occupied_m[tuple(targets.T)]
     worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(known)[tuple(targets.T)]]
-    tight_m = clear_of_all_m(plan)
-    steps = [
-        (worthy, LEAST_SHOWN, ROOM_TO_LOOK_M, False),
-        (worthy, LEAST_SHOWN, tight_m, False),
-        (worthy, 1, tight_m, False),
-    ]
+    yield _Stage(worthy, LEAST_SHOWN, ROOM_TO_LOOK_M)
+    yield _Stage(worthy, LEAST_SHOWN, tight_m)
+    yield _Stage(worthy, 1, tight_m)
     if plan.kind != "exterior" and not _in_vain(tried):
         is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
-        steps.append((targets[is_near], 1, ROOM_TO_LOOK_M, True))
-    for some, least_shown, least_room_m, is_open in steps:
-        views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= least_room_m))
-        if len(some) and len(views):
-            room_m = to_occupied_m[tuple(views.T)]
-            time_s = seconds(views, room_m, ways, sight, plan)
-            found = _best(some, views, time_s, grid, known, least_shown=least_shown)
-            if found:
-                return tuple(replace(look, is_open=is_open) for look in found)
-    return ()
+        yield _Stage(targets[is_near], 1, ROOM_TO_LOOK_M, is_open=True)
+    small = np.argwhere(vague_surfaces(grid, SMALL_SURFACE_CELLS))
+    small = not_tried(grid, small, looked_at)
+    yield _Stage(small, LEAST_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
 
 
 def _in_vain(tried: Sequence[Look]) -> bool:
@@ -110,28 +144,24 @@ def seconds(
 
 
 def _best(
-    targets: Indices,
-    views: Indices,
-    time_s: Seconds,
-    grid: Occupancy,
-    known: Cells,
-    *,
-    least_shown: int,
+    stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, known: Cells
 ) -> tuple[Look, ...]:
-    """The places (v, 2) that show most of the targets (t, 2) for their time (v,), and so many."""
-    every = len(targets) // (MOST_TARGETS + 1) + 1
-    targets = targets[::every]
+    """The places (v, 2) that show most of what is looked for for their time (v,), and so many."""
+    every = len(stage.targets) // (MOST_TARGETS + 1) + 1
+    targets = stage.targets[::every]
     pairs = sights(grid, known, views, targets)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
         shows = np.bincount(pairs[:, 0], minlength=len(views))
-        shows[every * shows < least_shown] = 0
+        shows[every * shows < stage.least_shown] = 0
         best = int(np.argmax(np.sqrt(shows) / time_s))
         if not shows[best]:
             break
         shown = pairs[pairs[:, 0] == best, 1]
         at = tuple(grid.place(_cell(cell)) for cell in targets[shown])
-        found.append(Look(grid.place(_cell(views[best])), at))
+        from_ne_m = grid.place(_cell(views[best]))
+        look = Look(from_ne_m, at, is_open=stage.is_open, least_surface=stage.least_surface)
+        found.append(look)
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)
 

@@ -17,7 +17,8 @@ from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
 
 LEAST_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
-LEAST_SURFACE_CELLS = 8
+LEAST_SURFACE_CELLS, SMALL_SURFACE_CELLS = 8, 4
+"""Narrower than the one a surface is looked at only in the end, and than the other not at all."""
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
 UNSEEN_WITHIN_M = 1.5
@@ -28,9 +29,16 @@ SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
 
 
-def unseen(grid: Occupancy, tried: Sequence[Places] = ()) -> Indices:
-    """Cells worth a look, (n, 2)."""
-    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid))
+def unseen(
+    grid: Occupancy, tried: Sequence[Places] = (), least_surface: int = LEAST_SURFACE_CELLS
+) -> Indices:
+    """Cells worth a look, (n, 2); of surfaces, where so many hang together."""
+    cells = np.argwhere(frontiers(grid) | vague_surfaces(grid, least_surface))
+    return not_tried(grid, cells, tried)
+
+
+def not_tried(grid: Occupancy, cells: Indices, tried: Sequence[Places]) -> Indices:
+    """Those of the cells (n, 2) that were not looked at often enough."""
     if not len(cells):
         return cells
     places = _centres(grid, cells)
@@ -41,12 +49,14 @@ def unseen(grid: Occupancy, tried: Sequence[Places] = ()) -> Indices:
     return cells[times < TRIES]
 
 
-def still_unseen(grid: Occupancy, places: Places) -> Places:
+def still_unseen(
+    grid: Occupancy, places: Places, least_surface: int = LEAST_SURFACE_CELLS
+) -> Places:
     """Those of the places that are, or have close by, something unseen."""
     if not places:
         return ()
     grid = grid.window(places, UNSEEN_WITHIN_M)
-    cells = unseen(grid)
+    cells = unseen(grid, least_surface=least_surface)
     if not len(cells):
         return ()
     near_m, _ = cKDTree(_centres(grid, cells)).query(np.array(places))
@@ -65,7 +75,7 @@ def frontiers(grid: Occupancy) -> Cells:
     return without_specks(edge, LEAST_FRONTIER_CELLS)
 
 
-def vague_surfaces(grid: Occupancy) -> Cells:
+def vague_surfaces(grid: Occupancy, least: int = LEAST_SURFACE_CELLS) -> Cells:
     """Cells before a surface that from their side no exact reading has ended in, nor close by.
 
     They are beside it, and free, or free space is beside them.
@@ -75,7 +85,7 @@ def vague_surfaces(grid: Occupancy) -> Cells:
     for side, (north, east) in enumerate(SIDES):
         vague = _moved(occupied & ~grown(grid.well_seen(side)), north, east)
         before |= vague & (free | _moved(free, -north, -east))
-    return without_specks(before & ~occupied, LEAST_SURFACE_CELLS)
+    return without_specks(before & ~occupied, least)
 
 
 def closed_in(known: Cells) -> Cells:
