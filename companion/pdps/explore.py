@@ -88,13 +88,15 @@ class Explore:
     """The next, or the present one; None at the first."""
     tried: tuple[Look, ...] = ()
     """All looks so far, also those that were seen from the way, or not come to."""
-    doorways: tuple[Doorway, ...] = ()
-    """All found so far."""
+    came: Travel | None = None
+    """How it has come here."""
     checked_s: float = 0.0
 
     @property
     def known_doorways(self) -> tuple[Doorway, ...]:
-        return self.doorways if self.travel is None else self.travel.known
+        """All found so far."""
+        last = self.travel or self.came
+        return () if last is None else last.known
 
     @property
     def is_extra(self) -> bool:
@@ -157,7 +159,7 @@ def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occu
         clockwise=turn_rad >= 0,
         look=look,
         tried=explore.tried,
-        doorways=at.known,
+        came=at,
     )
 
 
@@ -183,7 +185,9 @@ def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
 def _to_choose(explore: Explore, ended: Look | None) -> Explore:
     """A look is over, or there will be none."""
     tried = explore.tried if ended is None else (*explore.tried, ended)
-    return Explore(ExplorePhase.CHOOSE, tried=tried, doorways=explore.known_doorways)
+    last = explore.travel or explore.came
+    came = None if last is None else replace(last, course=None)
+    return Explore(ExplorePhase.CHOOSE, tried=tried, came=came)
 
 
 def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
@@ -202,8 +206,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
         return replace(explore, looks=found)
     places = tuple(look.from_ne_m for look in explore.looks)
     look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
-    course = explore.travel.course if explore.travel else None
-    going = Travel(look.from_ne_m, NEAR_ENOUGH_M, course=course, known=explore.doorways)
+    going = travel.onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
     return Explore(
         ExplorePhase.GO,
         travel=travel.along(explore.ways, going, sight),

@@ -22,7 +22,6 @@ from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.messages import HOLD, Setpoint
 from companion.pdps import travel
-from companion.pdps.doorways import Doorway
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import turn_rad
 from companion.pdps.route import Ground, Ways, find_ground, find_ways
@@ -62,7 +61,8 @@ class Overfly:
     phase: OverflyPhase = OverflyPhase.CHOOSE
     travel: Travel | None = None
     """In GO."""
-    doorways: tuple[Doorway, ...] = ()
+    came: Travel | None = None
+    """How it has come here."""
     aimed_at: tuple[Vector2, ...] = ()
     """Reached as nearly as that goes, or given up: neither is tried again."""
 
@@ -79,7 +79,7 @@ def step(
     match going.phase:
         case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
             aimed_at = (*overfly.aimed_at, going.goal_ne_m)
-            return Overfly(doorways=going.known, aimed_at=aimed_at), setpoint
+            return Overfly(came=replace(going, course=None), aimed_at=aimed_at), setpoint
         case _:
             return replace(overfly, travel=going), setpoint
 
@@ -90,7 +90,7 @@ def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfi
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)
-    goal = Travel(_goal(left, ways, sight, plan), NEAR_ENOUGH_M, known=overfly.doorways)
+    goal = travel.onward(overfly.came, _goal(left, ways, sight, plan), NEAR_ENOUGH_M)
     return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, sight))
 
 

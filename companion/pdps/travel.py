@@ -114,6 +114,19 @@ class Travel:
     """When and where it last got on."""
 
 
+def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel:
+    """To another place, with what was found on the way so far."""
+    if before is None:
+        return Travel(goal_ne_m, within_m)
+    return Travel(
+        goal_ne_m,
+        within_m,
+        course=before.course,
+        known=before.known,
+        roomy_ne_m=before.roomy_ne_m,
+    )
+
+
 def step(
     travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
