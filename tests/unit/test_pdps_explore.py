@@ -558,6 +558,21 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
         assert travel.phase is TravelPhase.GAVE_UP
 
 
+def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway() -> None:
+    grid = open_ground()
+    for row in range(-40, 41):
+        if abs(0.1 * row + 0.05) > 0.45:
+            grid.block((0.1 * row + 0.05, 0.05), 0.01)
+    roomy, doorway = (0.05, -1.5), (0.05, 0.05)
+    going = travelling.onward(Travel(doorway, roomy_ne_m=roomy), (9.0, 9.0), ARRIVED_M)
+    while going.phase is TravelPhase.FLY:
+        going, _ = travelling.step(going, sight(doorway), grid, PLAN)
+    assert going.phase is TravelPhase.SWEEP
+    _, setpoint = travelling.step(going, sight(doorway), grid, PLAN)
+    assert setpoint.right_m_s < -0.1
+    assert abs(setpoint.forward_m_s) < 0.05
+
+
 # Transitions of the exploration
 
 
