@@ -193,13 +193,15 @@ class Estimator:
         self._over_floor.see_floor(reading, offset_m)
 
     def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
-        """From now (forward, right) back to where the range that is read now was measured.
+        """From the last odometry (forward, right) to where the range read now was measured.
 
         And the turn, from the gyro's latest sample to the heading at that moment.
         """
+        measured_s = now_s - age_s
+        moved_s = measured_s - (self._odometry.time_s if self._odometry else now_s)
         forward_m_s, right_m_s = self._velocity_frd_m_s
-        ahead_s = now_s - age_s - self._turned_until_s
-        return (-age_s * forward_m_s, -age_s * right_m_s), ahead_s * self._yaw_rate_rad_s
+        turned_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
+        return (moved_s * forward_m_s, moved_s * right_m_s), turned_rad
 
     def smoothed(self) -> Traced | None:
         """The whole flight set right by all that was seen; None before anything was."""
