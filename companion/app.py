@@ -52,14 +52,14 @@ EXPLORING_PHASES = frozenset(
     {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
 )
 """In these the space around is drawn."""
+SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
+"""What is near, floor and ceiling are told on the ground already."""
 MAPPING_PHASES = EXPLORING_PHASES | {Phase.TAKE_OFF}
 """In these walls are looked for.
 
 From the ground it sees what stands before a wall, a box or a bed: hundreds of readings, all alike,
 which would be taken for the wall.
 """
-SEEING_PHASES = MAPPING_PHASES | {Phase.OFFBOARD, Phase.ARM}
-"""What is near, floor and ceiling are told on the ground already."""
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0

@@ -59,11 +59,11 @@ def test_rooms_whose_walls_are_nearly_in_line_are_not_pulled_together(sitl: Sitl
 
 
 def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sitl) -> None:
-    """The climb past a box 0.4 m deep moved the origin by 0.2 m, and it landed 0.37 m off."""
+    """Of a box 0.4 m deep, seen for long, that moved the origin: it landed 0.37 m off."""
     flight = sitl.fly("random_38", mission="building", seed=1)
     assert flight.completed, flight.ending
     assert flight.report.return_m < 0.3
-    assert flight.report.wall_error_cm < 6
+    assert flight.report.wall_error_aligned_cm < 2
 
 
 def test_the_pose_stays_true_through_many_rooms(sitl: Sitl) -> None:
