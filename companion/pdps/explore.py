@@ -100,9 +100,9 @@ class Explore:
 
     @property
     def is_extra(self) -> bool:
-        """All that can be reached was seen, and what goes on is not worth the last battery."""
-        last = self.look or (self.tried[-1] if self.tried else None)
-        return last is not None and last.is_extra
+        """All that can be reached was seen once, and what goes on is not worth the last battery."""
+        looked = self.tried if self.look is None else (*self.tried, self.look)
+        return any(look.is_extra for look in looked)
 
     @property
     def activity(self) -> str:

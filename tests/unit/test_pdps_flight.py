@@ -229,9 +229,11 @@ def test_a_mission_is_complete_without_the_rest_of_its_overflight(
 
 
 def test_a_mission_is_complete_without_the_rest_of_its_ties() -> None:
-    for is_tie, trouble in ((False, "turned back with 15 % of the battery"), (True, "")):
-        look = Look((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)), is_tie=is_tie)
-        building = Explore(ExplorePhase.GO, travel=Travel((1.0, 1.0)), look=look)
+    look = Look((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)))
+    tie = replace(look, is_tie=True)
+    turned_back = "turned back with 15 % of the battery"
+    for present, tried, trouble in ((look, (), turned_back), (tie, (), ""), (look, (tie,), "")):
+        building = Explore(ExplorePhase.GO, travel=Travel((1.0, 1.0)), look=present, tried=tried)
         began = replace(flying(Phase.BUILDING), building=building)
         flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
         assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
