@@ -15,7 +15,7 @@ from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.pdps.looks import ROOM_TO_LOOK_M, Look, seconds
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
-from companion.pdps.unseen import Indices
+from companion.pdps.unseen import Indices, centres
 from companion.pdps.views import Which, is_clear, viewpoints
 
 LOOSE_M = 0.05
@@ -37,8 +37,9 @@ def ties(
     walls, grid = sight.walls(), ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
     views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M))
-    views = views[_is_new(_places(grid, views), tried)]
-    places = _places(grid, views)
+    places = centres(grid, views)
+    is_new = _is_new(places, tried)
+    views, places = views[is_new], places[is_new]
     faces = _faces(walls, places)
     gap_sigmas_m = np.triu(walls.gap_sigmas_m())
     pairs = np.argwhere((gap_sigmas_m > LOOSE_M) & _together(faces))
@@ -52,12 +53,6 @@ def ties(
     north_m, east_m = places[view].tolist()
     feet = (walls.foot_ne_m(wall, (north_m, east_m)) for wall in pairs[pair].tolist())
     return (Look((north_m, east_m), tuple(feet), is_tie=True),)
-
-
-def _places(grid: Occupancy, cells: Indices) -> Array:
-    """(n, 2), north and east."""
-    places = [grid.place((row, column)) for row, column in cells.tolist()]
-    return np.array(places).reshape(-1, 2)
 
 
 def _is_new(places: Array, tried: tuple[Look, ...]) -> Which:

@@ -41,7 +41,7 @@ def not_tried(grid: Occupancy, cells: Indices, tried: Sequence[Places]) -> Indic
     """Those of the cells (n, 2) that were not looked at often enough."""
     if not len(cells):
         return cells
-    places = _centres(grid, cells)
+    places = centres(grid, cells)
     times = np.zeros(len(cells), dtype=int)
     for looked_at in tried:
         near_m, _ = cKDTree(np.array(looked_at)).query(places)
@@ -59,13 +59,14 @@ def still_unseen(
     cells = unseen(grid, least_surface=least_surface)
     if not len(cells):
         return ()
-    near_m, _ = cKDTree(_centres(grid, cells)).query(np.array(places))
+    near_m, _ = cKDTree(centres(grid, cells)).query(np.array(places))
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def _centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
+def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
     """(n, 2), north and east."""
-    return np.array([grid.place((row, column)) for row, column in cells.tolist()])
+    places = [grid.place((row, column)) for row, column in cells.tolist()]
+    return np.array(places).reshape(-1, 2)
 
 
 def frontiers(grid: Occupancy) -> Cells:
