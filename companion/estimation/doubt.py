@@ -1,8 +1,9 @@
-"""Where odometry speaks against what the walls made of the flight.
+"""Where odometry or the gyro speak against what the walls made of the flight.
 
 Hits on a wrong wall pull the trajectory aside, and then fit well. But from one moment to another
-the drone has not moved like that. So what the beams met in a doubtful stretch is forgotten, the
-trajectory bridged by odometry, and the hits given to walls from there:
+the drone has not moved like that, nor has the bias of its gyro. So what the beams met in a doubtful
+stretch is forgotten, the trajectory bridged by odometry, and the hits given to walls from there, by
+narrow gates:
 
     as the walls have it       ●──●╮        ╭●──●
                                     ●──●──●
@@ -16,18 +17,19 @@ Whichever explains all measurements better is kept: it may be odometry that was 
 
 import itertools
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past
+from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.revisits import apart, doubting
-from companion.estimation.smoother import Smoother
+from companion.estimation.smoother import WHOLE, Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
 
 Mask = NDArray[np.bool_]
@@ -40,7 +42,8 @@ TOGETHER_S = 30.0
 the second."""
 MOST_RECONSIDERED = 3
 MOST_TRIED = 4
-BRIDGING_STEPS, MORE_ROUNDS = 2, 3
+BRIDGING_STEPS = 2
+BRIDGED_GATES = (Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 3
 STRETCH_S = 45.0
 MOST_STRETCHES = 4
 """The most strained ones are tried; each needs about as long as smoothing the flight."""
@@ -58,9 +61,9 @@ class Doubt:
     gates: Sequence[Gate]
 
     def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """Where odometry contradicts this one, and in walls that were met again."""
+        """Where odometry or the gyro contradict this one, and in walls that were met again."""
         for _ in range(MOST_RECONSIDERED):
-            doubted = contradicted(estimate.x, self.m, self.smoother.models.odometry)
+            doubted = contradicted(estimate.x, self.m, self.smoother.models)
             if not doubted.any():
                 break
             other = yield from self._without(doubted, estimate)
@@ -108,9 +111,7 @@ class Doubt:
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(x, self.m, wall_of, self.past)
             yield
-        first = replace(self.gates[1], looks=self.gates[0].looks)
-        gates = first, *self.gates[2:][:MORE_ROUNDS]
-        return (yield from self.smoother.smoothing(x, self.m, self.past, gates))
+        return (yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES))
 
     def _apart(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
         """The flight with some hits of a wall on one of their own."""
@@ -139,18 +140,25 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
     return [(frames >= begin[i]) & (frames < end[i]) for i in worst]
 
 
-def contradicted(x: Unknowns, m: Measured, model: OdometryModel) -> Mask:
-    """(k,): the keyframes about which odometry says something else."""
+def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
+    """(k,): the keyframes about which odometry or the gyro say something else.
+
+    Along a wall that steps back by the depth of a pilaster the heading would turn, and odometry
+    hardly notice; but a bias does not move like that.
+    """
     time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])
-    strain_m, variance_m2 = _sums(x, m, model)
+    strain, variance = _sums(x, m, models.odometry)
+    bias_variance = models.gyro.bias_variance_per_s(m.age_s) * m.dt_s
+    strain = np.column_stack([strain, x.poses[:, 3]])
+    variance = np.column_stack([variance, variance, _from_first(bias_variance)])
     against = np.zeros(len(time_s), dtype=bool)
     for span_s in SPANS_S:
         begin = np.arange(np.searchsorted(time_s, time_s[-1] - span_s, side="right"))
         end = np.searchsorted(time_s, time_s[begin] + span_s)
-        strained_m = np.abs(strain_m[end] - strain_m[begin]).max(axis=1, initial=0.0)
-        sigma_m = np.sqrt(variance_m2[end] - variance_m2[begin])
+        strained = np.abs(strain[end] - strain[begin])
+        sigma = np.sqrt(variance[end] - variance[begin])
         known = against.copy()
-        for wrong in np.flatnonzero(strained_m > SIGMAS * sigma_m):
+        for wrong in np.flatnonzero((strained > SIGMAS * sigma).any(axis=1)):
             span = slice(begin[wrong], end[wrong] + 1)
             against[span] |= not known[span].any()
     at = np.flatnonzero(against)
@@ -164,6 +172,9 @@ def _sums(x: Unknowns, m: Measured, model: OdometryModel) -> tuple[Array, Array]
     by_odometry = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
     strain_m = np.zeros((len(x.poses), 2))
     strain_m[1:] = np.cumsum(np.diff(x.poses[:, :2], axis=0) - by_odometry, axis=0)
-    variance_m2 = np.zeros(len(x.poses))
-    variance_m2[1:] = np.cumsum(model.step_sigma_m(m.dt_s) ** 2)
-    return strain_m, variance_m2
+    return strain_m, _from_first(model.step_sigma_m(m.dt_s) ** 2)
+
+
+def _from_first(steps: Array) -> Array:
+    """(k,): the steps (k - 1,) added up from the first keyframe to each."""
+    return np.concatenate([[0.0], np.cumsum(steps)])

@@ -180,15 +180,16 @@ def add_hits(
     )
 
 
-def off_square_rad(x: Unknowns, wall: int, other: int) -> float:
-    """How far two walls are from the nearest multiple of 90°."""
-    angle_rad = float(x.walls[wall, 0] - x.walls[other, 0])
-    return (angle_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4
+def off_square_rad(between_rad: Array) -> Array:
+    """How far angles between walls are from the nearest multiple of 90°."""
+    off_rad: Array = (between_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4
+    return off_rad
 
 
 def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> None:
     """Softly, and softer the farther off it is: not every room is built so."""
-    residual = np.array([off_square_rad(x, wall, other) / SQUARE_SIGMA_RAD])
+    between_rad = x.walls[[wall], 0] - x.walls[[other], 0]
+    residual = off_square_rad(between_rad) / SQUARE_SIGMA_RAD
     per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
     system.add(
         residual,

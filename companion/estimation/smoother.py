@@ -13,7 +13,6 @@ its last part can be solved alone, with what came before as a belief about its f
 that is shared.
 """
 
-import math
 from collections.abc import Generator, Sequence
 
 import numpy as np
@@ -24,6 +23,7 @@ from companion.estimation.bordered import Belief, BorderedSystem, Solution
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past, values
 from companion.estimation.flight_record import NO_WALL
+from companion.estimation.squares import square_pairs
 from companion.estimation.support import Support
 from companion.estimation.unknowns import (
     POSE_SIZE,
@@ -46,7 +46,7 @@ FINAL_GATES = (
 )
 """Of the rounds after the flight. It begins from what was smoothed in flight: wider gates would
 only bring together walls that are not one."""
-FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.1, 1.0, refutes=True)
+FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.05, 0.4, looks=WHOLE, refutes=True)
 """While it flies the filters start from the last smoothing and are not far off.
 
 Without the beams that go through them walls would grow beyond their ends, through rooms, and pull
@@ -54,9 +54,6 @@ at what is met beside them there."""
 HITS_AT_ONCE = 3_000
 """Walls are looked for in so many hits at a time, which bounds memory and time."""
 SQUARE_GATE_M = 0.2
-SQUARE_WITHIN_SIGMAS = 3.0
-SQUARE_WITHIN_RAD = math.radians(3)
-"""Walls that are this near to a right angle, and may be exactly there, seem to be."""
 
 
 class Smoother:
@@ -103,9 +100,14 @@ class Smoother:
                 yield
                 wall_of = self._association.associate(x, m, gate, known)
                 yield
+            before_rad = x.walls[:, 0].copy()
             solution = self.step(x, m, wall_of, past)
             yield
-            square = _square_pairs(x, solution) if gate.across_m <= SQUARE_GATE_M else ()
+            square: tuple[tuple[int, int], ...] = ()
+            if gate.across_m <= SQUARE_GATE_M:
+                at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
+                covariance = solution.shared_covariance[np.ix_(at, at)]
+                square = square_pairs((before_rad, x.walls[:, 0]), covariance)
             solution = self.step(x, m, wall_of, past, square)
             yield
         return Estimate(x, wall_of, solution)
@@ -201,21 +203,3 @@ def at_once(work: Generator[None, None, Estimate]) -> Estimate:
         except StopIteration as end:
             estimate: Estimate = end.value
             return estimate
-
-
-def _square_pairs(x: Unknowns, solution: Solution) -> tuple[tuple[int, int], ...]:
-    """Walls that seem to be at a multiple of 90° to the one whose direction is known best."""
-    if not len(x.walls):
-        return ()
-    at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
-    directions = solution.shared_covariance[np.ix_(at, at)]
-    own = np.diag(directions)
-    surest = int(own.argmin())
-    variance = own + own[surest] - 2 * directions[surest]
-    sigma_rad = np.sqrt(np.maximum(variance, 0.0) + factors.SQUARE_SIGMA_RAD**2)
-    most_rad = np.minimum(SQUARE_WITHIN_RAD, SQUARE_WITHIN_SIGMAS * sigma_rad)
-    return tuple(
-        (wall, surest)
-        for wall in range(len(x.walls))
-        if wall != surest and abs(factors.off_square_rad(x, wall, surest)) < most_rad[wall]
-    )

@@ -16,7 +16,6 @@ from companion.estimation.estimate import Estimate
 from companion.estimation.estimator import Estimator
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord
-from companion.estimation.line_slam import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
@@ -66,7 +65,7 @@ def flight_past_a_cabinet(seed: int) -> tuple[Measured, Array]:
 @given(st.integers(0, 1000))
 def test_what_odometry_measured_is_not_doubted(seed: int) -> None:
     m, poses = flight_past_a_cabinet(seed)
-    assert not contradicted(Unknowns.at(poses, 0.0), m, OdometryModel()).any()
+    assert not contradicted(Unknowns.at(poses, 0.0), m, Models(UNITS)).any()
 
 
 @given(st.integers(0, 1000), st.floats(0.25, 1.0), st.floats(0.4, 3.0))
@@ -76,10 +75,21 @@ def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: 
     k = np.arange(KEYFRAMES)
     ramp = np.minimum(k - 50, 100 - k) * 0.2 / within_s
     poses[:, 0] += aside_m * np.clip(ramp, 0, 1)
-    doubted = contradicted(Unknowns.at(poses, 0.0), m, OdometryModel())
+    doubted = contradicted(Unknowns.at(poses, 0.0), m, Models(UNITS))
     assert doubted[52:99].all()
     assert not doubted[:10].any()
     assert not doubted[-10:].any()
+
+
+@given(st.integers(0, 1000))
+def test_a_heading_that_was_turned_by_a_bias_that_no_gyro_has_is_doubted(seed: int) -> None:
+    """By 3° within the last 15 s, as along a wall that steps back and was taken for one."""
+    m, poses = flight_past_a_cabinet(seed)
+    x = Unknowns.at(poses, 0.0)
+    x.poses[75:, 3] = math.radians(0.4) * np.linspace(0, 1, KEYFRAMES - 75)
+    doubted = contradicted(x, m, Models(UNITS))
+    assert doubted[80:].all()
+    assert not doubted[:50].any()
 
 
 @pytest.mark.parametrize("looking", [Doubt.reconsidering, Doubt.searching])
