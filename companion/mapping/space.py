@@ -8,7 +8,8 @@ half a cell since its rays were drawn, all from there on are drawn again, a piec
                                            |═════════════════════>  drawn again
 
 A stage is a copy of the grid as it was after so many rays. Until the drawing has come to the end,
-the flight goes on with the grid as it was.
+the flight goes on with the grid as it was. Of a long flight the oldest rays are forgotten; what
+they have drawn stays, where it is: so late, only the last part of the flight is still set right.
 """
 
 import math
@@ -25,7 +26,7 @@ Array = NDArray[np.float64]
 
 RAYS_A_PIECE = 200
 MOST_RAYS = 60_000
-"""Twelve minutes of all beams; then every second of the older ones is forgotten."""
+"""Twelve minutes of all beams; then the older half, about, is forgotten."""
 MOVED_M, TURNED_RAD = 0.6 * CELL_M, math.radians(1.0)
 RAYS_AT_ONCE = 12
 """Some ticks' rays are drawn together, which takes hardly longer than one."""
@@ -78,13 +79,14 @@ class Space:
         self._count += 1
 
     def _forget(self) -> None:
-        """Every second of the older half; what they have drawn stays."""
-        half, waiting = self._count // 2, self._count - self._drawn_rays
-        left = np.concatenate([self._rays[:half:2], self._rays[half : self._count]])
-        self._count = len(left)
-        self._rays[: self._count] = left
-        self._drawn_rays = self._count - waiting
-        del self._stages[1:]
+        """Go on from a stage about half way, or from all that was drawn, as if from the start."""
+        stages = [*self._stages[1:], (self._drawn_rays, self._canvas.copy())]
+        half = self._count // 2
+        gone, begun = min(stages, key=lambda stage: abs(stage[0] - half))
+        self._stages = [(0, begun), *((n - gone, grid) for n, grid in stages[:-1] if n > gone)]
+        self._rays = self._rays[gone:].copy()
+        self._count -= gone
+        self._drawn_rays -= gone
 
     def correct(self, keyframes: Array) -> None:
         """The trajectory has been set right: begin anew where that makes a difference."""
@@ -92,10 +94,11 @@ class Space:
         off = keyframes[:known] - self._drawn[:known]
         turned_rad = np.abs((off[:, 2] + math.pi) % math.tau - math.pi)
         moved = (np.hypot(off[:, 0], off[:, 1]) > MOVED_M) | (turned_rad > TURNED_RAD)
+        keyframe_of = self._rays[: self._count, _KEYFRAME]
+        moved[: int(keyframe_of[0]) if self._count else known] = False  # what is forgotten stays
         if not moved.any():
             return
         first = int(moved.argmax())
-        keyframe_of = self._rays[: self._count, _KEYFRAME]
         first_ray = int(np.searchsorted(keyframe_of, first))
         if first_ray < self._drawn_rays:
             while self._stages[-1][0] > first_ray:

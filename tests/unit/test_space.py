@@ -1,0 +1,92 @@
+"""The space around, drawn from rays, and drawn anew when the trajectory has been set right."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.mapping import space as spaces
+from companion.mapping.occupancy import Ray
+from companion.mapping.space import Space
+
+STEP_M, KEYFRAMES = 0.1, 400
+LAST = 40
+"""Keyframes that are set right in the end."""
+
+
+@pytest.fixture
+def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As after an hour of flight."""
+    monkeypatch.setattr(spaces, "MOST_RAYS", 900)
+    monkeypatch.setattr(spaces, "RAYS_A_STAGE", 50)
+
+
+def way_north(count: int = KEYFRAMES) -> np.ndarray:
+    return np.column_stack([STEP_M * np.arange(count), np.zeros(count), np.zeros(count)])
+
+
+def along_a_corridor() -> Space:
+    """Two metres wide; at every keyframe both walls are met, aslant, too."""
+    space, keyframes = Space(), way_north()
+    for k, (north_m, _, _) in enumerate(keyframes.tolist()):
+        rays = [
+            Ray((north_m, 0.0), side * math.radians(deg), 1 / math.sin(math.radians(deg)), *EXACT)
+            for side in (-1, 1)
+            for deg in (60, 90)
+        ]
+        space.add([*rays, Ray((north_m, 0.0), 0.0, 0.5, 0.0, False, 0.0)], keyframes[: k + 1])
+        draw(space)
+    return space
+
+
+EXACT = 0.01, True, 0.0
+
+
+def draw(space: Space) -> None:
+    for _ in range(100):
+        space.advance()
+
+
+def is_known(space: Space, to_m: float) -> bool:
+    """Free all along the middle, and both walls stand."""
+    grid = space.grid
+    places = np.arange(1.0, to_m, STEP_M).tolist()
+    is_free = all(grid.free[grid.cell((north_m, 0.05))] for north_m in places)
+    stands = (
+        grid.nearest_m((north_m, 0.0), 1.3) < 1.15 and grid.nearest_m((north_m, 0.0), 1.3) > 0.85
+        for north_m in places
+    )
+    return is_free and all(stands)
+
+
+@pytest.mark.usefixtures("forgetful")
+def test_what_was_seen_long_ago_stays_as_it_was_drawn() -> None:
+    """The way home of a long flight had faded to single rays when the map was drawn anew."""
+    space = along_a_corridor()
+    assert is_known(space, STEP_M * KEYFRAMES - 1)
+    corrected = way_north()
+    corrected[-LAST:, 0] += 0.3
+    space.correct(corrected)
+    draw(space)
+    assert is_known(space, STEP_M * KEYFRAMES - 1)
+
+
+@pytest.mark.usefixtures("forgetful")
+def test_the_last_part_is_still_set_right() -> None:
+    space, corrected = along_a_corridor(), way_north()
+    corrected[-LAST:, 1] += 0.5
+    space.correct(corrected)
+    draw(space)
+    last_m, grid = STEP_M * (KEYFRAMES - LAST / 2), space.grid
+    assert grid.free[grid.cell((last_m, 1.25))]
+    assert not grid.free[grid.cell((last_m, -0.85))]
+
+
+@pytest.mark.usefixtures("forgetful")
+def test_a_step_of_what_was_forgotten_moves_nothing() -> None:
+    space, corrected = along_a_corridor(), way_north()
+    before = space.grid.free.copy()
+    corrected[:100, 1] += 1.0
+    space.correct(corrected)
+    draw(space)
+    assert (space.grid.free == before).all()
