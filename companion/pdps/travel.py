@@ -8,7 +8,8 @@
     SWEEP
 
     FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
-    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut
+    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut, and
+    home as if its way were wherever it is stuck: a map that is bent leads it into walls
 
 The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
 anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
@@ -26,7 +27,7 @@ from dataclasses import dataclass, replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
-from companion.mapping.occupancy import Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.messages import HOLD, Setpoint
 from companion.pdps.control import stay, turn_towards
 from companion.pdps.doorways import (
@@ -67,6 +68,9 @@ SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
 AT_PLACE_M = 0.5
 """From where it is to stay: a step of the pose is less."""
+AHEAD_M, MOST_SHUT = 0.5, 8
+"""So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
+way."""
 BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
 """So far to either side, slowly enough for a reading every few centimetres."""
 ON_HEADING_RAD = math.radians(5)
@@ -241,16 +245,28 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 
 
 def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
-    """Not through the doorway before which it is stuck."""
+    """Not through the doorway before which it is stuck; home, not on from where it is stuck."""
     here = sight.pose.north_m, sight.pose.east_m
     near = (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M)
-    stuck_at = next(near, None)
+    stuck_at = next(near, None) or _ahead(travel, here)
     if stuck_at is not None:
         avoiding = replace(travel, shut=(*travel.shut, stuck_at), progress_s=sight.pose.time_s)
         ways = _ways(avoiding, here, space, plan)
         if ways.reaches(travel.goal_ne_m):
             return along(ways, avoiding, sight)
     return replace(travel, phase=TravelPhase.GAVE_UP)
+
+
+def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
+    """What it does not get through on its way home, as if it were a doorway; not for ever."""
+    if travel.goal_ne_m != START_NE_M or not travel.way or len(travel.shut) >= MOST_SHUT:
+        return None
+    north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
+    away_m = max(math.hypot(north_m, east_m), CELL_M)
+    unit = north_m / away_m, east_m / away_m
+    ahead_m = min(AHEAD_M, away_m)
+    middle = here[0] + ahead_m * unit[0], here[1] + ahead_m * unit[1]
+    return Doorway(0, middle, unit, AHEAD_M)
 
 
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:

@@ -572,6 +572,22 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
         assert travel.phase is TravelPhase.GAVE_UP
 
 
+@pytest.mark.parametrize(("goal", "goes"), [((0.0, 0.0), True), ((0.0, 0.1), False)])
+def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
+    goal: Place, *, goes: bool
+) -> None:
+    """As what is really there where a map is bent."""
+    travel, grid = Travel(goal, looked_round=True), open_ground()
+    for round_ in range(4):
+        assert travel.phase is not TravelPhase.GAVE_UP
+        seen = sight((2.5, 0.0), yaw_rad=math.pi, time_s=10.0 + 11 * round_)
+        travel, _ = travelling.step(travel, seen, grid, PLAN)
+        if round_ and not goes:
+            break
+    assert (travel.phase is not TravelPhase.GAVE_UP) is goes
+    assert not goes or max(abs(east_m) for _, east_m in travel.way) > 0.5
+
+
 def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway() -> None:
     grid = open_ground()
     for row in range(-40, 41):
