@@ -46,6 +46,9 @@ NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
 """From the nearest thing that stands there to what is worth seeing, and to what may be."""
 OPEN_LOOKS = 6
 """After so many into the open, one after the other, nothing more is expected there."""
+FAR_S, OPEN_WORTH = 20.0, 0.25
+"""When what is worth seeing is farther than this, the open counts, too, by so much: a hall that is
+wider than two ranges is open, until its other side has been seen."""
 Metres = NDArray[np.float64]
 Seconds = NDArray[np.float64]
 
@@ -81,29 +84,33 @@ def looks(
     draw a wall beside itself, where nobody will ever see one.
 
     What only a tight place shows, as a corridor, is left for later, and so is what is small. The
-    open outside has no end: in a building it is looked at last, not far from what stands there, and
-    only while that shows anything; round one not at all. Then come the narrow sides of furniture.
+    open outside has no end: in a building it is looked at only when nothing else is near, not far
+    from what stands there, and only while that shows anything; round one not at all. In the end
+    come the narrow sides of furniture.
     """
     grid = ways.ground.grid
     known = known_cells(grid)
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     for stage in _stages(grid, known, to_occupied_m, plan, tried):
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= stage.least_room_m))
-        if len(stage.targets) and len(views):
-            time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, sight, plan)
-            if found := _best(stage, views, time_s, grid, known):
-                return found
+        time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, sight, plan)
+        is_near = time_s <= stage.most_s
+        if not len(stage.targets) or not is_near.any():
+            continue
+        if found := _best(stage, views[is_near], time_s[is_near], grid, known):
+            return found
     return ()
 
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """What is looked for, (t, 2), and from where."""
+    """What is looked for, (t, 2), what each of it is worth, (t,), and from where."""
 
     targets: Indices
-    least_shown: int
+    worth: NDArray[np.float64]
+    least_shown: float
     least_room_m: float
-    is_open: bool = False
+    most_s: float = math.inf
     least_surface: int = LEAST_SURFACE_CELLS
 
 
@@ -115,16 +122,22 @@ def _stages(
     looked_at = [look.at_ne_m for look in tried]
     targets = unseen(grid, looked_at)
     off_m = to_occupied_m[tuple(targets.T)]
-    worthy = targets[(off_m <= NEAR_SOMETHING_M) | closed_in(known)[tuple(targets.T)]]
-    yield _Stage(worthy, LEAST_SHOWN, ROOM_TO_LOOK_M)
-    yield _Stage(worthy, LEAST_SHOWN, tight_m)
-    yield _Stage(worthy, 1, tight_m)
-    if plan.kind != "exterior" and not _in_vain(tried):
-        is_near = (off_m <= OPEN_WITHIN_M) | ~grid.occupied.any()
-        yield _Stage(targets[is_near], 1, ROOM_TO_LOOK_M, is_open=True)
+    is_worthy = (off_m <= NEAR_SOMETHING_M) | closed_in(known)[tuple(targets.T)]
+    is_open = ~is_worthy & ((off_m <= OPEN_WITHIN_M) | ~grid.occupied.any())
+    is_open &= plan.kind != "exterior" and not _in_vain(tried)
+    worth, is_either = np.where(is_worthy, 1.0, OPEN_WORTH), is_worthy | is_open
+    worthy = targets[is_worthy], worth[is_worthy]
+    either = targets[is_either], worth[is_either]
+    if is_open.any():
+        yield _Stage(*worthy, LEAST_SHOWN, ROOM_TO_LOOK_M, most_s=FAR_S)
+    yield _Stage(*either, LEAST_SHOWN, ROOM_TO_LOOK_M)
+    yield _Stage(*worthy, LEAST_SHOWN, tight_m)
+    yield _Stage(*worthy, 1, tight_m)
+    yield _Stage(*either, OPEN_WORTH, ROOM_TO_LOOK_M)
     small = np.argwhere(vague_surfaces(grid, SMALL_SURFACE_CELLS))
     small = not_tried(grid, small, looked_at)
-    yield _Stage(small, LEAST_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
+    any_of = np.ones(len(small))
+    yield _Stage(small, any_of, LEAST_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
 
 
 def _in_vain(tried: Sequence[Look]) -> bool:
@@ -148,19 +161,20 @@ def _best(
 ) -> tuple[Look, ...]:
     """The places (v, 2) that show most of what is looked for for their time (v,), and so many."""
     every = len(stage.targets) // (MOST_TARGETS + 1) + 1
-    targets = stage.targets[::every]
+    targets, worth = stage.targets[::every], every * stage.worth[::every]
     pairs = sights(grid, known, views, targets)
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
-        shows = np.bincount(pairs[:, 0], minlength=len(views))
-        shows[every * shows < stage.least_shown] = 0
+        shows = np.bincount(pairs[:, 0], worth[pairs[:, 1]], len(views))
+        shows[shows < stage.least_shown] = 0
         best = int(np.argmax(np.sqrt(shows) / time_s))
         if not shows[best]:
             break
         shown = pairs[pairs[:, 0] == best, 1]
         at = tuple(grid.place(_cell(cell)) for cell in targets[shown])
         from_ne_m = grid.place(_cell(views[best]))
-        look = Look(from_ne_m, at, is_open=stage.is_open, least_surface=stage.least_surface)
+        is_open = bool((stage.worth[::every][shown] < 1).all())
+        look = Look(from_ne_m, at, is_open=is_open, least_surface=stage.least_surface)
         found.append(look)
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)

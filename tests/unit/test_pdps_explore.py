@@ -261,6 +261,20 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
         assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
 
 
+@pytest.mark.parametrize(("strip_m", "is_open"), [(10, False), (34, True)])
+def test_the_open_counts_when_all_else_is_far(strip_m: int, is_open: bool) -> None:
+    """A hall wider than two ranges is open, too; only outside it has no end."""
+    here, grid = (1.0, 0.0), open_ground(4.0)
+    pillar = tuple((0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5))
+    grid.block((0.0, 0.0), 0.3)
+    for north_m in range(4, strip_m, 2):
+        look_round(grid, (float(north_m), 0.0), 2.0, hit=False)
+    grid.block((strip_m + 1.0, 0.0), 0.3)
+    seen_enough = (Look((1.5, 0.0), pillar),) * TRIES
+    found = looks(ways_from(grid, here), sight(here), PLAN, seen_enough)
+    assert found[0].is_open == is_open
+
+
 def test_when_look_after_look_into_the_open_shows_nothing_it_is_let_be() -> None:
     ways, inside = ways_from(open_ground(), (0.0, 0.0)), Look((0.0, 0.0), ((9.0, 9.0),))
     into_the_open = replace(inside, is_open=True)
