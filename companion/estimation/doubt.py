@@ -128,10 +128,10 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
 
     By the χ² of its steps: what walls that are right do to it is about the same everywhere.
     """
-    time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])
+    time_s = _from_first(m.dt_s)
     strain_m, variance_m2 = _sums(x, m, model)
     square = (np.diff(strain_m, axis=0) ** 2).sum(axis=1) / np.diff(variance_m2)
-    total = np.concatenate([[0.0], np.cumsum(square)])
+    total = _from_first(square)
     begin_s = np.arange(-STRETCH_S / 2, time_s[-1], STRETCH_S / 2)
     begin, end = np.searchsorted(time_s, [begin_s, begin_s + STRETCH_S])
     end = np.minimum(end, len(total) - 1)
@@ -146,7 +146,7 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     Along a wall that steps back by the depth of a pilaster the heading would turn, and odometry
     hardly notice; but a bias does not move like that.
     """
-    time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])
+    time_s = _from_first(m.dt_s)
     strain, variance = _sums(x, m, models.odometry)
     bias_variance = models.gyro.bias_variance_per_s(m.age_s) * m.dt_s
     strain = np.column_stack([strain, x.poses[:, 3]])

@@ -92,10 +92,12 @@ def looks(
     known = known_cells(grid)
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
     for stage in _stages(grid, known, to_occupied_m, plan, tried):
+        if not len(stage.targets):
+            continue
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= stage.least_room_m))
         time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, sight, plan)
         is_near = time_s <= stage.most_s
-        if not len(stage.targets) or not is_near.any():
+        if not is_near.any():
             continue
         if found := _best(stage, views[is_near], time_s[is_near], grid, known):
             return found

@@ -8,8 +8,8 @@
     SWEEP
 
     FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
-    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut, and
-    home as if its way were wherever it is stuck: a map that is bent leads it into walls
+    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut; and
+    on its way home as if any place that it is stuck at were: a map that is bent leads into walls
 
 The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
 anew where it is not free any more; after a while in any case, as there may be a shorter one; and if

@@ -12,6 +12,8 @@ from companion.mapping.space import Space
 STEP_M, KEYFRAMES = 0.1, 400
 LAST = 40
 """Keyframes that are set right in the end."""
+EXACT = 0.01, True, 0.0
+"""Sigma, a hit, and when."""
 
 
 @pytest.fixture
@@ -21,8 +23,8 @@ def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(spaces, "RAYS_A_STAGE", 50)
 
 
-def way_north(count: int = KEYFRAMES) -> np.ndarray:
-    return np.column_stack([STEP_M * np.arange(count), np.zeros(count), np.zeros(count)])
+def way_north() -> np.ndarray:
+    return np.outer(np.arange(KEYFRAMES), (STEP_M, 0.0, 0.0))
 
 
 def along_a_corridor() -> Space:
@@ -39,9 +41,6 @@ def along_a_corridor() -> Space:
     return space
 
 
-EXACT = 0.01, True, 0.0
-
-
 def draw(space: Space) -> None:
     for _ in range(100):
         space.advance()
@@ -52,10 +51,7 @@ def is_known(space: Space, to_m: float) -> bool:
     grid = space.grid
     places = np.arange(1.0, to_m, STEP_M).tolist()
     is_free = all(grid.free[grid.cell((north_m, 0.05))] for north_m in places)
-    stands = (
-        grid.nearest_m((north_m, 0.0), 1.3) < 1.15 and grid.nearest_m((north_m, 0.0), 1.3) > 0.85
-        for north_m in places
-    )
+    stands = (0.85 < grid.nearest_m((north_m, 0.0), 1.3) < 1.15 for north_m in places)
     return is_free and all(stands)
 
 
