@@ -41,12 +41,15 @@ SEEN_THROUGH_M = 0.30
 """A beam that goes on so far beyond a point has shown that nothing is there any more,"""
 PASSES, TOGETHER_M = 2, 0.20
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
-goes past its edge as near as that."""
+goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
 ALIAS_ASIDE_M = 0.12
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
-_MET_S, _MEASURED, _PASSED = 2, 3, 4
+_MET_S, _KNOWN, _PASSED = 2, 3, 4
+_GUESSED, _TOO_STRONG, _MEASURED = 0.0, 0.5, 1.0
+"""How well a point is known. A signal stronger than that of the least distance is proof that
+something is there, not of where; a reading that seems to have folded back is proof of neither."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,8 +64,8 @@ class Surroundings:
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 5): north, east, when it was met, 1 if it was measured, 0 if guessed, which must not be
-    proof of the next; and how often a beam has gone through since.
+    (n, 5): north, east, when it was met, how well it is known, and how often a beam has gone
+    through since.
     """
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
@@ -120,15 +123,15 @@ class Near:
             unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
             from_m, to_m = _seen_through_m(unfolded, unit)
-            beyond = along_m > np.where(self._points[:, _MEASURED] > 0, from_m, 0.0)
+            beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
             passed |= (aside_m < BESIDE_BEAM_M) & beyond & (along_m < to_m)
             end_m = _end_m(unfolded, known_m, unit.offset_m)
             if end_m is not None:
-                met.append((end_m * cos_b, end_m * sin_b, unfolded.is_distance))
+                met.append((end_m * cos_b, end_m * sin_b, _how_known(reading, unfolded)))
         self._points[passed, _PASSED] += 1
         self._points = self._points[~self._gone()]
-        for forward_m, right_m, is_measured in met:
-            self._put(forward_m, right_m, scan.time_s, is_measured)
+        for forward_m, right_m, known in met:
+            self._put(forward_m, right_m, scan.time_s, known)
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
@@ -138,10 +141,12 @@ class Near:
         if not doubted.any():
             return doubted
         gone = doubted.copy()
-        there = self._points[~doubted, :2]
-        for at in np.flatnonzero(doubted) if len(there) else ():
-            off_m = there - self._points[at, :2]
-            gone[at] = (off_m * off_m).sum(axis=1).min() > TOGETHER_M**2
+        there = self._points[~doubted]
+        for at in np.flatnonzero(doubted):
+            off_m = there[:, :2] - self._points[at, :2]
+            is_beside = (off_m * off_m).sum(axis=1) < TOGETHER_M**2
+            is_newer = there[:, _MET_S] > self._points[at, _MET_S] + OLD_S
+            gone[at] = not (is_beside & ~is_newer).any()
         return gone
 
     def _forget(self, now_s: float) -> None:
@@ -152,23 +157,24 @@ class Near:
 
     def _known_m(self, along_m: Points, aside_m: Points) -> float:
         """To the nearest thing measured along a beam; infinite without any."""
-        known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & (self._points[:, _MEASURED] > 0)
+        is_measured = self._points[:, _KNOWN] == _MEASURED
+        known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & is_measured
         return float(along_m[known].min(initial=math.inf))
 
-    def _put(self, forward_m: float, right_m: float, time_s: float, is_measured: bool) -> None:
+    def _put(self, forward_m: float, right_m: float, time_s: float, known: float) -> None:
         north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
         place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
         off_m = self._points[:, :2] - place
         off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _MET_S] > OLD_S
-        measured = self._points[:, _MEASURED]
-        known = ~is_old & (off_m2 < SAME_M**2) & (measured >= is_measured)
-        if known.any():
-            self._points[known, _PASSED] = 0
+        no_better = self._points[:, _KNOWN] <= known
+        stays = ~is_old & (off_m2 < SAME_M**2) & (self._points[:, _KNOWN] >= known)
+        if stays.any():
+            self._points[stays, _PASSED] = 0
             return
         same_m = np.where(is_old, SAME_OLD_M, SAME_M)
-        again = (off_m2 < same_m**2) & (measured <= is_measured)  # no guess for what was measured
-        self._points = np.vstack([self._points[~again], (*place, time_s, is_measured, 0)])
+        again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
+        self._points = np.vstack([self._points[~again], (*place, time_s, known, 0)])
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
@@ -194,6 +200,12 @@ def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
     if reading.state is RangeState.NOTHING:
         return 0.0, model.max_m - SEEN_THROUGH_M
     return 0.0, 0.0
+
+
+def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
+    if unfolded.is_distance:
+        return _MEASURED
+    return _TOO_STRONG if raw.state is RangeState.TOO_NEAR else _GUESSED
 
 
 def _end_m(reading: RangeReading, known_m: float, offset_m: float) -> float | None:
