@@ -10,13 +10,15 @@ from scipy.spatial import cKDTree
 
 from companion.frames import Vector2
 from sitl.world.format import Segment, World
-from sitl.world.model import BODY_RADIUS_M, WorldModel
+from sitl.world.model import WorldModel
 
 Points = NDArray[np.float64]
 
 SAMPLE_M = 0.05
 CELL_M = 0.15
 """Of the grid over which the drone is moved about."""
+NARROWEST_DOOR_M = 0.9
+"""It need not go through what is narrower: openings like that are marked, not entered."""
 OUTSIDE_M = 1.0
 """The drone need go no farther out than this: outside, once round."""
 SEEN_FROM_M = 1.5
@@ -66,8 +68,8 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
 
 
 def _reachable(world: World, height_m: float, start: Vector2) -> Points:
-    """Cell centres that the drone's body can be brought to at this height, (n, 2)."""
-    model = WorldModel(world)
+    """Cell centres that the drone can be brought to through doors at this height, (n, 2)."""
+    model, half_door_m = WorldModel(world), NARROWEST_DOOR_M / 2 - CELL_M / 2
     (south, west), (north, east) = _bounds_with(world, start)
     waiting = deque([(0, 0)])
     free = {(0, 0)}
@@ -79,7 +81,7 @@ def _reachable(world: World, height_m: float, start: Vector2) -> Points:
                 south - OUTSIDE_M < place[0] < north + OUTSIDE_M
                 and west - OUTSIDE_M < place[1] < east + OUTSIDE_M
             )
-            if inside and cell not in free and model.clearance_m(place) > BODY_RADIUS_M:
+            if inside and cell not in free and model.clearance_m(place) > half_door_m:
                 free.add(cell)
                 waiting.append(cell)
     return np.array(start) + CELL_M * np.array(sorted(free), dtype=float)

@@ -147,8 +147,8 @@ class Drone:
         self._north_m = self._time_s = 0.0
         self.move(0.0)
 
-    def move(self, north_m: float) -> None:
-        self._time_s += 0.05
+    def move(self, north_m: float, in_s: float = 0.05) -> None:
+        self._time_s += in_s
         self._north_m += north_m
         position = self._north_m, 0.0, -1.2
         odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
@@ -188,6 +188,22 @@ def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None
         drone.see(right=at(3.5))
         drone.move(0.002)
     assert len(drone.points) == 5
+
+
+def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    for _ in range(5):
+        drone.see(right=at(1.2))
+        drone.move(0.05)
+    drone.move(-0.45, in_s=60.0)
+    for _ in range(8):  # it ends 0.2 m sooner than odometry says
+        drone.see(right=at(1.2))
+        drone.move(0.025)
+    for _ in range(2 * 12):
+        drone.see(right=at(3.5))
+        drone.move(0.01)
+    ahead_m = max(forward_m for forward_m, _ in drone.points)
+    assert ahead_m == pytest.approx(-0.24 - 0.025, abs=0.03)
 
 
 def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
@@ -278,6 +294,17 @@ def test_a_sensor_that_does_not_fold_is_believed() -> None:
     drone = Drone(near(PAPER, 0.0))
     drone.see(front=at(0.4))
     assert drone.see(front=at(1.1)).readings[Beam.FRONT].is_distance
+
+
+def test_what_is_too_near_by_its_signal_stays_while_readings_may_have_folded() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=RangeReading(RangeState.TOO_NEAR))
+    for _ in range(5):
+        drone.see(front=at(1.6))
+    assert len(drone.points) == 2
+    for _ in range(5):
+        drone.see(front=RangeReading(RangeState.NOTHING))
+    assert drone.points == []
 
 
 def test_what_suddenly_is_too_near_is_kept_off_from() -> None:

@@ -195,6 +195,18 @@ DOOR = World.model_validate(
 )
 
 
+@pytest.mark.parametrize(("width_m", "beyond"), [(0.7, False), (0.9, True), (1.0, True)])
+def test_what_lies_behind_a_door_counts_if_it_is_as_wide_as_a_drone_has_to_pass(
+    width_m: float, beyond: bool
+) -> None:
+    door = DOOR.walls[1].doors[0].model_copy(update={"width_m": width_m})
+    wall = DOOR.walls[1].model_copy(update={"doors": (door,)})
+    world = DOOR.model_copy(update={"walls": (DOOR.walls[0], wall)})
+    for north_m in (1.9, 1.95, 2.0, 2.05):
+        points = seeable_points(world, 1.2, (north_m, 2.0))
+        assert (points[:, 1].max() > 7.9) == beyond
+
+
 def test_a_door_is_open_below_its_lintel() -> None:
     model = WorldModel(DOOR)
     east = (0.0, 1.0, 0.0)
