@@ -36,6 +36,9 @@ PEAK_M = 0.15
 BEHIND_M, LOOKED_ASIDE_M, LOOKED_S = 0.15, 0.07, 6.0
 """If a beam has gone through so far behind a place, so near to it and so lately, nothing stands
 there. Not longer ago: beside a wall odometry wanders by decimetres in ten seconds."""
+HULL_M = 0.15
+"""Nor does anything stand so near to where the drone's centre was a moment ago: what beside an edge
+reads far, and seems to have folded, would follow it."""
 Array = NDArray[np.float64]
 Readings = Mapping[Beam, RangeReading]
 
@@ -68,7 +71,7 @@ class Folds:
         off_m, alias_off_m = abs(known_m - reading.distance_m), abs(known_m - alias_m)
         comes_near = beam in self._over_peak and abs(alias_m - was_m) < GOES_ON_M
         has_folded = alias_off_m <= min(ALIAS_M, off_m) or (
-            comes_near and off_m > KNOWN_M and not self._is_looked_at(beam, alias_m)
+            comes_near and off_m > KNOWN_M and not self._is_free(beam, alias_m)
         )
         if reading.is_distance and has_folded:
             reading = RangeReading(RangeState.TOO_NEAR, alias_m)
@@ -80,17 +83,21 @@ class Folds:
             self._over_peak.add(beam)
         return reading
 
-    def _is_looked_at(self, beam: Beam, distance_m: float) -> bool:
-        """Beams have gone through what lies behind a place so far from a sensor, along its beam.
+    def _is_free(self, beam: Beam, distance_m: float) -> bool:
+        """At a place so far from a sensor, along its beam, nothing stands.
 
-        Not only past it: along a wall beams graze its corner.
+        The drone was there, or beams have gone through what lies behind it. Not only past it: along
+        a wall beams graze its corner.
         """
+        unit_ne = self._unit_ne(beam)
         off_m = self._ne_m - self._looked[:, :2]
-        off_m += (distance_m + BEHIND_M + self._units[beam].offset_m) * self._unit_ne(beam)
+        off_m += (distance_m + self._units[beam].offset_m) * unit_ne
+        was_there = (off_m * off_m).sum(axis=1) < HULL_M**2
+        off_m += BEHIND_M * unit_ne
         along_m = (off_m * self._looked[:, 2:4]).sum(axis=1)
         aside_m = np.abs(off_m[:, 0] * self._looked[:, 3] - off_m[:, 1] * self._looked[:, 2])
         through = (along_m > 0) & (along_m < self._looked[:, 4] - LOOKED_ASIDE_M)
-        return bool((through & (aside_m < LOOKED_ASIDE_M)).any())
+        return bool((was_there | through & (aside_m < LOOKED_ASIDE_M)).any())
 
     def look(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
         """Note what the beams went through, also before what is too near by its signal."""

@@ -154,6 +154,9 @@ class Drone:
         odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
         self.near.move(odometry)
 
+    def turn_to(self, heading_rad: float) -> None:
+        self.near.turn_to(heading_rad)
+
     def see(self, **readings: RangeReading) -> RangeScan:
         return self.near.see(scan(self._time_s, **readings))
 
@@ -278,6 +281,17 @@ def test_what_stands_behind_the_end_of_a_near_wall_is_believed(behind_m: float) 
     metres = [0.6] * 20 + [behind_m] * 20
     last = beside_a_wall(metres)[-1]
     assert last.distance_m == pytest.approx(behind_m, abs=0.15)
+
+
+def test_what_is_far_beside_an_edge_does_not_follow_the_drone() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # as a wide beam reads there
+        drone.turn_to(math.radians(degree))
+        drone.see(front=GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(float(between_m))))
+    for _ in range(30):
+        drone.move(-0.005)
+        last = drone.see(front=at(4.0))
+    assert last.readings[Beam.FRONT].is_distance
 
 
 @pytest.mark.parametrize("guess_m", [0.25, 0.55])
