@@ -39,6 +39,9 @@ from companion.values import value
 
 QUARTER_TURN_RAD = math.pi / 2
 ON_HEADING_RAD = math.radians(2.5)
+ROUND_CORNER_RAD = math.radians(15)
+"""When no more than this is left of a corner's turn, the drone already sets off along the next
+wall: the right beam looks there."""
 AT_STANDOFF_M = 0.10
 STANDOFF_WITHIN_S = 30.0
 """When it has not come there by then, something keeps the drone off."""
@@ -211,12 +214,17 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
             corner_readings=0,
         )
         return turned, Setpoint()
+    along = _along_wall(scan, sight, plan)
+    return scan, replace(along, yaw_rate_rad_s=_swing_rate(scan, sight, plan))
+
+
+def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
+    """At the stand-off, up to where the next wall begins."""
     towards_m_s = keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s)
+    gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
     along_m_s = approach_speed(gap_m, plan.speed_m_s)
-    forward_m_s, right_m_s = ned_to_frd(
-        towards_m_s, along_m_s, wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
-    )
-    return scan, Setpoint(forward_m_s, right_m_s, yaw_rate_rad_s=_swing_rate(scan, sight, plan))
+    off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
+    return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
 
 
 def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
@@ -274,8 +282,11 @@ def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomSca
 
 def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     if _on_heading(scan, sight):
-        return replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1), Setpoint()
-    return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+        scan = replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1)
+        return scan, _along_wall(scan, sight, plan)
+    is_nearly_round = abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ROUND_CORNER_RAD
+    moving = _along_wall(scan, sight, plan) if is_nearly_round else Setpoint()
+    return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
 def _closed(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
