@@ -65,7 +65,7 @@ half a metre aside from two metres ahead on."""
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
 HALF_WAY_M = 0.5
-SWEEP_RAD, ON_SWEEP_RAD = math.radians(55), math.radians(5)
+SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
 
