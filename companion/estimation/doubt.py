@@ -148,9 +148,8 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     """
     time_s = _from_first(m.dt_s)
     strain, variance = _sums(x, m, models.odometry)
-    bias_variance = models.gyro.bias_variance_per_s(m.age_s) * m.dt_s
-    strain = np.column_stack([strain, x.poses[:, 3]])
-    variance = np.column_stack([variance, variance, _from_first(bias_variance)])
+    strain = np.column_stack([strain, x.poses[:, 3] - _from_first(m.bias_moved_rad_s)])
+    variance = np.column_stack([variance, variance, _from_first(models.bias_variance(m))])
     against = np.zeros(len(time_s), dtype=bool)
     for span_s in SPANS_S:
         begin = np.arange(np.searchsorted(time_s, time_s[-1] - span_s, side="right"))

@@ -64,6 +64,5 @@ class Estimate:
 
 def values(x: Unknowns, frame: int) -> Array:
     """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
-    scales = x.gyro_scale, x.odometry_scale, x.told_bias, x.told_scale
-    shared = *scales, *x.range_gain, *x.walls.ravel()
+    shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
     return np.array([*x.poses[frame], *shared])

@@ -19,7 +19,7 @@ from companion.estimation.restart import restart
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.support import Support
 from companion.estimation.traced import Traced
-from companion.estimation.unknowns import Measured, Unknowns
+from companion.estimation.unknowns import Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.known_walls import KnownWalls
@@ -208,7 +208,7 @@ class Estimator:
         if len(self.record.frames) < 2:
             return None
         smoother = self._smoother
-        m = Measured.of(self.record, self.models.ranges)
+        m = smoother.measured(self.record)
         x = self._as_flown()
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)

@@ -2,14 +2,9 @@
 
 odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) / (1 + s) - d_k
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
-bias       b_{k+1} - b_k
-told       ψ_k - (1 - h)·T_k + c·t_k
+bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyros.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
 square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
-
-T is how far the autopilot says the drone has turned since it left the ground, where it did not
-turn; c and h are the bias and scale of its gyro. That has long been warm when ours takes off and
-begins to settle: it holds the heading of the first moments, before walls do.
 
 The scale stands beside the true motion, not beside the noisy one that was measured: noise times
 scale would be least, and the scale too small, where walls only tell of motion across the path.
@@ -24,6 +19,7 @@ from companion.estimation.bordered import BorderedSystem
 from companion.estimation.heading import GyroModel
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
+from companion.estimation.two_gyros import ToldModel
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
@@ -34,25 +30,13 @@ from companion.estimation.unknowns import (
     project,
 )
 
-GYRO_SCALE, ODOMETRY_SCALE, TOLD_BIAS, TOLD_SCALE, GAINS = range(5)
+GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
 WALLS = GAINS + len(BEAMS)
 """Places of the shared unknowns."""
 CAUCHY_SIGMAS = 2.0
 LEAST_SIGMA = 1e-4
 SQUARE_SIGMA_RAD = math.radians(0.5)
 """How exactly rooms are built."""
-
-
-@dataclass(frozen=True, slots=True)
-class ToldModel:
-    """How far the autopilot's heading may be trusted."""
-
-    bias_sigma_rad_s: float = math.radians(0.1)
-    scale_sigma: float = 0.02
-    sigma_rad: float = math.radians(0.5)
-    """Of one that was told: it comes late by some milliseconds, and more so as it goes on."""
-    lasts_s: float = 60.0
-    """For so long its bias stays what it is."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +49,19 @@ class Models:
     gyro: GyroModel = field(default_factory=GyroModel)
     odometry: OdometryModel = field(default_factory=OdometryModel)
     told: ToldModel = field(default_factory=ToldModel)
+
+    def bias_variance(self, m: Measured) -> Array:
+        """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².
+
+        Where two gyros tell, that is only what the other one's moves; but at take-off, before they
+        do, motors shake ours at once.
+        """
+        alone = self.gyro.bias_variance_per_s(m.age_s)
+        per_s = np.where(m.is_steadied, self.told.bias_walk_rad_s_sqrt_s**2, alone)
+        takes_off = m.is_steadied & np.diff(m.is_steadied, prepend=False)
+        variance: Array = per_s * m.dt_s
+        variance += np.where(takes_off, self.gyro.settling_variance(m.age_s), 0.0)
+        return variance
 
 
 def new_system(x: Unknowns) -> BorderedSystem:
@@ -101,33 +98,21 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
         )
 
 
-def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, model: GyroModel) -> None:
+def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, models: Models) -> None:
     p = x.poses
     at = POSE_SIZE * np.arange(len(p) - 1)
     after = at + POSE_SIZE
     one = np.ones(len(at))
     system.add(
         p[1:, 2] - p[:-1, 2] - (1 - x.gyro_scale) * m.turned_rad + p[:-1, 3] * m.dt_s,
-        model.rate_noise_rad_s_sqrt_hz * np.sqrt(m.dt_s),
+        models.gyro.rate_noise_rad_s_sqrt_hz * np.sqrt(m.dt_s),
         [(at + 2, -one), (after + 2, one), (at + 3, m.dt_s)],
         [(GYRO_SCALE, m.turned_rad)],
     )
     system.add(
-        p[1:, 3] - p[:-1, 3],
-        np.sqrt(model.bias_variance_per_s(m.age_s) * m.dt_s),
+        p[1:, 3] - p[:-1, 3] - m.bias_moved_rad_s,
+        np.sqrt(models.bias_variance(m)),
         [(at + 3, -one), (after + 3, one)],
-    )
-
-
-def add_told(system: BorderedSystem, x: Unknowns, m: Measured, model: ToldModel) -> None:
-    used = np.flatnonzero(np.isfinite(m.told_rad) & (m.told_age_s < model.lasts_s))
-    told_rad, age_s = m.told_rad[used], m.told_age_s[used]
-    residual = x.poses[used, 2] - (1 - x.told_scale) * told_rad + x.told_bias * age_s
-    system.add(
-        residual,
-        model.sigma_rad * _cauchy(residual / model.sigma_rad),
-        [(POSE_SIZE * used + 2, np.ones(len(used)))],
-        [(TOLD_SCALE, told_rad), (TOLD_BIAS, age_s)],
     )
 
 

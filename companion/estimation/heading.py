@@ -53,9 +53,14 @@ class GyroModel:
 
         What settling adds comes to its sigma in the end: ∫ 2σ²/τ exp(-2t/τ) dt = σ².
         """
-        settling = 2 * self.settling_sigma_rad_s**2 / self.settling_s
+        settling = 2 / self.settling_s * self.settling_variance(age_s)
+        variance: Array = settling + self.bias_walk_rad_s_sqrt_s**2
+        return variance
+
+    def settling_variance(self, age_s: Array) -> Array:
+        """What settling still adds from then on, (rad/s)²."""
         fading = np.exp(-2 * np.asarray(age_s) / self.settling_s)
-        variance: Array = settling * fading + self.bias_walk_rad_s_sqrt_s**2
+        variance: Array = self.settling_sigma_rad_s**2 * fading
         return variance
 
 

@@ -24,7 +24,7 @@ from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoother import FLYING_GATES, Smoother
 from companion.estimation.support import Support
-from companion.estimation.unknowns import POSE_SIZE, Array, Measured, Unknowns
+from companion.estimation.unknowns import POSE_SIZE, Array, Unknowns
 from companion.frames import Vector2
 
 PERIOD_S = 4.0
@@ -103,7 +103,7 @@ class InFlightSmoothing:
         self, record: FlightRecord, walls: Walls, is_whole: bool
     ) -> Generator[None, None, Improved]:
         smoother = self._smoother
-        m = Measured.of(record, smoother.models.ranges)
+        m = smoother.measured(record)
         poses = record.poses.copy()
         time_s = float(record.frames[-1, FrameColumn.TIME_S])
         raw_ne_m, raw_yaw_rad = record.raw
@@ -134,6 +134,4 @@ def begin_at(x: Unknowns, past: Past) -> None:
     x.poses[:, 3] = pose[3]
     x.gyro_scale = float(shared[factors.GYRO_SCALE])
     x.odometry_scale = float(shared[factors.ODOMETRY_SCALE])
-    x.told_bias = float(shared[factors.TOLD_BIAS])
-    x.told_scale = float(shared[factors.TOLD_SCALE])
     x.range_gain = shared[factors.GAINS : factors.WALLS].copy()

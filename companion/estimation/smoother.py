@@ -4,7 +4,7 @@ The filters must decide at every moment; a wall seen early can be set right by w
 Unknowns (`unknowns.py`), solved together by Gauss-Newton (`factors.py`, `bordered.py`):
 
     keyframes k: position p_k, heading ψ_k, gyro bias b_k
-    gyro scale g, odometry scale s, gain error γ of each range unit; the autopilot's gyro h, c
+    gyro scale g, odometry scale s, gain error γ of each range unit
     walls i: direction of the normal α_i, offset ρ_i           wall i: {p : p·n(α_i) = ρ_i}
 
 Which hit belongs to which wall is decided anew in every round, with an ever narrower gate
@@ -22,9 +22,10 @@ from companion.estimation.association import Association
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past, values
-from companion.estimation.flight_record import NO_WALL
+from companion.estimation.flight_record import NO_WALL, FlightRecord
 from companion.estimation.squares import square_pairs
 from companion.estimation.support import Support
+from companion.estimation.two_gyros import steadied
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
@@ -63,10 +64,14 @@ class Smoother:
         self.models, self.support = models, support
         self._association = Association(models.ranges, support)
 
+    def measured(self, record: FlightRecord) -> Measured:
+        """All that was recorded so far, and what two gyros tell that one does not."""
+        m = Measured.of(record, self.models.ranges)
+        return steadied(m, self.models.gyro, self.models.told)
+
     def from_start(self, start: Array) -> Past:
         """Before anything was seen: the first pose is `start` (3,), by definition of the frame."""
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
-        told = self.models.told
         at = np.array([*start, self.models.rest_bias_rad_s, *np.zeros(factors.WALLS)])
         sigma = np.array(
             [
@@ -74,8 +79,6 @@ class Smoother:
                 gyro.bias_sigma_rad_s,
                 gyro.scale_sigma,
                 odometry.scale_sigma,
-                told.bias_sigma_rad_s,
-                told.scale_sigma,
                 *(ranges.gain_sigma + factors.LEAST_SIGMA),
             ]
         )
@@ -144,8 +147,6 @@ class Smoother:
         x.poses += solution.chained.reshape(-1, POSE_SIZE)
         x.gyro_scale += float(shared[factors.GYRO_SCALE])
         x.odometry_scale += float(shared[factors.ODOMETRY_SCALE])
-        x.told_bias += float(shared[factors.TOLD_BIAS])
-        x.told_scale += float(shared[factors.TOLD_SCALE])
         x.range_gain += shared[factors.GAINS : factors.WALLS]
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
@@ -177,11 +178,10 @@ class Smoother:
         return now, Estimate(x, wall_of, solution)
 
     def motion(self, x: Unknowns, m: Measured) -> BorderedSystem:
-        """What odometry and gyros say, without any wall."""
+        """What odometry and the gyro say, without any wall."""
         system = factors.new_system(x)
         factors.add_odometry(system, x, m, self.models.odometry)
-        factors.add_gyro(system, x, m, self.models.gyro)
-        factors.add_told(system, x, m, self.models.told)
+        factors.add_gyro(system, x, m, self.models)
         return system
 
     def system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:

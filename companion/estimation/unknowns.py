@@ -29,10 +29,6 @@ class Unknowns:
     odometry_scale: float
     range_gain: Array
     """(beams,): how much too far each unit reads, relative."""
-    told_bias: float = 0.0
-    """Of the heading that the autopilot tells, rad/s,"""
-    told_scale: float = 0.0
-    """and of how far it turns."""
 
     @classmethod
     def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
@@ -88,8 +84,10 @@ class Measured:
     """(k - 1,)."""
     told_rad: Array
     """(k,): turned since take-off by the autopilot; not a number where it did not tell."""
-    told_age_s: Array
-    """(k,): since it first told."""
+    bias_moved_rad_s: Array
+    """(k - 1,): by how much the gyro's bias has moved, where that is known,"""
+    is_steadied: NDArray[np.bool_]
+    """(k - 1,): and where that is."""
     frame: Indices
     """(n,): of each hit its keyframe."""
     beam: Indices
@@ -109,15 +107,14 @@ class Measured:
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
         beam = hits[:, HitColumn.BEAM].astype(np.int64)
-        told_rad = frames[:, FrameColumn.TOLD_RAD]
-        told_s = time_s[np.isfinite(told_rad)]
         return cls(
             dt_s=np.diff(time_s),
             age_s=time_s[1:] - time_s[:1],
             moved_frd_m=frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1],
             turned_rad=frames[1:, FrameColumn.TURNED_RAD],
-            told_rad=told_rad,
-            told_age_s=time_s - (told_s[0] if len(told_s) else 0.0),
+            told_rad=frames[:, FrameColumn.TOLD_RAD],
+            bias_moved_rad_s=np.zeros(len(frames) - 1),
+            is_steadied=np.zeros(len(frames) - 1, dtype=bool),
             frame=hits[:, HitColumn.FRAME].astype(np.int64),
             beam=beam,
             offset_frd_m=hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1],
@@ -140,7 +137,8 @@ class Measured:
             self.moved_frd_m[motion],
             self.turned_rad[motion],
             self.told_rad[first:end],
-            self.told_age_s[first:end],
+            self.bias_moved_rad_s[motion],
+            self.is_steadied[motion],
             self.frame[hits] - first,
             self.beam[hits],
             self.offset_frd_m[hits],
