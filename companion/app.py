@@ -54,11 +54,11 @@ EXPLORING_PHASES = frozenset(
 """In these the space around is drawn."""
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
 """What is near, floor and ceiling are told on the ground already."""
-MAPPING_PHASES = EXPLORING_PHASES | {Phase.TAKE_OFF}
-"""In these walls are looked for.
+END_OF_CLIMB_M = 0.3
+"""So near to its height the drone begins to look for walls.
 
-From the ground it sees what stands before a wall, a box or a bed: hundreds of readings, all alike,
-which would be taken for the wall.
+From the ground and in the climb it sees what stands before a wall, a box or a bed: hundreds of
+readings, all alike, which would be taken for the wall.
 """
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
@@ -206,7 +206,7 @@ class App:
         if self.estimator is None:
             return Pose(now_s, 0.0, 0.0, 0.0, 0.0)
         if self.flight.phase in SEEING_PHASES:
-            is_mapping = self.flight.phase in MAPPING_PHASES
+            is_mapping = self._is_mapping(self.estimator)
             self.estimator.see(inputs.scan if is_mapping else replace(inputs.scan, readings={}))
             if (below := inputs.scan.readings.get(Beam.DOWN)) is not None:
                 self.estimator.see_floor(below, self._config.sensors.mount_offset_m)
@@ -214,6 +214,11 @@ class App:
             self._draw(self.estimator, inputs.scan)
             self.estimator.improve(now_s)
         return self.estimator.pose(now_s)
+
+    def _is_mapping(self, estimator: Estimator) -> bool:
+        if self.flight.phase is not Phase.TAKE_OFF:
+            return self.flight.phase in EXPLORING_PHASES
+        return estimator.height_m > self._config.mission.height_m - END_OF_CLIMB_M
 
     def _draw(self, estimator: Estimator, scan: RangeScan) -> None:
         """Heights and cells; these are drawn anew whenever the trajectory has been set right."""

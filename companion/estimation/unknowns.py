@@ -106,15 +106,16 @@ class Measured:
         """All that was recorded so far."""
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
+        dt_s = np.diff(time_s)
         beam = hits[:, HitColumn.BEAM].astype(np.int64)
         return cls(
-            dt_s=np.diff(time_s),
+            dt_s=dt_s,
             age_s=time_s[1:] - time_s[:1],
             moved_frd_m=frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1],
             turned_rad=frames[1:, FrameColumn.TURNED_RAD],
             told_rad=frames[:, FrameColumn.TOLD_RAD],
-            bias_moved_rad_s=np.zeros(len(frames) - 1),
-            is_steadied=np.zeros(len(frames) - 1, dtype=bool),
+            bias_moved_rad_s=np.zeros_like(dt_s),
+            is_steadied=np.zeros_like(dt_s, dtype=bool),
             frame=hits[:, HitColumn.FRAME].astype(np.int64),
             beam=beam,
             offset_frd_m=hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1],

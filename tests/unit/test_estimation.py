@@ -166,6 +166,10 @@ def test_the_facing_wall_is_mapped_at_its_distance() -> None:
     assert distance_m == pytest.approx(1.5, abs=0.03)
 
 
+def test_before_anything_was_measured_there_is_a_map_without_walls() -> None:
+    assert not Estimator(0.0, units_of(GP2Y0A710K0F)).so_far().walls
+
+
 def test_the_smoother_needs_something_to_smooth() -> None:
     assert Estimator(0.0, units_of(GP2Y0A710K0F)).smoothed() is None
     estimator = Estimator(0.0, units_of(PAPER))
