@@ -19,9 +19,6 @@ LEAST_PASSED = 3
 stopped, is none."""
 FIRM_PASSED_SHARE, FIRM_STOPPED = 0.1, 6
 """One that stopped so many and let hardly any through is there; what was met behind it was not."""
-EDGE_SHARE = 0.05
-"""Beams so near to an end of a piece, as a share of its length, tell nothing: a drone that waits
-beside a doorway looks for minutes through it close to its edge."""
 STRETCH_M = 0.5
 """Pieces are no longer than this: a wall may end where beams begin to go through."""
 CELLS_AT_ONCE = 1_000_000
@@ -60,13 +57,11 @@ class _Pieces:
     high_m: Array
 
     def at(self, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
-        """The pieces at places on walls (n,), and whether there is one, off its ends."""
+        """The pieces at places on walls (n,), and whether there is one."""
         before = np.searchsorted(FAR_M * self.wall + self.low_m, FAR_M * wall + along_m) - 1
         piece = np.maximum(before, 0)
-        low_m, high_m = self.low_m[piece], self.high_m[piece]
-        edge_m = EDGE_SHARE * (high_m - low_m)
-        inside = (along_m > low_m + edge_m) & (along_m < high_m - edge_m)
-        return piece, inside & (before >= 0) & (self.wall[piece] == wall)
+        inside = (before >= 0) & (self.wall[piece] == wall) & (along_m < self.high_m[piece])
+        return piece, inside
 
 
 def _pieces(
