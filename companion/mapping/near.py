@@ -43,6 +43,9 @@ PASSES, TOGETHER_M = 2, 0.20
 """if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
 ALIAS_ASIDE_M = 0.12
+SURELY_M = 0.30
+"""What is known to be farther by so much than a folded reading would mean was not what it met, even
+if it has drifted. Somebody who has gone would stand in the way until all is forgotten."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
@@ -188,15 +191,15 @@ class Near:
 def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
     """What lies along the beam from here to there is gone.
 
-    A reading that may have folded back says nothing of what is too near to be measured, if
-    that was measured before.
+    A reading that may have folded back says nothing of what it may have met then, nor of what is
+    nearer, if that is more than a guess.
     """
     model = unit.model
     if reading.is_distance:
-        folds = model.alias_m(reading.distance_m) is not None
+        alias_m = model.alias_m(reading.distance_m)
         end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
         to_m = end_m + unit.offset_m - SEEN_THROUGH_M
-        return model.min_m + unit.offset_m if folds else 0.0, to_m
+        return 0.0 if alias_m is None else alias_m + unit.offset_m + SURELY_M, to_m
     if reading.state is RangeState.NOTHING:
         return 0.0, model.max_m - SEEN_THROUGH_M
     return 0.0, 0.0

@@ -321,6 +321,18 @@ def test_what_is_too_near_by_its_signal_stays_while_readings_may_have_folded() -
     assert drone.points == []
 
 
+@pytest.mark.parametrize("was", [RangeReading(RangeState.TOO_NEAR), at(1.2)])
+def test_somebody_who_has_gone_is_let_go_where_a_folded_reading_would_be_nearer(
+    was: RangeReading,
+) -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=was)
+    drone.move(max(forward_m for forward_m, _ in drone.points) - 0.75)
+    for _ in range(5):
+        drone.see(front=at(3.0))  # or 0.22 m, from the sensor
+    assert drone.points == []
+
+
 def test_what_suddenly_is_too_near_is_kept_off_from() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
