@@ -163,7 +163,7 @@ class Flight:
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
         parts = {
-            Phase.ROOM: self.room.phase.value,
+            Phase.ROOM: self.room.activity,
             Phase.BUILDING: self.building.activity,
             Phase.LAYERS: self.layers.activity,
         }
@@ -221,7 +221,8 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
 
 def _turn_back(flight: Flight, view: View, why: str) -> Flight:
     """What was an extra may end so: the mission is complete without it."""
-    is_extra = flight.layers.is_extra or flight.building.is_extra
+    parts = flight.room, flight.building, flight.layers
+    is_extra = any(part.is_extra for part in parts)
     trouble = "" if is_extra else f"turned back {why}"
     return _go(flight, Phase.HOME, view, trouble)
 

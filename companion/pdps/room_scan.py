@@ -13,10 +13,14 @@
     SWEEP:  the way along is not known to be free, look at that side of it
     SCAN, not known to be free where it swept before ─► BLOCKED
     STAND_OFF, not there within half a minute ─► BLOCKED
+    SCAN, past where it began ─► SCAN: once more round, if the walls are not known well by then
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
 beam looks where the drone goes. It swings its nose a little to and fro meanwhile, so that the beam
 passes over all of the way ahead and not only over its middle.
+
+Along a wall longer than its range odometry alone tells how far apart the walls at its ends are. If
+that is known too badly after one round, a second tells it as well again; it is an extra.
 
 Safety: it moves only forward and right, where a beam looks, and along the wall only through space
 that is known to be free as wide as the drone; it backs away from a wall no farther than the first
@@ -29,6 +33,7 @@ from dataclasses import replace
 
 from companion.config import MissionConfig
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, RangeState, Setpoint
 from companion.pdps.control import approach_speed, keep_distance, stay, turn_towards
@@ -68,6 +73,8 @@ HALF_WAY_M = 0.5
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
+LOOSE_M = 0.06
+"""Sigma of the distance between two walls that is worth another round."""
 
 
 class ScanPhase(enum.Enum):
@@ -115,6 +122,13 @@ class RoomScan:
     """Headings still to be turned to."""
     swept_ne_m: Vector2 | None = None
     """Where it began to look along the wall the last time."""
+    is_extra: bool = False
+    """All walls were traced once, and what goes on is not worth the last battery."""
+
+    @property
+    def activity(self) -> str:
+        """The phase in words."""
+        return "going round once more" if self.is_extra else str(self.phase.value)
 
 
 _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
@@ -200,7 +214,9 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
 def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
-        return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
+        if scan.is_extra or not _are_loose(sight.walls()):
+            return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
+        scan = replace(scan, is_extra=True, marks=scan.marks[-1:])
     gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
     met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0
@@ -248,7 +264,7 @@ def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
     """Turn so far that the right beam passes over what is unknown, and back."""
     here = sight.pose.north_m, sight.pose.east_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
-        return replace(scan, phase=ScanPhase.BLOCKED)
+        return replace(scan, phase=ScanPhase.CLOSED if scan.is_extra else ScanPhase.BLOCKED)
     aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
     headings = (*aside, scan.heading_rad)
     return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
@@ -365,6 +381,11 @@ def _is_closed(scan: RoomScan, sight: Sight) -> bool:
         if is_there and abs(wrap_rad(scan.heading_rad - mark.heading_rad)) < CLOSING_RAD:
             return True
     return False
+
+
+def _are_loose(walls: KnownWalls) -> bool:
+    """It is not known well how far apart two that face one another are."""
+    return float(walls.gap_sigmas_m().max(initial=0.0)) > LOOSE_M
 
 
 def _guarded(speed_m_s: float, beam: Beam, sight: Sight) -> float:

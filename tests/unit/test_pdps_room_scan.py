@@ -3,12 +3,14 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from companion.config import MissionConfig
+from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
-from companion.pdps.room_scan import RoomScan, ScanPhase, step
+from companion.pdps.room_scan import Mark, RoomScan, ScanPhase, step
 from companion.pdps.sight import Sight
 
 PLAN = MissionConfig()
@@ -211,6 +213,40 @@ def test_a_room_whose_first_wall_is_never_faced_again_is_closed_where_the_next_o
     assert scan.phase is ScanPhase.SCAN
     again = sight(front=at(1.5), position=(-0.5, 0.9), yaw_rad=second_rad)
     scan, _ = step(replace(scan, corners=5), again, FREE, PLAN)
+    assert scan.phase is ScanPhase.CLOSED
+
+
+def closing(scan: RoomScan, walls: KnownWalls) -> RoomScan:
+    """Four corners after it was at the origin, it comes past it."""
+    scan, _ = step(
+        replace(scan, marks=(Mark((0.0, 0.0), 0.0, 0),), corners=4), past(walls), FREE, PLAN
+    )
+    return scan
+
+
+def past(walls: KnownWalls) -> Sight:
+    return replace(sight(front=at(1.5), position=(0.0, 0.5)), walls=lambda: walls)
+
+
+def facing(sigma_m: float) -> KnownWalls:
+    """Two walls; so well is known how far they are apart."""
+    normals = np.array([[1.0, 0.0], [-1.0, 0.0]])
+    variance_m2 = 0.5 * sigma_m**2 * np.eye(2)
+    return KnownWalls(normals, np.array([1.5, 13.5]), np.array([[-5.0, 5.0]] * 2), variance_m2)
+
+
+def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_once_more() -> None:
+    loose, known = facing(0.09), facing(0.03)
+    assert closing(SCANNING, known).phase is ScanPhase.CLOSED
+    again = closing(SCANNING, loose)
+    assert (again.phase, again.is_extra) == (ScanPhase.SCAN, True)
+    assert step(again, past(loose), FREE, PLAN)[0].phase is ScanPhase.SCAN
+    assert closing(again, loose).phase is ScanPhase.CLOSED
+
+
+def test_where_something_is_in_its_way_the_second_time_round_the_room_is_closed() -> None:
+    swept = replace(SCANNING, swept_ne_m=(0.0, 0.1), is_extra=True)
+    scan, _ = step(swept, sight(front=at(1.5)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.CLOSED
 
 
