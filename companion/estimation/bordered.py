@@ -25,6 +25,15 @@ Gradient = Sequence[tuple[Columns | int, Array]]
 """Of n residuals: columns, (n,) or one for all, and the derivatives by those unknowns, (n,)."""
 
 
+CAUCHY_SIGMAS = 2.0
+
+
+def cauchy(residual: Array) -> Array:
+    """By how much the sigma of each residual grows that far from fitting, in sigmas."""
+    growth: Array = np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2)
+    return growth
+
+
 class Sums:
     """Numbers added up by place, many at a time."""
 

@@ -208,7 +208,7 @@ class Estimator:
         if len(self.record.frames) < 2:
             return None
         smoother = self._smoother
-        m = smoother.measured(self.record)
+        m = smoother.models.measured(self.record)
         x = self._as_flown()
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)

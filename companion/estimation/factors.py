@@ -15,11 +15,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from companion.estimation.bordered import BorderedSystem
+from companion.estimation.bordered import BorderedSystem, cauchy
+from companion.estimation.flight_record import FlightRecord
 from companion.estimation.heading import GyroModel
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.two_gyros import ToldModel
+from companion.estimation.two_gyros import ToldModel, steadied
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
@@ -33,7 +34,6 @@ from companion.estimation.unknowns import (
 GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
 WALLS = GAINS + len(BEAMS)
 """Places of the shared unknowns."""
-CAUCHY_SIGMAS = 2.0
 LEAST_SIGMA = 1e-4
 SQUARE_SIGMA_RAD = math.radians(0.5)
 """How exactly rooms are built."""
@@ -49,6 +49,10 @@ class Models:
     gyro: GyroModel = field(default_factory=GyroModel)
     odometry: OdometryModel = field(default_factory=OdometryModel)
     told: ToldModel = field(default_factory=ToldModel)
+
+    def measured(self, record: FlightRecord) -> Measured:
+        """All that was recorded so far, and what two gyros tell that one does not."""
+        return steadied(Measured.of(record, self.ranges), self.gyro, self.told)
 
     def bias_variance(self, m: Measured) -> Array:
         """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².
@@ -66,12 +70,6 @@ class Models:
 
 def new_system(x: Unknowns) -> BorderedSystem:
     return BorderedSystem(x.poses.size, WALLS + x.walls.size, 2 * POSE_SIZE)
-
-
-def _cauchy(residual: Array) -> Array:
-    """By how much the sigma of each residual grows that far from fitting, in sigmas."""
-    growth: Array = np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2)
-    return growth
 
 
 def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
@@ -151,7 +149,7 @@ def add_hits(
     pose_column, wall_column = POSE_SIZE * frame, WALLS + WALL_SIZE * wall
     system.add(
         residual,
-        _cauchy(residual),
+        cauchy(residual),
         [
             (pose_column, per_sigma * cos_a),
             (pose_column + 1, per_sigma * sin_a),
@@ -178,7 +176,7 @@ def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> No
     per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
     system.add(
         residual,
-        _cauchy(residual),
+        cauchy(residual),
         [],
         [(WALLS + WALL_SIZE * wall, per_sigma), (WALLS + WALL_SIZE * other, -per_sigma)],
     )

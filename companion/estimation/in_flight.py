@@ -103,7 +103,7 @@ class InFlightSmoothing:
         self, record: FlightRecord, walls: Walls, is_whole: bool
     ) -> Generator[None, None, Improved]:
         smoother = self._smoother
-        m = smoother.measured(record)
+        m = smoother.models.measured(record)
         poses = record.poses.copy()
         time_s = float(record.frames[-1, FrameColumn.TIME_S])
         raw_ne_m, raw_yaw_rad = record.raw

@@ -22,10 +22,9 @@ from companion.estimation.association import Association
 from companion.estimation.bordered import Belief, BorderedSystem, Solution
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past, values
-from companion.estimation.flight_record import NO_WALL, FlightRecord
+from companion.estimation.flight_record import NO_WALL
 from companion.estimation.squares import square_pairs
 from companion.estimation.support import Support
-from companion.estimation.two_gyros import steadied
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
@@ -63,11 +62,6 @@ class Smoother:
     def __init__(self, models: factors.Models, support: Support) -> None:
         self.models, self.support = models, support
         self._association = Association(models.ranges, support)
-
-    def measured(self, record: FlightRecord) -> Measured:
-        """All that was recorded so far, and what two gyros tell that one does not."""
-        m = Measured.of(record, self.models.ranges)
-        return steadied(m, self.models.gyro, self.models.told)
 
     def from_start(self, start: Array) -> Past:
         """Before anything was seen: the first pose is `start` (3,), by definition of the frame."""

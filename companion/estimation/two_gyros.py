@@ -17,12 +17,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.estimation.bordered import BorderedSystem
+from companion.estimation.bordered import BorderedSystem, cauchy
 from companion.estimation.heading import GyroModel
 from companion.estimation.unknowns import Array, Measured
 
 ROUNDS = 3
-CAUCHY_SIGMAS = 2.0
 MOST_RMS = 2.0
 """In sigmas of what was told: with more it does not go as a gyro would."""
 LEAST_KEYFRAMES = 20
@@ -66,10 +65,9 @@ def _bias_moved(m: Measured, gyro: GyroModel, told: ToldModel) -> Array | None:
     x, scale, off_rad = np.zeros((len(m.told_rad), _SIZE)), 0.0, -ahead_rad
     for _ in range(ROUNDS):
         system = _alone(x, scale, m, gyro, told)
-        growth = np.sqrt(1 + (off_rad / told.sigma_rad / CAUCHY_SIGMAS) ** 2)
         system.add(
             off_rad,
-            told.sigma_rad * growth,
+            told.sigma_rad * cauchy(off_rad / told.sigma_rad),
             [(_SIZE * used, np.ones(len(used)))],
             [(0, told_rad)],
         )

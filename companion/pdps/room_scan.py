@@ -217,7 +217,7 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
         if scan.is_extra or not _are_loose(sight.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
         scan = replace(scan, is_extra=True, marks=scan.marks[-1:])
-    gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
+    gap_m = _gap_m(scan, sight)
     met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0
     if corner_readings != scan.corner_readings:
@@ -237,8 +237,7 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
 def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
     """At the stand-off, up to where the next wall begins."""
     towards_m_s = keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s)
-    gap_m = sight.clear_m(Beam.RIGHT) - scan.standoff_m
-    along_m_s = approach_speed(gap_m, plan.speed_m_s)
+    along_m_s = approach_speed(_gap_m(scan, sight), plan.speed_m_s)
     off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
     return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
 
@@ -249,7 +248,7 @@ def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
     Enough is some way ahead, or up to the next wall.
     """
     along_rad = scan.heading_rad + QUARTER_TURN_RAD
-    enough_m = min(KNOWN_AHEAD_M, sight.clear_m(Beam.RIGHT) - scan.standoff_m + BODY_RADIUS_M)
+    enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, sight) + BODY_RADIUS_M)
     unknown = []
     for side in (1, -1):
         off = frd_to_ned(side * 0.5 * HALF_WAY_M, 0.0, scan.heading_rad)
@@ -354,6 +353,11 @@ def _wall_distance_m(sight: Sight) -> float:
         return ahead_m
     _, mapped_m = sight.wall_ahead
     return mapped_m if abs(mapped_m - ahead_m) < 0.5 else ahead_m
+
+
+def _gap_m(scan: RoomScan, sight: Sight) -> float:
+    """Along the wall, to the stand-off of the next."""
+    return sight.clear_m(Beam.RIGHT) - scan.standoff_m
 
 
 def _meets_wall(sight: Sight) -> bool:

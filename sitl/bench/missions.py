@@ -21,7 +21,8 @@ from sitl.world.format import Segment
 from sitl.world.plan import wall_surfaces
 
 TRACING = ScanPhase.SCAN.value
-"""What the companion says that it does while it traces walls; not while it turns."""
+"""What the companion says that it does while it traces walls; not while it turns, nor when it goes
+round once more."""
 WALLS_OF_A_ROOM = 4
 """And nothing else: then the bound (P - 8·d) / v applies."""
 

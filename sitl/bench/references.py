@@ -21,7 +21,6 @@ from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColum
 from companion.estimation.smoother import Smoother
 from companion.estimation.support import Support
 from companion.estimation.traced import Traced
-from companion.estimation.two_gyros import steadied
 from companion.estimation.unknowns import Indices, Measured, Unknowns, project
 from companion.frames import wrap_rad
 from companion.mapping.floor_plan import wall_segments
@@ -44,8 +43,7 @@ class Recorded:
 
     @property
     def measured(self) -> Measured:
-        m = Measured.of(self.record, self.models.ranges)
-        return steadied(m, self.models.gyro, self.models.told)
+        return self.models.measured(self.record)
 
     @property
     def unmoved(self) -> Unknowns:
