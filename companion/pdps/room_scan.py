@@ -245,16 +245,16 @@ def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
 def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
     """On which sides of the way along the wall, 1 towards it, too little is known to be free.
 
-    Enough is some way ahead, or up to the next wall.
+    Enough is some way ahead, or up to the next wall. No sweep passes over what is at its flanks.
     """
     along_rad = scan.heading_rad + QUARTER_TURN_RAD
     enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, sight) + BODY_RADIUS_M)
     unknown = []
     for side in (1, -1):
-        off = frd_to_ned(side * 0.5 * HALF_WAY_M, 0.0, scan.heading_rad)
+        off = frd_to_ned(side * 0.5 * HALF_WAY_M, BODY_RADIUS_M, scan.heading_rad)
         middle = sight.pose.north_m + off[0], sight.pose.east_m + off[1]
         known_m = space.known_free_m(middle, along_rad, 0.5 * HALF_WAY_M, KNOWN_AHEAD_M)
-        if known_m < enough_m:
+        if BODY_RADIUS_M + known_m < enough_m:
             unknown.append(side)
     return unknown
 

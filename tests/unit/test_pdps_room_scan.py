@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config import MissionConfig
+from companion.frames import Vector2
 from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
@@ -16,13 +17,18 @@ from companion.pdps.sight import Sight
 PLAN = MissionConfig()
 
 
-def open_ground(reach_m: float) -> Occupancy:
-    """A disc of free space that nothing bounds."""
+def seen_from(place_ne_m: Vector2, degrees: range, reach_m: float) -> Occupancy:
+    """Free space that nothing bounds, and only so much of it."""
     grid = Occupancy()
-    for degree in range(360):
+    for degree in degrees:
         for _ in range(3):
-            grid.add(Ray((0.0, 0.0), math.radians(degree), reach_m, 0.0, False, 0.0))
+            grid.add(Ray(place_ne_m, math.radians(degree), reach_m, 0.0, False, 0.0))
     return grid
+
+
+def open_ground(reach_m: float) -> Occupancy:
+    """A disc of it round the drone."""
+    return seen_from((0.0, 0.0), range(360), reach_m)
 
 
 FREE = open_ground(4.0)
@@ -299,3 +305,10 @@ def test_where_looking_did_not_help_it_says_that_something_is_in_the_way() -> No
 def test_up_to_the_next_wall_nothing_more_need_be_known() -> None:
     scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.7)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.SCAN
+
+
+def test_what_is_unknown_at_its_very_side_does_not_keep_it_from_going_on() -> None:
+    ahead = seen_from((0.0, 0.15), range(181), 4.0)
+    scan, setpoint = step(SCANNING, sight(front=at(1.5)), ahead, PLAN)
+    assert scan.phase is ScanPhase.SCAN
+    assert setpoint.right_m_s > 0
