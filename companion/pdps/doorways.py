@@ -8,7 +8,8 @@ the way leads to a place before it, and straight on to one after it:
          jamb █
 
 A doorway that was found once is remembered: from the other side, or after a while, its jambs may
-not stand out from what is known there.
+not stand out from what is known there. How wide it is, cells tell to two of them; what the front
+beam meets as it passes over both jambs, to centimetres.
 """
 
 import math
@@ -19,7 +20,7 @@ from itertools import pairwise
 import numpy as np
 
 from companion.frames import Vector2
-from companion.mapping.occupancy import CELL_M
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.pdps.follow import Way
 from companion.pdps.route import Ground
 from companion.values import value
@@ -27,6 +28,11 @@ from companion.values import value
 DOORWAY_ROOM_M = 0.7
 """Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
 JAMBS_WITHIN_M = 1.0
+LEAST_WIDTH_M = 0.87
+"""What is narrower is an opening not entered. A doorway of 0.9 m measures no less, for between two
+readings the beam moves on by 3 cm."""
+JAMB_DEEP_M = 0.3
+"""Before and behind the line between the jambs, what is met is of one of them."""
 SAME_WITHIN_M = 0.8
 OPPOSITE_COS = -0.5
 AWAY_M = 0.7
@@ -46,6 +52,13 @@ class Doorway:
     """From its middle to either jamb."""
     swept_s: float = -math.inf
     """When the front beam last passed over both jambs."""
+    width_m: float = math.nan
+    """As it has measured it, the last time that it met both."""
+
+    @property
+    def is_too_narrow(self) -> bool:
+        """An opening not to be entered."""
+        return self.width_m < LEAST_WIDTH_M
 
     def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
         """A place before (negative) or after the middle, and aside of it, to the right."""
@@ -61,6 +74,20 @@ class Doorway:
         return (place_ne_m[0] - self.middle_ne_m[0]) * self.through_ne[0] + (
             place_ne_m[1] - self.middle_ne_m[1]
         ) * self.through_ne[1]
+
+    def aside_m(self, place_ne_m: Vector2) -> float:
+        """How far to the right of its middle line a place is."""
+        return (place_ne_m[1] - self.middle_ne_m[1]) * self.through_ne[0] - (
+            place_ne_m[0] - self.middle_ne_m[0]
+        ) * self.through_ne[1]
+
+    def measured(self, met_ne_m: Sequence[Vector2]) -> "Doorway":
+        """With its width, if something was met of both jambs."""
+        jambs = [at for at in met_ne_m if abs(self.along_m(at)) < JAMB_DEEP_M]
+        aside_m = [self.aside_m(at) for at in jambs]
+        right_m = min((m for m in aside_m if m > 0), default=math.nan)
+        left_m = max((m for m in aside_m if m <= 0), default=math.nan)
+        return replace(self, width_m=right_m - left_m)
 
     def is_same(self, other: "Doorway") -> bool:
         return math.dist(self.middle_ne_m, other.middle_ne_m) < SAME_WITHIN_M
@@ -102,8 +129,10 @@ def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Door
     """All of them, as they were found last."""
     new = []
     for doorway in found:
-        swept_s = [old.swept_s for old in known if old.is_same(doorway)]
-        new.append(replace(doorway, swept_s=max((doorway.swept_s, *swept_s))))
+        same = [old for old in known if old.is_same(doorway)]
+        swept_s = max((doorway.swept_s, *(old.swept_s for old in same)))
+        widths_m = (one.width_m for one in (doorway, *same) if math.isfinite(one.width_m))
+        new.append(replace(doorway, swept_s=swept_s, width_m=next(widths_m, math.nan)))
     kept = (old for old in known if not any(old.is_same(doorway) for doorway in new))
     return (*kept, *new)
 
@@ -120,6 +149,18 @@ def on_the_way(
             if doorway.is_between(start, end) and not any(map(doorway.is_same, found))
         ]
     return tuple(sorted(passed, key=lambda doorway: doorway.leg))
+
+
+def too_narrow(known: Sequence[Doorway], grid: Occupancy) -> tuple[Doorway, ...]:
+    """Those not to be entered; through some the drone has come before they were measured."""
+    narrow = (doorway for doorway in known if doorway.is_too_narrow)
+    return tuple(doorway for doorway in narrow if not _came_through(doorway, grid))
+
+
+def _came_through(doorway: Doorway, grid: Occupancy) -> bool:
+    row, column = grid.cell(doorway.middle_ne_m)
+    rows, columns = (slice(max(at - 3, 0), max(at + 4, 0)) for at in (row, column))
+    return bool(grid.flown[rows, columns].any())
 
 
 def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:

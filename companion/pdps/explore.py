@@ -30,7 +30,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.pdps import travel
 from companion.pdps.control import glide
-from companion.pdps.doorways import Doorway
+from companion.pdps.doorways import Doorway, too_narrow, with_shut
 from companion.pdps.follow import ARRIVED_M
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import Look, looks
@@ -195,7 +195,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     if explore.ground is None:
         here = sight.pose.north_m, sight.pose.east_m
         ground = find_ground(space, here, clear_of_all_m(plan))
-        return replace(explore, ground=ground)
+        return replace(explore, ground=with_shut(ground, too_narrow(explore.known_doorways, space)))
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:

@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 from companion.config import MissionConfig
 from companion.frames import Vector2, wrap_rad
 from companion.mapping.occupancy import CELL_M, Occupancy
-from companion.messages import HOLD, Setpoint
+from companion.messages import HOLD, Beam, Setpoint
 from companion.pdps.control import stay, turn_towards
 from companion.pdps.doorways import (
     AWAY_M,
@@ -38,6 +38,7 @@ from companion.pdps.doorways import (
     on_the_way,
     passed_squarely,
     remembered,
+    too_narrow,
     with_shut,
 )
 from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
@@ -108,6 +109,10 @@ class Travel:
     """Those that it could not get through."""
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
+    swept: Doorway | None = None
+    """What it looks at,"""
+    met_ne_m: tuple[Vector2, ...] = ()
+    """and what the front beam has met there."""
     stay_ne_m: Vector2 = (0.0, 0.0)
     roomy_ne_m: Vector2 | None = None
     """Where it last had room to turn round."""
@@ -116,6 +121,11 @@ class Travel:
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
     """When and where it last got on."""
+
+    @property
+    def goes_home(self) -> bool:
+        """On which it stops before less."""
+        return self.goal_ne_m == START_NE_M
 
 
 def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel:
@@ -259,7 +269,7 @@ def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionCo
 
 def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
     """What it does not get through on its way home, as if it were a doorway; not for ever."""
-    if travel.goal_ne_m != START_NE_M or not travel.way or len(travel.shut) >= MOST_SHUT:
+    if not travel.goes_home or not travel.way or len(travel.shut) >= MOST_SHUT:
         return None
     north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
     away_m = max(math.hypot(north_m, east_m), CELL_M)
@@ -272,19 +282,21 @@ def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
     """As far as they are needed: near the way so far, if one there leads to the goal.
 
-    If there is none to the start, even after it has looked, it goes back the way that it came, and
-    stops before what is really there.
+    Not through what is too narrow, but for home. If there is none to the start, even after it has
+    looked, it goes back the way that it came, and stops before what is really there.
     """
     clear_m = clear_of_all_m(plan)
+    narrow = () if travel.goes_home else too_narrow(travel.known, space)
+    shut = (*travel.shut, *narrow)
     nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
-    ways = find_ways(with_shut(find_ground(nearby, here, clear_m), travel.shut))
+    ways = find_ways(with_shut(find_ground(nearby, here, clear_m), shut))
     if ways.reaches(travel.goal_ne_m):
         return ways
     ground = find_ground(space, here, clear_m)
-    ways = find_ways(with_shut(ground, travel.shut))
-    if ways.reaches(travel.goal_ne_m) or travel.goal_ne_m != START_NE_M or not travel.looked_round:
+    ways = find_ways(with_shut(ground, shut))
+    if ways.reaches(travel.goal_ne_m) or not travel.goes_home or not travel.looked_round:
         return ways
-    return find_ways(with_shut(retraced(ground), travel.shut))
+    return find_ways(with_shut(retraced(ground), shut))
 
 
 def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
@@ -359,7 +371,8 @@ def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
         return replace(
             travel,
             phase=TravelPhase.SWEEP,
-            known=remembered(travel.known, [replace(doorway, swept_s=sight.pose.time_s)]),
+            swept=replace(doorway, swept_s=sight.pose.time_s),
+            met_ne_m=(),
             sweep_rad=(right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD),
             stay_ne_m=here,
         )
@@ -376,16 +389,37 @@ def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, S
     heading_rad, *later = travel.sweep_rad
     off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
     if abs(off_rad) > ON_HEADING_RAD:
+        if not later:
+            travel = replace(travel, met_ne_m=(*travel.met_ne_m, *_met_ahead(sight)))
         most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SWEEP_RAD_S
         rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
         return travel, replace(holding, yaw_rate_rad_s=rate_rad_s)
     if later:
         return replace(travel, sweep_rad=tuple(later)), holding
     flying = replace(
-        travel,
+        travel if travel.swept is None else _measured(travel, travel.swept),
         phase=TravelPhase.FLY,
         planned_s=-math.inf,
         checked_s=-math.inf,
         progress_s=sight.pose.time_s,
     )
     return flying, holding
+
+
+def _measured(travel: Travel, swept: Doorway) -> Travel:
+    """What was found of the doorway; if it is too narrow, there is another way, or none."""
+    doorway = swept.measured(travel.met_ne_m)
+    travel = replace(travel, known=remembered(travel.known, [doorway]), swept=None)
+    if travel.goes_home or not doorway.is_too_narrow:
+        return travel
+    return replace(travel, way=(), looked_round=True)
+
+
+def _met_ahead(sight: Sight) -> tuple[Vector2, ...]:
+    reading = sight.ranges.get(Beam.FRONT)
+    if reading is None or not reading.is_distance:
+        return ()
+    away_m = reading.distance_m + sight.mount_offset_m
+    bearing_rad = sight.pose.yaw_rad + sight.bearings_frd_rad[Beam.FRONT]
+    north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
+    return ((sight.pose.north_m + north_m, sight.pose.east_m + east_m),)
