@@ -465,6 +465,57 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     assert setpoint.forward_m_s > 0
 
 
+def looked_at(
+    travel: Travel, grid: Occupancy, width_m: float, place: Place = (0.0, 0.0)
+) -> tuple[Travel, float]:
+    """After both jambs of an opening in the wall 1.45 m north were swept; and when."""
+    time_s, heading = 10.0, 1.0 if place[0] < 1.45 else -1.0
+    travel, _ = travelling.step(travel, sight(place, math.acos(heading)), grid, PLAN)
+    assert travel.phase is TravelPhase.SWEEP
+    yaw_rad = travel.sweep_rad[0]
+    while travel.phase is TravelPhase.SWEEP:
+        time_s += 0.05
+        east_m = place[1] + (1.45 - place[0]) * math.tan(yaw_rad)
+        away_m = math.dist(place, (1.45, east_m)) if abs(east_m) > 0.5 * width_m else 5.0
+        seen = sight(place, yaw_rad, away_m, time_s)
+        travel, setpoint = travelling.step(travel, seen, grid, PLAN)
+        yaw_rad += 0.05 * setpoint.yaw_rate_rad_s
+    return travel, time_s
+
+
+@pytest.mark.parametrize(("width_m", "enters"), [(0.74, False), (0.8, False), (0.9, True)])
+def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
+    width_m: float, *, enters: bool
+) -> None:
+    """Both are free by the cells."""
+    grid = with_doorway(1.45)
+    travel, time_s = looked_at(Travel((3.0, 0.0)), grid, width_m)
+    travel, _ = gone(travel, grid, time_s=time_s + 0.05)
+    assert travel.phase is (TravelPhase.FLY if enters else TravelPhase.GAVE_UP)
+    later = travelling.onward(travel, (3.0, 0.5), ARRIVED_M)
+    later = replace(later, known=tuple(replace(d, swept_s=-math.inf) for d in later.known))
+    later, _ = gone(later, grid, time_s=time_s + 60.0)
+    assert bool(later.doorways) is enters
+
+
+def test_home_it_goes_through_whatever_is_wide_enough_to_fly() -> None:
+    grid = with_doorway(1.45)
+    travel, time_s = looked_at(Travel((0.0, 0.0)), grid, 0.8, (2.9, 0.0))
+    seen = sight((2.9, 0.0), math.pi, time_s=time_s + 0.05)
+    travel, _ = travelling.step(travel, seen, grid, PLAN)
+    assert travel.phase is TravelPhase.FLY
+    assert travel.way[-1] == (0.0, 0.0)
+
+
+def test_through_an_opening_that_it_came_by_it_goes_again_however_narrow() -> None:
+    grid = with_doorway(1.45)
+    for decimetre in range(26):
+        grid.add(Ray((0.1 * decimetre, 0.0), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
+    travel, time_s = looked_at(Travel((3.0, 0.0)), grid, 0.8)
+    travel, _ = gone(travel, grid, time_s=time_s + 0.05)
+    assert travel.phase is TravelPhase.FLY
+
+
 def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None:
     travel, _ = gone(Travel((3.0, 0.0)), with_doorway(0.85))
     assert travel.phase is TravelPhase.FLY
