@@ -37,7 +37,7 @@ EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
 MOST_SPEED = 1000.0
-EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--lockstep")
+EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--battery-s", "--lockstep")
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -112,25 +112,14 @@ def run(
 ) -> None:
     """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
-    if autopilot is RunAutopilot.EXTERNAL:
-        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, lockstep)
-        options = FlightOptions(
-            world,
-            seed,
-            profile,
-            Autopilot.ARDUPILOT,
-            start,
-            beam=beam,
-            crop_m=crop,
-            config=config,
-        )
-        _run_external(options, connect, bus_port, truth)
-        return
+    external = autopilot is RunAutopilot.EXTERNAL
+    if external:
+        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, battery_s, lockstep)
     options = FlightOptions(
         world,
         seed,
         profile,
-        autopilot.value,
+        Autopilot.ARDUPILOT.value if external else autopilot.value,
         start,
         params,
         param or (),
@@ -139,6 +128,9 @@ def run(
         config,
         battery_s,
     )
+    if external:
+        _run_external(options, connect, bus_port, truth)
+        return
     setup, watch = options.setup()
     links = mavlink or [DEFAULT_MAVLINK]
     fleet, doors = fleet_doors(setup, watch, vehicles, links, bus_port, signing_key=signing_key)

@@ -17,6 +17,30 @@ It is 1.1 m wide, which leaves 0.35 m beside the drone at best."""
 IN_THE_DOORWAY = [(1.6, 4.05, 1.2), (2.0, 4.05, 1.2), (2.4, 4.05, 1.2)]
 
 
+class PoseErrors:
+    """How far off the companion's pose is at every tick, in its own frame."""
+
+    def __init__(self) -> None:
+        self.position_m: list[float] = []
+        self.heading_deg: list[float] = []
+        self.script = [Event(self._note, Action(lambda simulation: None))]
+
+    def _note(self, simulation: Simulation, app: App) -> bool:
+        """An event that never happens."""
+        if app.estimator is None:
+            return False
+        take_off, truth = simulation.record.take_off, simulation.autopilot.truth
+        north_m, east_m = (
+            truth.position_ned_m[axis] - take_off.position_ned_m[axis] for axis in (0, 1)
+        )
+        pose = app.estimator.pose(simulation.time_s)
+        true_ne_m = ned_to_frd(north_m, east_m, take_off.yaw_rad)
+        self.position_m.append(math.dist(true_ne_m, (pose.north_m, pose.east_m)))
+        off_rad = wrap_rad(pose.yaw_rad - (truth.yaw_rad - take_off.yaw_rad))
+        self.heading_deg.append(abs(math.degrees(off_rad)))
+        return False
+
+
 @pytest.mark.parametrize("seed", [1, 2])
 def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, seed: int) -> None:
     flight = sitl.fly(ROOMS, mission="building", seed=seed)
@@ -68,43 +92,19 @@ def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sit
 
 def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
     """A wall that steps by 15 cm, taken for one, turned the heading by up to 11°."""
-    errors_deg = []
-
-    def notes_error(simulation: Simulation, app: App) -> bool:
-        take_off = simulation.record.take_off
-        if app.estimator is not None:
-            turned_rad = simulation.autopilot.truth.yaw_rad - take_off.yaw_rad
-            off_rad = wrap_rad(app.estimator.pose(simulation.time_s).yaw_rad - turned_rad)
-            errors_deg.append(abs(math.degrees(off_rad)))
-        return False
-
-    script = [Event(notes_error, Action(lambda simulation: None))]
-    flight = sitl.fly("worlds/facade.toml", mission="exterior", seed=2, script=script)
+    errors = PoseErrors()
+    flight = sitl.fly("worlds/facade.toml", mission="exterior", seed=2, script=errors.script)
     assert flight.completed, flight.ending
-    assert np.quantile(errors_deg, 0.95) < 4
+    assert np.quantile(errors.heading_deg, 0.95) < 4
     assert flight.report.collisions == 0
 
 
 def test_the_pose_stays_true_through_many_rooms(sitl: Sitl) -> None:
     """Walls of the first room used to grow through the third, and moved the drone by a metre."""
-    errors_m = []
-
-    def notes_error(simulation: Simulation, app: App) -> bool:
-        take_off, truth = simulation.record.take_off, simulation.autopilot.truth
-        north, east = (
-            truth.position_ned_m[axis] - take_off.position_ned_m[axis] for axis in (0, 1)
-        )
-        if app.estimator is not None:
-            pose = app.estimator.pose(simulation.time_s)
-            true_m = ned_to_frd(north, east, take_off.yaw_rad)
-            errors_m.append(math.dist(true_m, (pose.north_m, pose.east_m)))
-        return False
-
-    nothing = Action(lambda simulation: None)
-    script = [Event(notes_error, nothing)]
-    flight = sitl.fly("complex", mission="building", seed=1, script=script)
+    errors = PoseErrors()
+    flight = sitl.fly("complex", mission="building", seed=1, script=errors.script)
     assert flight.completed, flight.ending
-    assert np.quantile(errors_m, 0.95) < 0.25
+    assert np.quantile(errors.position_m, 0.95) < 0.25
     assert flight.report.collisions == 0
     assert flight.report.coverage >= 0.95
     assert flight.report.return_m < 0.3
