@@ -483,11 +483,11 @@ def looked_at(
     return travel, time_s
 
 
-@pytest.mark.parametrize(("width_m", "enters"), [(0.7, False), (0.76, False), (0.9, True)])
+@pytest.mark.parametrize(("width_m", "enters"), [(0.7, False), (0.74, False), (0.9, True)])
 def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
     width_m: float, *, enters: bool
 ) -> None:
-    """Both are free by the cells."""
+    """All are free by the cells; a reading every 3 cm, without noise, measures 1 to 6 cm more."""
     grid = with_doorway(1.45)
     travel, time_s = looked_at(Travel((3.0, 0.0)), grid, width_m)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)
