@@ -4,13 +4,18 @@ import json
 import signal
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from sitl.options import Autopilot, Battery, Crop, FlightOptions, Profile, Seed
+
+if TYPE_CHECKING:
+    from sitl.bench.missions import Flown
+    from sitl.bench.summary import Summary
+    from sitl.report import Report
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
 
@@ -96,11 +101,15 @@ def missions(
     battery_s: Battery = None,
     as_json: AsJson = False,
     out: Annotated[
-        Path | None, typer.Option(help="Folder for missions.json and a sheet of all plans.")
+        Path | None,
+        typer.Option(
+            help="Folder for missions.json, kept up as flights end, and a sheet of all plans."
+        ),
     ] = None,
 ) -> None:
     """Many missions on all cores: how many are completed, and how well."""
-    from sitl.bench.lanes import fly_and_show  # noqa: PLC0415 - slow to load
+    from companion.mapping.files import save_as  # noqa: PLC0415 - slow to load
+    from sitl.bench.lanes import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.summary import show, sum_up  # noqa: PLC0415
@@ -113,16 +122,26 @@ def missions(
         crop_m=crop,
         battery_s=battery_s,
     )
-    flights = fly_and_show(jobs)
+    ended: list[Report] = []
+
+    def keep(flown: "Flown") -> None:
+        ended.append(flown.row)
+        if out is not None:  # hours of flights, if it is broken off
+            save_as(_save_json, sum_up(ended), out / "missions.json")
+
+    flights = fly_and_show(jobs, keep)
     result = sum_up([flown.row for flown in flights])
     if out is not None:
-        out.mkdir(parents=True, exist_ok=True)
-        (out / "missions.json").write_text(json.dumps(result, indent=1) + "\n")
-        draw_sheet(flights, out / "missions.png")
+        save_as(_save_json, result, out / "missions.json")
+        save_as(draw_sheet, flights, out / "missions.png")
     if as_json:
         print(json.dumps(result, indent=1))
     else:
         show(result, Console(highlight=False))
+
+
+def _save_json(result: "Summary", path: Path) -> None:
+    path.write_text(json.dumps(result, indent=1) + "\n")
 
 
 @commands.command()

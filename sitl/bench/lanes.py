@@ -70,10 +70,16 @@ def _results(flight: Future[F]) -> list[F]:
         return []
 
 
-def fly_and_show(jobs: Sequence[Job]) -> list[Flown]:
-    """Missions with a bar on stderr, where it is not in the way of what is printed."""
+def fly_and_show(
+    jobs: Sequence[Job], keep: Callable[[Flown], None] = lambda _: None
+) -> list[Flown]:
+    """Missions with a bar on stderr, where it is not in the way of what is printed.
+
+    `keep` is given each flight as it ends: a campaign may take hours.
+    """
 
     def told(flown: Flown) -> str:
+        keep(flown)
         row = flown.row
         verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
         return f"{row['world']} {verdict}"

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from itertools import groupby
-from statistics import mean
+from statistics import mean, median
 from typing import Any
 
 from rich import box
@@ -16,6 +16,7 @@ Summary = dict[str, Any]
 
 FIGURES: tuple[tuple[str, str, Callable[[Iterable[float]], float]], ...] = (
     ("coverage_mean", "coverage", mean),
+    ("coverage_median", "coverage", median),
     ("coverage_min", "coverage", min),
     ("clearance_min_m", "clearance_m", min),
     ("return_mean_m", "return_m", mean),
@@ -78,7 +79,7 @@ def _ending(row: Report) -> str:
 _COLUMNS = (
     ("done", "{completed}/{flights}"),
     ("hits", "{collisions}"),
-    ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
+    ("coverage\nmean/median/least", "{coverage_mean:.0%}/{coverage_median:.0%}/{coverage_min:.0%}"),
     ("least\nclear", "{clearance_min_m:.2f}"),
     ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
     ("trace\n×bound", "{trace_over_least_mean:.2f}"),

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -139,6 +140,7 @@ def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
     assert (summary["flights"], summary["completed"], summary["lost"]) == (4, 2, 1)
     assert summary["collisions"] == 2
     assert (summary["coverage_mean"], summary["coverage_min"]) == (0.75, 0.5)
+    assert summary["coverage_median"] == 0.75
     assert (summary["clearance_min_m"], summary["return_max_m"]) == (0.3, 0.6)
     assert summary["trace_over_least_mean"] == 1.2
     assert summary["endings"] == {"landed: time limit; collisions: 2": 1, "lost: a reason": 1}
@@ -171,3 +173,19 @@ def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     assert printed["totals"]["flights"] == printed["totals"]["lost"] == 1
     assert printed == json.loads((out / "missions.json").read_text())
     assert (out / "missions.png").exists()
+
+
+def test_a_campaign_that_is_broken_off_leaves_what_was_flown(
+    plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def crash(jobs: list[Job], tell: Callable[[Flown], None], *_: object) -> list[Flown]:
+        tell(lost(jobs[0], "blown away"))
+        raise MemoryError
+
+    monkeypatch.setattr(lanes, "fly_all", crash)
+    done = CliRunner().invoke(
+        commands, ["bench", "missions", f"--worlds={plans}", f"--out={tmp_path}"]
+    )
+    assert isinstance(done.exception, MemoryError)
+    left = json.loads((tmp_path / "missions.json").read_text())
+    assert [row["ending"] for row in left["rows"]] == ["lost: blown away"]
