@@ -79,7 +79,7 @@ def _ending(row: Report) -> str:
 _COLUMNS = (
     ("done", "{completed}/{flights}"),
     ("hits", "{collisions}"),
-    ("coverage\nmean/median/least", "{coverage_mean:.0%}/{coverage_median:.0%}/{coverage_min:.0%}"),
+    ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
     ("least\nclear", "{clearance_min_m:.2f}"),
     ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
     ("trace\n×bound", "{trace_over_least_mean:.2f}"),
