@@ -6,7 +6,7 @@ is allowed; an unknown key is refused, never ignored.
 
 import math
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
@@ -190,9 +190,32 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
     source = str(path) if path else "command line"
     values: dict[str, Any] = read_toml(path) if path else {}
     for key, value in (overrides or {}).items():
-        group, name = key.split(".")
+        group, name = key.split(".", 1)
         values[group] = {**values.get(group, {}), name: value}
     return validated(Config, values, source)
+
+
+def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
+    """Of the command line: "speed_m_s=0.6" as {"mission.speed_m_s": 0.6}, for `load`.
+
+    Raises:
+        ConfigError: one is not KEY=VALUE.
+    """
+    settings: dict[str, object] = {}
+    for assignment in assignments:
+        key, sign, text = assignment.partition("=")
+        if not key or not sign:
+            raise ConfigError(f"--set {assignment}: should be KEY=VALUE, as in speed_m_s=0.6")
+        settings[f"mission.{key}"] = _toml_value(text)
+    return settings
+
+
+def _toml_value(text: str) -> object:
+    """As in a file; a word needs no quotes on the command line."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
 
 
 def to_toml(config: Config) -> str:

@@ -15,7 +15,7 @@ from companion.console import ProgressLine, summary
 from companion.fly import Record, Rig, fly, record_nothing
 from companion.mapping.files import AutoSave, save, save_as, save_json
 from companion.messages import FloorPlan
-from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
+from companion.options import BusUrl, ConfigFile, LinkUrl, MissionSet, Profile, load_settings
 from companion.pdps.flight import Flight, Phase
 from companion.recording.recorder import Recorder
 from companion.rig import open_rig
@@ -37,10 +37,13 @@ def fly_command(
     bus: BusUrl = None,
     profile: Profile = None,
     mission: Annotated[str | None, typer.Option(help="room, building, exterior, layers.")] = None,
+    mission_set: MissionSet = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""
-    settings = load_settings(config, link, bus, profile, mission=mission)
+    settings = load_settings(
+        config, link, bus, profile, mission=mission, mission_set=mission_set or ()
+    )
     console = Console(highlight=False)
     app = App(settings)
     with (

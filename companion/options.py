@@ -1,5 +1,6 @@
 """Options that several commands share."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,10 @@ LinkUrl = Annotated[
 ]
 BusUrl = Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")]
 Profile = Annotated[str | None, typer.Option(help="Range sensors, all of one kind.")]
+MissionSet = Annotated[
+    list[str] | None,
+    typer.Option("--set", help="KEY=VALUE of [mission], as in speed_m_s=0.6; repeatable."),
+]
 
 
 def load_settings(
@@ -23,6 +28,7 @@ def load_settings(
     profile: str | None,
     *,
     mission: str | None = None,
+    mission_set: Sequence[str] = (),
 ) -> Config:
     """The file, with what was given on the command line above it.
 
@@ -35,4 +41,5 @@ def load_settings(
         "sensors.profile": profile,
         "mission.kind": mission,
     }
-    return configuration.load(config, {k: v for k, v in given.items() if v is not None})
+    chosen = {key: value for key, value in given.items() if value is not None}
+    return configuration.load(config, {**chosen, **configuration.mission_settings(mission_set)})

@@ -8,7 +8,9 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion.config import mission_settings
 from companion.errors import CompanionError
+from companion.options import MissionSet
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
@@ -219,6 +221,7 @@ def fly(
             help="What to fly: room, building, exterior, layers, or a mission file, .toml or .py."
         ),
     ] = "room",
+    mission_set: MissionSet = None,
     config: ConfigFile = None,
     transport: Annotated[
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
@@ -249,7 +252,7 @@ def fly(
         battery_s,
     )
     flown = load_mission(mission)
-    settings = options.settings(flown.settings)
+    settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
     console = Console(highlight=False)
     if transport is Transport.UDP:
         result = fly_in_two(options, flown, settings, speed, out or Path("out"))

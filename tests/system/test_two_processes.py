@@ -124,6 +124,7 @@ def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
         (("fly", "kitchen"), ("kitchen", "room_100")),
         (("fly", "room_100", "--profile", "lidar"), ("lidar", "gp2y0a710k0f")),
         (("fly", "room_100", "--mission", "dance"), ("dance", "room")),
+        (("fly", "room_100", "--set", "speed_m_s=9"), ("mission.speed_m_s", "9", "2")),
         (("fly", "room_100", "--beam", "none.toml"), ("none.toml",)),
         (("run", "room_100", "--mavlink", "serial"), ("serial",)),
         (("run", "room_100", "--param", "GUID_TIMEOU=1"), ("GUID_TIMEOU", "GUID_TIMEOUT")),

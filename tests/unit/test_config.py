@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from companion.app import App
-from companion.config import Config, load
+from companion.config import Config, load, mission_settings
 from companion.errors import ConfigError
 from companion.messages import Beam
 
@@ -96,6 +96,30 @@ def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
 def test_a_bad_option_is_refused_like_a_bad_file() -> None:
     with pytest.raises(ConfigError, match=r"command line: mission\.kind = 'dance'"):
         load(None, {"mission.kind": "dance"})
+
+
+def test_what_the_mission_is_to_be_like_may_be_said_on_the_command_line(tmp_path: Path) -> None:
+    path = tmp_path / "drone.toml"
+    path.write_text("[mission]\nspeed_m_s = 0.5\nheight_m = 1.0\n")
+    mission = load(path, mission_settings(["speed_m_s=0.6", "standoff=range"])).mission
+    assert (mission.speed_m_s, mission.standoff, mission.height_m) == (0.6, "range", 1.0)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("speed_m_s=9", ("mission.speed_m_s = 9", "less than or equal to 2")),
+        ("standoff=near", ("mission.standoff = 'near'", "0.6 to 5 metres", "'range'")),
+        ("sensors.profile=paper", ("mission.sensors.profile", "known here", "speed_m_s")),
+        ("speed_m_s", ("--set speed_m_s", "KEY=VALUE")),
+    ],
+)
+def test_a_bad_assignment_is_refused_with_key_and_bound(
+    assignment: str, words: tuple[str, ...]
+) -> None:
+    with pytest.raises(ConfigError) as refused:
+        load(None, mission_settings([assignment]))
+    assert all(word in str(refused.value) for word in words)
 
 
 def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
