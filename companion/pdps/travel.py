@@ -185,7 +185,7 @@ def _fly(
 def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:
     """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
     now_s = sight.pose.time_s
-    if _is_stuck(travel, now_s):
+    if not travel.way or _is_stuck(travel, now_s):
         return True
     if _passes_doorway(travel, sight):
         return False

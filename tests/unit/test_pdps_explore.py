@@ -591,6 +591,17 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     assert setpoint == HOLD
 
 
+def test_having_looked_round_beside_a_doorway_it_goes_on_and_has_not_arrived() -> None:
+    grid, time_s = with_doorway(0.45), 10.0
+    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    travel = replace(travel, way=(), phase=TravelPhase.SWEEP, sweep_rad=(0.0,), looked_round=True)
+    for _ in range(2):
+        time_s += 0.05
+        travel, _ = gone(travel, grid, time_s=time_s)
+    assert travel.phase is TravelPhase.FLY
+    assert travel.way[-1] == (3.0, 0.0)
+
+
 @pytest.mark.parametrize(("goal", "goes"), [((0.0, 0.0), True), ((-1.0, 0.0), False)])
 def test_home_it_goes_as_it_came_whatever_is_drawn_there(goal: Place, *, goes: bool) -> None:
     grid = open_ground()
