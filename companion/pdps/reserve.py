@@ -25,6 +25,8 @@ ASK_AGAIN_S = 5.0
 SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
 """What a way takes: of the speed that its room allows, for each doorway, for the turns at its
 ends."""
+ROUGHLY = 1.1
+"""What a way may take, over what is reckoned: out of a maze it was a twentieth more."""
 STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
@@ -59,12 +61,12 @@ def step(
     flown_s = spent.flown_s
     left_s, why = _left_s(reserve, spent, plan)
     since_s = flown_s - reserve.asked_s
-    if left_s > reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
+    if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
         return reserve, ""
     if since_s > ASK_AGAIN_S:
         way_home_s = _way_home_s(sight, space, plan)
         reserve = replace(reserve, asked_s=flown_s, way_home_s=way_home_s)
-    return reserve, "" if left_s > reserve.way_home_s else why
+    return reserve, "" if left_s > ROUGHLY * reserve.way_home_s else why
 
 
 def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float, str]:
