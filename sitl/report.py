@@ -2,19 +2,24 @@
 
 import json
 import math
+from collections import defaultdict
 from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol
 
+import numpy as np
 from rich.table import Table
 
 from companion.config import Config
 from companion.drivers.models import range_models
+from companion.frames import Vector2
 from companion.messages import Beam, FloorPlan
 from companion.pdps.standoff import standoff_m
-from sitl.record import TruthRecord
-from sitl.score import least_time_s, score_map, score_trajectory
+from sitl.record import AIRBORNE_M, TruthRecord
+from sitl.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
 from sitl.simulation import Setup
+from sitl.world.format import World
+from sitl.world.model import BODY_RADIUS_M
 from sitl.world.plan import seeable_points, wall_surfaces
 
 Report = dict[str, float | int | bool | str | None]
@@ -64,6 +69,7 @@ def make_report(
     report |= {
         "collisions": truth.collisions,
         "clearance_m": truth.clearance_m,
+        "clearance_open_m": _clear_in_the_open_m(setup.world, truth),
         "return_m": math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2]),
         "flight_time_s": truth.air_time_s,
         "least_time_s": least_time_s(surfaces, standoff, config.mission.speed_m_s),
@@ -71,6 +77,20 @@ def make_report(
         "speed_factor": truth.path[-1].time_s / waited_s,
     }
     return {key: _rounded(value) for key, value in report.items()}
+
+
+def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
+    """To what stands at the drone's own height, in the air."""
+    places: dict[float, list[Vector2]] = defaultdict(list)
+    for state in truth.path:
+        north, east, down = state.position_ned_m
+        if -down > AIRBORNE_M:
+            places[round(-down, 1)].append((north, east))
+    clear_m = (
+        clear_in_the_open_m(wall_surfaces(world, height_m), np.array(at), BODY_RADIUS_M)
+        for height_m, at in places.items()
+    )
+    return min(clear_m, default=math.inf)
 
 
 def _rounded(value: object) -> float | int | bool | str | None:
@@ -93,6 +113,7 @@ _ROWS = (
     ("false walls", "false_walls", "{:.1%}"),
     ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),
     ("least clearance", "clearance_m", "{:.2f} m"),
+    ("least clearance, not in a passage", "clearance_open_m", "{:.2f} m"),
     ("collisions", "collisions", "{}"),
     ("landed off its start", "return_m", "{:.2f} m"),
     ("time in the air", "flight_time_s", "{:.0f} s"),

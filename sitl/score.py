@@ -25,6 +25,8 @@ Points = NDArray[np.float64]
 
 COVERED_WITHIN_M = 0.10
 FALSE_BEYOND_M = 0.20
+PASSAGE_M, OPPOSITE_COS = 1.2, -0.5
+"""Between what stands on either side of the drone: through less, as a door, it may pass closer."""
 ALIGNMENT_STEPS = 30
 ALIGNMENT_REACH_M = 1.0
 """Samples farther than this from any true wall do not pull on the alignment."""
@@ -123,6 +125,26 @@ def score_trajectory(
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
 
 
+def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: float) -> float:
+    """Least distance of a body's hull to any surface, where it is in no passage.
+
+    Of the places (n, 2) that it comes to; infinite if all are in one, or nothing stands there.
+    """
+    walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    least_m = math.inf
+    for place in places if len(walls) else ():
+        foot = _feet(place[None], walls)[0] - place
+        away_m = np.hypot(*foot.T)
+        nearest = int(away_m.argmin())
+        if away_m[nearest] - radius_m >= least_m:
+            continue
+        towards = foot / np.maximum(away_m, 1e-9)[:, None]
+        across_m = away_m[towards @ towards[nearest] < OPPOSITE_COS]
+        if away_m[nearest] + across_m.min(initial=math.inf) >= PASSAGE_M:
+            least_m = float(away_m[nearest]) - radius_m
+    return least_m
+
+
 def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: float) -> float:
     """Least time to trace a room with four square corners: (P - 8·d) / v."""
     perimeter_m = sum(math.dist(*surface) for surface in surfaces)
@@ -162,14 +184,20 @@ def _to_world(points: Points, take_off: TrueState) -> Points:
 
 def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
     """Distance (n,) and closest point (n, 2) on any of the segments (m, 2, 2)."""
-    start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
-    length2 = np.maximum((along**2).sum(axis=1), 1e-12)
-    share = ((points[:, None] - start) * along).sum(axis=2) / length2
-    foot = start + np.clip(share, 0, 1)[..., None] * along
+    foot = _feet(points, walls)
     distance = np.linalg.norm(points[:, None] - foot, axis=2)
     best = distance.argmin(axis=1)
     rows = np.arange(len(points))
     return distance[rows, best], foot[rows, best]
+
+
+def _feet(points: Points, walls: Points) -> Points:
+    """The closest points (n, m, 2) on each of the segments (m, 2, 2)."""
+    start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
+    length2 = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = ((points[:, None] - start) * along).sum(axis=2) / length2
+    feet: Points = start + np.clip(share, 0, 1)[..., None] * along
+    return feet
 
 
 def _distance_to_points(points: Points, others: Points) -> Points:

@@ -19,6 +19,7 @@ FIGURES: tuple[tuple[str, str, Callable[[Iterable[float]], float]], ...] = (
     ("coverage_median", "coverage", median),
     ("coverage_min", "coverage", min),
     ("clearance_min_m", "clearance_m", min),
+    ("clearance_open_min_m", "clearance_open_m", min),
     ("return_mean_m", "return_m", mean),
     ("return_max_m", "return_m", max),
     ("trace_over_least_mean", "trace_over_least", mean),

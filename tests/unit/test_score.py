@@ -2,13 +2,14 @@
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.frames import Vector2, frd_to_ned
 from companion.messages import FloorPlan, Pose, WallSegment
-from sitl.score import least_time_s, score_map, score_trajectory
+from sitl.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
 from sitl.truth import TrueState
 from sitl.world.plan import samples
 
@@ -84,3 +85,26 @@ def test_trajectory_error_by_evo() -> None:
 @pytest.mark.parametrize(("standoff_m", "least_s"), [(1.0, 32), (1.5, 28), (2.0, 24)])
 def test_least_time_of_the_papers_room(standoff_m: float, least_s: float) -> None:
     assert least_time_s(ROOM, standoff_m, 1.0) == least_s
+
+
+@pytest.mark.parametrize(
+    ("place", "clear_m"),
+    [
+        ((0.0, 1.0), 0.8),  # before a wall
+        ((0.0, 5.0), math.inf),  # in the doorway, 0.9 m wide
+        ((0.5, 5.0), 0.4727),  # through it: the jambs are behind, and not opposite
+    ],
+)
+def test_clearance_counts_where_there_is_room_to_keep_it(place: Vector2, clear_m: float) -> None:
+    doorway: list[tuple[Vector2, Vector2]] = [
+        ((-5.0, 0.0), (5.0, 0.0)),
+        ((0.0, 5.45), (0.0, 9.0)),
+        ((0.0, 2.0), (0.0, 4.55)),
+    ]
+    away = [(-2.0, 2.0), place]
+    far = clear_in_the_open_m(doorway, np.array(away[:1]), 0.2)
+    assert far == pytest.approx(1.8)
+    least_m = clear_in_the_open_m(doorway, np.array(away[1:]), 0.2)
+    assert least_m == pytest.approx(clear_m, abs=1e-3)
+    assert clear_in_the_open_m(doorway, np.array(away), 0.2) == min(far, least_m)
+    assert clear_in_the_open_m([], np.array(away), 0.2) == math.inf
