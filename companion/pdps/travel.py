@@ -26,10 +26,10 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.config import MissionConfig
-from companion.frames import Vector2, wrap_rad
+from companion.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Occupancy
-from companion.messages import HOLD, Beam, Setpoint
-from companion.pdps.control import stay, turn_towards
+from companion.messages import HOLD, Setpoint
+from companion.pdps import sweep as sweeping
 from companion.pdps.doorways import (
     AWAY_M,
     DOORWAY_ROOM_M,
@@ -53,6 +53,7 @@ from companion.pdps.route import (
     retraced,
 )
 from companion.pdps.sight import Sight
+from companion.pdps.sweep import Sweep
 
 CHECK_S, PLAN_S = 2.0, 8.0
 DETOUR_M = 3.0
@@ -67,14 +68,9 @@ BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7,
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
-AT_PLACE_M = 0.5
-"""From where it is to stay: a step of the pose is less."""
 AHEAD_M, MOST_SHUT = 0.5, 8
 """So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
 way."""
-BESIDE_JAMB_RAD, SWEEP_RAD_S = math.radians(15), math.radians(25)
-"""So far to either side, slowly enough for a reading every few centimetres."""
-ON_HEADING_RAD = math.radians(5)
 
 
 class TravelPhase(enum.Enum):
@@ -107,13 +103,8 @@ class Travel:
     """All doorways found so far."""
     shut: tuple[Doorway, ...] = ()
     """Those that it could not get through."""
-    sweep_rad: tuple[float, ...] = ()
-    """Headings still to be turned to."""
-    swept: Doorway | None = None
-    """What it looks at,"""
-    met_ne_m: tuple[Vector2, ...] = ()
-    """and what the front beam has met there."""
-    stay_ne_m: Vector2 = (0.0, 0.0)
+    sweep: Sweep | None = None
+    """In SWEEP."""
     roomy_ne_m: Vector2 | None = None
     """Where it last had room to turn round."""
     looked_round: bool = False
@@ -243,15 +234,8 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         return replace(travel, planned_s=now_s)
     if travel.looked_round:
         return _another_way(travel, sight, space, plan)
-    thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
-    return replace(
-        travel,
-        phase=TravelPhase.SWEEP,
-        looked_round=True,
-        sweep_rad=tuple(thirds),
-        stay_ne_m=travel.roomy_ne_m or here,
-        way=(),
-    )
+    sweep = sweeping.all_round(sight, travel.roomy_ne_m or here)
+    return replace(travel, phase=TravelPhase.SWEEP, looked_round=True, sweep=sweep, way=())
 
 
 def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
@@ -364,62 +348,34 @@ def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
             continue
         if _was_swept(travel, doorway):
             continue
-        left_rad, right_rad = (
-            math.atan2(east_m - here[1], north_m - here[0])
-            for north_m, east_m in doorway.jambs_ne_m()
-        )
-        return replace(
-            travel,
-            phase=TravelPhase.SWEEP,
-            swept=replace(doorway, swept_s=sight.pose.time_s),
-            met_ne_m=(),
-            sweep_rad=(right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD),
-            stay_ne_m=here,
-        )
+        sweep = sweeping.over_jambs(doorway, sight)
+        return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep)
     return None
 
 
 def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
-    if sight.pose.reset_counter != travel.resets:  # the drone has not moved, nor shall it
-        here = sight.pose.north_m, sight.pose.east_m
-        is_there = math.dist(here, travel.stay_ne_m) < AT_PLACE_M
-        stay_ne_m = here if is_there else travel.stay_ne_m
-        travel = replace(travel, resets=sight.pose.reset_counter, stay_ne_m=stay_ne_m)
-    holding = stay(travel.stay_ne_m, sight)
-    heading_rad, *later = travel.sweep_rad
-    off_rad = wrap_rad(heading_rad - sight.pose.yaw_rad)
-    if abs(off_rad) > ON_HEADING_RAD:
-        if not later:
-            travel = replace(travel, met_ne_m=(*travel.met_ne_m, *_met_ahead(sight)))
-        most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SWEEP_RAD_S
-        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
-        return travel, replace(holding, yaw_rate_rad_s=rate_rad_s)
-    if later:
-        return replace(travel, sweep_rad=tuple(later)), holding
+    assert travel.sweep is not None
+    sweep, setpoint = sweeping.step(travel.sweep, sight, plan)
+    travel = replace(travel, sweep=sweep, resets=sweep.resets)
+    if not sweep.is_done:
+        return travel, setpoint
     flying = replace(
-        travel if travel.swept is None else _measured(travel, travel.swept),
+        _measured(travel, sweep),
         phase=TravelPhase.FLY,
+        sweep=None,
         planned_s=-math.inf,
         checked_s=-math.inf,
         progress_s=sight.pose.time_s,
     )
-    return flying, holding
+    return flying, setpoint
 
 
-def _measured(travel: Travel, swept: Doorway) -> Travel:
+def _measured(travel: Travel, sweep: Sweep) -> Travel:
     """What was found of the doorway; if it is too narrow, there is another way, or none."""
-    doorway = swept.measured(travel.met_ne_m)
-    travel = replace(travel, known=remembered(travel.known, [doorway]), swept=None)
+    if sweep.doorway is None:
+        return travel
+    doorway = sweep.doorway.measured(sweep.met_ne_m)
+    travel = replace(travel, known=remembered(travel.known, [doorway]))
     if travel.goes_home or not doorway.is_too_narrow:
         return travel
     return replace(travel, way=(), looked_round=True)
-
-
-def _met_ahead(sight: Sight) -> tuple[Vector2, ...]:
-    reading = sight.ranges.get(Beam.FRONT)
-    if reading is None or not reading.is_distance:
-        return ()
-    away_m = reading.distance_m + sight.mount_offset_m
-    bearing_rad = sight.pose.yaw_rad + sight.bearings_frd_rad[Beam.FRONT]
-    north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
-    return ((sight.pose.north_m + north_m, sight.pose.east_m + east_m),)

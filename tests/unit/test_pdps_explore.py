@@ -22,6 +22,7 @@ from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.looks import LEAST_SHOWN, OPEN_LOOKS, Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
+from companion.pdps.sweep import Sweep
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import TRIES, frontiers, known_cells, vague_surfaces
@@ -416,6 +417,12 @@ def gone(
     return travelling.step(travel, sight(ahead_m=ahead_m, time_s=time_s), grid, PLAN)
 
 
+def to_turn_to_rad(travel: Travel) -> tuple[float, ...]:
+    """The headings of its sweep that are left."""
+    assert travel.sweep is not None
+    return travel.sweep.headings_rad
+
+
 def test_it_flies_to_its_goal_and_arrives() -> None:
     travel, setpoint = gone(Travel((3.0, 0.0)), open_ground())
     assert travel.phase is TravelPhase.FLY
@@ -456,8 +463,8 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     assert setpoint.forward_m_s == 0
     looked_rad = []
     while travel.phase is TravelPhase.SWEEP:
-        looked_rad.append(travel.sweep_rad[0])
-        seen = sight(yaw_rad=travel.sweep_rad[0])
+        looked_rad.append(to_turn_to_rad(travel)[0])
+        seen = sight(yaw_rad=looked_rad[-1])
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert min(looked_rad) < -0.5 < 0.5 < max(looked_rad)
     travel, setpoint = gone(travel, grid)
@@ -472,7 +479,7 @@ def looked_at(
     time_s, heading = 10.0, 1.0 if place[0] < 1.45 else -1.0
     travel, _ = travelling.step(travel, sight(place, math.acos(heading)), grid, PLAN)
     assert travel.phase is TravelPhase.SWEEP
-    yaw_rad = travel.sweep_rad[0]
+    yaw_rad = to_turn_to_rad(travel)[0]
     while travel.phase is TravelPhase.SWEEP:
         time_s += 0.05
         east_m = place[1] + (1.45 - place[0]) * math.tan(yaw_rad)
@@ -580,10 +587,10 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     grid, time_s = walled(reach_m=2.0), 10.0
     travel, _ = gone(Travel((5.0, 0.0)), grid)
     assert travel.phase is TravelPhase.SWEEP
-    turned = len(travel.sweep_rad)
+    turned = len(to_turn_to_rad(travel))
     while travel.phase is TravelPhase.SWEEP:
         time_s += 0.05
-        seen = sight(yaw_rad=travel.sweep_rad[0], time_s=time_s)
+        seen = sight(yaw_rad=to_turn_to_rad(travel)[0], time_s=time_s)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert turned == 3
     travel, setpoint = gone(travel, grid, time_s=time_s + 2)
@@ -594,7 +601,8 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
 def test_having_looked_round_beside_a_doorway_it_goes_on_and_has_not_arrived() -> None:
     grid, time_s = with_doorway(0.45), 10.0
     travel, _ = gone(Travel((3.0, 0.0)), grid)
-    travel = replace(travel, way=(), phase=TravelPhase.SWEEP, sweep_rad=(0.0,), looked_round=True)
+    sweep = Sweep((0.0,), (0.0, 0.0), resets=0)
+    travel = replace(travel, way=(), phase=TravelPhase.SWEEP, sweep=sweep, looked_round=True)
     for _ in range(2):
         time_s += 0.05
         travel, _ = gone(travel, grid, time_s=time_s)
