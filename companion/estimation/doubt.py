@@ -10,7 +10,7 @@ narrow gates:
     bridged by odometry        ●──●──●──●──●──●──●
 
 And what pulls at a wall that was met again may have met another (`revisits.py`): it is given a
-wall of its own for once.
+wall of its own for once. Whole stretches may lie beside the map (`shifts.py`): they are shifted.
 
 Whichever explains all measurements better is kept: it may be odometry that was wrong.
 """
@@ -29,6 +29,7 @@ from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.revisits import apart, doubting
+from companion.estimation.shifts import shifted, shifts
 from companion.estimation.smoother import WHOLE, Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
 
@@ -41,6 +42,7 @@ TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
 the second."""
 MOST_RECONSIDERED = 3
+MOST_SHIFTED = 8
 MOST_TRIED = 4
 BRIDGING_STEPS = 2
 BRIDGED_GATES = (Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 3
@@ -73,16 +75,31 @@ class Doubt:
         return (yield from self._revisiting(estimate))
 
     def searching(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """In walls that were met again, and the stretches that strain odometry most.
+        """In stretches beside the map, walls that were met again, and what strains odometry most.
 
         For when the flight is over, and there is time.
         """
+        estimate = yield from self._shifting(estimate)
         estimate = yield from self._revisiting(estimate)
         for _ in range(MOST_RECONSIDERED):
             likely = self._cost(estimate) - LEAST_GAIN
             for doubted in strained(estimate.x, self.m, self.smoother.models.odometry):
                 other = yield from self._without(doubted, estimate)
                 if self._cost(other) < likely:
+                    estimate = other
+                    break
+            else:
+                break
+        return estimate
+
+    def _shifting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Where a stretch would lie on what was met before and after it."""
+        for _ in range(MOST_SHIFTED):
+            found = yield from shifts(estimate, self.m, self.smoother.models.ranges)
+            for shift in found[:MOST_TRIED]:
+                x = shifted(estimate.x, self.m, shift)
+                other = yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES)
+                if self._cost(other) < self._cost(estimate):
                     estimate = other
                     break
             else:
