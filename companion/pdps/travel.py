@@ -3,7 +3,8 @@
     FLY ───────────────────────────► ARRIVED
      ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly,
      │ │ from farther off if it is too near to measure them;
-     │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it
+     │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it,
+     │ │ where it last had room, if the straight way back there is free
      │ ▼
     SWEEP
 
@@ -232,10 +233,13 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
         return along(ways, travel, sight)
     if gets_on and travel.way:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
-    if travel.looked_round:
+    roomy = travel.roomy_ne_m or here
+    may_look = not travel.looked_round and ways.ground.fits_along(here, roomy)
+    travel = replace(travel, looked_round=True)
+    if not may_look:
         return _another_way(travel, sight, space, plan)
-    sweep = sweeping.all_round(sight, travel.roomy_ne_m or here)
-    return replace(travel, phase=TravelPhase.SWEEP, looked_round=True, sweep=sweep, way=())
+    sweep = sweeping.all_round(sight, roomy)
+    return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep, way=())
 
 
 def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:

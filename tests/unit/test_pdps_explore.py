@@ -598,6 +598,19 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     assert setpoint == HOLD
 
 
+@pytest.mark.parametrize(("roomy", "looks"), [((0.0, -1.5), True), ((0.0, 2.5), False)])
+def test_it_goes_back_to_look_round_only_where_the_straight_way_is_free(
+    roomy: Place, *, looks: bool
+) -> None:
+    """A wall 1.5 m east of it is in between, which it has come round."""
+    grid = walled(reach_m=2.0)
+    for decimetre in range(-20, 21):
+        grid.block((0.1 * decimetre + 0.05, 1.5), 0.1)
+    travel, setpoint = gone(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
+    assert travel.phase is (TravelPhase.SWEEP if looks else TravelPhase.GAVE_UP)
+    assert looks or setpoint == HOLD
+
+
 def test_having_looked_round_beside_a_doorway_it_goes_on_and_has_not_arrived() -> None:
     grid, time_s = with_doorway(0.45), 10.0
     travel, _ = gone(Travel((3.0, 0.0)), grid)
