@@ -16,7 +16,7 @@ Whichever explains all measurements better is kept: it may be odometry that was 
 """
 
 import itertools
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,7 +29,7 @@ from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
 from companion.estimation.line_slam import OdometryModel
 from companion.estimation.revisits import apart, doubting
-from companion.estimation.shifts import shifted, shifts
+from companion.estimation.shifts import Shift, shifted, shifts
 from companion.estimation.smoother import WHOLE, Smoother
 from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
 
@@ -82,42 +82,49 @@ class Doubt:
         estimate = yield from self._shifting(estimate)
         estimate = yield from self._revisiting(estimate)
         for _ in range(MOST_RECONSIDERED):
-            likely = self._cost(estimate) - LEAST_GAIN
-            for doubted in strained(estimate.x, self.m, self.smoother.models.odometry):
-                other = yield from self._without(doubted, estimate)
-                if self._cost(other) < likely:
-                    estimate = other
-                    break
-            else:
+            stretches = strained(estimate.x, self.m, self.smoother.models.odometry)
+            others = (self._without(doubted, estimate) for doubted in stretches)
+            likelier = yield from self._likelier(others, estimate, LEAST_GAIN)
+            if likelier is None:
                 break
+            estimate = likelier
         return estimate
 
     def _shifting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where a stretch would lie on what was met before and after it."""
         for _ in range(MOST_SHIFTED):
             found = yield from shifts(estimate, self.m, self.smoother.models.ranges)
-            for shift in found[:MOST_TRIED]:
-                x = shifted(estimate.x, self.m, shift)
-                other = yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES)
-                if self._cost(other) < self._cost(estimate):
-                    estimate = other
-                    break
-            else:
+            others = (self._shifted(shift, estimate) for shift in found[:MOST_TRIED])
+            likelier = yield from self._likelier(others, estimate)
+            if likelier is None:
                 break
+            estimate = likelier
         return estimate
 
     def _revisiting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where what was met again may have been another wall."""
         for _ in range(MOST_RECONSIDERED):
             visits = yield from doubting(self.smoother, estimate, self.m, self.past)
-            for hits in visits[:MOST_TRIED]:
-                other = yield from self._apart(hits, estimate)
-                if self._cost(other) < self._cost(estimate):
-                    estimate = other
-                    break
-            else:
+            others = (self._apart(hits, estimate) for hits in visits[:MOST_TRIED])
+            likelier = yield from self._likelier(others, estimate)
+            if likelier is None:
                 break
+            estimate = likelier
         return estimate
+
+    def _likelier(
+        self,
+        others: Iterable[Generator[None, None, Estimate]],
+        estimate: Estimate,
+        gain: float = 0.0,
+    ) -> Generator[None, None, Estimate | None]:
+        """The first of other flights that is likelier, by more χ² than that; None if none is."""
+        likely = self._cost(estimate) - gain
+        for work in others:
+            other = yield from work
+            if self._cost(other) < likely:
+                return other
+        return None
 
     def _cost(self, estimate: Estimate) -> float:
         return cost(self.smoother, estimate, self.m, self.past)
@@ -128,6 +135,11 @@ class Doubt:
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(x, self.m, wall_of, self.past)
             yield
+        return (yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES))
+
+    def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The flight with a stretch where it would fit better."""
+        x = shifted(estimate.x, self.m, shift)
         return (yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES))
 
     def _apart(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
@@ -145,7 +157,7 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
 
     By the χ² of its steps: what walls that are right do to it is about the same everywhere.
     """
-    time_s = _from_first(m.dt_s)
+    time_s = m.time_s
     strain_m, variance_m2 = _sums(x, m, model)
     square = (np.diff(strain_m, axis=0) ** 2).sum(axis=1) / np.diff(variance_m2)
     total = _from_first(square)
@@ -163,7 +175,7 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     Along a wall that steps back by the depth of a pilaster the heading would turn, and odometry
     hardly notice; but a bias does not move like that.
     """
-    time_s = _from_first(m.dt_s)
+    time_s = m.time_s
     strain, variance = _sums(x, m, models.odometry)
     strain = np.column_stack([strain, x.poses[:, 3] - _from_first(m.bias_moved_rad_s)])
     variance = np.column_stack([variance, variance, _from_first(models.bias_variance(m))])

@@ -63,7 +63,7 @@ def apart(estimate: Estimate, visits: list[Indices]) -> Estimate:
 
 def _visits(estimate: Estimate, m: Measured, known: int) -> list[Indices]:
     """The first `known` walls had been met before the first of these hits."""
-    time_s = np.concatenate([[0.0], np.cumsum(m.dt_s)])[m.frame]
+    time_s = m.time_s[m.frame]
     found: list[Indices] = []
     for wall in range(len(estimate.x.walls)):
         mine: Indices = np.flatnonzero(estimate.wall_of == wall)

@@ -14,7 +14,6 @@ from collections.abc import Generator, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.estimation.candidates import LEAST_COS_INCIDENCE
 from companion.estimation.estimate import Estimate
@@ -65,7 +64,7 @@ def shifts(
 ) -> Generator[None, None, list[Shift]]:
     """Those that gain most first, in pieces of some milliseconds: it yields after each."""
     x, seen = estimate.x, project(estimate.x, m)
-    time_s, sigma_m = _times_s(m)[m.frame], units.sigma_m(m.beam, m.distance_m)
+    time_s, sigma_m = m.time_s[m.frame], units.sigma_m(m.beam, m.distance_m)
     found = []
     for begin_s, end_s in _stretches(float(time_s.max(initial=0.0))):
         inside = (time_s >= begin_s) & (time_s < end_s)
@@ -87,7 +86,7 @@ def shifted(x: Unknowns, m: Measured, shift: Shift) -> Unknowns:
     """With the stretch where it would fit better, and gradual ways there and back."""
     moved = x.since(0)
     ends_s = shift.begin_s - RAMP_S, shift.begin_s, shift.end_s, shift.end_s + RAMP_S
-    share = np.interp(_times_s(m), ends_s, (0.0, 1.0, 1.0, 0.0))
+    share = np.interp(m.time_s, ends_s, (0.0, 1.0, 1.0, 0.0))
     moved.poses[:, :2] += share[:, None] * shift.by_ne_m
     return moved
 
@@ -101,11 +100,6 @@ def _places_ne_m() -> Array:
 _BY_NE_M = _places_ne_m()
 
 
-def _times_s(m: Measured) -> Array:
-    """(k,): of the keyframes, from the first on."""
-    return np.concatenate([[0.0], np.cumsum(m.dt_s)])
-
-
 def _stretches(length_s: float) -> Iterator[tuple[float, float]]:
     for span_s in SPANS_S:
         for begin_s in np.arange(0.0, length_s - LEAST_LENGTH_S, span_s / 2).tolist():
@@ -114,7 +108,7 @@ def _stretches(length_s: float) -> Iterator[tuple[float, float]]:
 
 def _shares_on_walls(
     x: Unknowns, seen: Sightings, sigma_m: Array, some: Indices, wall_of: Indices
-) -> NDArray[np.float64]:
+) -> Array:
     """(s,): for each shift the share of some hits that lie on walls, as far as `wall_of` tells."""
     met = np.bincount(wall_of[wall_of != NO_WALL], minlength=len(x.walls))
     walls: Indices = np.flatnonzero(met >= LEAST_HITS_ELSEWHERE)

@@ -124,6 +124,11 @@ class Measured:
             mount_m=units.offset_m[beam],
         )
 
+    @property
+    def time_s(self) -> Array:
+        """(k,): of the keyframes, since the first."""
+        return np.concatenate([[0.0], np.cumsum(self.dt_s)])
+
     def first_hit(self, frame: int) -> int:
         """Of a keyframe or those after it."""
         return int(np.searchsorted(self.frame, frame))
