@@ -31,6 +31,8 @@ JAMBS_WITHIN_M = 1.0
 LEAST_WIDTH_M = 0.80
 """What measures narrower is an opening not entered. Between the innermost of what is met on its
 jambs, noise and all, a doorway of 0.9 m measures 0.82 to 0.89 m in flights."""
+LOOKS = 2
+"""No opening is refused for one look: while the drone turns, its pose may drift by a decimetre."""
 JAMB_DEEP_M = 0.3
 """Before and behind the line between the jambs, what is met is of one of them."""
 SAME_WITHIN_M = 0.8
@@ -52,13 +54,19 @@ class Doorway:
     """From its middle to either jamb."""
     swept_s: float = -math.inf
     """When the front beam last passed over both jambs."""
-    width_m: float = math.nan
-    """As it has measured it, the last time that it met both."""
+    widths_m: tuple[float, ...] = ()
+    """As the last looks have measured it, NaN where one did not meet both."""
 
     @property
     def is_too_narrow(self) -> bool:
         """An opening not to be entered."""
-        return self.width_m < LEAST_WIDTH_M
+        return len(self.widths_m) == LOOKS and self.looks_narrow
+
+    @property
+    def looks_narrow(self) -> bool:
+        """No look has shown it wide enough."""
+        met_m = [width_m for width_m in self.widths_m if math.isfinite(width_m)]
+        return bool(met_m) and max(met_m) < LEAST_WIDTH_M
 
     def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
         """A place before (negative) or after the middle, and aside of it, to the right."""
@@ -82,12 +90,12 @@ class Doorway:
         ) * self.through_ne[1]
 
     def measured(self, met_ne_m: Sequence[Vector2]) -> "Doorway":
-        """With its width, if something was met of both jambs."""
+        """With its width as this look has measured it."""
         jambs = [at for at in met_ne_m if abs(self.along_m(at)) < JAMB_DEEP_M]
         aside_m = [self.aside_m(at) for at in jambs]
         right_m = min((m for m in aside_m if m > 0), default=math.nan)
         left_m = max((m for m in aside_m if m <= 0), default=math.nan)
-        return replace(self, width_m=right_m - left_m)
+        return replace(self, widths_m=(right_m - left_m,))
 
     def is_same(self, other: "Doorway") -> bool:
         return math.dist(self.middle_ne_m, other.middle_ne_m) < SAME_WITHIN_M
@@ -131,8 +139,9 @@ def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Door
     for doorway in found:
         same = [old for old in known if old.is_same(doorway)]
         swept_s = max((doorway.swept_s, *(old.swept_s for old in same)))
-        widths_m = (one.width_m for one in (doorway, *same) if math.isfinite(one.width_m))
-        new.append(replace(doorway, swept_s=swept_s, width_m=next(widths_m, math.nan)))
+        before_m = next((old.widths_m for old in same if old.widths_m), ())
+        widths_m = (*before_m, *doorway.widths_m)[-LOOKS:]
+        new.append(replace(doorway, swept_s=swept_s, widths_m=widths_m))
     kept = (old for old in known if not any(old.is_same(doorway) for doorway in new))
     return (*kept, *new)
 

@@ -62,10 +62,7 @@ def over_jambs(doorway: Doorway, sight: Sight) -> Sweep:
 def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     if sight.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
-        here = sight.pose.north_m, sight.pose.east_m
-        is_there = math.dist(here, sweep.stay_ne_m) < AT_PLACE_M
-        stay_ne_m = here if is_there else sweep.stay_ne_m
-        sweep = replace(sweep, resets=sight.pose.reset_counter, stay_ne_m=stay_ne_m)
+        sweep = _as_posed(sweep, sight)
     holding = stay(sweep.stay_ne_m, sight)
     heading_rad, *later = sweep.headings_rad
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) <= ON_HEADING_RAD:
@@ -75,6 +72,17 @@ def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoi
     most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SLOWLY_RAD_S
     rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
     return sweep, replace(holding, yaw_rate_rad_s=rate_rad_s)
+
+
+def _as_posed(sweep: Sweep, sight: Sight) -> Sweep:
+    """After a step of the pose: where it is, and what it has met, as far as it had got there."""
+    sweep = replace(sweep, resets=sight.pose.reset_counter)
+    here = sight.pose.north_m, sight.pose.east_m
+    north_m, east_m = here[0] - sweep.stay_ne_m[0], here[1] - sweep.stay_ne_m[1]
+    if math.hypot(north_m, east_m) >= AT_PLACE_M:
+        return sweep
+    met_ne_m = tuple((north + north_m, east + east_m) for north, east in sweep.met_ne_m)
+    return replace(sweep, stay_ne_m=here, met_ne_m=met_ne_m)
 
 
 def _met_ahead(sight: Sight) -> tuple[Vector2, ...]:

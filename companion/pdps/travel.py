@@ -378,8 +378,10 @@ def _measured(travel: Travel, sweep: Sweep) -> Travel:
     """What was found of the doorway; if it is too narrow, there is another way, or none."""
     if sweep.doorway is None:
         return travel
-    doorway = sweep.doorway.measured(sweep.met_ne_m)
-    travel = replace(travel, known=remembered(travel.known, [doorway]))
-    if travel.goes_home or not doorway.is_too_narrow:
-        return travel
-    return replace(travel, way=(), looked_round=True)
+    looked = sweep.doorway.measured(sweep.met_ne_m)
+    *others, doorway = remembered(travel.known, [looked])
+    if travel.goes_home or not doorway.looks_narrow:
+        return replace(travel, known=(*others, doorway))
+    if doorway.is_too_narrow:
+        return replace(travel, known=(*others, doorway), way=(), looked_round=True)
+    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # looks again

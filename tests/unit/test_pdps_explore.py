@@ -14,6 +14,7 @@ from companion.frames import Vector2
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps import layers as layering
+from companion.pdps import sweep as sweeping
 from companion.pdps import travel as travelling
 from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
@@ -22,7 +23,7 @@ from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.looks import LEAST_SHOWN, OPEN_LOOKS, Look, looks
 from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
-from companion.pdps.sweep import Sweep
+from companion.pdps.sweep import Sweep, over_jambs
 from companion.pdps.tour import first_of_tour, shortest_first
 from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import TRIES, frontiers, known_cells, vague_surfaces
@@ -472,12 +473,27 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     assert setpoint.forward_m_s > 0
 
 
+def looked_at_again_if_narrow(
+    travel: Travel, grid: Occupancy, width_m: float
+) -> tuple[Travel, float]:
+    """As often as it wants to, and when."""
+    travel, time_s = looked_at(travel, grid, width_m)
+    if not travel.known[0].is_too_narrow and width_m < 0.8:
+        travel, time_s = looked_at(travel, grid, width_m, time_s=time_s + 0.05)
+    return travel, time_s
+
+
 def looked_at(
-    travel: Travel, grid: Occupancy, width_m: float, place: Place = (0.0, 0.0)
+    travel: Travel,
+    grid: Occupancy,
+    width_m: float,
+    place: Place = (0.0, 0.0),
+    time_s: float = 10.0,
 ) -> tuple[Travel, float]:
     """After both jambs of an opening in the wall 1.45 m north were swept; and when."""
-    time_s, heading = 10.0, 1.0 if place[0] < 1.45 else -1.0
-    travel, _ = travelling.step(travel, sight(place, math.acos(heading)), grid, PLAN)
+    heading = 1.0 if place[0] < 1.45 else -1.0
+    seen = sight(place, math.acos(heading), time_s=time_s)
+    travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert travel.phase is TravelPhase.SWEEP
     yaw_rad = to_turn_to_rad(travel)[0]
     while travel.phase is TravelPhase.SWEEP:
@@ -496,13 +512,32 @@ def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
 ) -> None:
     """All are free by the cells; a reading every 3 cm, without noise, measures 1 to 6 cm more."""
     grid = with_doorway(1.45)
-    travel, time_s = looked_at(Travel((3.0, 0.0)), grid, width_m)
+    travel, time_s = looked_at_again_if_narrow(Travel((3.0, 0.0)), grid, width_m)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)
     assert travel.phase is (TravelPhase.FLY if enters else TravelPhase.GAVE_UP)
     later = travelling.onward(travel, (3.0, 0.5), ARRIVED_M)
     later = replace(later, known=tuple(replace(d, swept_s=-math.inf) for d in later.known))
     later, _ = gone(later, grid, time_s=time_s + 60.0)
     assert bool(later.doorways) is enters
+
+
+def test_a_doorway_that_looked_too_narrow_once_is_looked_at_again_and_entered() -> None:
+    grid = with_doorway(1.45)
+    travel, time_s = looked_at(Travel((3.0, 0.0)), grid, 0.7)
+    travel, time_s = looked_at(travel, grid, 0.9, time_s=time_s + 0.05)
+    travel, _ = gone(travel, grid, time_s=time_s + 0.05)
+    assert travel.phase is TravelPhase.FLY
+    assert travel.doorways
+
+
+def test_a_step_of_the_pose_while_it_looks_does_not_make_a_doorway_narrower() -> None:
+    met = ((1.45, 0.45), (1.45, 0.5))
+    seen = sight()
+    doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.45)
+    looking = replace(over_jambs(doorway, seen), met_ne_m=met)
+    moved = replace(seen, pose=replace(seen.pose, east_m=-0.3, reset_counter=1))
+    looking, _ = sweeping.step(looking, moved, PLAN)
+    assert np.array(looking.met_ne_m) == pytest.approx(np.array([(1.45, 0.15), (1.45, 0.2)]))
 
 
 def test_home_it_goes_through_whatever_is_wide_enough_to_fly() -> None:
@@ -518,7 +553,7 @@ def test_through_an_opening_that_it_came_by_it_goes_again_however_narrow() -> No
     grid = with_doorway(1.45)
     for decimetre in range(26):
         grid.add(Ray((0.1 * decimetre, 0.0), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
-    travel, time_s = looked_at(Travel((3.0, 0.0)), grid, 0.75)
+    travel, time_s = looked_at_again_if_narrow(Travel((3.0, 0.0)), grid, 0.75)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)
     assert travel.phase is TravelPhase.FLY
 
