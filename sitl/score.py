@@ -25,7 +25,7 @@ Points = NDArray[np.float64]
 
 COVERED_WITHIN_M = 0.10
 FALSE_BEYOND_M = 0.20
-PASSAGE_M, OPPOSITE_COS = 1.2, -0.5
+PASSAGE_M, EITHER_SIDE_COS = 1.2, -0.1
 """Between what stands on either side of the drone: through less, as a door, it may pass closer."""
 ALIGNMENT_STEPS = 30
 ALIGNMENT_REACH_M = 1.0
@@ -139,8 +139,9 @@ def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: f
         if away_m[nearest] - radius_m >= least_m:
             continue
         towards = foot / np.maximum(away_m, 1e-9)[:, None]
-        across_m = away_m[towards @ towards[nearest] < OPPOSITE_COS]
-        if away_m[nearest] + across_m.min(initial=math.inf) >= PASSAGE_M:
+        other_side = foot[towards @ towards[nearest] < EITHER_SIDE_COS]
+        across_m = np.hypot(*(other_side - foot[nearest]).T)
+        if across_m.min(initial=math.inf) >= PASSAGE_M:
             least_m = float(away_m[nearest]) - radius_m
     return least_m
 

@@ -13,14 +13,14 @@
     SWEEP:  the way along is not known to be free, look at that side of it
     SCAN, not known to be free where it swept before ─► BLOCKED
     STAND_OFF, not there within half a minute ─► BLOCKED
-    SCAN, past where it began ─► SCAN: once more round, if the walls are not known well by then
+    SCAN, past where it began ─► SCAN: round again, if the walls are not known well by then
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
 beam looks where the drone goes. It swings its nose a little to and fro meanwhile, so that the beam
 passes over all of the way ahead and not only over its middle.
 
 Along a wall longer than its range odometry alone tells how far apart the walls at its ends are. If
-that is known too badly after one round, a second tells it as well again; it is an extra.
+that is known too badly after one round, each further one tells it as well again; they are extras.
 
 Safety: it moves only forward and right, where a beam looks, and along the wall only through space
 that is known to be free as wide as the drone; it backs away from a wall no farther than the first
@@ -61,7 +61,9 @@ CORNERS_OF_A_ROOM = 4
 CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
 CLOSING_RAD = math.radians(20)
 MARK_EVERY_M = 0.5
-REFINEMENT_RAD = math.radians(15)
+REFINEMENT_RAD = math.radians(30)
+"""Of its heading at once: so far a step of the pose may turn the map, of which the heading knows
+nothing."""
 FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
 SWING_RAD, SWING_S = math.radians(20), 3.0
@@ -73,7 +75,7 @@ HALF_WAY_M = 0.5
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
-LOOSE_M = 0.06
+LOOSE_M, MOST_ROUNDS = 0.06, 3
 """Sigma of the distance between two walls that is worth another round."""
 
 
@@ -122,13 +124,18 @@ class RoomScan:
     """Headings still to be turned to."""
     swept_ne_m: Vector2 | None = None
     """Where it began to look along the wall the last time."""
-    is_extra: bool = False
-    """All walls were traced once, and what goes on is not worth the last battery."""
+    rounds: int = 0
+    """How often all walls were traced."""
+
+    @property
+    def is_extra(self) -> bool:
+        """All walls were traced once, and what goes on is not worth the last battery."""
+        return self.rounds > 0
 
     @property
     def activity(self) -> str:
         """The phase in words."""
-        return "going round once more" if self.is_extra else str(self.phase.value)
+        return "going round again" if self.is_extra else str(self.phase.value)
 
 
 _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
@@ -214,9 +221,9 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
 def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
-        if scan.is_extra or not _are_loose(sight.walls()):
+        scan = replace(scan, rounds=scan.rounds + 1, marks=scan.marks[-1:])
+        if scan.rounds == MOST_ROUNDS or not _are_loose(sight.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
-        scan = replace(scan, is_extra=True, marks=scan.marks[-1:])
     gap_m = _gap_m(scan, sight)
     met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0
