@@ -90,6 +90,13 @@ def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sit
     assert flight.report.wall_error_aligned_cm < 2
 
 
+def test_a_room_is_not_left_out_for_one_look_at_its_doorway(sitl: Sitl) -> None:
+    """One of 0.95 m measured 0.79 m while the pose drifted, and its room was not entered."""
+    flight = sitl.fly("complex", mission="building", seed=11, profile="paper")
+    assert flight.completed, flight.ending
+    assert flight.report.coverage >= 0.97
+
+
 def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
     """A wall that steps by 15 cm, taken for one, turned the heading by up to 11°."""
     errors = PoseErrors()

@@ -28,6 +28,22 @@ def test_it_maps_larger_rooms(sitl: Sitl, world: str) -> None:
     assert flight.report.wall_error_aligned_cm <= 15
 
 
+def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:
+    """The map turned by 16° under it, and it flew on askew, into what it took for no way on."""
+    flight = sitl.fly("room_200", seed=3)
+    assert flight.report.trace_time_s is not None
+    assert flight.report.trace_time_s > 40
+    assert flight.report.return_m < 0.3
+
+
+def test_how_long_a_large_room_is_further_rounds_tell(sitl: Sitl) -> None:
+    """After two its 20 m were 0.2 m too short."""
+    flight = sitl.fly("room_300", seed=15)
+    assert flight.completed, flight.ending
+    assert flight.report.coverage >= 0.95
+    assert flight.report.wall_error_aligned_cm < 9
+
+
 def test_the_same_seed_is_the_same_flight_whatever_carries_the_messages(sitl: Sitl) -> None:
     first = sitl.fly("room_100", seed=5)
     again = sitl.fly("room_100", seed=5)
