@@ -6,7 +6,9 @@ says does not matter here.
 
 In a passage, with something on both sides of where it moves and nothing between, the drone may come
 nearer to both than elsewhere, but to neither nearer than to the other. It is led to the middle of a
-narrow one by what was met a moment ago: the map's cells are too coarse for that.
+narrow one by what was met a moment ago: the map's cells are too coarse for that. Askew in one, with
+something ahead on its course, it may be as near to what is on both sides of it, but not to what is
+ahead: it would be held fast between them, and what it knows of them drifts.
 """
 
 from dataclasses import replace
@@ -33,6 +35,9 @@ POINT_M = 0.04
 BESIDE_M = 0.25
 """What is farther aside of the course than this is beside the drone, not before it."""
 PASSAGE_FROM_M, PASSAGE_TO_M = -0.4, 0.8
+OPPOSITE_COS, ACROSS_COS = -0.8, 0.7
+"""So far in line with the nearest thing is what stands on the other side of the drone, and what is
+on either side."""
 NARROW_M = 0.7
 """From the middle of a passage to its sides: what is wider is passed as planned."""
 CENTRING_GAIN_1_S = 1.2
@@ -57,7 +62,11 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     wanted = _to_the_middle(wanted, passage)
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     towards, distance_m = points / away_m[:, None], away_m - POINT_M
-    keep_off_m = _keep_off_m(passage, clearance_m)
+    keep_off_m = (
+        np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
+        if passage
+        else _keep_off_askew_m(towards, away_m, clearance_m)
+    )
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     room_m = distance_m - keep_off_m
     may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(room_m - LAG_S * closing_m_s, 0.0))
@@ -126,10 +135,18 @@ def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
     return centred
 
 
-def _keep_off_m(passage: _Passage | None, clearance_m: float) -> float:
-    """From the drone's centre: as planned, or less where both sides of the course are near."""
+def _keep_off_m(half_m: float, clearance_m: float) -> float:
+    """From the drone's centre, in a passage so wide: as planned, or less."""
     planned_m = BODY_RADIUS_M + clearance_m
-    if passage is None:
-        return planned_m
-    half_m = passage.half_m - POINT_M - PASSAGE_SLACK_M
-    return max(min(planned_m, half_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))
+    room_m = half_m - POINT_M - PASSAGE_SLACK_M
+    return max(min(planned_m, room_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))
+
+
+def _keep_off_askew_m(towards: Points, away_m: Points, clearance_m: float) -> Points:
+    """(n,): as planned, or less from what is on either side, whatever the course."""
+    keep_off_m = np.full(len(away_m), BODY_RADIUS_M + clearance_m)
+    cos_across = towards @ towards[away_m.argmin()]
+    opposite_m = float(away_m[cos_across < OPPOSITE_COS].min(initial=np.inf))
+    half_m = 0.5 * (float(away_m.min()) + opposite_m)
+    keep_off_m[np.abs(cos_across) > ACROSS_COS] = _keep_off_m(half_m, clearance_m)
+    return keep_off_m

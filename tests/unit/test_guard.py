@@ -112,6 +112,25 @@ def test_between_two_things_that_are_too_near_it_keeps_to_the_middle(aside_m: fl
         assert abs(safe.right_m_s) > 0.02
 
 
+@pytest.mark.parametrize("width_m", [0.9, 1.0, 1.2])
+@pytest.mark.parametrize("askew_deg", [0, 20, 40, 60])
+def test_askew_in_a_corridor_it_goes_on_along_it(width_m: float, askew_deg: float) -> None:
+    along = np.array([math.cos(math.radians(askew_deg)), -math.sin(math.radians(askew_deg))])
+    across = np.array([-along[1], along[0]])
+    steps = [0.05 * i for i in range(-30, 31)]
+    walls = [i * along + side * width_m / 2 * across for i in steps for side in (-1, 1)]
+    safe = guarded(FORWARD, Surroundings(np.array(walls)), CLEARANCE_M)
+    velocity = np.array([safe.forward_m_s, safe.right_m_s])
+    assert velocity @ along > 0.3
+    assert abs(velocity @ across) < 0.35
+
+
+def test_at_the_end_of_a_corridor_it_keeps_off_as_everywhere() -> None:
+    sides = [(0.05 * i, side * 0.45) for i in range(-30, 10) for side in (-1, 1)]
+    end = [(KEEP_OFF_M, 0.05 * i) for i in range(-9, 10)]
+    assert guarded(FORWARD, around(sides + end), CLEARANCE_M).forward_m_s <= 0
+
+
 @given(
     st.lists(st.tuples(st.floats(-2, 2), st.floats(-2, 2)), min_size=1, max_size=20),
     st.floats(-1, 1),
