@@ -31,8 +31,7 @@ def test_it_maps_larger_rooms(sitl: Sitl, world: str) -> None:
 def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:
     """The map turned by 16° under it, and it flew on askew, into what it took for no way on."""
     flight = sitl.fly("room_200", seed=3)
-    assert flight.report.trace_time_s is not None
-    assert flight.report.trace_time_s > 40
+    assert flight.completed, flight.ending
     assert flight.report.return_m < 0.3
 
 
