@@ -62,11 +62,10 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     wanted = _to_the_middle(wanted, passage)
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     towards, distance_m = points / away_m[:, None], away_m - POINT_M
-    keep_off_m = (
-        np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
-        if passage
-        else _keep_off_askew_m(towards, away_m, clearance_m)
-    )
+    if passage:
+        keep_off_m = np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
+    else:
+        keep_off_m = _keep_off_askew_m(towards, away_m, clearance_m)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     room_m = distance_m - keep_off_m
     may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(room_m - LAG_S * closing_m_s, 0.0))

@@ -75,7 +75,7 @@ HALF_WAY_M = 0.5
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
-LOOSE_M, MOST_ROUNDS = 0.06, 3
+LOOSE_M, MOST_EXTRA_ROUNDS = 0.06, 2
 """Sigma of the distance between two walls that is worth another round."""
 
 
@@ -124,13 +124,13 @@ class RoomScan:
     """Headings still to be turned to."""
     swept_ne_m: Vector2 | None = None
     """Where it began to look along the wall the last time."""
-    rounds: int = 0
-    """How often all walls were traced."""
+    extra_rounds: int = 0
+    """Begun since all walls were traced once."""
 
     @property
     def is_extra(self) -> bool:
-        """All walls were traced once, and what goes on is not worth the last battery."""
-        return self.rounds > 0
+        """What goes on is not worth the last battery."""
+        return self.extra_rounds > 0
 
     @property
     def activity(self) -> str:
@@ -221,9 +221,9 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
 def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
-        scan = replace(scan, rounds=scan.rounds + 1, marks=scan.marks[-1:])
-        if scan.rounds == MOST_ROUNDS or not _are_loose(sight.walls()):
+        if scan.extra_rounds == MOST_EXTRA_ROUNDS or not _are_loose(sight.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
+        scan = replace(scan, extra_rounds=scan.extra_rounds + 1, marks=scan.marks[-1:])
     gap_m = _gap_m(scan, sight)
     met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0

@@ -2,7 +2,7 @@
 
     FLY ───────────────────────────► ARRIVED
      ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly,
-     │ │ from farther off if it is too near to measure them;
+     │ │ from farther off if it is too near to measure them, again if it looks too narrow;
      │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it,
      │ │ where it last had room, if the straight way back there is free
      │ ▼

@@ -478,7 +478,7 @@ def looked_at_again_if_narrow(
 ) -> tuple[Travel, float]:
     """As often as it wants to, and when."""
     travel, time_s = looked_at(travel, grid, width_m)
-    if not travel.known[0].is_too_narrow and width_m < 0.8:
+    if travel.known[0].looks_narrow:
         travel, time_s = looked_at(travel, grid, width_m, time_s=time_s + 0.05)
     return travel, time_s
 

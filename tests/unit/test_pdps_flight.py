@@ -230,7 +230,7 @@ def test_a_mission_is_complete_without_the_rest_of_its_overflight(
 
 @pytest.mark.parametrize("is_extra", [False, True])
 def test_a_mission_is_complete_without_the_rest_of_its_further_rounds(is_extra: bool) -> None:
-    began = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.SCAN, rounds=int(is_extra)))
+    began = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.SCAN, extra_rounds=int(is_extra)))
     flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
     trouble = "" if is_extra else "turned back with 15 % of the battery"
     assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)

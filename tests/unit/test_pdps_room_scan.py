@@ -243,7 +243,8 @@ def facing(sigma_m: float) -> KnownWalls:
 
 def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -> None:
     loose, known = facing(0.09), facing(0.03)
-    assert closing(SCANNING, known).phase is ScanPhase.CLOSED
+    closed = closing(SCANNING, known)
+    assert (closed.phase, closed.is_extra) == (ScanPhase.CLOSED, False)
     again = closing(SCANNING, loose)
     assert (again.phase, again.is_extra) == (ScanPhase.SCAN, True)
     assert step(again, past(loose), FREE, PLAN)[0].phase is ScanPhase.SCAN
@@ -252,7 +253,7 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
 
 
 def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:
-    swept = replace(SCANNING, swept_ne_m=(0.0, 0.1), rounds=1)
+    swept = replace(SCANNING, swept_ne_m=(0.0, 0.1), extra_rounds=1)
     scan, _ = step(swept, sight(front=at(1.5)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.CLOSED
 
