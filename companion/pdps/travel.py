@@ -66,6 +66,9 @@ SWEEP_ROOM_M = 0.65
 """With so much room it may turn on the spot: in a corridor, but not in a doorway."""
 BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
 """So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
+NEARLY_M, NEARLY_S = 0.3, 4.0
+"""In a tight place it may not come nearer to its goal: what is too near for the sensors keeps it
+off. It does not wait there longer, for what it knows of that drifts."""
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
@@ -89,7 +92,8 @@ class Travel:
 
     goal_ne_m: Vector2
     within_m: float = ARRIVED_M
-    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there."""
+    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there; and
+    where it is tight, so near as it gets."""
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
     course: Course | None = None
@@ -168,10 +172,15 @@ def _fly(
         return replace(travel, course=None), HOLD
     within_m = travel.within_m if is_open and travel.course else ARRIVED_M
     way = passed(travel.way, sight, within_m)
-    if not way:
+    if not way or (not is_open and _is_as_near_as_it_gets(travel, sight)):
         return replace(travel, phase=TravelPhase.ARRIVED), HOLD
     course = faced(travel.course, way, sight)
     return replace(travel, way=way, course=course), follow(way, course, sight, space, plan)
+
+
+def _is_as_near_as_it_gets(travel: Travel, sight: Sight) -> bool:
+    away_m = math.dist((sight.pose.north_m, sight.pose.east_m), travel.goal_ne_m)
+    return away_m < NEARLY_M and _without_progress_s(travel, sight.pose.time_s) >= NEARLY_S
 
 
 def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:
@@ -221,7 +230,11 @@ def _progress(travel: Travel, sight: Sight) -> Travel:
 
 
 def _is_stuck(travel: Travel, now_s: float) -> bool:
-    return travel.progress_s is not None and now_s - travel.progress_s >= STUCK_S
+    return _without_progress_s(travel, now_s) >= STUCK_S
+
+
+def _without_progress_s(travel: Travel, now_s: float) -> float:
+    return 0.0 if travel.progress_s is None else now_s - travel.progress_s
 
 
 def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:

@@ -449,6 +449,19 @@ def test_a_doorway_is_passed_squarely_through_its_middle() -> None:
         assert east_m == pytest.approx(0.0, abs=0.1)
 
 
+@pytest.mark.parametrize(("half_m", "arrives"), [(0.55, True), (1.5, False)])
+def test_between_walls_that_keep_it_off_it_has_arrived_where_it_gets_no_nearer(
+    half_m: float, arrives: bool
+) -> None:
+    grid = open_ground()
+    for row, side in product(range(-20, 21), (-1, 1)):
+        grid.block((0.1 * row + 0.05, side * half_m), 0.01)
+    travel = Travel((0.25, 0.0))
+    for second in range(6):
+        travel, _ = gone(travel, grid, time_s=10.0 + second)
+    assert (travel.phase is TravelPhase.ARRIVED) is arrives
+
+
 def test_a_wall_on_one_side_is_no_doorway() -> None:
     grid = open_ground()
     for row in range(-40, 41):
