@@ -322,7 +322,11 @@ def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
 def _backed_off(
     ground: Ground, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
 ) -> Vector2 | None:
-    """A place from where the next doorway's jambs can be measured, if it has come too near."""
+    """A place from where the next doorway's jambs can be measured, if it has come too near.
+
+    There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
+    would go to and fro.
+    """
     here = sight.pose.north_m, sight.pose.east_m
     if not doorways:
         return None
@@ -332,7 +336,8 @@ def _backed_off(
     if not is_too_near or not is_before or _was_swept(travel, doorway):
         return None
     places = (doorway.at_m(-off_m, aside_m) for off_m, aside_m in BACK_OFF_M)
-    return next((place for place in places if ground.fits_along(here, place)), None)
+    near = (place for place in places if ground.fits_along(here, place))
+    return next((place for place in near if ground.clear_m(place) >= SWEEP_ROOM_M), None)
 
 
 def _was_swept(travel: Travel, doorway: Doorway) -> bool:
