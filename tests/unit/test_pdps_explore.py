@@ -580,7 +580,7 @@ def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None
 def test_where_it_has_no_room_to_turn_it_does_not_back_off() -> None:
     grid = with_doorway(0.85)
     for row, side in product(range(-40, 8), (-1, 1)):
-        grid.block((0.1 * row + 0.05, side * 0.55), 0.01)
+        grid.block((0.1 * row + 0.05, side * 0.65), 0.01)
     travel, _ = gone(Travel((3.0, 0.0)), grid)
     assert travel.phase is TravelPhase.FLY
     assert min(corner[0] for corner in travel.way) > 0
