@@ -58,8 +58,9 @@ from companion.pdps.sweep import Sweep
 
 CHECK_S, PLAN_S = 2.0, 8.0
 DETOUR_M = 3.0
-STUCK_S, STUCK_M = 10.0, 0.25
-"""So long without getting so far, and it gives up."""
+STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
+"""So long without getting so far, and it gives up. Between walls that keep it off it moves to and
+fro by more than in the open."""
 SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEEP_ROOM_M = 0.65
@@ -154,8 +155,9 @@ def _fly(
     travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
-    travel = replace(_progress(travel, sight), known=_still_swept(travel, sight))
     is_open = in_the_open(sight, space)
+    travel = _progress(travel, sight, STUCK_M if is_open else TIGHT_STUCK_M)
+    travel = replace(travel, known=_still_swept(travel, sight))
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
@@ -222,9 +224,9 @@ def _passes_doorway(travel: Travel, sight: Sight) -> bool:
     return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
 
-def _progress(travel: Travel, sight: Sight) -> Travel:
+def _progress(travel: Travel, sight: Sight, least_m: float) -> Travel:
     here = sight.pose.north_m, sight.pose.east_m
-    if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < STUCK_M:
+    if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < least_m:
         return travel
     return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
 

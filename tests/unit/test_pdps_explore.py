@@ -462,6 +462,18 @@ def test_between_walls_that_keep_it_off_it_has_arrived_where_it_gets_no_nearer(
     assert (travel.phase is TravelPhase.ARRIVED) is arrives
 
 
+@pytest.mark.parametrize(("half_m", "is_stuck"), [(0.55, True), (1.5, False)])
+def test_between_walls_to_and_fro_is_not_getting_on(half_m: float, *, is_stuck: bool) -> None:
+    grid = open_ground()
+    for row, side in product(range(-6, 7), (-1, 1)):
+        grid.block((0.1 * row + 0.05, side * half_m), 0.01)
+    travel = Travel((3.0, 0.0))
+    for second in range(14):
+        seen = sight((0.3 * (second // 3 % 2), 0.0), time_s=10.0 + second)
+        travel, _ = travelling.step(travel, seen, grid, PLAN)
+    assert travel.looked_round is is_stuck
+
+
 def test_a_wall_on_one_side_is_no_doorway() -> None:
     grid = open_ground()
     for row in range(-40, 41):
