@@ -46,7 +46,8 @@ MOST_SHIFTED = 8
 MOST_TRIED = 4
 BRIDGING_STEPS = 2
 BRIDGED_GATES = (Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 3
-STRETCH_S = 45.0
+STRETCHES_S = (180.0, 90.0, 45.0)
+"""The long ones first: a short one, all else as it was, is led back to where it was."""
 MOST_STRETCHES = 4
 """The most strained ones are tried; each needs about as long as smoothing the flight."""
 LEAST_GAIN = 40.0
@@ -81,8 +82,14 @@ class Doubt:
         """
         estimate = yield from self._shifting(estimate)
         estimate = yield from self._revisiting(estimate)
+        for length_s in STRETCHES_S:
+            estimate = yield from self._straining(length_s, estimate)
+        return estimate
+
+    def _straining(self, length_s: float, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """In the stretches of one length that strain odometry most."""
         for _ in range(MOST_RECONSIDERED):
-            stretches = strained(estimate.x, self.m, self.smoother.models.odometry)
+            stretches = strained(estimate.x, self.m, self.smoother.models.odometry, length_s)
             others = (self._without(doubted, estimate) for doubted in stretches)
             likelier = yield from self._likelier(others, estimate, LEAST_GAIN)
             if likelier is None:
@@ -152,8 +159,8 @@ class Doubt:
         return (yield from self.smoother.smoothing(other.x, self.m, self.past, narrow))
 
 
-def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
-    """The stretches (k,) that strain odometry most, the worst first; each half overlaps the next.
+def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:
+    """The stretches (k,) so long that strain odometry most, the worst first; each half overlaps the next.
 
     By the χ² of its steps: what walls that are right do to it is about the same everywhere.
     """
@@ -161,8 +168,8 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel) -> list[Mask]:
     strain_m, variance_m2 = _sums(x, m, model)
     square = (np.diff(strain_m, axis=0) ** 2).sum(axis=1) / np.diff(variance_m2)
     total = _from_first(square)
-    begin_s = np.arange(-STRETCH_S / 2, time_s[-1], STRETCH_S / 2)
-    begin, end = np.searchsorted(time_s, [begin_s, begin_s + STRETCH_S])
+    begin_s = np.arange(-length_s / 2, time_s[-1], length_s / 2)
+    begin, end = np.searchsorted(time_s, [begin_s, begin_s + length_s])
     end = np.minimum(end, len(total) - 1)
     worst = np.argsort(total[begin] - total[end], kind="stable")[:MOST_STRETCHES]
     frames = np.arange(len(time_s))

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import PAPER
 from companion.estimation.candidates import Gate
-from companion.estimation.doubt import Doubt, contradicted
+from companion.estimation.doubt import STRETCHES_S, Doubt, contradicted, strained
 from companion.estimation.estimate import Estimate
 from companion.estimation.estimator import Estimator
 from companion.estimation.factors import Models
@@ -79,6 +79,19 @@ def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: 
     assert doubted[52:99].all()
     assert not doubted[:10].any()
     assert not doubted[-10:].any()
+
+
+@pytest.mark.parametrize("length_s", STRETCHES_S)
+@given(st.integers(0, 1000), st.integers(40, 110))
+def test_what_odometry_speaks_against_most_is_looked_at_first(
+    length_s: float, seed: int, moved_at: int
+) -> None:
+    """Aside by 0.3 m within 1 s, for good."""
+    m, poses = flight_past_a_cabinet(seed)
+    poses[:, 0] += 0.3 * np.clip((np.arange(KEYFRAMES) - moved_at) / 5, 0, 1)
+    first, *_ = strained(Unknowns.at(poses, 0.0), m, Models(UNITS).odometry, length_s)
+    assert first[moved_at : moved_at + 5].all()
+    assert np.ptp(m.time_s[first]) <= length_s
 
 
 @given(st.integers(0, 1000))
