@@ -89,7 +89,8 @@ class Doubt:
     def _straining(self, length_s: float, estimate: Estimate) -> Generator[None, None, Estimate]:
         """In the stretches of one length that strain odometry most."""
         for _ in range(MOST_RECONSIDERED):
-            stretches = strained(estimate.x, self.m, self.smoother.models.odometry, length_s)
+            odometry = self.smoother.models.odometry
+            stretches = strained(estimate.x, self.m, odometry, length_s)
             others = (self._without(doubted, estimate) for doubted in stretches)
             likelier = yield from self._likelier(others, estimate, LEAST_GAIN)
             if likelier is None:
@@ -160,9 +161,10 @@ class Doubt:
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:
-    """The stretches (k,) so long that strain odometry most, the worst first; each half overlaps the next.
+    """The stretches (k,) so long that strain odometry most, the worst first.
 
-    By the χ² of its steps: what walls that are right do to it is about the same everywhere.
+    By the χ² of its steps: what walls that are right do to it is about the same everywhere. Each
+    half overlaps the next.
     """
     time_s = m.time_s
     strain_m, variance_m2 = _sums(x, m, model)
