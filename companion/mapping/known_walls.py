@@ -42,6 +42,12 @@ class KnownWalls:
         lengths_m: Array = np.ptp(self.reach_m, axis=1)
         return lengths_m
 
+    @property
+    def sigmas_m(self) -> Array:
+        """(w,): of their distances from the origin."""
+        sigmas_m: Array = np.sqrt(np.diag(self.covariance_m2))
+        return sigmas_m
+
     def distances_m(self, places_ne_m: Array) -> Array:
         """(p, w): how far it is from places (p, 2) straight to the walls; < 0 from behind."""
         away_m: Array = self.offsets_m - places_ne_m @ self.normals.T

@@ -1,7 +1,7 @@
 """Seeing everything that can be reached: look round, go to where most is unseen, again.
 
           turned, or            something unseen can be reached,
-          all of it seen        or else two walls be tied
+          all of it seen        or else a wall is not known well
     LOOK ────────────────► CHOOSE ──────────────► GO
      ▲                      │   ▲                 │ │
      │          nothing is  │   └─────────────────┘ │
@@ -36,7 +36,7 @@ from companion.pdps.guard import clear_of_all_m
 from companion.pdps.looks import Look, looks
 from companion.pdps.route import START_NE_M, Ground, Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
-from companion.pdps.ties import ties
+from companion.pdps.ties import again, ties
 from companion.pdps.tour import first_of_tour
 from companion.pdps.travel import Travel, TravelPhase
 from companion.pdps.unseen import Places, still_unseen
@@ -164,7 +164,7 @@ def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occu
 
 
 def _left_of(look: Look, space: Occupancy) -> Places:
-    """What is still to be seen of it; walls are tied only from there."""
+    """What is still to be seen of it; walls are looked at again only from there."""
     if look.is_tie:
         return look.at_ne_m
     return still_unseen(space, look.at_ne_m, look.least_surface)
@@ -201,6 +201,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     if not explore.looks:
         found = looks(explore.ways, sight, plan, explore.tried)
         found = found or ties(explore.ways, sight, plan, explore.tried)
+        found = found or again(explore.ways, sight, plan, explore.tried)
         if not found:
             return replace(explore, phase=ExplorePhase.DONE)
         return replace(explore, looks=found)

@@ -62,7 +62,7 @@ class Look:
     is_open: bool = False
     """Nothing stands near to what it is for."""
     is_tie: bool = False
-    """It is for how far two walls are apart."""
+    """It is for how well walls are known, not for what is unseen."""
     least_surface: int = LEAST_SURFACE_CELLS
     """What is for it of surfaces is so wide, in cells."""
 

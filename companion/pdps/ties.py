@@ -1,7 +1,11 @@
-"""From where to tie walls together that face one another, but were never measured from one place.
+"""From where to look again at walls that are not known well.
 
-How far they are apart only odometry tells then, which has wandered by decimetres from one to the
-other. From between them, two beams tell it to a few centimetres.
+Some face one another, but were never measured from one place. How far they are apart only odometry
+tells then, which has wandered by decimetres from one to the other. From between them, two beams
+tell it to a few centimetres.
+
+Others are far from the start, as behind a house: odometry alone tells how far. Each way there and
+back tells it anew, of all that it leads along.
 """
 
 import numpy as np
@@ -27,6 +31,9 @@ BEFORE_WALL_M = 0.2
 """So far before a wall the map has nothing of it."""
 TRIED_WITHIN_M = 2.0
 """From so near another look tells nothing else."""
+VAGUE_M, AGAIN_WITHIN_M = 0.06, 6.0
+"""Sigma of where a wall is, from the start, that is worth another way there; not if one of the
+looks before was so near."""
 Array = NDArray[np.float64]
 
 
@@ -35,11 +42,7 @@ def ties(
 ) -> tuple[Look, ...]:
     """The look at two walls that tells most for its time, if any is worth it."""
     walls, grid = sight.walls(), ways.ground.grid
-    room_m = distance_transform_edt(~grid.occupied) * CELL_M
-    views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M))
-    places = centres(grid, views)
-    is_new = _is_new(places, tried)
-    views, places = views[is_new], places[is_new]
+    views, places, time_s = _views(ways, sight, plan, tried, TRIED_WITHIN_M)
     faces = _faces(walls, places)
     gap_sigmas_m = np.triu(walls.gap_sigmas_m())
     pairs = np.argwhere((gap_sigmas_m > LOOSE_M) & _together(faces))
@@ -47,7 +50,6 @@ def ties(
     sees_both = seen[:, pairs[:, 0]] & seen[:, pairs[:, 1]]
     if not sees_both.any():
         return ()
-    time_s = seconds(views, room_m[tuple(views.T)], ways, sight, plan)
     worth = np.where(sees_both, gap_sigmas_m[tuple(pairs.T)] / time_s[:, None], 0.0)
     view, pair = np.unravel_index(int(worth.argmax()), worth.shape)
     north_m, east_m = places[view].tolist()
@@ -55,13 +57,44 @@ def ties(
     return (Look((north_m, east_m), tuple(feet), is_tie=True),)
 
 
-def _is_new(places: Array, tried: tuple[Look, ...]) -> Which:
-    """(n,): whether nothing was tied from there before."""
-    new = np.ones(len(places), dtype=bool)
+def again(
+    ways: Ways, sight: Sight, plan: MissionConfig, tried: tuple[Look, ...] = ()
+) -> tuple[Look, ...]:
+    """The look that takes least time at the wall that is known worst, if any is worth it.
+
+    None in layers: the next one leads there anew.
+    """
+    if plan.kind == "layers":
+        return ()
+    walls, grid = sight.walls(), ways.ground.grid
+    views, places, time_s = _views(ways, sight, plan, tried, AGAIN_WITHIN_M)
+    faces = _faces(walls, places)
+    sigmas_m = walls.sigmas_m
+    for wall in np.argsort(-sigmas_m):
+        if sigmas_m[wall] <= VAGUE_M:
+            break
+        this = np.arange(len(sigmas_m)) == wall
+        sees = _seen(grid, walls, faces & this, views, places).any(axis=1)
+        if sees.any():
+            north_m, east_m = places[np.where(sees, time_s, np.inf).argmin()].tolist()
+            foot = walls.foot_ne_m(int(wall), (north_m, east_m))
+            return (Look((north_m, east_m), (foot,), is_tie=True),)
+    return ()
+
+
+def _views(
+    ways: Ways, sight: Sight, plan: MissionConfig, tried: tuple[Look, ...], tried_within_m: float
+) -> tuple[Indices, Array, Array]:
+    """Cells (v, 2) from where nothing was tied before, their places (v, 2), seconds to each."""
+    grid = ways.ground.grid
+    room_m = distance_transform_edt(~grid.occupied) * CELL_M
+    views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M))
     for look in tried:
         if look.is_tie:
-            new &= np.hypot(*(places - look.from_ne_m).T) > TRIED_WITHIN_M
-    return new
+            away_m = np.hypot(*(centres(grid, views) - look.from_ne_m).T)
+            views = views[away_m > tried_within_m]
+    time_s = seconds(views, room_m[tuple(views.T)], ways, sight, plan)
+    return views, centres(grid, views), time_s
 
 
 def _faces(walls: KnownWalls, places: Array) -> Which:

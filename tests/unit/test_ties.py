@@ -19,7 +19,16 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.looks import Look
 from companion.pdps.route import find_ground, find_ways
 from companion.pdps.sight import Sight
-from companion.pdps.ties import LOOSE_M, TIES_FROM_M, TIES_TO_M, TRIED_WITHIN_M, ties
+from companion.pdps.ties import (
+    AGAIN_WITHIN_M,
+    LOOSE_M,
+    TIES_FROM_M,
+    TIES_TO_M,
+    TRIED_WITHIN_M,
+    VAGUE_M,
+    again,
+    ties,
+)
 
 PLAN = MissionConfig(kind="building")
 HALF_M, REACH_M = 3.5, 5.0
@@ -90,9 +99,56 @@ def test_from_one_place_it_is_tried_once() -> None:
     assert 1 < len(tried) < 9
 
 
+def found_again(
+    walls: KnownWalls,
+    grid: Occupancy,
+    tried: tuple[Look, ...] = (),
+    here: Vector2 = HERE,
+    plan: MissionConfig = PLAN,
+) -> tuple[Look, ...]:
+    return again(find_ways(find_ground(grid, here, 0.5)), sight(walls, here), plan, tried)
+
+
+@given(st.floats(1.1 * VAGUE_M, 1.0), st.floats(0.0, 0.9))
+def test_the_wall_that_is_known_worst_is_gone_to_again(sigma_m: float, share: float) -> None:
+    known = two_walls(sigma_m)
+    covariance_m2 = sigma_m**2 * np.diag([share, 1.0])
+    look = found_again(replace(known, covariance_m2=covariance_m2), yard())[0]
+    assert look.is_extra
+    (foot,) = look.at_ne_m
+    assert foot[0] == pytest.approx(-HALF_M)
+    assert TIES_FROM_M <= math.dist(look.from_ne_m, foot) <= TIES_TO_M
+
+
+@given(st.floats(0.0, VAGUE_M))
+def test_walls_that_are_known_well_are_not_gone_to_again(sigma_m: float) -> None:
+    assert not found_again(two_walls(sigma_m), yard())
+
+
+def test_in_layers_the_next_one_is_the_way_there_anew() -> None:
+    assert not found_again(two_walls(0.2), yard(), plan=MissionConfig(kind="layers"))
+
+
+def test_of_two_that_are_known_badly_the_one_that_can_be_seen_is_gone_to() -> None:
+    known, grid = two_walls(0.2), yard(partition=True)
+    covariance_m2 = np.diag([0.2**2, 0.3**2])
+    look = found_again(replace(known, covariance_m2=covariance_m2), grid, here=(1.5, -2.0))[0]
+    assert look.at_ne_m[0][0] == pytest.approx(HALF_M)
+
+
+def test_no_place_is_gone_to_again_twice() -> None:
+    walls, grid = two_walls(0.2), yard()
+    tried: tuple[Look, ...] = ()
+    while more := found_again(walls, grid, tried):
+        for look in tried:
+            assert math.dist(look.from_ne_m, more[0].from_ne_m) > AGAIN_WITHIN_M
+        tried = (*tried, *more)
+    assert 1 <= len(tried) < 4
+
+
 def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
     """A sealed corridor, so that nothing but the walls' distance is worth a look."""
-    grid, walls, tied = yard(), two_walls(0.2), two_walls(0.2, tied=True)
+    grid, walls, tied = yard(), two_walls(0.2), two_walls(0.5 * VAGUE_M, tied=True)
     for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
         for east_m in (-4.6, 4.7):
             grid.block((north_m, east_m), 0.1)
