@@ -69,17 +69,14 @@ def again(
     walls, grid = sight.walls(), ways.ground.grid
     views, places, time_s = _views(ways, sight, plan, tried, AGAIN_WITHIN_M)
     faces = _faces(walls, places)
-    sigmas_m = walls.sigmas_m
-    for wall in np.argsort(-sigmas_m):
-        if sigmas_m[wall] <= VAGUE_M:
-            break
-        this = np.arange(len(sigmas_m)) == wall
-        sees = _seen(grid, walls, faces & this, views, places).any(axis=1)
-        if sees.any():
-            north_m, east_m = places[np.where(sees, time_s, np.inf).argmin()].tolist()
-            foot = walls.foot_ne_m(int(wall), (north_m, east_m))
-            return (Look((north_m, east_m), (foot,), is_tie=True),)
-    return ()
+    seen = _seen(grid, walls, faces & (walls.sigmas_m > VAGUE_M), views, places)
+    if not seen.any():
+        return ()
+    wall = int(np.where(seen.any(axis=0), walls.sigmas_m, 0.0).argmax())
+    view = np.where(seen[:, wall], time_s, np.inf).argmin()
+    north_m, east_m = places[view].tolist()
+    foot = walls.foot_ne_m(wall, (north_m, east_m))
+    return (Look((north_m, east_m), (foot,), is_tie=True),)
 
 
 def _views(
@@ -89,12 +86,13 @@ def _views(
     grid = ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
     views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M))
+    places = centres(grid, views)
+    is_new = np.ones(len(places), dtype=bool)
     for look in tried:
         if look.is_tie:
-            away_m = np.hypot(*(centres(grid, views) - look.from_ne_m).T)
-            views = views[away_m > tried_within_m]
-    time_s = seconds(views, room_m[tuple(views.T)], ways, sight, plan)
-    return views, centres(grid, views), time_s
+            is_new &= np.hypot(*(places - look.from_ne_m).T) > tried_within_m
+    views, places = views[is_new], places[is_new]
+    return views, places, seconds(views, room_m[tuple(views.T)], ways, sight, plan)
 
 
 def _faces(walls: KnownWalls, places: Array) -> Which:
