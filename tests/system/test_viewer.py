@@ -112,6 +112,7 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         press(page, "Inject")
         press(page, "Go on")
         until(lambda: has_row(page, "trouble"), "a fault", DEADLINE_S)
+        choose(page, "speed", "1 ×")  # faster, the turn may be over between two looks
         press(page, "Start")
         until(lambda: number(page, "time") < paused_s, "another flight", DEADLINE_S)
         until(lambda: "turning 360°" in row(page, "doing"), "in the air again", DEADLINE_S)
