@@ -54,7 +54,7 @@ def simulator(browser: Browser, *arguments: str) -> Iterator[Page]:
 def test_a_flight_on_the_page(browser: Browser, tmp_path: Path) -> None:
     with simulator(browser, "office") as page:
         press(page, "room_100")
-        choose(page, "speed", "all")
+        choose(page, "speed", "10 ×")
         press(page, "Start")
         until(lambda: walls_m(page) > 1, "the first wall", DEADLINE_S)
         before_m = walls_m(page)
@@ -99,7 +99,7 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         expect(page.get_by_text("mission.standoff = 0.1: should be from 0.6")).to_be_visible()
 
         text_field(page, "stand-off").fill("1.5")
-        choose(page, "speed", "20 ×")
+        choose(page, "speed", "5 ×")
         press(page, "Start")
         until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
         press(page, "Pause")
