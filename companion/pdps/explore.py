@@ -65,6 +65,9 @@ class ExplorePhase(enum.Enum):
     DONE = "all that can be reached was seen"
 
 
+GO_AGAIN = "going to look again at walls that are not known well"
+
+
 @dataclass(frozen=True, slots=True)
 class Explore:
     """The exploration's whole memory."""
@@ -107,8 +110,11 @@ class Explore:
     @property
     def activity(self) -> str:
         """The phase in words, as fine as it is known."""
-        sweeps = self.travel is not None and self.travel.phase is TravelPhase.SWEEP
-        return TravelPhase.SWEEP.value if sweeps else str(self.phase.value)
+        if self.travel is not None and self.travel.phase is TravelPhase.SWEEP:
+            return TravelPhase.SWEEP.value
+        if self.phase is ExplorePhase.GO and self.look is not None and self.look.is_tie:
+            return GO_AGAIN
+        return str(self.phase.value)
 
 
 def step(

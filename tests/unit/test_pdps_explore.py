@@ -848,6 +848,14 @@ def test_go_takes_another_place_where_there_is_no_way() -> None:
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
 
+def test_it_tells_whether_it_goes_to_the_unseen_or_to_walls_known_before() -> None:
+    explore = going(open_ground())
+    assert explore.activity == "going to where something is unseen"
+    assert explore.look is not None
+    tie = replace(explore, look=replace(explore.look, is_tie=True))
+    assert tie.activity == "going to look again at walls that are not known well"
+
+
 def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, setpoint = step(explore, sight(time_s=20.0), open_ground(reach_m=9.0), PLAN)
