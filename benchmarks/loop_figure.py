@@ -27,20 +27,26 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 WORLD, PROFILE, SEED = "room_200", "gp2y0a710k0f", 3
-BEFORE_THE_END_S = 24.0
-"""Of the first flight, so long before its end the second map is taken."""
+CORNERS = 4
+BEFORE_THE_CORNER_S = 8.0
+"""Nearer to the last corner the first wall is in range again."""
 
 
 class Watched(App):
-    """Keeps the map as it was at a moment."""
+    """Keeps the map as it was on the last leg of the first round."""
 
-    taken_at_s = float("inf")
-    taken: FloorPlan | None = None
+    def __init__(self, config: Config) -> None:
+        super().__init__(config)
+        self.maps: list[tuple[float, FloorPlan]] = []
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
-        if self.taken is None and now_s >= self.taken_at_s:
-            self.taken = self.floor_plan()
+        if self.flight.room.corners == CORNERS - 1:
+            self.maps.append((now_s, self.floor_plan()))
         return super().step(now_s, inputs)
+
+    def before_the_corner(self) -> FloorPlan:
+        last_s, _ = self.maps[-1]
+        return next(plan for time_s, plan in self.maps if time_s >= last_s - BEFORE_THE_CORNER_S)
 
 
 def main() -> None:
@@ -49,23 +55,14 @@ def main() -> None:
     options = parser.parse_args()
     settings = configuration.load(None, {"sensors.profile": PROFILE})
     setup = Setup(load_world(WORLD), WORLD, SEED, settings.sensors)
-    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None)
-    end_s = simulation.record.path[-1].time_s
-
-    def watched(config: Config) -> App:
-        app = Watched(config)
-        app.taken_at_s = end_s - BEFORE_THE_END_S
-        return app
-
-    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, make_app=watched)
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, make_app=Watched)
     assert isinstance(app, Watched)
     assert app.estimator is not None
-    assert app.taken is not None
     final = app.final_floor_plan()
     alone = dead_reckoned(Recorded(app.estimator.record, app.estimator.models), final)
     plans = {
         "by odometry and gyro alone": alone,
-        "before the loop is closed": app.taken,
+        "before the loop is closed": app.before_the_corner(),
         "at the end": final,
     }
     figure, panels = plt.subplots(1, 3, figsize=(15, 5.5), sharex=True, sharey=True)
