@@ -5,6 +5,7 @@ it on the last leg, before it meets the first wall again; and at the end. Prints
 """
 
 import argparse
+from collections import deque
 from pathlib import Path
 
 import matplotlib
@@ -14,6 +15,7 @@ from matplotlib.axes import Axes
 from companion import config as configuration
 from companion.app import App, Inputs, Outputs
 from companion.config import Config
+from companion.fly import TICK_S
 from companion.messages import FloorPlan
 from sitl.bench.references import Recorded, dead_reckoned, to_local
 from sitl.lockstep import fly_in_lockstep
@@ -27,26 +29,22 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 
 WORLD, PROFILE, SEED = "room_200", "gp2y0a710k0f", 3
-CORNERS = 4
+LAST_LEG_CORNERS = 3
 BEFORE_THE_CORNER_S = 8.0
 """Nearer to the last corner the first wall is in range again."""
 
 
 class Watched(App):
-    """Keeps the map as it was on the last leg of the first round."""
+    """Keeps the last maps of the first round's last leg, one a tick."""
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self.maps: list[tuple[float, FloorPlan]] = []
+        self.maps: deque[FloorPlan] = deque(maxlen=round(BEFORE_THE_CORNER_S / TICK_S))
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
-        if self.flight.room.corners == CORNERS - 1:
-            self.maps.append((now_s, self.floor_plan()))
+        if self.flight.room.corners == LAST_LEG_CORNERS:
+            self.maps.append(self.floor_plan())
         return super().step(now_s, inputs)
-
-    def before_the_corner(self) -> FloorPlan:
-        last_s, _ = self.maps[-1]
-        return next(plan for time_s, plan in self.maps if time_s >= last_s - BEFORE_THE_CORNER_S)
 
 
 def main() -> None:
@@ -62,7 +60,7 @@ def main() -> None:
     alone = dead_reckoned(Recorded(app.estimator.record, app.estimator.models), final)
     plans = {
         "by odometry and gyro alone": alone,
-        "before the loop is closed": app.before_the_corner(),
+        "before the loop is closed": app.maps[0],
         "at the end": final,
     }
     figure, panels = plt.subplots(1, 3, figsize=(15, 5.5), sharex=True, sharey=True)

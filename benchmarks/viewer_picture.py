@@ -1,6 +1,6 @@
 """The picture of the page in README: `python -m benchmarks.viewer_picture [--out FILE]`.
 
-A building half explored, in a browser that renders by software; takes some minutes.
+A building that is being explored, in a browser that renders by software; takes some minutes.
 """
 
 import argparse

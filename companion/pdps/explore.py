@@ -65,9 +65,6 @@ class ExplorePhase(enum.Enum):
     DONE = "all that can be reached was seen"
 
 
-GO_AGAIN = "going to look again at walls that are not known well"
-
-
 @dataclass(frozen=True, slots=True)
 class Explore:
     """The exploration's whole memory."""
@@ -113,7 +110,7 @@ class Explore:
         if self.travel is not None and self.travel.phase is TravelPhase.SWEEP:
             return TravelPhase.SWEEP.value
         if self.phase is ExplorePhase.GO and self.look is not None and self.look.is_tie:
-            return GO_AGAIN
+            return "going to look again at walls that are not known well"
         return str(self.phase.value)
 
 
