@@ -1,8 +1,8 @@
 """The quadrotor as a moving point with a heading, in 10 ms steps.
 
-Velocity follows its setpoint as measured on ArduCopter: a step of 1 m/s reaches 0.84 after 1 s
-and 0.95 after 2 s. Two first-order parts fit that: most of it quick, the rest an integrator's
-slow tail. At rest on the ground the body's centre is at down = 0.
+Velocity follows what the autopilot's shaping asks for as each firmware was measured to follow it: a
+second-order lag, of which a share comes late with the velocity integrator (`docs/autopilot.md`). At
+rest on the ground the body's centre is at down = 0.
 """
 
 import math
@@ -14,15 +14,8 @@ from sitl.truth import TrueState
 
 STEP_S = 0.01
 GUST_STEPS = 5
-QUICK_SHARE, QUICK_S, SLOW_S = 0.86, 0.42, 2.0
-SLOW_SHARE = 1 - QUICK_SHARE
-CLIMB_S = 0.35
-YAW_S = 0.15
-MOST_YAW_RATE_RAD_S = math.radians(90)
+MAX_YAW_RATE_RAD_S = math.radians(90)
 GRAVITY_M_S2 = 9.81
-BRAKING_M_S2 = 2.7
-"""Of the commanded velocity when setpoints stop; with the response above the drone slows from
-1.0 to about 0.54 m/s in 0.5 s, as ArduCopter does."""
 
 STILL: Vector2 = (0.0, 0.0)
 
@@ -35,14 +28,64 @@ class Gusts:
     time_constant_s: float = 2.0
 
 
+@dataclass(frozen=True, slots=True)
+class Follow:
+    """How one axis follows its reference; fitted to measured steps."""
+
+    natural_rad_s: float
+    """Of the closed loop: how quickly it follows,"""
+    damping: float
+    """and how much it overshoots."""
+    slow_share: float
+    """What share of a change comes late,"""
+    slow_s: float
+    """with this time constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Airframe:
+    """All axes of one vehicle."""
+
+    horizontal: Follow
+    vertical: Follow
+    yaw: Follow
+
+
+class Loop:
+    """One axis: v'' = ω²·(reference - v) - 2·ζ·ω·v'."""
+
+    def __init__(self, follow: Follow) -> None:
+        self._follow = follow
+        self._slow = 0.0
+        self.acceleration = 0.0
+        self.velocity = 0.0
+
+    def reset(self) -> None:
+        self._slow = self.velocity = self.acceleration = 0.0
+
+    def step(self, wanted: float) -> float:
+        """One step on."""
+        f = self._follow
+        self._slow += (wanted - self._slow) * STEP_S / f.slow_s
+        reference = (1 - f.slow_share) * wanted + f.slow_share * self._slow
+        pull = f.natural_rad_s**2 * (reference - self.velocity)
+        self.acceleration += (pull - 2 * f.damping * f.natural_rad_s * self.acceleration) * STEP_S
+        self.velocity += self.acceleration * STEP_S
+        return self.velocity
+
+
 class Vehicle:
     """True motion. Commands are velocities in the world's NED and a yaw rate."""
 
-    def __init__(self, start: TrueState, random: Random, gusts: Gusts = Gusts()) -> None:
+    def __init__(
+        self, start: TrueState, random: Random, airframe: Airframe, gusts: Gusts = Gusts()
+    ) -> None:
         self._random = random
         self._gusts = gusts
         self._steps = 0
-        self._quick_ne = self._slow_ne = self._gust_ne = STILL
+        self._north, self._east = Loop(airframe.horizontal), Loop(airframe.horizontal)
+        self._down, self._yaw = Loop(airframe.vertical), Loop(airframe.yaw)
+        self._gust_ne = STILL
         self._floor = start.position_ned_m[2]
         self.wind_ne_m_s: Vector2 = STILL
         """A fault for tests: a gust that carries the vehicle along."""
@@ -56,24 +99,15 @@ class Vehicle:
         """Fly for one step towards a commanded velocity."""
         if self._steps % GUST_STEPS == 0:
             self._blow()
-        north, east, down = velocity_ned_m_s
-        (quick_n, quick_e), (slow_n, slow_e) = self._quick_ne, self._slow_ne
-        quick_n += (north - quick_n) * STEP_S / QUICK_S
-        quick_e += (east - quick_e) * STEP_S / QUICK_S
-        slow_n += (north - slow_n) * STEP_S / SLOW_S
-        slow_e += (east - slow_e) * STEP_S / SLOW_S
-        self._quick_ne, self._slow_ne = (quick_n, quick_e), (slow_n, slow_e)
+        wanted_n, wanted_e, wanted_d = velocity_ned_m_s
         gust_n, gust_e = self._gust_ne
         wind_n, wind_e = self.wind_ne_m_s
-        north = QUICK_SHARE * quick_n + SLOW_SHARE * slow_n + gust_n + wind_n
-        east = QUICK_SHARE * quick_e + SLOW_SHARE * slow_e + gust_e + wind_e
-        was_north, was_east, sinking = self.state.velocity_ned_m_s
-        sinking += (down - sinking) * STEP_S / CLIMB_S
-        turning = self.state.yaw_rate_rad_s
-        wanted_rate = max(-MOST_YAW_RATE_RAD_S, min(MOST_YAW_RATE_RAD_S, yaw_rate_rad_s))
-        turning += (wanted_rate - turning) * STEP_S / YAW_S
-        acceleration_ne = (north - was_north) / STEP_S, (east - was_east) / STEP_S
-        return self._move((north, east, sinking), acceleration_ne, turning)
+        north = self._north.step(wanted_n) + gust_n + wind_n
+        east = self._east.step(wanted_e) + gust_e + wind_e
+        wanted_rate = max(-MAX_YAW_RATE_RAD_S, min(MAX_YAW_RATE_RAD_S, yaw_rate_rad_s))
+        turning = self._yaw.step(wanted_rate)
+        accelerations = self._north.acceleration, self._east.acceleration
+        return self._move((north, east, self._down.step(wanted_d)), accelerations, turning)
 
     def _blow(self) -> None:
         """Ornstein-Uhlenbeck process."""
@@ -86,7 +120,8 @@ class Vehicle:
 
     def rest(self) -> TrueState:
         """One step with the motors off: on the ground it stays; in the air it falls."""
-        self._quick_ne = self._slow_ne = STILL
+        for loop in (self._north, self._east, self._down, self._yaw):
+            loop.reset()
         falling = self.state.velocity_ned_m_s[2]
         if not self.on_ground:
             falling += GRAVITY_M_S2 * STEP_S

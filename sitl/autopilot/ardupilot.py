@@ -24,6 +24,7 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.response import ARDUCOPTER, Response
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
 
@@ -131,6 +132,7 @@ class ArduPilot:
     lifts_off_by_setpoint = False
     least_interval_us = 2000
     interval_refused: int = mavlink.MAV_RESULT_DENIED
+    response: Response = ARDUCOPTER
     capabilities = 64495
     flight_sw_version = 67502976
     odometry_frames: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_FRD,)

@@ -39,7 +39,7 @@ class Commander:
         self._vehicle = vehicle
         self._failsafes = FailsafeWatch(self._is.failsafes)
         self._setpoint_step: int | None = None
-        self.control = Control(self._navigation.estimator)
+        self.control = Control(self._navigation.estimator, self._is.response)
         self.arming_fault = ""
         """A fault for tests: what its own checks complain about."""
 
@@ -118,6 +118,7 @@ class Commander:
         if complaint:
             return self._is.refused
         self._status.armed = True
+        self.control.arm(self._status.step * STEP_S)
         return ACCEPTED
 
     def disarm(self, *, forced: bool) -> int:

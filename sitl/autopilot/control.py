@@ -14,14 +14,15 @@ import math
 from companion.frames import Vector3, wrap_rad
 from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
-from sitl.vehicle import BRAKING_M_S2, STEP_S
+from sitl.autopilot.response import Response
+from sitl.vehicle import STEP_S
 
-CLIMB_DELAY_S = 1.0
-"""ArduCopter spins its motors up first."""
 CLIMB_M_S = 1.2
-LAND_M_S = 0.5
+"""To a position."""
 POSITION_GAIN_1_S = 0.8
 MOST_HOLD_M_S = 0.5
+AT_REST_M_S = 0.1
+"""Slower than this it holds the place where it is."""
 AT_HEIGHT_M = 0.1
 CRUISE_M_S = 5.0
 """To a position."""
@@ -31,7 +32,6 @@ MOST_YAW_RATE_RAD_S = math.radians(67)
 """Turning to a commanded heading, as measured."""
 COURSE_FROM_M_S = 0.5
 """From this speed on the nose is turned to the course where no yaw is commanded."""
-DETECT_LANDING_S = 1.0
 
 
 class Manoeuvre(enum.Enum):
@@ -47,18 +47,27 @@ class Manoeuvre(enum.Enum):
 class Control:
     """The manoeuvre flown now, and the velocity it asks for."""
 
-    def __init__(self, estimator: Estimator) -> None:
+    def __init__(self, estimator: Estimator, response: Response) -> None:
         self._estimator = estimator
+        self._response = response
         self.manoeuvre = Manoeuvre.GROUND
-        self._since_s = 0.0
+        self._lifts_s = 0.0
         self._height_m = 0.0
         self._hold_at: Vector3 | None = None
-        self._braking: tuple[float, float] = (0.0, 0.0)
         self._target: Target = VelocityTarget((0.0, 0.0, 0.0), 0.0)
         self._on_ground_s = 0.0
 
+    def arm(self, now_s: float) -> None:
+        """The motors begin to spin up."""
+        self._lifts_s = now_s + self._response.spool_up_s
+
     def take_off(self, now_s: float, height_m: float) -> None:
-        self.manoeuvre, self._since_s, self._height_m = Manoeuvre.CLIMB, now_s, height_m
+        self.manoeuvre, self._height_m = Manoeuvre.CLIMB, height_m
+        self._lifts_s = max(self._lifts_s, now_s + self._response.take_off_delay_s)
+
+    def has_thrust(self, now_s: float) -> bool:
+        """It can leave the ground."""
+        return now_s >= self._lifts_s
 
     def land(self) -> None:
         """On the ground, too: it finds out, and disarms."""
@@ -73,7 +82,6 @@ class Control:
 
     def _begin_hold(self) -> None:
         if self.manoeuvre is not Manoeuvre.HOLD:
-            self._braking = self._estimator.velocity_ned_m_s[:2]
             self._hold_at = None
         self.manoeuvre = Manoeuvre.HOLD
 
@@ -85,13 +93,13 @@ class Control:
     def stop(self) -> None:
         self.manoeuvre = Manoeuvre.GROUND
 
-    def wanted(self, now_s: float, *, on_ground: bool) -> tuple[Vector3, float]:
+    def wanted(self, *, on_ground: bool) -> tuple[Vector3, float]:
         """Velocity in the estimated NED and yaw rate; GROUND once it has landed."""
         match self.manoeuvre:
             case Manoeuvre.FOLLOW:
                 return self._follow(self._target)
             case Manoeuvre.CLIMB:
-                return self._climb(now_s), 0.0
+                return self._climb(), 0.0
             case Manoeuvre.HOLD:
                 return self._stay(), 0.0
             case Manoeuvre.LAND:
@@ -137,23 +145,22 @@ class Control:
         rate = YAW_GAIN_1_S * wrap_rad(yaw_rad - self._estimator.yaw_rad)
         return max(-MOST_YAW_RATE_RAD_S, min(MOST_YAW_RATE_RAD_S, rate))
 
-    def _climb(self, now_s: float) -> Vector3:
-        if now_s - self._since_s < CLIMB_DELAY_S:
-            return 0.0, 0.0, 0.0
+    def _climb(self) -> Vector3:
+        response = self._response
         short_m = self._height_m + self._estimator.position_ned_m[2]
         if short_m < AT_HEIGHT_M:
             self._begin_hold()
-        return 0.0, 0.0, -min(CLIMB_M_S, 1.2 * max(short_m, 0.0))
+        climb_m_s = response.take_off_gain_1_s * max(short_m, 0.0)
+        return 0.0, 0.0, -min(response.take_off_m_s, climb_m_s)
 
     def _stay(self) -> Vector3:
-        """Ramp the velocity down, then hold the position where the drone came to rest."""
-        speed = math.hypot(*self._braking)
-        if speed > BRAKING_M_S2 * STEP_S:
-            share = 1 - BRAKING_M_S2 * STEP_S / speed
-            self._braking = (self._braking[0] * share, self._braking[1] * share)
-            return *self._braking, 0.0
-        position = self._estimator.position_ned_m
-        self._hold_at = self._hold_at or position
+        """Come to rest, then hold the position where that was."""
+        estimate = self._estimator
+        position = estimate.position_ned_m
+        if self._hold_at is None:
+            if math.hypot(*estimate.velocity_ned_m_s) > AT_REST_M_S:
+                return 0.0, 0.0, 0.0
+            self._hold_at = position
         velocity = [
             POSITION_GAIN_1_S * (there - here)
             for there, here in zip(self._hold_at, position, strict=True)
@@ -163,7 +170,7 @@ class Control:
 
     def _descend(self, *, on_ground: bool) -> Vector3:
         self._on_ground_s = self._on_ground_s + STEP_S if on_ground else 0.0
-        if self._on_ground_s >= DETECT_LANDING_S:
+        if self._on_ground_s >= self._response.disarm_delay_s:
             self.manoeuvre = Manoeuvre.GROUND
         north, east, _ = self._stay()
-        return north, east, LAND_M_S
+        return north, east, self._response.land_m_s

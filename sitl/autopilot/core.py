@@ -22,6 +22,7 @@ from sitl.autopilot.parts import Parts
 from sitl.autopilot.personality import Personality, boot_values, system_id
 from sitl.autopilot.protocol import Channel, Protocol
 from sitl.autopilot.px4 import Px4
+from sitl.autopilot.response import SetpointShaper
 from sitl.autopilot.streams import Message, Streams
 from sitl.autopilot.telemetry import Status, Telemetry
 from sitl.noise import stream
@@ -70,7 +71,8 @@ class Autopilot:
         self._battery_s = battery_s
         self._is = PERSONALITIES[personality]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
-        self._vehicle = Vehicle(start, stream(seed, "gusts"))
+        self._vehicle = Vehicle(start, stream(seed, "gusts"), self._is.response.airframe)
+        self._shaper = SetpointShaper(self._is.response)
         values = boot_values(self._is, parameters)
         self._navigation = Navigation(start, seed, self._is, values, noise)
         self._status = Status(self._is.boot_mode)
@@ -140,10 +142,12 @@ class Autopilot:
     def _fly(self) -> None:
         control, estimator = self._commander.control, self._navigation.estimator
         was = control.manoeuvre
-        if was is Manoeuvre.GROUND:
+        if was is Manoeuvre.GROUND or not control.has_thrust(self.time_s):
+            self._shaper.reset()
             self._vehicle.rest()
             return
-        velocity, yaw_rate = control.wanted(self.time_s, on_ground=self._vehicle.on_ground)
+        wanted = control.wanted(on_ground=self._vehicle.on_ground)
+        velocity, yaw_rate = self._shaper.step(*wanted)
         self._vehicle.step(estimator.to_true_frame(velocity), estimator.to_true_rate(yaw_rate))
         self._status.battery = max(0.0, self._status.battery - STEP_S / self._battery_s)
         if control.manoeuvre is Manoeuvre.GROUND:

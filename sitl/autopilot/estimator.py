@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from companion.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
 from sitl.autopilot.outside import OutsidePose
 from sitl.autopilot.personality import Sources
+from sitl.autopilot.wobble import Wobble
 from sitl.noise import stream
 from sitl.truth import TrueState
 
@@ -24,6 +25,12 @@ POSITION_GAIN, VELOCITY_GAIN, YAW_GAIN = 0.15, 0.1, 0.1
 VELOCITY_FROM_POSITION_1_S = 0.5
 """How far one pose from outside pulls the estimate; at 50 Hz it follows within about 0.2 s."""
 FLOW_ONLY = Sources(flow=True)
+WOBBLE_S, WOBBLE_RAD_S = 1.0, 1.5
+VERTICAL_WOBBLE_S, VERTICAL_WOBBLE_RAD_S = 0.5, 2.5
+"""Correlation and swing of the velocity error; measured on PX4 1.17 in hover, horizontal and
+vertical."""
+HEADING_MOVES_S = 3.0
+"""From lift-off, until the heading has settled anew; measured on PX4 1.17."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,6 +55,12 @@ class OdometryNoise:
     """Chance, at 10 Hz, that the floor shows no texture and the last velocity is kept for 0.1 s."""
     inertial_m_s2: float = 0.02
     """Drift of the velocity when nothing corrects it."""
+    velocity_m_s: float = 0.1
+    """Error of the velocity, correlated over a second, on each level axis (PX4 1.17: 0.04-0.12),"""
+    vertical_m_s: float = 0.05
+    """and of the climb rate (PX4 1.17: 0.06)."""
+    take_off_heading_rad: float = math.radians(8.0)
+    """How far the estimated heading moves after lift-off (PX4 1.17: 6-14°, ArduCopter 4.6: 3°)."""
 
     def times(self, factor: float) -> "OdometryNoise":
         """What drifts, so many times as large; how often flow is lost stays."""
@@ -60,10 +73,16 @@ class OdometryNoise:
             gyro_white_rad_s_sqrt_hz=factor * self.gyro_white_rad_s_sqrt_hz,
             gyro_walk_rad_s_sqrt_s=factor * self.gyro_walk_rad_s_sqrt_s,
             flow_height_m=factor * self.flow_height_m,
+            velocity_m_s=factor * self.velocity_m_s,
+            vertical_m_s=factor * self.vertical_m_s,
         )
 
 
 REFERENCE_NOISE = OdometryNoise()
+SENSOR_NOISE = replace(
+    REFERENCE_NOISE, velocity_m_s=0.0, vertical_m_s=0.0, take_off_heading_rad=0.0
+)
+"""Of the sensors alone: what a real estimator is fed, which adds errors of its own."""
 
 
 class Estimator:
@@ -78,6 +97,18 @@ class Estimator:
         self._inertial_random = stream(seed, "inertial drift")
         self._attitude_random = stream(seed, "attitude drift")
         self._noise = noise
+        wobble_random = stream(seed, "velocity error")
+        self._wobble_ne = [
+            Wobble(wobble_random, noise.velocity_m_s, WOBBLE_S, WOBBLE_RAD_S) for _ in range(2)
+        ]
+        self._wobble_down = Wobble(
+            wobble_random, noise.vertical_m_s, VERTICAL_WOBBLE_S, VERTICAL_WOBBLE_RAD_S
+        )
+        self._heading_moves_rad_s = (
+            stream(seed, "heading at take-off").gauss(0, noise.take_off_heading_rad)
+            / HEADING_MOVES_S
+        )
+        self._lifted_s: float | None = None
         self._scale = 1 + random.gauss(0, noise.scale)
         self._gyro_bias = random.gauss(0, noise.gyro_bias_rad_s)
         self._gyro_scale = 1 + random.gauss(0, noise.gyro_scale)
@@ -122,14 +153,22 @@ class Estimator:
         if moving:
             self.yaw_rate_rad_s = truth.yaw_rate_rad_s * self._gyro_scale + self._gyro_bias
             self.yaw_rad = wrap_rad(self.yaw_rad + self.yaw_rate_rad_s * dt_s)
+            self._move_heading(truth.time_s, dt_s)
+            for wobble in (*self._wobble_ne, self._wobble_down):
+                wobble.step(dt_s)
         self._steps += 1
         if self._steps % WALK_STEPS == 0:
             self._wander(truth, moving=moving)
         north, east = self._flow(truth) if sources.flow else self._inertial(truth)
+        if moving:
+            north += self._wobble_ne[0].velocity_m_s
+            east += self._wobble_ne[1].velocity_m_s
         x, y, _ = self.position_ned_m
         down = truth.position_ned_m[2] - self._floor + self._height_error_m
+        down += self._wobble_down.position_m
         self.position_ned_m = (x + north * dt_s, y + east * dt_s, down)
-        self.velocity_ned_m_s = (north, east, truth.velocity_ned_m_s[2])
+        sinking = truth.velocity_ned_m_s[2] + (self._wobble_down.velocity_m_s if moving else 0.0)
+        self.velocity_ned_m_s = (north, east, sinking)
         if pose is not None:
             self._correct(pose)
         self._truth = truth
@@ -156,12 +195,20 @@ class Estimator:
             x, y, down = self.position_ned_m
             self.position_ned_m = (x + gauss(0, noise.step_m), y + gauss(0, noise.step_m), down)
             self._drift_attitude()
+            for wobble in (*self._wobble_ne, self._wobble_down):
+                wobble.kick()
         fade = WALK_S / HEIGHT_DRIFT_TIME_CONSTANT_S
         kick = noise.height_drift_m * math.sqrt(2 * fade)
         self._drift_m += -fade * self._drift_m + gauss(0, kick)
         self._height_error_m = self._drift_m + gauss(0, noise.height_m)
         self._lose_flow(truth)
         self._drift_inertial(moving=moving)
+
+    def _move_heading(self, now_s: float, dt_s: float) -> None:
+        """The heading is aligned anew in the air, whatever the gyro says."""
+        self._lifted_s = now_s if self._lifted_s is None else self._lifted_s
+        if now_s - self._lifted_s < HEADING_MOVES_S:
+            self.yaw_rad = wrap_rad(self.yaw_rad + self._heading_moves_rad_s * dt_s)
 
     def _drift_attitude(self) -> None:
         gauss, noise, root_s = self._attitude_random.gauss, self._noise, math.sqrt(WALK_S)
@@ -209,6 +256,9 @@ class Estimator:
     def to_true_frame(self, velocity_ned_m_s: Vector3) -> Vector3:
         """The true velocity that the estimate would call this: what its control loop ends at."""
         north, east, down = velocity_ned_m_s
+        north -= self._wobble_ne[0].velocity_m_s
+        east -= self._wobble_ne[1].velocity_m_s
+        down -= self._wobble_down.velocity_m_s
         scale = self._scale
         if not self._sources.flow:
             scale = 1.0

@@ -10,6 +10,7 @@ from sitl.autopilot.ground_truth import Place
 from sitl.autopilot.outside import Outside
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import Table, initial_values
+from sitl.autopilot.response import Response
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
 
@@ -138,6 +139,8 @@ class Personality(Protocol):
     """What is asked for more often than this is refused."""
     interval_refused: int
     """MAV_RESULT of a refused SET_MESSAGE_INTERVAL (511)."""
+    response: Response
+    """How it flies."""
     capabilities: int
     flight_sw_version: int
     odometry_frames: tuple[int, ...]

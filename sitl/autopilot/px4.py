@@ -25,6 +25,7 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.response import PX4, Response
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
 
@@ -142,6 +143,7 @@ class Px4:
     hold_mode = AUTO_LOITER
     refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
     configured = CONFIGURED
+    response: Response = PX4
     parameter_protocol: type[Parameters] = Px4Parameters
     system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True

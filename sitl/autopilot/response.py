@@ -1,0 +1,123 @@
+"""How a firmware shapes its velocity setpoints, and how its vehicle follows them, axis by axis.
+
+setpoint ─► Shaper: bounded acceleration and jerk ─► vehicle.Loop: lag and slow tail ─► velocity
+
+The numbers are fitted to step responses measured on the real firmware in its own simulation;
+docs/autopilot.md has both side by side, `python -m benchmarks.autopilot_response` reprints them.
+"""
+
+from dataclasses import dataclass
+
+from companion.frames import Vector3
+from sitl.vehicle import STEP_S, Airframe, Follow
+
+
+@dataclass(frozen=True, slots=True)
+class Shape:
+    """Bounds of one axis; metres or radians."""
+
+    time_constant_s: float
+    """From the velocity error to the acceleration that is asked for."""
+    max_acceleration: float
+    """In units per s²."""
+    max_jerk: float
+    """In units per s³."""
+
+
+@dataclass(frozen=True, slots=True)
+class Response:
+    """All axes of one firmware and its vehicle."""
+
+    horizontal: Shape
+    vertical: Shape
+    yaw: Shape
+    airframe: Airframe
+    take_off_delay_s: float
+    """From the accepted take-off to the first motion at the earliest,"""
+    spool_up_s: float
+    """and from arming: motors spin up, thrust ramps."""
+    take_off_m_s: float
+    """Peak climb rate that NAV_TAKEOFF asks for."""
+    take_off_gain_1_s: float
+    """And near its height: climb rate by what is left to climb."""
+    land_m_s: float
+    disarm_delay_s: float
+    """From touchdown to disarming after a landing."""
+
+
+ARDUCOPTER = Response(
+    horizontal=Shape(0.203, 1.72, 5.5),
+    vertical=Shape(0.176, 3.0, 60.0),
+    yaw=Shape(0.084, 14.7, 10.8),
+    airframe=Airframe(
+        horizontal=Follow(19.3, 1.5, 0.16, 1.67),
+        vertical=Follow(5.24, 0.50, 0.0, 1.0),
+        yaw=Follow(60.0, 0.49, 0.23, 0.30),
+    ),
+    take_off_delay_s=1.0,
+    spool_up_s=3.3,
+    take_off_m_s=1.3,
+    take_off_gain_1_s=2.4,
+    land_m_s=0.54,
+    disarm_delay_s=2.5,
+)
+"""ArduCopter 4.6.3, quad, in its own SITL."""
+PX4 = Response(
+    horizontal=Shape(0.564, 6.4, 60.0),
+    vertical=Shape(0.052, 1.17, 38.5),
+    yaw=Shape(0.032, 14.3, 154.0),
+    airframe=Airframe(
+        horizontal=Follow(5.6, 0.45, 0.30, 6.0),
+        vertical=Follow(40.0, 0.45, 0.19, 1.2),
+        yaw=Follow(5.44, 0.76, 0.15, 1.5),
+    ),
+    take_off_delay_s=0.0,
+    spool_up_s=3.2,
+    take_off_m_s=1.5,
+    take_off_gain_1_s=1.0,
+    land_m_s=0.6,
+    disarm_delay_s=5.5,
+)
+"""PX4 1.17.0-beta1, quad, SIH."""
+
+
+class Shaper:
+    """One axis: a velocity setpoint with bounded acceleration and jerk."""
+
+    def __init__(self, shape: Shape) -> None:
+        self._shape = shape
+        self._acceleration = 0.0
+        self.velocity = 0.0
+
+    def reset(self) -> None:
+        self.velocity = self._acceleration = 0.0
+
+    def step(self, wanted: float) -> float:
+        """One step on, towards what is wanted."""
+        s = self._shape
+        acceleration = _within((wanted - self.velocity) / s.time_constant_s, s.max_acceleration)
+        self._acceleration += _within(acceleration - self._acceleration, s.max_jerk * STEP_S)
+        self.velocity += self._acceleration * STEP_S
+        return self.velocity
+
+
+class SetpointShaper:
+    """All axes."""
+
+    def __init__(self, response: Response) -> None:
+        self._north, self._east = Shaper(response.horizontal), Shaper(response.horizontal)
+        self._down, self._yaw = Shaper(response.vertical), Shaper(response.yaw)
+
+    def reset(self) -> None:
+        for axis in (self._north, self._east, self._down, self._yaw):
+            axis.reset()
+
+    def step(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> tuple[Vector3, float]:
+        """One step on, towards the setpoint."""
+        north, east, down = velocity_ned_m_s
+        shaped = self._north.step(north), self._east.step(east), self._down.step(down)
+        return shaped, self._yaw.step(yaw_rate_rad_s)
+
+
+def _within(value: float, bound: float) -> float:
+    return max(-bound, min(bound, value))

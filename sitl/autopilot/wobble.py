@@ -1,0 +1,38 @@
+"""The velocity error of an estimator that follows its position source: correlated, and bounded.
+
+    w' = u,   u' = -u/τ - ω²·w + noise
+
+u is the velocity error, w the position error that it comes to. Measured on PX4 1.17 with ODOMETRY
+as its source: u has a sigma of 0.04 to 0.12 m/s and is correlated over about a second, w stays
+within some centimetres.
+"""
+
+import math
+from random import Random
+
+KICK_S = 0.1
+"""The noise is drawn so often."""
+
+
+class Wobble:
+    """One axis."""
+
+    def __init__(
+        self, random: Random, sigma_m_s: float, time_constant_s: float, swing_rad_s: float
+    ) -> None:
+        self._random = random
+        self._time_constant_s = time_constant_s
+        self._stiffness = swing_rad_s**2
+        self._kick = sigma_m_s * math.sqrt(2 * KICK_S / time_constant_s)
+        self.position_m = 0.0
+        self.velocity_m_s = 0.0
+
+    def kick(self) -> None:
+        """Once every `KICK_S`."""
+        self.velocity_m_s += self._random.gauss(0, self._kick)
+
+    def step(self, dt_s: float) -> None:
+        u = self.velocity_m_s
+        u -= (u / self._time_constant_s + self._stiffness * self.position_m) * dt_s
+        self.position_m += u * dt_s
+        self.velocity_m_s = u
