@@ -18,6 +18,11 @@ IN_TIME_S = 0.03
 SET_S = 0.25
 """When no message has been in time for so long, it is not the radio: a clock was set, or has
 lagged, as that of a simulator on a busy machine does again and again."""
+ALIKE_S = 0.08
+"""A clock that was set makes all messages late alike, as they are of different age when they are
+read, a radio each by another time."""
+USELESS_S = 0.2
+"""Later than that they are of no use, whatever the reason."""
 SET_BACK_S = 0.5
 """No message is overtaken by one that is so much younger."""
 
@@ -34,8 +39,8 @@ class BootClock:
         self._window_since_s, self._window_least_s = 0.0, math.inf
         self._out = 0
         """Messages keep being late (1) or early (-1)"""
-        self._out_since_s, self._out_least_s = 0.0, math.inf
-        """since then, and by so much at least."""
+        self._out_since_s, self._out_least_s, self._out_most_s = 0.0, math.inf, -math.inf
+        """since then, and by so much at least and at most."""
 
     def hear(self, boot_s: float, now_s: float) -> bool:
         """Note when a message came; True if its clock was set: no stamp is newer than another."""
@@ -53,10 +58,14 @@ class BootClock:
         late_s = offset_s - self._offset_s
         out = 0 if abs(late_s) <= IN_TIME_S else 1 if late_s > 0 else -1
         if out == 0 or out != self._out:
-            self._out, self._out_since_s, self._out_least_s = out, now_s, offset_s
+            self._out, self._out_since_s = out, now_s
+            self._out_least_s = self._out_most_s = offset_s
             return False
         self._out_least_s = min(self._out_least_s, offset_s)
-        if now_s - self._out_since_s <= SET_S:
+        self._out_most_s = max(self._out_most_s, offset_s)
+        are_alike = self._out_most_s - self._out_least_s <= ALIKE_S
+        are_useless = abs(self._out_least_s - self._offset_s) > USELESS_S
+        if now_s - self._out_since_s <= SET_S or not (are_alike or are_useless):
             return False
         return self._set(self._out_least_s, boot_s, now_s)
 

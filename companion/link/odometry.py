@@ -46,6 +46,8 @@ class OdometryReader:
         self._position: Message | None = None
         self._attitude: Message | None = None
         self._clock = BootClock()
+        self._newest_ms: dict[int, int] = {}
+        """By message id, since the clock was set."""
         self._is_in_order = True
 
     @property
@@ -70,16 +72,18 @@ class OdometryReader:
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry of now, if this was a position newer than the last."""
-        was_set = self._clock.hear(message.time_boot_ms * 1e-3, now_s)
+        if self._clock.hear(message.time_boot_ms * 1e-3, now_s):
+            self._newest_ms.clear()
+        is_newer = message.time_boot_ms > self._newest_ms.get(message.get_msgId(), -math.inf)
+        if is_newer:
+            self._newest_ms[message.get_msgId()] = message.time_boot_ms
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_ATTITUDE:
-            if was_set or _is_newer(message, self._attitude):
+            if is_newer:
                 self._turn(self._attitude, message)
                 self._attitude = message
-                self._is_in_order = True
-            else:
-                self._is_in_order = False
+            self._is_in_order = is_newer
             return None
-        if not was_set and not _is_newer(message, self._position):
+        if not is_newer:
             return None
         if self._position is not None:
             self._travel(self._position, message)
@@ -126,7 +130,3 @@ class OdometryReader:
         yaw_rad = wrap_rad(attitude.yaw + attitude.yawspeed * attitude_age_s)
         at_ned_m = north, east, down
         return Odometry(now_s, at_ned_m, velocity, yaw_rad, self._follows_us, self._pulled_rad)
-
-
-def _is_newer(message: Message, than: Message | None) -> bool:
-    return than is None or message.time_boot_ms > than.time_boot_ms
