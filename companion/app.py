@@ -255,6 +255,7 @@ class App:
             space=self.space.grid,
             around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
+            starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),
             land_requested=inputs.land_requested,
             order=inputs.order,

@@ -60,7 +60,7 @@ class Lateness:
         return Fault(f"the computer is starved: ticks {self.worst_s:.1f} s late", LASTS_S)
 
     def slowed(self, setpoint: Setpoint | None, clearance_m: float) -> Setpoint | None:
-        """So slow that what is flown blind, if the next tick is as late, is within the clearance."""
+        """So slow that what is flown blind, with a next tick as late, is within the clearance."""
         if setpoint is None or not self._late:
             return setpoint
         most_m_s = clearance_m / min(self.worst_s, BLIND_S)

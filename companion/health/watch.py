@@ -92,6 +92,12 @@ class Health:
         is_moved = abs(time_s - self._odometry_s) <= HEADING_S
         return is_turned and (is_moved or not self._lateness.is_late)
 
+    @property
+    def starved(self) -> str:
+        """Why the computer has no time to fly; or nothing."""
+        fault = self._lateness.fault
+        return fault.text if fault is not None else ""
+
     def slowed(self, setpoint: Setpoint | None, clearance_m: float) -> Setpoint | None:
         """No faster than a computer that is late may fly."""
         return self._lateness.slowed(setpoint, clearance_m)

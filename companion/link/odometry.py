@@ -88,7 +88,8 @@ class OdometryReader:
         if self._position is not None:
             self._travel(self._position, message)
         self._position = message
-        return self._carried_to(now_s) if self._attitude is not None else None
+        both = mavlink.MAVLINK_MSG_ID_ATTITUDE in self._newest_ms
+        return self._carried_to(now_s) if both else None
 
     def _turn(self, last: Message | None, message: Message) -> None:
         """By how much the heading has gone beyond what the rates before and after come to.

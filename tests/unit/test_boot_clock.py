@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -62,7 +63,7 @@ def attitude(boot_ms: int, yaw_rad: float, yaw_rate_rad_s: float) -> object:
 
 def gaps_s(all_told: list[Told]) -> list[float]:
     times_s = [true_s for true_s, _ in all_told]
-    return [b - a for a, b in zip(times_s, times_s[1:], strict=False)]
+    return [b - a for a, b in pairwise(times_s)]
 
 
 def off_m(told_one: Told) -> float:
@@ -124,4 +125,23 @@ def test_the_autopilots_gyro_follows_its_clock(step_s: float) -> None:
                 assert sample.time_s > true_s - 0.06
             times_s.append(sample.time_s)
     assert times_s == sorted(set(times_s))
-    assert max(b - a for a, b in zip(times_s, times_s[1:], strict=False)) < 0.65
+    assert max(b - a for a, b in pairwise(times_s)) < 0.65
+
+
+@given(st.floats(-20.0, 20.0), st.integers(1, 60), st.floats(-90.0, 90.0))
+def test_a_heading_that_is_pulled_has_not_turned(
+    pull_deg: float, steps: int, rate_deg_s: float
+) -> None:
+    """By its estimator, at once or over some seconds, while it turns or not."""
+    reader, rate_rad_s = OdometryReader(follows_us=False), math.radians(rate_deg_s)
+    for i in range(120):
+        time_s = 1.0 + 0.04 * i
+        pulled_rad = math.radians(pull_deg) * min(max(i - 20, 0) / steps, 1.0)
+        boot_ms = round(1000 * time_s)
+        yaw_rad = rate_rad_s * time_s + pulled_rad
+        reader.read(attitude(boot_ms, yaw_rad, rate_rad_s), time_s)
+        odometry = reader.read(position(boot_ms, 0.0), time_s)
+    assert odometry is not None
+    turned_off_rad = math.remainder(odometry.turned_rad - rate_rad_s * time_s, math.tau)
+    assert turned_off_rad == pytest.approx(0.0, abs=math.radians(0.1))
+    assert math.remainder(odometry.yaw_rad - yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-3)
