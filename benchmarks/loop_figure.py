@@ -15,7 +15,7 @@ from matplotlib.axes import Axes
 from companion import config as configuration
 from companion.app import App, Inputs, Outputs
 from companion.config import Config
-from companion.fly import TICK_S
+from companion.health.lateness import TICK_S
 from companion.messages import FloorPlan
 from sitl.bench.references import Recorded, dead_reckoned, to_local
 from sitl.lockstep import fly_in_lockstep

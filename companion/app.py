@@ -170,7 +170,8 @@ class App:
     def _believe(self, now_s: float, inputs: Inputs) -> Inputs:
         """What can be believed of it; what cannot is a fault."""
         health, telemetry = self._health, inputs.telemetry
-        odometry = health.odometry(now_s, telemetry.odometry)
+        health.tick(now_s)
+        odometry = health.odometry(telemetry.odometry)
         bias_rad_s = self.estimator.heading.bias_rad_s if self.estimator else None
         gyro = health.gyro(now_s, inputs.gyro, odometry, bias_rad_s)
         scan = health.ranges(inputs.scan, odometry)
@@ -254,7 +255,8 @@ class App:
             space=self.space.grid,
             around=self._near.surroundings,
             gyro_at_rest=self.estimator is not None,
-            fault=self._health.fault(now_s, inputs.telemetry.vehicle),
+            starved=self._health.starved,
+            fault=self._health.fault(inputs.telemetry.vehicle),
             land_requested=inputs.land_requested,
             order=inputs.order,
         )
@@ -264,7 +266,8 @@ class App:
         self.flight, action = flight.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
-        return action
+        slowed = self._health.slowed(action.setpoint, plan.clearance_m)
+        return replace(action, setpoint=slowed)
 
     def _begin_layer(self) -> None:
         """What is known of the layer below tells where the drone may go in the next."""

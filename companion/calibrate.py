@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from companion.calibration import CalibrationError
 from companion.drivers.sharp import SharpProfile
 from companion.estimation.rest import RestCalibration
-from companion.fly import TICK_S, Rig
+from companion.fly import Rig
+from companion.health.lateness import TICK_S
 from companion.messages import Beam, GyroSample, RangeModel, RangeReading
 
 SETTLE_S = 0.5

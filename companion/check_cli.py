@@ -12,7 +12,7 @@ from companion.check import Examination, Finding, Verdict
 from companion.check_hands import ask_for_hands
 from companion.clocks import open_clock
 from companion.drivers.bus import open_bus
-from companion.fly import TICK_S
+from companion.health.lateness import TICK_S
 from companion.link.open_link import open_transport
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 

@@ -7,7 +7,7 @@ from rich.console import Console
 
 from companion.check import Examination
 from companion.clocks import Clock
-from companion.fly import TICK_S
+from companion.health.lateness import TICK_S
 from companion.messages import Beam, RangeReading
 
 LOOK_S = 1.5

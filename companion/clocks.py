@@ -1,5 +1,6 @@
 """The flight's clock: the machine's, or the virtual one that SITL serves with its bus."""
 
+import math
 import time
 from collections.abc import Callable
 from typing import Protocol
@@ -11,6 +12,8 @@ from companion.link.serial_transport import SerialTransport
 from companion.link.transport import UdpTransport
 
 DATAGRAM_TIMEOUT_S = 1.0
+STANDS_STILL_S = 0.25
+"""Of real time. SITL waits longer for who has asked for the time: until then it is what it was."""
 
 
 class Clock(Protocol):
@@ -18,6 +21,10 @@ class Clock(Protocol):
 
     def wait_until(self, time_s: float) -> float:
         """Return the time once `time_s` is reached; later if the machine was slow."""
+        ...
+
+    def now_s(self) -> float:
+        """The time by now."""
         ...
 
 
@@ -28,10 +35,10 @@ class SystemClock:
         self._epoch_s = time.monotonic() - start_s
 
     def wait_until(self, time_s: float) -> float:
-        time.sleep(max(0.0, time_s - self._now_s()))
-        return self._now_s()
+        time.sleep(max(0.0, time_s - self.now_s()))
+        return self.now_s()
 
-    def _now_s(self) -> float:
+    def now_s(self) -> float:
         return time.monotonic() - self._epoch_s
 
     def close(self) -> None:
@@ -53,6 +60,7 @@ class SitlClock:
         self._transport = transport
         self._warn = warn
         self._last_s = 0.0
+        self._told_real_s = -math.inf
         self._fallback: SystemClock | None = None
 
     def wait_until(self, time_s: float) -> float:
@@ -68,7 +76,15 @@ class SitlClock:
             self._fallback = SystemClock(self._last_s)
             return self._last_s
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
+        self._told_real_s = time.monotonic()
         return self._last_s
+
+    def now_s(self) -> float:
+        if self._fallback is not None:
+            return self._fallback.now_s()
+        if time.monotonic() - self._told_real_s < STANDS_STILL_S:
+            return self._last_s
+        return self.wait_until(self._last_s)
 
     def close(self) -> None:
         """SITL does not wait for this clock any more."""

@@ -5,19 +5,22 @@ is the clock, the link's transport and the bus, and those are handed in.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from companion.app import App, Inputs, Outputs, Progress
 from companion.clocks import Clock
 from companion.drivers.gyro import Gyro
+from companion.health.lateness import TICK_S
 from companion.link.link import Link
 from companion.link.reports import Reports
-from companion.messages import Order, RangeScan
+from companion.messages import Order, RangeReading, RangeScan, RangeState
 from companion.pdps.flight import Flight
 
-TICK_S = 0.05
+READ_S = 0.06
+"""All of one kind is read in less; else the computer stood still, and when it was is not known."""
 
+STALE = RangeReading(RangeState.STALE)
 
 Record = Callable[[float, Inputs, Outputs], None]
 """Told of every tick when it is over."""
@@ -57,13 +60,8 @@ def fly(
     now_s = rig.clock.wait_until(0.0)
     tick = 0
     while True:
-        inputs = Inputs(
-            rig.link.poll(now_s),
-            rig.gyro.read(now_s),
-            rig.ranges.read(now_s),
-            land_requested(),
-            orders(),
-        )
+        began_s = now_s
+        inputs, now_s = _read(rig, began_s, land_requested(), orders())
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
         flight = outputs.flight
@@ -72,5 +70,25 @@ def fly(
         watch(outputs.progress)
         if outputs.finished:
             return app.flight
-        tick = max(tick + 1, int(now_s / TICK_S))
+        tick = max(tick + 1, int(began_s / TICK_S))
         now_s = rig.clock.wait_until(tick * TICK_S)
+
+
+def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inputs, float]:
+    """What has come, each with the time when it was read, and when all had been.
+
+    What was being read while the computer stood still is left out.
+    """
+    telemetry = rig.link.poll(now_s)
+    heard_s = rig.clock.now_s()
+    samples = rig.gyro.read(heard_s)
+    turned_s = rig.clock.now_s()
+    scan = rig.ranges.read(turned_s)
+    seen_s = rig.clock.now_s()
+    if heard_s - now_s > READ_S:
+        telemetry = replace(telemetry, odometry=None)
+    if turned_s - heard_s > READ_S:
+        samples = []
+    if seen_s - turned_s > READ_S:
+        scan = replace(scan, readings=dict.fromkeys(scan.readings, STALE))
+    return Inputs(telemetry, samples, scan, land, order), seen_s

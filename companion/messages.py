@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from typing import Protocol
 
-from companion.frames import Vector2, Vector3
+from companion.frames import Vector2, Vector3, wrap_rad
 from companion.values import value
 
 
@@ -123,6 +123,8 @@ class GyroSample:
 
     time_s: float
     yaw_rate_rad_s: float
+    turn_variance_rad2: float = 0.0
+    """Of the turn since the sample before, beside the gyro's own noise: it was bridged."""
 
 
 @value
@@ -138,6 +140,13 @@ class Odometry:
     yaw_rad: float
     follows_us: bool = False
     """The autopilot is told our pose: its heading knows nothing that we did not say."""
+    pulled_rad: float = 0.0
+    """So far in all its estimator has pulled `yaw_rad` beyond what its rates add up to."""
+
+    @property
+    def turned_rad(self) -> float:
+        """What its rates add up to, but for whole turns: how it has turned, not where north is."""
+        return wrap_rad(self.yaw_rad - self.pulled_rad)
 
 
 class LandedState(enum.Enum):

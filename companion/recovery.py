@@ -22,8 +22,9 @@ from companion.console import summary
 from companion.drivers.bus import open_bus
 from companion.drivers.models import range_models
 from companion.errors import CompanionError
-from companion.fly import TICK_S, Rig, fly
+from companion.fly import Rig, fly
 from companion.fly_cli import fly_to_the_end
+from companion.health.lateness import TICK_S
 from companion.link.link import Link
 from companion.link.reports import Reports
 from companion.link.serial_transport import SerialTransport

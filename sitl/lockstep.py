@@ -32,8 +32,18 @@ class LockstepClock:
 
     def wait_until(self, time_s: float) -> float:
         self._happens()
-        self._simulation.advance(max(time_s, self._simulation.companion_hangs_until_s))
-        return self._simulation.time_s
+        simulation = self._simulation
+        due_s = max(time_s, simulation.time_s, simulation.companion_hangs_until_s)
+        simulation.advance(due_s + simulation.starvation.tick_late_s())
+        return simulation.time_s
+
+    def now_s(self) -> float:
+        """Time passes between two reads as well if the computer is starved so."""
+        simulation = self._simulation
+        late_s = simulation.starvation.read_late_s()
+        if late_s:
+            simulation.advance(simulation.time_s + late_s)
+        return simulation.time_s
 
 
 def fly_in_lockstep(

@@ -26,6 +26,7 @@ from sitl.radio import Radio, Troubles
 from sitl.record import TruthRecord
 from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
+from sitl.starvation import Starvation
 from sitl.traffic import Others, clearance_to_others_m, nobody, with_others
 from sitl.truth import History, TrueState
 from sitl.world.format import World
@@ -88,6 +89,7 @@ class Simulation:
         """Of each link, to the vehicle and from it."""
         self.companion_hangs_until_s = 0.0
         """A fault for tests: until then the companion does nothing."""
+        self.starvation = Starvation(stream(setup.seed, "starved computer"))
         self._setup = setup
         self._others = others
         self.bystanders: list[Vector3] = []

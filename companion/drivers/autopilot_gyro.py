@@ -10,14 +10,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.boot_clock import BootClock
 from companion.messages import GyroSample
 
 IMU_HZ, NOT_ASKED_FOR = 50.0, 0.0
-CLOCK_DRIFT = 50e-6
-"""Two quartzes part by no more, s/s."""
-SET_BACK_S = 0.5
-"""A link makes messages late by less; if they are later, the autopilot's clock was set back, or it
-has started anew."""
 MOST_RATE_RAD_S = math.radians(2000)
 """No gyro of an autopilot's measures more."""
 
@@ -39,9 +35,7 @@ class AutopilotGyro:
     def __init__(self) -> None:
         self._samples: list[GyroSample] = []
         self._has_highres = False
-        self._offset_s = math.inf
-        """From its clock to ours: the quickest message so far had the shortest way."""
-        self._heard_s = 0.0
+        self._clock = BootClock()
         self._told_s = self._last_s = -math.inf
 
     def hear(self, message: Any, now_s: float) -> None:
@@ -51,22 +45,15 @@ class AutopilotGyro:
         if kind == "SCALED_IMU" and self._has_highres:
             return
         boot_s, yaw_rate_rad_s = self._TOLD[kind](message)
-        self._follow_clock(boot_s, now_s)
+        if self._clock.hear(boot_s, now_s):
+            self._told_s = -math.inf
         if boot_s <= self._told_s or not abs(yaw_rate_rad_s) <= MOST_RATE_RAD_S:  # nor NaN
             return
         self._told_s = boot_s
-        time_s = boot_s + self._offset_s
+        time_s = min(self._clock.time_s(boot_s), now_s)
         if time_s > self._last_s:  # a quicker message has just shown that it is earlier
             self._last_s = time_s
             self._samples.append(GyroSample(time_s, yaw_rate_rad_s))
-
-    def _follow_clock(self, boot_s: float, now_s: float) -> None:
-        offset_s = now_s - boot_s
-        self._offset_s += CLOCK_DRIFT * (now_s - self._heard_s)
-        self._heard_s = now_s
-        if offset_s - self._offset_s > SET_BACK_S:
-            self._offset_s, self._told_s = offset_s, -math.inf
-        self._offset_s = min(self._offset_s, offset_s)
 
     def read(self, time_s: float) -> list[GyroSample]:
         """All samples since the last read."""

@@ -110,6 +110,7 @@ class Estimator:
     def turn(self, samples: Sequence[GyroSample]) -> None:
         """Take in the gyro."""
         corrected_rad, raw_rad = self.heading.predict(samples)
+        self.record.bridge(sum(sample.turn_variance_rad2 for sample in samples))
         if samples:
             self._yaw_rate_rad_s = samples[-1].yaw_rate_rad_s - self.heading.bias_rad_s
             self._turned_until_s = samples[-1].time_s
@@ -129,8 +130,8 @@ class Estimator:
         if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
-        half_turn_rad = 0.5 * wrap_rad(odometry.yaw_rad - last.yaw_rad)
-        body_m = ned_to_frd(north_m, east_m, last.yaw_rad + half_turn_rad)
+        half_turn_rad = 0.5 * wrap_rad(odometry.turned_rad - last.turned_rad)
+        body_m = ned_to_frd(north_m, east_m, odometry.yaw_rad - half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
         self._raw.move(body_m, half_turn_rad)
         if not odometry.follows_us:
@@ -139,10 +140,10 @@ class Estimator:
         self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
 
     def _hear(self, odometry: Odometry) -> None:
-        """How far ahead of ours the autopilot's heading is, in whole turns nearest to before."""
+        """How much farther than ours the autopilot has turned, in whole turns nearest to before."""
         ahead_s = odometry.time_s - self._turned_until_s
         raw_rad = self._raw.yaw_rad + ahead_s * self._yaw_rate_rad_s
-        parted_rad = wrap_rad(odometry.yaw_rad - raw_rad - self._told_ahead_rad)
+        parted_rad = wrap_rad(odometry.turned_rad - raw_rad - self._told_ahead_rad)
         self._told_ahead_rad += parted_rad
         self._told_s = odometry.time_s
         if self._height_m < LIFTED_M:
@@ -250,7 +251,8 @@ class Estimator:
         body_m = ned_to_frd(north_m, east_m, done.raw_yaw_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad), now_s - done.time_s)
         turned_rad = self._raw.yaw_rad - done.raw_yaw_rad
-        self.heading.turn(turned_rad, self._turned_until_s - done.time_s)
+        gap_rad2 = self.record.bridged_since_rad2(done.time_s)
+        self.heading.turn(turned_rad, self._turned_until_s - done.time_s, gap_rad2)
         self._resets += 1
 
     def _learn(self, run: Line | None, now_s: float) -> None:

@@ -103,7 +103,7 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, models: Models) -
     one = np.ones(len(at))
     system.add(
         p[1:, 2] - p[:-1, 2] - (1 - x.gyro_scale) * m.turned_rad + p[:-1, 3] * m.dt_s,
-        models.gyro.rate_noise_rad_s_sqrt_hz * np.sqrt(m.dt_s),
+        models.gyro.turn_sigma_rad(m.dt_s, m.gap_rad2),
         [(at + 2, -one), (after + 2, one), (at + 3, m.dt_s)],
         [(GYRO_SCALE, m.turned_rad)],
     )

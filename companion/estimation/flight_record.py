@@ -46,6 +46,8 @@ class FrameColumn(IntEnum):
     YAW_SIGMA_RAD = 9
     TOLD_RAD = 10
     """Turned since take-off by the autopilot, not wrapped; not a number while it tells nothing."""
+    GAP_RAD2 = 11
+    """Variance of what was turned while the gyro was silent."""
 
 
 class HitColumn(IntEnum):
@@ -107,6 +109,7 @@ class FlightRecord:
         self._raw_yaw_rad = 0.0
         self._moved_frd_m: Vector2 = (0.0, 0.0)
         self._turned_rad = 0.0
+        self._gap_rad2 = 0.0
 
     @property
     def frames(self) -> Array:
@@ -128,6 +131,15 @@ class FlightRecord:
         """Raw dead-reckoned place and yaw of the last keyframe."""
         return self._raw_ne_m, self._raw_yaw_rad
 
+    def bridge(self, variance_rad2: float) -> None:
+        """The gyro was silent: what was turned meanwhile is known no better than this."""
+        self._gap_rad2 += variance_rad2
+
+    def bridged_since_rad2(self, time_s: float) -> float:
+        """The same of all silences since then."""
+        is_since = self.frames[:, FrameColumn.TIME_S] > time_s
+        return float(self.frames[is_since, FrameColumn.GAP_RAD2].sum()) + self._gap_rad2
+
     def advance(
         self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float, told_rad: float = math.nan
     ) -> None:
@@ -140,10 +152,10 @@ class FlightRecord:
         place = pose.north_m, pose.east_m, pose.yaw_rad, pose.down_m
         sigmas = pose.position_sigma_m, pose.yaw_sigma_rad
         motion = *self._moved_frd_m, self._turned_rad
-        self._frames.append((pose.time_s, *motion, *place, *sigmas, told_rad))
+        self._frames.append((pose.time_s, *motion, *place, *sigmas, told_rad, self._gap_rad2))
         self._last_s = pose.time_s
         self._raw_ne_m, self._raw_yaw_rad = raw_ne_m, raw_yaw_rad
-        self._moved_frd_m, self._turned_rad = (0.0, 0.0), 0.0
+        self._moved_frd_m, self._turned_rad, self._gap_rad2 = (0.0, 0.0), 0.0, 0.0
 
     def add_hit(
         self,

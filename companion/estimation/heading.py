@@ -48,6 +48,11 @@ class GyroModel:
     """And ever after."""
     scale_sigma: float = 0.02
 
+    def turn_sigma_rad(self, dt_s: Array, gap_rad2: Array | None) -> Array:
+        """(k,): of what was turned in each of these times, with gaps in them of that variance."""
+        sigma: Array = self.rate_noise_rad_s_sqrt_hz * np.sqrt(dt_s)
+        return sigma if gap_rad2 is None else np.sqrt(sigma**2 + gap_rad2)
+
     def bias_variance_per_s(self, age_s: Array) -> Array:
         """How quickly the bias wanders so long after the calibration, (rad/s)²/s.
 
@@ -145,12 +150,14 @@ class HeadingFilter:
 
         Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
         """
-        turned_rad, duration_s = self._integrate(samples)
+        turned_rad, duration_s, variance_rad2 = self._integrate(samples)
         self._age_s += duration_s
-        return self.turn(turned_rad, duration_s)
+        return self.turn(turned_rad, duration_s, variance_rad2)
 
-    def turn(self, turned_rad: float, duration_s: float) -> tuple[float, float]:
-        """The same, for what the gyro has turned by, uncorrected."""
+    def turn(
+        self, turned_rad: float, duration_s: float, variance_rad2: float = 0.0
+    ) -> tuple[float, float]:
+        """The same, for what the gyro has turned by, uncorrected, and the variance of its gaps."""
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model
@@ -158,21 +165,22 @@ class HeadingFilter:
         kalman.F[_YAW, _BIAS] = -duration_s
         kalman.F[_YAW, _SCALE] = -turned_rad
         kalman.x[_YAW, 0] += turned_rad
-        kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s
+        kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s + variance_rad2
         kalman.Q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
         kalman.predict()
         self._note()
         return self._values[_YAW] - before, turned_rad
 
-    def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
-        turned_rad = duration_s = 0.0
+    def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float, float]:
+        turned_rad = duration_s = variance_rad2 = 0.0
         for sample in samples:
             if self._last_s is not None and sample.time_s > self._last_s:
                 dt_s = sample.time_s - self._last_s
                 turned_rad += sample.yaw_rate_rad_s * dt_s
                 duration_s += dt_s
+                variance_rad2 += sample.turn_variance_rad2
             self._last_s = sample.time_s
-        return turned_rad, duration_s
+        return turned_rad, duration_s, variance_rad2
 
     def add_wall(self, seen: WallBearing) -> int:
         """A wall not seen before; its number."""

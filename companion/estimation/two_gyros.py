@@ -88,7 +88,7 @@ def _alone(x: Array, scale: float, m: Measured, gyro: GyroModel, told: ToldModel
     system = BorderedSystem(x.size, 1, 2 * _SIZE)
     system.add(
         x[1:, 0] - x[:-1, 0] - x[:-1, 1] * m.dt_s,
-        gyro.rate_noise_rad_s_sqrt_hz * np.sqrt(m.dt_s),
+        gyro.turn_sigma_rad(m.dt_s, m.gap_rad2),
         [(at, -one), (at + 1, -m.dt_s), (at + _SIZE, one)],
     )
     system.add(

@@ -100,6 +100,8 @@ class Measured:
     """(n,): from the sensor."""
     mount_m: Array
     """(n,): from the drone's centre to the sensor, along its beam."""
+    gap_rad2: Array | None = None
+    """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
@@ -122,6 +124,7 @@ class Measured:
             bearing_rad=hits[:, HitColumn.BEARING_RAD],
             distance_m=hits[:, HitColumn.DISTANCE_M],
             mount_m=units.offset_m[beam],
+            gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
         )
 
     @property
@@ -151,6 +154,7 @@ class Measured:
             self.bearing_rad[hits],
             self.distance_m[hits],
             self.mount_m[hits],
+            None if self.gap_rad2 is None else self.gap_rad2[motion],
         )
 
 

@@ -119,7 +119,7 @@ def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if own_m > LEAST_OFF_M and elsewhere_m < CLEARLY * own_m
+        if LEAST_OFF_M < own_m < math.inf and elsewhere_m < CLEARLY * own_m
     )
 
 
@@ -128,12 +128,15 @@ def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if elsewhere_m > LEAST_OFF_M and own_m < CLEARLY * elsewhere_m
+        if LEAST_OFF_M < elsewhere_m < math.inf and own_m < CLEARLY * elsewhere_m
     )
 
 
 def _fits(seen: Mapping[Beam, Seen]) -> Iterator[tuple[Beam, tuple[float, float]]]:
-    """How far each beam is off the front one: as it is, and at best looking elsewhere."""
+    """How far each beam is off the front one: as it is, and at best looking elsewhere.
+
+    Infinitely far if too little of the same was seen: part of the turn may have been missed.
+    """
     front = seen.get(Beam.FRONT, {})
     for beam in seen:
         if beam is Beam.FRONT:

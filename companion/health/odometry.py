@@ -11,16 +11,25 @@ MOST_TURN_RAD_S = math.radians(250)
 JUMP_M, JUMP_M_S2 = 0.25, 1.5
 """A step may differ so much from what the velocity says, the second by the time squared."""
 LEAST_TURN_STEP_RAD = math.radians(20)
+FORGOTTEN_S = 4.0
+"""After a silence so long it may be told anew, by a companion that was started again: how far the
+heading had been pulled is counted from there."""
 
 
 class SteadyOdometry:
-    """Takes the jumps of an autopilot's estimate out; what follows goes on from before them."""
+    """Takes the jumps of an autopilot's estimate out; what follows goes on from before them.
+
+    A pull of its heading, or a small step, is left: position and velocity are told in the frame of
+    the heading that is told with them, and turned to the body by it.
+    """
 
     def __init__(self) -> None:
         self._told: Odometry | None = None
         self._given: Odometry | None = None
         self._turned_rad = 0.0
-        """What all jumps of the heading come to."""
+        """What all jumps of the heading come to,"""
+        self._pulled_rad = 0.0
+        """and what its pulls come to that are none."""
         self._has_jumped = False
 
     def take(self, told: Odometry | None) -> Odometry | None:
@@ -35,13 +44,16 @@ class SteadyOdometry:
         dt_s = told.time_s - last.time_s
         moved = not _is_jump(step_m, last, told, dt_s)
         turned = abs(turn_rad) <= max(MOST_TURN_RAD_S * dt_s, LEAST_TURN_STEP_RAD)
-        if not moved or not turned:
+        is_anew = dt_s > FORGOTTEN_S and told.pulled_rad != last.pulled_rad
+        if not moved or not turned or is_anew:
             self._has_jumped = True
         if not self._has_jumped:
             self._given = told
             return told
         if not turned:
             self._turned_rad = wrap_rad(self._turned_rad - turn_rad)
+        if not turned or dt_s > FORGOTTEN_S:
+            self._pulled_rad = wrap_rad(self._pulled_rad + last.pulled_rad - told.pulled_rad)
         self._given = self._moved(self._given, told, step_m if moved else (0.0, 0.0, 0.0))
         return self._given
 
@@ -57,6 +69,7 @@ class SteadyOdometry:
             position_ned_m=(x + north_m, y + east_m, z + step_m[2]),
             velocity_ned_m_s=(*frd_to_ned(north_m_s, east_m_s, self._turned_rad), down_m_s),
             yaw_rad=wrap_rad(told.yaw_rad + self._turned_rad),
+            pulled_rad=wrap_rad(told.pulled_rad + self._pulled_rad),
         )
 
 

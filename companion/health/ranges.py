@@ -4,7 +4,7 @@ import math
 from collections import deque
 from dataclasses import replace
 
-from companion.frames import ned_to_frd
+from companion.frames import Vector3, ned_to_frd
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -22,6 +22,8 @@ ROUGH_SIGMAS, ROUGH_OF, ROUGH = 6.0, 20, 12
 KNOWN_SIGMAS, KNOWN_BY = 2.0, 4
 """and agree with fewer than so many of the others: along an edge the beam meets now what is before
 it, now what is behind it, but each again and again."""
+PAUSED_S = 0.2
+"""Readings that are farther apart are no neighbours: the drone has flown on meanwhile."""
 FAILED = RangeReading(RangeState.FAILED)
 Travel = tuple[float, float, float, float]
 """Forward, right, down in metres, and the turn in radians, each added up since the start."""
@@ -31,8 +33,8 @@ class RangeWatch:
     """All beams."""
 
     def __init__(self) -> None:
-        self.alive_s = -math.inf
-        """When any sensor last answered."""
+        self.is_alive = False
+        """Any sensor answered in the latest scan."""
         self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
         self._beams: dict[Beam, _BeamWatch] = {}
@@ -41,9 +43,8 @@ class RangeWatch:
         """The scan; what cannot be believed has failed."""
         self._move(odometry, turned_rad)
         bad = []
+        self.is_alive = any(reading.is_alive for reading in scan.readings.values())
         for beam, reading in scan.readings.items():
-            if reading.is_alive:
-                self.alive_s = scan.time_s
             watch = self._beams.get(beam) or self._beams.setdefault(beam, _BeamWatch(beam))
             if watch.is_bad(scan.time_s, reading, self.travel):
                 bad.append(beam)
@@ -55,14 +56,21 @@ class RangeWatch:
         forward_m, right_m, down_m, _ = self.travel
         if odometry is not None:
             if self._odometry is not None:
-                dt_s = min(odometry.time_s - self._odometry.time_s, STUCK_S)
-                north_m_s, east_m_s, down_m_s = odometry.velocity_ned_m_s
-                forward_m_s, right_m_s = ned_to_frd(north_m_s, east_m_s, odometry.yaw_rad)
-                forward_m += forward_m_s * dt_s
-                right_m += right_m_s * dt_s
-                down_m += down_m_s * dt_s
+                north_m, east_m, sunk_m = _moved(self._odometry, odometry)
+                ahead_m, aside_m = ned_to_frd(north_m, east_m, odometry.yaw_rad)
+                forward_m, right_m, down_m = forward_m + ahead_m, right_m + aside_m, down_m + sunk_m
             self._odometry = odometry
         self.travel = forward_m, right_m, down_m, turned_rad
+
+
+def _moved(last: Odometry, now: Odometry) -> Vector3:
+    """North, east, down: as it flies by now, or from place to place if it was long ago."""
+    dt_s = now.time_s - last.time_s
+    if dt_s > PAUSED_S:
+        x, y, z = (a - b for a, b in zip(now.position_ned_m, last.position_ned_m, strict=True))
+        return x, y, z
+    north_m_s, east_m_s, down_m_s = now.velocity_ned_m_s
+    return north_m_s * dt_s, east_m_s * dt_s, down_m_s * dt_s
 
 
 class _BeamWatch:
@@ -79,12 +87,16 @@ class _BeamWatch:
         self._value = math.nan
         self._changed_s = 0.0
         self._changed_at: Travel = (0.0, 0.0, 0.0, 0.0)
+        self._seen_s = -math.inf
         self._last: tuple[float, float] = (math.nan, math.nan)
         """The two distances before."""
         self._rough: deque[bool] = deque(maxlen=ROUGH_OF)
         self._lately_m: deque[float] = deque(maxlen=ROUGH_OF)
 
     def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
+        if time_s - self._seen_s > PAUSED_S:
+            self._last = (math.nan, math.nan)
+        self._seen_s = time_s
         if not reading.is_alive:
             self._value = math.nan
             return False

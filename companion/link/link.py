@@ -69,8 +69,7 @@ class Link:
         self._landed_state = LandedState.UNKNOWN
         self._battery: float | None = None
         self._estimate_complaint = "its estimator has not been heard"
-        self._follows_us = config.send_pose
-        self._odometry = OdometryReader(follows_us=self._follows_us)
+        self._odometry = OdometryReader(follows_us=config.send_pose)
         self._pose_report = PoseReport() if config.send_pose else None
         self._texts: dict[int, str] = {}
         self._commands = CommandSender()
@@ -107,7 +106,7 @@ class Link:
 
     def _start_over(self) -> None:
         """The autopilot has rebooted: it may have forgotten what it was asked and set to."""
-        self._odometry = OdometryReader(follows_us=self._follows_us)
+        self._odometry.start_over()
         self._parameters_set.clear()
         self._landed_state = LandedState.UNKNOWN
 

@@ -120,6 +120,8 @@ class View:
     """The user or the operating system asks the program to end."""
     order: Order | None = None
     """A script's; None: the whole mission is flown."""
+    starved: str = ""
+    """Why the computer has no time to fly; or nothing."""
 
 
 @value
@@ -250,7 +252,7 @@ def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
 def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.armed:
         return _go(flight, Phase.FAILED, view, "the vehicle is armed already; disarm it"), NOTHING
-    if view.vehicle.estimate_ready and view.gyro_at_rest:
+    if view.vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
         if view.order is None:
             return _go(flight, Phase.OFFBOARD, view), NOTHING
         if view.order.task is Task.TAKE_OFF:
@@ -260,7 +262,7 @@ def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
         missing = (
             "the gyro is not at rest" if view.vehicle.estimate_ready else "no position estimate"
         )
-        trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {missing}"
+        trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {view.starved or missing}"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING
     return flight, NOTHING
 

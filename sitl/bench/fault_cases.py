@@ -188,6 +188,11 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
             "hang",
             lambda random: {"for_s": round(random.uniform(0.1, 12), 2)},
         ),
+        "computer starved": ("starve", _duration),
+        "computer starved between reads": (
+            "starve",
+            lambda random: {"between_reads": True, **_duration(random)},
+        ),
         "somebody in the way": (
             "somebody_near",
             lambda random: {"forward_m": AHEAD_M, "for_s": round(random.uniform(1, 20), 2)},

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.app import App, Progress
-from companion.fly import TICK_S
 from companion.frames import Vector2, frd_to_ned
+from companion.health.lateness import TICK_S
 from companion.messages import FloorPlan
 from companion.pdps.room_scan import ScanPhase
 from sitl.lockstep import fly_in_lockstep

@@ -288,6 +288,27 @@ def hang(for_s: float) -> Action:
     return Action(stop)
 
 
+def starve(
+    least_s: float = 0.2,
+    most_s: float = 2.0,
+    for_s: float | None = None,
+    *,
+    between_reads: bool = False,
+) -> Action:
+    """The companion's computer has no time: each tick is late by a time between these.
+
+    `between_reads`: it stands still within ticks instead, now and then, so that link, gyro and
+    range sensors are read at different times.
+    """
+    return Action(
+        lambda simulation: simulation.starvation.begin(
+            least_s, most_s, between_reads=between_reads
+        ),
+        lambda simulation: simulation.starvation.end(),
+        for_s,
+    )
+
+
 ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
     {
         action.__name__: action
@@ -296,7 +317,7 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
             *(break_bus, dead_adc, unplug, stick, noisy, swap),
             *(dead_gyro, saturate_gyro, bias_gyro),
             *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),
-            *(refuse_arming, pilot_mode, somebody, somebody_near, gust, hang),
+            *(refuse_arming, pilot_mode, somebody, somebody_near, gust, hang, starve),
         )
     }
 )

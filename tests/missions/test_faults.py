@@ -5,10 +5,13 @@ from pathlib import Path
 
 import pytest
 
+from companion.app import App
 from companion.pdps.flight import Phase
 from sitl.autopilot.ardupilot import LAND, LOITER
+from sitl.simulation import Simulation
 from sitl.testing import (
     Action,
+    Event,
     Flight,
     Sitl,
     at,
@@ -31,6 +34,7 @@ from sitl.testing import (
     restart_autopilot,
     saturate_gyro,
     somebody_near,
+    starve,
     stick,
     swap,
     unplug,
@@ -237,6 +241,99 @@ def test_a_turn_that_a_hanging_companion_has_missed_is_known_all_the_same(
     flight = sitl.fly(small, script=[when("corner", hang(for_s=3))])
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm < 5
+
+
+STARVED = "the computer is starved: ticks "
+
+
+def troubles(flown: list[str]) -> Event:
+    """Writes down what the companion says is wrong, tick by tick."""
+
+    def note(simulation: Simulation, app: App) -> bool:
+        if app.flight.trouble:
+            flown.append(app.flight.trouble)
+        return False
+
+    return Event(note, hang(0.0))
+
+
+@pytest.mark.parametrize(
+    ("begins", "profile"),
+    [
+        (at(20, starve(for_s=5)), "gp2y0a710k0f"),
+        (when("corner", starve(for_s=5)), "vl53l1x"),
+        (when("corner", starve(for_s=5, between_reads=True)), "gp2y0a710k0f"),
+        (when("corner", starve(0.2, 0.6, for_s=6)), "tfmini_s"),
+        (at(0, starve(for_s=8)), "gp2y0a710k0f"),
+    ],
+)
+def test_a_starved_computer_holds_the_drone_and_blames_no_sensor(
+    sitl: Sitl, small: str, begins: Event, profile: str
+) -> None:
+    said: list[str] = []
+    flight = sitl.fly(small, script=[begins, troubles(said)], profile=profile)
+    assert flight.completed, flight.ending
+    assert all(trouble.startswith(STARVED) for trouble in said)
+    assert flight.report.wall_error_aligned_cm < 3
+    assert flight.truth.clearance_m > 0.5
+
+
+@pytest.mark.parametrize("between_reads", [False, True])
+def test_a_computer_that_is_starved_throughout_lands_the_drone(
+    sitl: Sitl, small: str, between_reads: bool
+) -> None:
+    said: list[str] = []
+    begins = when("corner", starve(between_reads=between_reads))
+    flight = sitl.fly(small, script=[begins, troubles(said)])
+    assert flight.ending.startswith("landed: " + STARVED)
+    assert all(trouble.startswith(STARVED) for trouble in said)
+    assert flight.truth.collisions == 0
+    assert flight.report.wall_error_aligned_cm < 3
+
+
+def test_a_computer_that_is_starved_from_the_start_does_not_take_off(
+    sitl: Sitl, small: str
+) -> None:
+    flight = sitl.fly(small, script=[at(0, starve())])
+    assert flight.ending.startswith("failed: not ready after 60 s: " + STARVED)
+    assert not flight.app.flight.took_off
+
+
+def test_starved_flights_are_the_same_to_the_bit(sitl: Sitl, small: str) -> None:
+    def path(transport: str) -> object:
+        script = [at(15, starve(for_s=4)), at(25, starve(for_s=4, between_reads=True))]
+        return sitl.fly(small, script=script, transport=transport).truth.path
+
+    assert path("direct") == path("bytes")
+
+
+@pytest.mark.parametrize("begins_s", [6.0, 20.0])
+@pytest.mark.parametrize("pull_deg", [-14.0, 3.0])
+def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
+    sitl: Sitl, small: str, begins_s: float, pull_deg: float
+) -> None:
+    """By 14° in three seconds, as PX4's at take-off; by 3° at once, as ArduPilot's in flight."""
+    said: list[str] = []
+    steps = 60 if pull_deg < 0 else 1
+    pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]
+    flight = sitl.fly(small, script=[*pulls, troubles(said)])
+    assert flight.completed, flight.ending
+    assert not said
+    assert flight.report.wall_error_aligned_cm < 3
+
+
+@pytest.mark.parametrize("begins", [20, "corner"])
+@pytest.mark.parametrize("seconds", [-1.9, -1.0, -0.5, -0.2, 0.2, 3.0])
+def test_a_clock_that_is_set_is_no_fault(
+    sitl: Sitl, small: str, begins: float | str, seconds: float
+) -> None:
+    said: list[str] = []
+    jump = jump_clock(seconds)
+    event = when(begins, jump) if isinstance(begins, str) else at(begins, jump)
+    flight = sitl.fly(small, script=[event, troubles(said)])
+    assert flight.completed, flight.ending
+    assert not said
+    assert flight.report.wall_error_aligned_cm < 2
 
 
 def test_an_autopilot_that_restarts_before_take_off_is_waited_for(sitl: Sitl, small: str) -> None:

@@ -205,6 +205,9 @@ class BenchClock:
     def wait_until(self, time_s: float) -> float:
         return self._bench.passes(max(0.0, time_s - self._bench.time_s))
 
+    def now_s(self) -> float:
+        return self._bench.time_s
+
 
 def rig_on(bench: Bench) -> Rig:
     config = Config(sensors=bench.config)

@@ -1,0 +1,148 @@
+"""A computer that does not keep up, and what is made of what it reads too late."""
+
+import math
+from collections.abc import Sequence
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.health.lateness import Lateness
+from companion.health.watch import Health
+from companion.messages import (
+    Beam,
+    GyroSample,
+    Odometry,
+    RangeReading,
+    RangeScan,
+    RangeState,
+    Setpoint,
+    VehicleState,
+)
+
+TICK_S = 0.05
+HEARD = VehicleState(connected=True, silent_s=0.0, armed=True)
+LEVEL = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
+
+
+def after(steps_s: Sequence[float]) -> Lateness:
+    lateness, now_s = Lateness(), 10.0
+    lateness.tick(now_s)
+    for step_s in steps_s:
+        now_s += step_s
+        lateness.tick(now_s)
+    return lateness
+
+
+def test_a_loop_that_comes_round_in_time_is_well() -> None:
+    lateness = after([TICK_S] * 100)
+    assert lateness.fault is None
+    assert not lateness.is_late
+
+
+def test_now_and_then_a_tick_takes_longer() -> None:
+    """The map is saved, or the flight solved anew."""
+    assert after(([TICK_S] * 60 + [0.3]) * 5).fault is None
+
+
+@pytest.mark.parametrize("late_s", [0.2, 0.5, 0.8, 2.0])
+def test_ticks_that_are_late_again_and_again_are_named(late_s: float) -> None:
+    lateness = after([TICK_S] * 20 + [TICK_S + late_s] * 6)
+    assert lateness.fault is not None
+    assert lateness.fault.text == f"the computer is starved: ticks {late_s:.1f} s late"
+
+
+def test_it_is_over_two_seconds_after_the_last_late_tick() -> None:
+    assert after([1.0] * 5 + [TICK_S] * 30).fault is not None
+    assert after([1.0] * 5 + [TICK_S] * 45).fault is None
+
+
+@given(st.floats(0.16, 2.0), st.floats(-2, 2), st.floats(-2, 2), st.floats(0.1, 1.0))
+def test_it_flies_no_faster_than_it_may_fly_blind(
+    late_s: float, forward_m_s: float, right_m_s: float, clearance_m: float
+) -> None:
+    asked = Setpoint(forward_m_s, right_m_s, 0.1, 0.5)
+    told = after([TICK_S + late_s]).slowed(asked, clearance_m)
+    assert told is not None
+    speed_m_s = math.hypot(told.forward_m_s, told.right_m_s)
+    assert speed_m_s * min(late_s, 0.5) <= clearance_m + 1e-9
+    assert (told.down_m_s, told.yaw_rate_rad_s) == (0.1, 0.5)
+    assert after([TICK_S] * 9).slowed(asked, clearance_m) is asked
+
+
+class Drone:
+    """One that turns at 45 deg/s, and all of whose sensors are well whenever they are read."""
+
+    RATE_RAD_S = math.radians(45)
+
+    def __init__(self) -> None:
+        self.health, self.now_s = Health(), 0.0
+        self.faults: set[str] = set()
+        self.placed = True
+        self.turned_s = 0.0
+        for _ in range(40):
+            self.tick(TICK_S)
+
+    def tick(self, step_s: float, gyro_late_s: float = 0.0, ranges_late_s: float = 0.0) -> None:
+        """Gyro and ranges are read so much later than the link."""
+        self.now_s += step_s
+        now_s, gyro_s = self.now_s, self.now_s + gyro_late_s
+        first_s = max(self.turned_s, gyro_s - 0.25)
+        count = max(round((gyro_s - first_s) / 0.01), 1)
+        spacing_s = (gyro_s - first_s) / count
+        samples = [
+            GyroSample(first_s + spacing_s * i, self.RATE_RAD_S) for i in range(1, count + 1)
+        ]
+        self.turned_s = gyro_s
+        yaw_rad = math.remainder(self.RATE_RAD_S * now_s, math.tau)
+        told = Odometry(now_s, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), yaw_rad)
+        scan_s = gyro_s + ranges_late_s
+        state = RangeState.FAILED if step_s > 0.25 else RangeState.DISTANCE
+        readings = {
+            beam: RangeReading(state, 2.0 + 0.1 * math.sin(7 * scan_s), 0.01) for beam in LEVEL
+        }
+        self.health.tick(scan_s)
+        odometry = self.health.odometry(told)
+        self.health.gyro(scan_s, samples, odometry, 0.0)
+        scan = self.health.ranges(RangeScan(scan_s, readings), odometry)
+        self.now_s = scan_s
+        self.placed = any(reading.is_alive for reading in scan.readings.values())
+        if fault := self.health.fault(HEARD):
+            self.faults.add(fault.text.split(":")[0])
+
+
+@given(st.lists(st.floats(0.2, 2.0), min_size=1, max_size=8), st.integers(0, 10))
+def test_no_sensor_is_blamed_for_what_was_read_too_late(late_s: list[float], between: int) -> None:
+    drone = Drone()
+    for late in late_s:
+        drone.tick(TICK_S + late)
+        for _ in range(between):
+            drone.tick(TICK_S)
+    for _ in range(60):
+        drone.tick(TICK_S)
+    assert drone.faults <= {"the computer is starved"}
+    assert drone.health.fault(HEARD) is None
+
+
+@given(st.floats(0.2, 2.0), st.booleans())
+def test_no_range_is_taken_with_a_heading_of_another_time(late_s: float, before: bool) -> None:
+    """The computer stands still between link and gyro, or between gyro and ranges."""
+    drone = Drone()
+    drone.tick(TICK_S, late_s if before else 0.0, 0.0 if before else late_s)
+    assert not drone.placed
+    for _ in range(60):
+        drone.tick(TICK_S)
+    assert drone.placed
+    assert drone.faults <= {"the computer is starved"}
+
+
+def test_a_sensor_that_is_dead_is_named_as_soon_as_the_computer_is_well() -> None:
+    drone = Drone()
+    for _ in range(4):
+        drone.tick(1.0)
+    for _ in range(60):
+        drone.health.tick(drone.now_s)
+        drone.now_s += TICK_S
+    fault = drone.health.fault(HEARD)
+    assert fault is not None
+    assert fault.text == "the autopilot tells no position"
