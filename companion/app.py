@@ -87,6 +87,8 @@ class Progress:
     activity: str
     trouble: str
     map_walls: Callable[[], tuple[WallSegment, ...]]
+    notice: str = ""
+    """What the pilot is to know."""
 
     @cached_property
     def _walls(self) -> tuple[WallSegment, ...]:
@@ -279,7 +281,8 @@ class App:
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:
             flight = self.flight
-            self._progress = Progress(now_s, flight.activity, flight.trouble, self._walls)
+            told = flight.activity, flight.trouble
+            self._progress = Progress(now_s, *told, self._walls, flight.notice)
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:

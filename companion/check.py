@@ -22,7 +22,8 @@ from companion.errors import SensorError
 from companion.link.link import Link, Listener
 from companion.link.serial_transport import SerialTransport
 from companion.link.transport import Message, Transport
-from companion.messages import Beam, GyroSample, RangeReading, RangeState
+from companion.messages import Beam, GyroSample, RangeReading, RangeState, VehicleState
+from companion.pdps.preflight import refusal
 from companion.pdps.standoff import standoff_m
 from companion.range_config import TfminiSensor
 from companion.values import value
@@ -107,9 +108,11 @@ class Examination:
         findings.append(self._of_gyro(now_s))
         vehicle = telemetry.vehicle
         if not vehicle.connected:
-            return [*findings, self._of_silent_link()]
+            return [*findings, self._of_silent_link(vehicle.unfit)]
         link = f"{vehicle.mode}, {'armed' if vehicle.armed else 'disarmed'}"
-        findings.append(Finding("link", Verdict.GOOD, link))
+        fitness = Verdict.BAD if vehicle.unfit else Verdict.GOOD
+        findings.append(Finding("link", fitness, link, vehicle.unfit))
+        findings.append(self._of_battery(vehicle))
         remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
         if vehicle.waits_for:
             findings.append(Finding("autopilot", Verdict.WAIT, vehicle.waits_for, remedy))
@@ -162,8 +165,22 @@ class Examination:
             return Finding("gyro", Verdict.BAD, seen, remedy)
         return Finding("gyro", Verdict.GOOD, seen)
 
-    def _of_silent_link(self) -> Finding:
+    def _of_battery(self, vehicle: VehicleState) -> Finding:
+        if vehicle.battery is None:
+            remedy = (
+                "the companion will not turn back when it is low; ArduPilot: BATT_MONITOR, "
+                "PX4: BAT1_SOURCE"
+            )
+            return Finding("battery", Verdict.GOOD, "not told", remedy)
+        why = refusal(vehicle, self._config.mission)
+        verdict = Verdict.BAD if why and not vehicle.unfit else Verdict.GOOD
+        left = f"{100 * vehicle.battery:.0f} % left"
+        return Finding("battery", verdict, left, why if verdict is Verdict.BAD else "")
+
+    def _of_silent_link(self, strangers: str) -> Finding:
         url = self._config.link.url
+        if strangers:
+            return Finding("link", Verdict.BAD, "heard, but not flown", strangers)
         transport = self._transport
         if isinstance(transport, SerialTransport) and transport.messages_received == 0:
             if transport.bytes_received:
@@ -232,5 +249,9 @@ REMEDIES = (
     ),
     ("no position", "wait for the origin; ArduPilot: EK3_SRC1_POSXY, PX4: EKF2_HGT_REF"),
     ("LOCAL_POSITION_NED", "its position has not begun; look at its messages"),
+    (
+        "EXTENDED_SYS_STATE",
+        "does the link or its router let all messages through? ArduCopter 4.6 and PX4 1.16 tell it",
+    ),
     ("does not confirm", "is another program setting it, or is the link one-way?"),
 )

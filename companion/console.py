@@ -20,7 +20,7 @@ class ProgressLine:
         self._console = console
         self._live = Live(console=console, refresh_per_second=8, transient=True)
         self._shown: Progress | None = None
-        self._activity = ""
+        self._activity = self._notice = ""
 
     def __enter__(self) -> "ProgressLine":
         if self._console.is_terminal:
@@ -41,6 +41,9 @@ class ProgressLine:
         self._shown = progress
         if self._console.is_terminal:
             self._live.update(Text(_line(progress)))
+        if progress.notice != self._notice:
+            self._notice = progress.notice
+            self._console.print(f"[bold]{progress.notice}[/]", soft_wrap=True)
         if progress.activity != self._activity:
             self._activity = progress.activity
             self._console.print(_line(progress))

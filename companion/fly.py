@@ -65,7 +65,8 @@ def fly(
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
         flight = outputs.flight
-        rig.link.transmit(rig.reports.due(now_s, outputs.scan, flight.activity, flight.trouble))
+        told = flight.activity, flight.trouble, flight.notice
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *told))
         record(now_s, inputs, outputs)
         watch(outputs.progress)
         if outputs.finished:

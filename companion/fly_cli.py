@@ -102,7 +102,8 @@ def exit_status(flight: Flight) -> int:
     """Of a flight that has ended; systemd's units go by it."""
     if flight.completed:
         return 0
-    return EXIT_FAILED if flight.phase is Phase.FAILED else EXIT_ENDED
+    is_broken_off = flight.phase is Phase.FAILED and not flight.is_others
+    return EXIT_FAILED if is_broken_off else EXIT_ENDED
 
 
 def _leave(

@@ -160,6 +160,8 @@ class LandedState(enum.Enum):
 
 
 LINK_SILENT_S = 1.0
+JUST_TOLD_S = 0.1
+"""Two ticks of the control loop."""
 
 
 @value
@@ -169,9 +171,15 @@ class VehicleState:
     connected: bool = False
     silent_s: float = float("inf")
     """How long nothing at all has been heard from it."""
+    unfit: str = ""
+    """Why what is heard there is not flown, and what to do; empty: nothing against it."""
     mode: str = ""
+    mode_age_s: float = 0.0
+    """How long ago a HEARTBEAT has told the mode, and whether it is armed."""
     in_offboard_mode: bool = False
     """The mode in which the autopilot follows our setpoints: GUIDED or OFFBOARD."""
+    left_offboard: bool = False
+    """Since the last look at it, it has left that mode, even if it is back in it by now."""
     takes_off_by_setpoint: bool = False
     """It lifts off by a climbing setpoint (PX4) rather than by a command (ArduPilot)."""
     armed: bool = False
@@ -182,6 +190,8 @@ class VehicleState:
     """Why not, in words."""
     refusal: str = ""
     """The latest reason why a command was refused, in the autopilot's own words."""
+    is_refused: bool = False
+    """The command that was asked for last has got no answer but refusals."""
     battery: float | None = None
     """Share left, 0 to 1; None: it does not tell."""
 
@@ -189,6 +199,11 @@ class VehicleState:
     def is_silent(self) -> bool:
         """For longer than messages are lost by chance."""
         return self.silent_s > LINK_SILENT_S
+
+    @property
+    def is_mode_just_told(self) -> bool:
+        """So lately that a pilot's change since then is unlikely."""
+        return self.mode_age_s <= JUST_TOLD_S
 
 
 def is_ours(vehicle: VehicleState) -> bool:

@@ -166,8 +166,8 @@ def hold(link: Link, clock: Clock, work: Iterator[None]) -> bool:
     is_done = False
     while True:
         vehicle = link.poll(now_s).vehicle
-        is_known = bool(vehicle.mode) and not vehicle.is_silent
-        if is_known and not is_ours(vehicle):
+        is_known = bool(vehicle.mode) and vehicle.is_mode_just_told
+        if is_known and (vehicle.left_offboard or not is_ours(vehicle)):
             return False
         if is_done and (is_known or now_s > known_by_s):
             return True

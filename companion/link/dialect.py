@@ -32,6 +32,19 @@ def _bytewise_int(name: str, value: int) -> Parameter:
     return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
 
 
+MULTICOPTERS = frozenset(
+    {
+        mavlink.MAV_TYPE_TRICOPTER,
+        mavlink.MAV_TYPE_QUADROTOR,
+        mavlink.MAV_TYPE_HEXAROTOR,
+        mavlink.MAV_TYPE_OCTOROTOR,
+        mavlink.MAV_TYPE_DECAROTOR,
+        mavlink.MAV_TYPE_DODECAROTOR,
+    }
+)
+"""HEARTBEAT.type of what is flown. The same mode number is another mode on other vehicles: 4 is
+GUIDED on a copter of ArduPilot's, HOLD on a rover, ACRO on a plane."""
+
 NOT_SETTLED = "its estimator has not settled"
 NO_VELOCITY = "its estimator has no velocity source"
 NO_POSITION = "its estimator has no position"
@@ -191,6 +204,8 @@ class Px4:
 DIALECTS: tuple[Dialect, ...] = (ArduPilot(), Px4())
 
 
-def dialect_of(autopilot: int) -> Dialect | None:
-    """The dialect for a HEARTBEAT.autopilot; None if it is not supported."""
+def dialect_of(autopilot: int, vehicle_type: int) -> Dialect | None:
+    """The dialect for HEARTBEAT.autopilot and .type; None if such a vehicle is not flown."""
+    if vehicle_type not in MULTICOPTERS:
+        return None
     return next((d for d in DIALECTS if d.autopilot == autopilot), None)

@@ -13,6 +13,7 @@ from typing import Protocol
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
+from companion.link.company import Company
 from companion.link.dialect import Dialect, Parameter, dialect_of
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.pose_report import PoseReport
@@ -59,12 +60,14 @@ class Link:
         self._listeners = listeners
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
+        self._component_id = config.component_id
+        self._company = Company(config)
         self._origin = _origin(config)
         self._setpoint_loss_s = config.setpoint_loss_s
         self._dialect: Dialect | None = None
         self._safety: tuple[Parameter, ...] = ()
-        self._heard_s = float("-inf")
-        self._armed = False
+        self._heard_s = self._mode_s = float("-inf")
+        self._armed = self._left_offboard = False
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
         self._battery: float | None = None
@@ -82,7 +85,9 @@ class Link:
         """Take in what has arrived."""
         odometry = None
         texts: list[str] = []
+        self._left_offboard = False
         for message in self._transport.receive():
+            self._company.hear(message, now_s)
             if (message.get_srcSystem(), message.get_srcComponent()) != self._target:
                 continue
             self._heard_s = now_s
@@ -91,6 +96,7 @@ class Link:
                 texts += self._text(message)
             elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
                 if self._odometry.has_restarted(message):
+                    self._company.note_break(now_s)
                     self._start_over()
                 odometry = self._odometry.read(message, now_s) or odometry
             else:
@@ -112,8 +118,8 @@ class Link:
 
     def _note(self, kind: str, message: Message) -> None:
         if kind == "HEARTBEAT":
-            self._dialect = self._dialect or self._meet(message.autopilot)
-            self._custom_mode = message.custom_mode
+            self._dialect = self._dialect or self._meet(message)
+            self._note_mode(message.custom_mode)
             self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         elif kind == "SYS_STATUS":
             known = 0 <= message.battery_remaining <= 100  # -1: not known
@@ -121,7 +127,8 @@ class Link:
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
         elif kind == "COMMAND_ACK":
-            self._commands.acknowledge(message)
+            if message.target_component in (0, self._component_id):
+                self._commands.acknowledge(message)
         elif self._dialect is None:
             return
         elif message.get_msgId() == self._dialect.estimator_message:
@@ -132,8 +139,14 @@ class Link:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
                     self._parameters_set[parameter.name] = set_
 
-    def _meet(self, autopilot: int) -> Dialect | None:
-        dialect = dialect_of(autopilot)
+    def _note_mode(self, custom_mode: int) -> None:
+        if self._dialect is not None:
+            was_ours = self._dialect.is_offboard(self._custom_mode)
+            self._left_offboard |= was_ours and not self._dialect.is_offboard(custom_mode)
+        self._custom_mode, self._mode_s = custom_mode, self._heard_s
+
+    def _meet(self, heartbeat: Message) -> Dialect | None:
+        dialect = dialect_of(heartbeat.autopilot, heartbeat.type)
         if dialect is not None:
             self._safety = dialect.safety_parameters(self._setpoint_loss_s)
             rates_hz = {
@@ -161,19 +174,23 @@ class Link:
         age_s = now_s - self._heard_s
         dialect = self._dialect
         if dialect is None:
-            return VehicleState(silent_s=age_s)
+            return VehicleState(silent_s=age_s, unfit=self._company.strangers)
         waits_for = self._waits_for()
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
+            unfit=self._company.trouble,
             mode=dialect.mode_name(self._custom_mode),
+            mode_age_s=now_s - self._mode_s,
             in_offboard_mode=dialect.is_offboard(self._custom_mode),
+            left_offboard=self._left_offboard,
             takes_off_by_setpoint=dialect.takes_off_by_setpoint,
             armed=self._armed,
             landed_state=self._landed_state,
             estimate_ready=not waits_for,
             waits_for=waits_for,
             refusal=self._commands.refusal,
+            is_refused=self._commands.is_refused,
             battery=self._battery,
         )
 
@@ -234,6 +251,8 @@ class Link:
             return self._estimate_complaint
         if not self._odometry.has_position:
             return "no LOCAL_POSITION_NED comes from it"
+        if self._landed_state is LandedState.UNKNOWN:
+            return "it does not tell whether it has landed (EXTENDED_SYS_STATE)"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
         return f"it does not confirm {', '.join(unset)}" if unset else ""
 

@@ -6,6 +6,7 @@ Stale and failed sensors are not told: it stops believing in 0.5 s what is not t
 """
 
 import math
+import unicodedata
 from collections.abc import Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -37,29 +38,33 @@ class Reports:
         self._config = config
         self._models = models
         self._told_s = -math.inf
-        self._activity = self._trouble = ""
+        self._activity = self._trouble = self._notice = ""
         self._text_id = 0
 
-    def due(self, now_s: float, scan: RangeScan, activity: str, trouble: str) -> list[Message]:
+    def due(
+        self, now_s: float, scan: RangeScan, activity: str, trouble: str, notice: str = ""
+    ) -> list[Message]:
         """Ranges ten times a second, and a text whenever there is something new."""
         messages: list[Message] = []
         if self._config.tell_ranges != "none" and now_s - self._told_s >= PERIOD_S - 1e-6:
             self._told_s = now_s
             messages += self._ranges(round(now_s * 1000), scan)
         if self._config.tell_texts:
-            messages += self._texts(activity, trouble)
+            messages += self._texts(activity, trouble, notice)
         return messages
 
-    def _texts(self, activity: str, trouble: str) -> Iterator[Message]:
-        """STATUSTEXT (253): the phase, and a fault as a warning."""
+    def _texts(self, activity: str, trouble: str, notice: str) -> Iterator[Message]:
+        """STATUSTEXT (253): the phase, a fault as a warning, and what the pilot is to know."""
+        if notice and notice != self._notice:
+            yield from self._text(mavlink.MAV_SEVERITY_NOTICE, f"PDPS: {notice}")
         if trouble and trouble != self._trouble:
             yield from self._text(mavlink.MAV_SEVERITY_WARNING, f"PDPS: {activity}: {trouble}")
         elif activity != self._activity:
             yield from self._text(mavlink.MAV_SEVERITY_INFO, f"PDPS: {activity}")
-        self._activity, self._trouble = activity, trouble
+        self._activity, self._trouble, self._notice = activity, trouble, notice
 
     def _text(self, severity: int, text: str) -> Iterator[Message]:
-        data = text.encode()
+        data = _ascii(text)
         chunks = [data[at : at + TEXT_BYTES] for at in range(0, len(data), TEXT_BYTES)]
         if len(chunks) > 1:
             self._text_id = self._text_id % 65535 + 1
@@ -117,6 +122,27 @@ class Reports:
     def _bounds_cm(self, beam: Beam) -> tuple[int, int]:
         model = self._models[beam]
         return round(100 * model.min_m), round(100 * model.max_m)
+
+
+IN_ASCII = {
+    "°": " deg",
+    "±": "+/-",
+    "×": "x",
+    "…": "...",
+    "–": "-",
+    "—": "-",
+    "µ": "u",
+    "σ": "sigma",
+}
+
+
+def _ascii(text: str) -> bytes:
+    """What ground stations can show; an accent is left out, anything else is a question mark."""
+    text = text.replace(" °", "°")
+    for symbol, words in IN_ASCII.items():
+        text = text.replace(symbol, words)
+    plain = "".join(c for c in unicodedata.normalize("NFKD", text) if not unicodedata.combining(c))
+    return plain.encode("ascii", "replace")
 
 
 def _told_cm(reading: RangeReading, least_cm: int, most_cm: int) -> int:

@@ -1,8 +1,12 @@
 """What the companion asks for again and again until it is so: commands, streams, a parameter.
 
-IDLE ──wanted──► SENT ──0.5 s without ack, or refused──► SENT again, confirmation + 1
-▲                │
-└── not wanted ──┘
+IDLE ──wanted──► SENT ──wanted again, 0.5 s later at least──► SENT again, confirmation + 1
+▲                │ ▲                                          │
+└── not wanted ──┘ └──────────────────────────────────────────┘
+
+Whoever wants a command stops wanting it when the vehicle shows that it is so (mode, armed): acks
+get lost, and PX4 sends two that may contradict each other. Only a take-off, which does not show at
+once, is not sent again after it was accepted.
 """
 
 from dataclasses import dataclass
@@ -28,11 +32,21 @@ class CommandSender:
     """Sends the one command that is wanted now, until it is wanted no more."""
 
     wanted: tuple[int, tuple[float, ...]] | None = None
+    """The latest that was wanted at all."""
     confirmation: int = 0
     sent_s: float = float("-inf")
     refusal: str = ""
     """Why the latest command was refused, in the autopilot's words as far as it gave any."""
+    is_accepted: bool = False
+    """Some ack of it said so."""
+    is_answered: bool = False
+    """There was an ack since it was sent last."""
     _refused: str = ""
+
+    @property
+    def is_refused(self) -> bool:
+        """It has been answered, and never been accepted."""
+        return self.is_answered and not self.is_accepted
 
     def messages(
         self,
@@ -41,13 +55,17 @@ class CommandSender:
         target: tuple[int, int],
     ) -> list[Message]:
         """What to send at this moment."""
+        if wanted is None:
+            return []
         if wanted != self.wanted:
             self.wanted, self.confirmation, self.sent_s = wanted, 0, float("-inf")
-        if wanted is None or now_s - self.sent_s < RESEND_S:
+            self.is_accepted, self.refusal, self._refused = False, "", ""
+        is_done = self.is_accepted and wanted[0] == mavlink.MAV_CMD_NAV_TAKEOFF
+        if is_done or now_s - self.sent_s < RESEND_S:
             return []
         message = command_long(target, *wanted, confirmation=self.confirmation)
         self.confirmation = min(self.confirmation + 1, MOST_CONFIRMATIONS)
-        self.sent_s = now_s
+        self.sent_s, self.is_answered = now_s, False
         return [message]
 
     def acknowledge(self, ack: Message) -> None:
@@ -55,6 +73,8 @@ class CommandSender:
         if self.wanted is None or ack.command != self.wanted[0]:
             return
         accepted = ack.result in (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
+        self.is_answered = True
+        self.is_accepted |= accepted
         self._refused = "" if accepted else _name("MAV_RESULT", ack.result)
         command = _name("MAV_CMD", ack.command)
         self.refusal = f"{command}: {self._refused}" if self._refused else ""

@@ -14,16 +14,24 @@
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
-    before arming:                 the program is to end             ─► FAILED
+    before arming:                 the program is to end                ─► FAILED
+                                   somebody else arms it, or sends
+                                   under our name; battery low          ─► FAILED
+    OFFBOARD, ARM:                 somebody changes the mode            ─► HANDED_OVER
+    LAND:                          any mode but ours and LAND           ─► HANDED_OVER
     before take-off:               no autopilot, no estimate, arming
                                    refused, each for too long           ─► FAILED
 
 Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, HOVER and HOLD, that is
 while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
-velocity and show PX4 that a companion is there. When somebody else changes the mode, the companion
-stops sending at once and does not ask for the mode again. HOLD is a setpoint of zero velocity; if
-the link is gone, the autopilot comes to rest by its own setpoint timeout. DONE, HANDED_OVER and
-FAILED are final.
+velocity and show PX4 that a companion is there. From the moment at which the mode is asked for, a
+change of mode that is not the one asked for is the pilot's or the autopilot's: the companion stops
+sending at once, asks for nothing more, and does not look whether the mode comes back. That holds
+for PX4's LAND after setpoints were late, too: setpoints would bring it back to OFFBOARD. Only what
+was armed by our command is flown. Each command goes out right after a HEARTBEAT that has told who
+has the drone, so once a second, and not while the link is silent. HOLD is a setpoint of zero
+velocity; if the link is gone, the autopilot comes to rest by its own setpoint timeout. DONE,
+HANDED_OVER and FAILED are final.
 """
 
 import enum
@@ -45,7 +53,7 @@ from companion.messages import (
     Task,
     VehicleState,
 )
-from companion.pdps import explore, layers, reserve, room_scan, travel
+from companion.pdps import explore, layers, preflight, reserve, room_scan, travel
 from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
@@ -66,6 +74,9 @@ DISARMED_BY_S = 10.0
 """An autopilot that stands on the ground disarms by itself; by then it is asked to."""
 TAKE_OFF_M_S = 0.5
 AT_HEIGHT_M = 0.15
+UP_FOR_S = 2.0
+"""ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
+has come to rest by then."""
 
 
 class Phase(enum.Enum):
@@ -95,7 +106,7 @@ MISSION_PHASES = {
     "layers": Phase.LAYERS,
 }
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
-UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD})
+UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD, Phase.ARM})
 FLYING_PHASES = frozenset(
     {Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOVER, Phase.HOLD}
 )
@@ -142,6 +153,14 @@ class Flight:
     """Phase and trouble to go back to when the fault is gone."""
     trouble: str = ""
     """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
+    notice: str = ""
+    """What the pilot is to know; told whenever it changes."""
+    mode_before: str = ""
+    """The mode out of which ours was asked for."""
+    is_others: bool = False
+    """Somebody else has armed it: nothing of ours is to touch it."""
+    up_since_s: float = math.inf
+    """Since when it has been at its height, before it says that it is in the air."""
     land_mode_seen: bool = False
     obeyed: int = 0
     """The number of the last order that was taken up."""
@@ -181,6 +200,7 @@ class Action:
 
 
 NOTHING = Action()
+ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
@@ -190,9 +210,7 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
         return flight, NOTHING
     if math.isinf(flight.since_s):
         flight = replace(flight, since_s=view.time_s)
-    if flight.phase in UNARMED_PHASES and view.land_requested:
-        return _go(flight, Phase.FAILED, view, "it was to end before it took off"), NOTHING
-    if flight.phase in FLYING_PHASES and (ended := _taken_away(flight, view)):
+    if ended := _ended(flight, view, plan):
         return ended, NOTHING
     if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
         flight = cut_short
@@ -202,7 +220,20 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
     if action.setpoint is not None and flight.phase in LEVEL_PHASES:
         level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
         action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
+    if not view.vehicle.is_mode_just_told:
+        action = replace(action, command=None)
     return flight, action
+
+
+def _ended(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+    """By others, or before it has begun."""
+    if flight.phase in FLYING_PHASES:
+        return _taken_away(flight, view)
+    if flight.phase not in UNARMED_PHASES:
+        return None
+    if view.land_requested and not view.vehicle.armed:
+        return _go(flight, Phase.FAILED, view, "it was to end before it took off")
+    return None if flight.phase is Phase.CONNECT else _not_to_be_armed(flight, view, plan)
 
 
 def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
@@ -241,35 +272,78 @@ def _age_s(flight: Flight, view: View) -> float:
 # Before take-off
 
 
+def _not_to_be_armed(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+    """The drone is in other hands, or is not fit to fly."""
+    vehicle = view.vehicle
+    if flight.phase is Phase.PREPARE:
+        if vehicle.armed:
+            trouble = "the vehicle is armed already; disarm it"
+            return replace(_go(flight, Phase.FAILED, view, trouble), is_others=True)
+        return _go(flight, Phase.FAILED, view, vehicle.unfit) if vehicle.unfit else None
+    if _is_mode_changed(flight, vehicle):
+        return _hand_over(flight, view)
+    if vehicle.armed and (flight.phase is Phase.OFFBOARD or vehicle.is_refused):
+        return replace(_go(flight, Phase.FAILED, view, ARMED_BY_OTHERS), is_others=True)
+    if not vehicle.armed and (why := preflight.refusal(vehicle, plan)):
+        return _go(flight, Phase.FAILED, view, why)
+    return None
+
+
+def _is_mode_changed(flight: Flight, vehicle: VehicleState) -> bool:
+    """By somebody else, since ours was asked for."""
+    if vehicle.left_offboard:
+        return True
+    if vehicle.in_offboard_mode:
+        return False
+    return flight.phase is Phase.ARM or flight.mode_before not in ("", vehicle.mode)
+
+
+def _hand_over(flight: Flight, view: View) -> Flight:
+    """Somebody else has the drone: nothing more is sent."""
+    gave_back = view.vehicle.in_offboard_mode
+    trouble = "mode changed for a moment" if gave_back else f"mode changed to {view.vehicle.mode}"
+    return _go(flight, Phase.HANDED_OVER, view, trouble)
+
+
 def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.connected:
-        return _go(flight, Phase.PREPARE, view), NOTHING
+        told = replace(flight, notice=preflight.MID_STICK)
+        return _go(told, Phase.PREPARE, view), NOTHING
     if _age_s(flight, view) > CONNECT_TIMEOUT_S:
-        return _go(flight, Phase.FAILED, view, "no autopilot heard"), NOTHING
+        trouble = view.vehicle.unfit or "no autopilot heard"
+        return _go(flight, Phase.FAILED, view, trouble), NOTHING
     return flight, NOTHING
 
 
 def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    if view.vehicle.armed:
-        return _go(flight, Phase.FAILED, view, "the vehicle is armed already; disarm it"), NOTHING
-    if view.vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
+    vehicle = view.vehicle
+    if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
         if view.order is None:
-            return _go(flight, Phase.OFFBOARD, view), NOTHING
+            return _ask_for_mode(flight, view, plan), NOTHING
         if view.order.task is Task.TAKE_OFF:
-            return _obey(flight, Phase.OFFBOARD, view, view.order), NOTHING
+            asking = replace(flight, obeyed=view.order.number)
+            return _ask_for_mode(asking, view, plan), NOTHING
         return replace(flight, since_s=view.time_s), NOTHING
     if _age_s(flight, view) > PREPARE_TIMEOUT_S:
-        missing = (
-            "the gyro is not at rest" if view.vehicle.estimate_ready else "no position estimate"
-        )
+        no_estimate = vehicle.waits_for or "no position estimate"
+        missing = "the gyro is not at rest" if vehicle.estimate_ready else no_estimate
         trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {view.starved or missing}"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING
     return flight, NOTHING
 
 
+def _ask_for_mode(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+    """Unless it should not fly."""
+    if why := preflight.refusal(view.vehicle, plan):
+        return _go(flight, Phase.FAILED, view, why)
+    if view.vehicle.battery is None:
+        flight = replace(flight, notice=preflight.BATTERY_UNKNOWN)
+    return _go(replace(flight, mode_before=view.vehicle.mode), Phase.OFFBOARD, view)
+
+
 def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.in_offboard_mode:
-        return _go(flight, Phase.ARM, view), NOTHING
+        return _arm(_go(flight, Phase.ARM, view), view, plan)
     return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
 
 
@@ -282,17 +356,35 @@ def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
 
 
 def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
-    height_m = view.sight.pose.height_m
-    if view.vehicle.landed_state is LandedState.IN_AIR and height_m > plan.height_m - AT_HEIGHT_M:
+    vehicle, height_m = view.vehicle, view.sight.pose.height_m
+    is_high = height_m > plan.height_m - AT_HEIGHT_M
+    up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
+    flight = replace(flight, up_since_s=up_since_s)
+    stays_up = view.time_s - up_since_s > UP_FOR_S and _is_rising(vehicle)
+    if is_high and (vehicle.landed_state is LandedState.IN_AIR or stays_up):
         return _go(flight, _after(MISSION_PHASES[plan.kind], view), view), Action(HOLD)
     if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
-        return _go(flight, Phase.LAND, view, f"still at {height_m:.1f} m"), NOTHING
-    if view.vehicle.takes_off_by_setpoint:
-        return flight, Action(Setpoint(down_m_s=-TAKE_OFF_M_S))
-    if view.vehicle.landed_state in (LandedState.IN_AIR, LandedState.TAKING_OFF):
+        return _go(flight, Phase.LAND, view, _not_up(height_m, vehicle, is_high=is_high)), NOTHING
+    if vehicle.takes_off_by_setpoint:
+        down_m_s = climb_to(plan.height_m, height_m) if is_high else -TAKE_OFF_M_S
+        return flight, Action(Setpoint(down_m_s=down_m_s))
+    if _is_rising(vehicle) or vehicle.landed_state is LandedState.IN_AIR:
         return flight, NOTHING
     command = Command(CommandKind.TAKE_OFF, plan.height_m)
     return _insist(flight, view, command, TAKE_OFF_TIMEOUT_S)
+
+
+def _is_rising(vehicle: VehicleState) -> bool:
+    return vehicle.landed_state is LandedState.TAKING_OFF
+
+
+def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
+    """Why the take-off has failed, in words."""
+    if is_high:
+        told = vehicle.landed_state.name.lower().replace("_", " ")
+        return f"at {height_m:.1f} m it still tells {told!r} (EXTENDED_SYS_STATE)"
+    reason = f": {vehicle.refusal}" if vehicle.refusal else ""
+    return f"still at {max(height_m, 0.0):.1f} m{reason}"
 
 
 def _insist(
@@ -382,24 +474,27 @@ def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     if view.fault is None:
         return _go(flight, flight.held_from, view, flight.held_trouble), Action(HOLD)
     if _age_s(flight, view) > view.fault.lasts_s:
-        return _go(flight, Phase.LAND, view), Action(command=Command(CommandKind.LAND))
+        return _land(_go(flight, Phase.LAND, view), view, plan)
     return flight, Action(HOLD)
 
 
 def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     vehicle = view.vehicle
-    if vehicle.silent_s > LINK_LOST_S:
+    if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING
-    if not vehicle.armed and not vehicle.is_silent:
+    if vehicle.is_silent or not vehicle.is_mode_just_told:
+        return flight, NOTHING  # somebody else may have it by now
+    if not vehicle.armed:
         return _go(flight, Phase.DONE, view), NOTHING
-    if flight.land_mode_seen and vehicle.mode != "LAND":
-        return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}"), NOTHING
     if vehicle.mode == "LAND":
         stands = vehicle.landed_state is LandedState.ON_GROUND
         disarm = stands and _age_s(flight, view) > DISARMED_BY_S
         command = Command(CommandKind.DISARM) if disarm else None
         return replace(flight, land_mode_seen=True), Action(command=command)
+    gave_back = vehicle.in_offboard_mode and vehicle.left_offboard
+    if flight.land_mode_seen or gave_back or not vehicle.in_offboard_mode:
+        return _hand_over(flight, view), NOTHING
     return flight, Action(command=Command(CommandKind.LAND))
 
 
@@ -408,12 +503,14 @@ def _taken_away(flight: Flight, view: View) -> Flight | None:
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
         return _go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
+    if vehicle.mode_age_s > LINK_LOST_S:
+        return _go(flight, Phase.FAILED, view, "no HEARTBEAT from the autopilot for 10 s")
     if vehicle.is_silent:
         return None
     if not vehicle.armed:
         return _go(flight, Phase.FAILED, view, "the autopilot disarmed in the air")
-    if not vehicle.in_offboard_mode:
-        return _go(flight, Phase.HANDED_OVER, view, f"mode changed to {vehicle.mode}")
+    if vehicle.left_offboard or not vehicle.in_offboard_mode:
+        return _hand_over(flight, view)
     return None
 
 

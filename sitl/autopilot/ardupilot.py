@@ -31,7 +31,9 @@ from sitl.truth import TrueState
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20
 BEHAVIOUR = {
-    **dict.fromkeys((STABILIZE, ALT_HOLD, AUTO, LOITER, RTL, POSHOLD, BRAKE), Behaviour.HOLD),
+    **dict.fromkeys((AUTO, RTL, BRAKE), Behaviour.HOLD),
+    **dict.fromkeys((ALT_HOLD, LOITER, POSHOLD), Behaviour.CLIMB_BY_STICK),
+    STABILIZE: Behaviour.THRUST_BY_STICK,
     GUIDED: Behaviour.OFFBOARD,
     GUIDED_NOGPS: Behaviour.OFFBOARD,
     LAND: Behaviour.LAND,
@@ -58,6 +60,8 @@ IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 FORCE = 0x0200
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 MOST_VALUE = 1000.0
+SINK_M_S = 2.2
+"""With the stick low in LOITER and PILOT_SPEED_UP at its 2.5 m/s, as measured."""
 LEAST_GUID_TIMEOUT_S = 0.1
 TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
 OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
@@ -130,6 +134,8 @@ class ArduPilot:
     system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
     lifts_off_by_setpoint = False
+    beats_on_mode_change = True
+    returns_to_offboard = False
     least_interval_us = 2000
     interval_refused: int = mavlink.MAV_RESULT_DENIED
     response: Response = ARDUCOPTER
@@ -196,6 +202,9 @@ class ArduPilot:
 
     def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         return max(parameters["GUID_TIMEOUT"], LEAST_GUID_TIMEOUT_S), None
+
+    def sink_m_s(self, parameters: ParameterValues) -> float:
+        return SINK_M_S
 
     def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float:
         return asked_m

@@ -12,6 +12,7 @@ from sitl.autopilot.personality import (
     Behaviour,
     Condition,
     Refusal,
+    Throttle,
     VelocityTarget,
 )
 from sitl.autopilot.streams import Message
@@ -22,6 +23,7 @@ STREAM_STEPS = 50
 LIFT_OFF_M_S = -0.1
 """A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
 MOST_TAKE_OFF_M = 1000.0
+BY_STICK = (Behaviour.CLIMB_BY_STICK, Behaviour.THRUST_BY_STICK)
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 
@@ -39,6 +41,10 @@ class Commander:
         self._vehicle = vehicle
         self._failsafes = FailsafeWatch(self._is.failsafes)
         self._setpoint_step: int | None = None
+        self._lost_setpoints_in: int | None = None
+        """The offboard mode that was left for want of setpoints, while nothing else was chosen."""
+        self.throttle = Throttle.LOW
+        """The pilot's stick; without a transmitter it counts as low."""
         self.control = Control(self._navigation.estimator, self._is.response)
         self.arming_fault = ""
         """A fault for tests: what its own checks complain about."""
@@ -68,13 +74,32 @@ class Commander:
         if mode == self._status.mode:
             return ACCEPTED
         self._status.mode = mode
-        self._broadcast.add(self._telemetry.heartbeat())
+        self._lost_setpoints_in = None
+        if self._is.beats_on_mode_change:
+            self._broadcast.add(self._telemetry.heartbeat())
+        self._begin(behaviour)
+        return ACCEPTED
+
+    def _begin(self, behaviour: Behaviour) -> None:
+        """What a new mode does first."""
+        is_low = self.throttle is Throttle.LOW
         if behaviour is Behaviour.LAND:
             if self._status.armed:
                 self.control.land()
+        elif behaviour is Behaviour.CLIMB_BY_STICK and is_low:
+            self.control.sink(self._is.sink_m_s(self._parameters))
+        elif behaviour is Behaviour.THRUST_BY_STICK and is_low:
+            self.control.fall()
         elif behaviour is not Behaviour.TAKE_OFF:
             self.control.hold()
-        return ACCEPTED
+
+    def pilot_mode(self, mode: int, throttle: Throttle) -> None:
+        """The pilot's mode switch, and where his throttle stick is meanwhile."""
+        self.throttle = throttle
+        if mode != self._status.mode:
+            self.enter(mode)
+        elif (behaviour := self._is.behaviour(mode)) in BY_STICK:
+            self._begin(behaviour)
 
     # Arming
 
@@ -130,6 +155,7 @@ class Commander:
 
     def stop(self) -> None:
         self._status.armed = False
+        self._lost_setpoints_in = None
         self.control.stop()
 
     # Flight
@@ -165,6 +191,9 @@ class Commander:
                 self.control.hold()
             return
         self._setpoint_step = self._status.step
+        if self._lost_setpoints_in is not None and self._status.armed:
+            self.enter(self._lost_setpoints_in)
+            offboard = True
         climbs = isinstance(target, VelocityTarget) and target.velocity_ned_m_s[2] < LIFT_OFF_M_S
         lifts = self._is.lifts_off_by_setpoint and climbs
         may_move = self.control.manoeuvre in (Manoeuvre.HOLD, Manoeuvre.FOLLOW) or lifts
@@ -179,7 +208,9 @@ class Commander:
         if (self._status.step - self._setpoint_step) * STEP_S > timeout_s:
             self.control.hold()
             if mode is not None:
+                offboard = self._status.mode
                 self.enter(mode)
+                self._lost_setpoints_in = offboard if self._is.returns_to_offboard else None
 
     def check_failsafes(self) -> None:
         """Look whether anything has failed, and react as the parameters say."""

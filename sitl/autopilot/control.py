@@ -6,6 +6,8 @@ GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setp
 │ on the ground
 ▼
 GROUND, disarmed
+
+in the air, the throttle stick low in a pilot's mode:   SINK, FALL ──on the ground──► GROUND, armed
 """
 
 import enum
@@ -42,6 +44,8 @@ class Manoeuvre(enum.Enum):
     HOLD = "holding its position"
     FOLLOW = "following setpoints"
     LAND = "landing"
+    SINK = "sinking, with the throttle stick low"
+    FALL = "falling, with its motors at idle"
 
 
 class Control:
@@ -56,6 +60,7 @@ class Control:
         self._hold_at: Vector3 | None = None
         self._target: Target = VelocityTarget((0.0, 0.0, 0.0), 0.0)
         self._on_ground_s = 0.0
+        self._sink_m_s = 0.0
 
     def arm(self, now_s: float) -> None:
         """The motors begin to spin up."""
@@ -79,6 +84,16 @@ class Control:
         """Brake, then stay: what every mode without a pilot's stick movement does."""
         if self.manoeuvre is not Manoeuvre.GROUND:
             self._begin_hold()
+
+    def sink(self, down_m_s: float) -> None:
+        """Brake and stay, but go down."""
+        if self.manoeuvre is not Manoeuvre.GROUND:
+            self._begin_hold()
+            self.manoeuvre, self._sink_m_s = Manoeuvre.SINK, down_m_s
+
+    def fall(self) -> None:
+        if self.manoeuvre is not Manoeuvre.GROUND:
+            self.manoeuvre = Manoeuvre.FALL
 
     def _begin_hold(self) -> None:
         if self.manoeuvre is not Manoeuvre.HOLD:
@@ -104,6 +119,9 @@ class Control:
                 return self._stay(), 0.0
             case Manoeuvre.LAND:
                 return self._descend(on_ground=on_ground), 0.0
+            case Manoeuvre.SINK:
+                self.manoeuvre = Manoeuvre.GROUND if on_ground else self.manoeuvre
+                return (*self._stay()[:2], self._sink_m_s), 0.0
             case _:
                 return (0.0, 0.0, 0.0), 0.0
 

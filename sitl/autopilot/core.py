@@ -19,7 +19,7 @@ from sitl.autopilot.navigation import Navigation
 from sitl.autopilot.own_sensors import Imu
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.parts import Parts
-from sitl.autopilot.personality import Personality, boot_values, system_id
+from sitl.autopilot.personality import Personality, Throttle, boot_values, system_id
 from sitl.autopilot.protocol import Channel, Protocol
 from sitl.autopilot.px4 import Px4
 from sitl.autopilot.response import SetpointShaper
@@ -68,6 +68,10 @@ class Autopilot:
         noise: OdometryNoise = REFERENCE_NOISE,
         battery_s: float = FLIGHT_BATTERY_S,
     ) -> None:
+        self.kind = personality
+        """ "ardupilot" or "px4"."""
+        self.mute: set[str] = set()
+        """A fault for tests: messages that it does not send."""
         self._battery_s = battery_s
         self._is = PERSONALITIES[personality]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
@@ -142,7 +146,10 @@ class Autopilot:
     def _fly(self) -> None:
         control, estimator = self._commander.control, self._navigation.estimator
         was = control.manoeuvre
-        if was is Manoeuvre.GROUND or not control.has_thrust(self.time_s):
+        if was is Manoeuvre.FALL and self._vehicle.on_ground:
+            control.stop()
+        has_thrust = control.has_thrust(self.time_s) and was is not Manoeuvre.FALL
+        if was is Manoeuvre.GROUND or not has_thrust:
             self._shaper.reset()
             self._vehicle.rest()
             return
@@ -150,7 +157,7 @@ class Autopilot:
         velocity, yaw_rate = self._shaper.step(*wanted)
         self._vehicle.step(estimator.to_true_frame(velocity), estimator.to_true_rate(yaw_rate))
         self._status.battery = max(0.0, self._status.battery - STEP_S / self._battery_s)
-        if control.manoeuvre is Manoeuvre.GROUND:
+        if was is Manoeuvre.LAND and control.manoeuvre is Manoeuvre.GROUND:
             self._commander.stop()
         if was is Manoeuvre.CLIMB and control.manoeuvre is Manoeuvre.HOLD:
             self._commander.after_climb()
@@ -183,7 +190,8 @@ class Autopilot:
 
     def take_outbox(self, link: int = 0) -> list[Message]:
         """What has been said on one of the links since the last call."""
-        return self._channels[link].outbox.take()
+        told = self._channels[link].outbox.take()
+        return [m for m in told if m.get_type() not in self.mute] if self.mute else told
 
     def crash(self, reason: str) -> None:
         """It has hit something: motors off for good."""
@@ -218,11 +226,23 @@ class Autopilot:
     def lose_flow(self, *, lost: bool) -> None:
         self._navigation.lose_flow(lost=lost)
 
+    def claim(self, vehicle_type: int | None, autopilot: int | None) -> None:
+        """Its heartbeats say that it is something else; None: what it is."""
+        self._telemetry.claimed = vehicle_type, autopilot
+
+    def stay_taking_off(self, *, stays: bool) -> None:
+        """It tells that it is taking off for as long as it flies, as ArduCopter 4.1 does."""
+        self._telemetry.stays_taking_off = stays
+
     def refuse_arming(self, *, refuse: bool) -> None:
         self._commander.arming_fault = "Compass not calibrated" if refuse else ""
 
     # The pilot
 
-    def pilot_mode(self, custom_mode: int) -> None:
-        """The pilot's mode switch."""
-        self._commander.enter(custom_mode)
+    def pilot_mode(self, custom_mode: int, throttle: Throttle = Throttle.LOW) -> None:
+        """The pilot's mode switch, and where the throttle stick is."""
+        self._commander.pilot_mode(custom_mode, throttle)
+
+    def pilot_arms(self) -> None:
+        """By the sticks, whatever its checks say."""
+        self._status.armed = True

@@ -18,10 +18,19 @@ from sitl.truth import TrueState
 class Behaviour(enum.Enum):
     """What a mode does, whatever it is called."""
 
-    HOLD = "stays where it is, for want of stick movements"
+    HOLD = "stays where it is, whatever the sticks"
+    CLIMB_BY_STICK = "holds; the throttle stick commands the climb, below its middle the descent"
+    THRUST_BY_STICK = "the throttle stick commands the thrust"
     OFFBOARD = "follows setpoints"
     TAKE_OFF = "climbs to a height, then holds"
     LAND = "descends and disarms"
+
+
+class Throttle(enum.StrEnum):
+    """Where the pilot's throttle stick is."""
+
+    LOW = "low"
+    MID = "mid"
 
 
 @value
@@ -135,6 +144,10 @@ class Personality(Protocol):
     setpoints_before_offboard: bool
     """The offboard mode is refused without a stream of setpoints."""
     lifts_off_by_setpoint: bool
+    beats_on_mode_change: bool
+    """A HEARTBEAT tells a new mode at once; otherwise the next of each second."""
+    returns_to_offboard: bool
+    """When setpoints come again, out of the mode to which it had gone for want of them."""
     least_interval_us: int
     """What is asked for more often than this is refused."""
     interval_refused: int
@@ -189,6 +202,10 @@ class Personality(Protocol):
 
     def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         """After how long without setpoints, and into which mode; None: it only brakes."""
+        ...
+
+    def sink_m_s(self, parameters: ParameterValues) -> float:
+        """How fast it goes down with the throttle stick low, where that commands the climb."""
         ...
 
     def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float: ...

@@ -38,7 +38,9 @@ def custom_mode(main: int, sub: int = 0) -> int:
 MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = (custom_mode(main) for main in (1, 2, 3, 6, 7))
 AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL, AUTO_LAND = (custom_mode(4, sub) for sub in (2, 3, 5, 6))
 BEHAVIOUR = {
-    **dict.fromkeys((MANUAL, STABILIZED, ALTCTL, POSCTL, AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
+    **dict.fromkeys((AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
+    **dict.fromkeys((ALTCTL, POSCTL), Behaviour.CLIMB_BY_STICK),
+    **dict.fromkeys((MANUAL, STABILIZED), Behaviour.THRUST_BY_STICK),
     OFFBOARD: Behaviour.OFFBOARD,
     AUTO_TAKEOFF: Behaviour.TAKE_OFF,
     AUTO_LAND: Behaviour.LAND,
@@ -68,6 +70,8 @@ INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
 ODOMETRY_FRAMES: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD)
 VISION_POSITION_BIT, VISION_VELOCITY_BIT, VISION_YAW_BIT = 1, 4, 8
 """Of EKF2_EV_CTRL."""
+OFFBOARD_LOSS_DELAY_S = 0.1
+"""After COM_OF_LOSS_T, as measured."""
 NO_AID_S = 5.0
 """EKF2_NOAID_TOUT: without any aiding the position is given up."""
 
@@ -148,6 +152,8 @@ class Px4:
     system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
     lifts_off_by_setpoint = True
+    beats_on_mode_change = False
+    returns_to_offboard = True
     least_interval_us = 0
     interval_refused: int = mavlink.MAV_RESULT_FAILED
     capabilities: int = (
@@ -218,7 +224,11 @@ class Px4:
 
     def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
         action = int(parameters["COM_OBL_RC_ACT"])
-        return parameters["COM_OF_LOSS_T"], OFFBOARD_LOSS_MODES.get(action, AUTO_LOITER)
+        timeout_s = parameters["COM_OF_LOSS_T"] + OFFBOARD_LOSS_DELAY_S
+        return timeout_s, OFFBOARD_LOSS_MODES.get(action, AUTO_LOITER)
+
+    def sink_m_s(self, parameters: ParameterValues) -> float:
+        return parameters["MPC_Z_VEL_MAX_DN"]
 
     def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float:
         """The command's altitude is above the sea, which nobody knows indoors."""

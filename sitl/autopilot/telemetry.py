@@ -71,6 +71,10 @@ class Telemetry:
         imu: Imu,
     ) -> None:
         self._imu = imu
+        self.claimed: tuple[int | None, int | None] = (None, None)
+        """A fault for tests: HEARTBEAT's type and autopilot."""
+        self.stays_taking_off = False
+        """Another: it tells so for as long as it flies."""
         self.rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]] = {}
         """Connected to the autopilot itself."""
         self._is = personality
@@ -106,9 +110,10 @@ class Telemetry:
 
     def heartbeat(self) -> Message:
         status = self._status
+        vehicle_type, autopilot = self.claimed
         return mavlink.MAVLink_heartbeat_message(
-            mavlink.MAV_TYPE_QUADROTOR,
-            self._is.autopilot,
+            mavlink.MAV_TYPE_QUADROTOR if vehicle_type is None else vehicle_type,
+            self._is.autopilot if autopilot is None else autopilot,
             self._is.base_mode(status.mode, armed=status.armed),
             status.mode,
             self._system_status(),
@@ -170,6 +175,8 @@ class Telemetry:
 
     def _extended_state(self) -> list[Message]:
         landed = LANDED_STATES.get(self._status.manoeuvre, mavlink.MAV_LANDED_STATE_IN_AIR)
+        if self.stays_taking_off and landed == mavlink.MAV_LANDED_STATE_IN_AIR:
+            landed = mavlink.MAV_LANDED_STATE_TAKEOFF
         return [mavlink.MAVLink_extended_sys_state_message(0, landed)]
 
     def _estimator_status(self) -> list[Message]:

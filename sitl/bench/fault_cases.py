@@ -166,7 +166,7 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
         ),
         "pilot takes over": (
             "pilot_mode",
-            lambda random: {"name": "LAND" if random.random() < 0.3 else "AUTO"},
+            lambda random: {"name": "LAND" if random.random() < 0.3 else "RTL"},
         ),
         "arming refused": ("refuse_arming", _duration),
         "estimator fails": ("lose_flow", _duration),

@@ -8,10 +8,14 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
 from companion.app import App
 from companion.frames import Vector3, frd_to_ned
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
+from sitl.autopilot.personality import Throttle
+from sitl.errors import SitlError
 from sitl.lockstep import Script
 from sitl.radio import NO_TROUBLES, Troubles
 from sitl.simulation import Simulation
@@ -225,14 +229,76 @@ def refuse_arming(for_s: float | None = None) -> Action:
     )
 
 
-def pilot_mode(name: str) -> Action:
-    """The pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on."""
-    numbers = {
-        mode: number for modes in (ARDUCOPTER_MODES, PX4_MODES) for number, mode in modes.items()
+MODE_NAMES = {"ardupilot": ARDUCOPTER_MODES, "px4": PX4_MODES}
+
+
+class ModeError(SitlError, ValueError):
+    """A mode that the autopilot does not have; says which it has."""
+
+
+def pilot_mode(name: str, throttle: str = "low") -> Action:
+    """The pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on.
+
+    Without the throttle stick at its middle, "mid", the drone sinks or falls in every mode in which
+    the pilot flies.
+
+    Raises:
+        ModeError: neither autopilot has it; when it is carried out, this one has not.
+    """
+    stick = Throttle(_one_of(list(Throttle), throttle, "throttle"))
+    _one_of(sorted({m for modes in MODE_NAMES.values() for m in modes.values()}), name, "mode")
+
+    def switch(simulation: Simulation) -> None:
+        autopilot = simulation.autopilot
+        numbers = {mode: number for number, mode in MODE_NAMES[autopilot.kind].items()}
+        _one_of(list(numbers), name, f"{autopilot.kind} mode")
+        autopilot.pilot_mode(numbers[name], stick)
+
+    return Action(switch)
+
+
+def _one_of(known: Sequence[str], given: str, what: str) -> str:
+    if given not in known:
+        raise ModeError(f"no {what} {given!r}; known: {', '.join(known)}")
+    return given
+
+
+def pilot_arms() -> Action:
+    """The pilot, or a ground station, arms it."""
+    return Action(lambda simulation: simulation.autopilot.pilot_arms())
+
+
+def mute(message: str, for_s: float | None = None) -> Action:
+    """The autopilot does not send such messages, such as "EXTENDED_SYS_STATE"."""
+    return Action(
+        lambda simulation: simulation.autopilot.mute.add(message),
+        lambda simulation: simulation.autopilot.mute.discard(message),
+        for_s,
+    )
+
+
+def stay_taking_off(for_s: float | None = None) -> Action:
+    """The autopilot tells that it is taking off for as long as it flies."""
+    return Action(
+        lambda simulation: simulation.autopilot.stay_taking_off(stays=True),
+        lambda simulation: simulation.autopilot.stay_taking_off(stays=False),
+        for_s,
+    )
+
+
+def claim(vehicle: str | None = None, autopilot: str | None = None) -> Action:
+    """Heartbeats tell another MAV_TYPE, such as "GROUND_ROVER", or MAV_AUTOPILOT, "GENERIC"."""
+    told = _number("MAV_TYPE", vehicle), _number("MAV_AUTOPILOT", autopilot)
+    return Action(lambda simulation: simulation.autopilot.claim(*told))
+
+
+def _number(enum: str, name: str | None) -> int | None:
+    if name is None:
+        return None
+    numbers: dict[str, int] = {
+        entry.name.removeprefix(f"{enum}_"): number for number, entry in mavlink.enums[enum].items()
     }
-    if name not in numbers:
-        raise ValueError(f"no mode {name!r}; known: {', '.join(sorted(numbers))}")
-    return Action(lambda simulation: simulation.autopilot.pilot_mode(numbers[name]))
+    return numbers[_one_of(list(numbers), name, enum)]
 
 
 # The world, and the companion itself
@@ -317,7 +383,19 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
             *(break_bus, dead_adc, unplug, stick, noisy, swap),
             *(dead_gyro, saturate_gyro, bias_gyro),
             *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),
-            *(refuse_arming, pilot_mode, somebody, somebody_near, gust, hang, starve),
+            *(
+                refuse_arming,
+                pilot_mode,
+                pilot_arms,
+                mute,
+                stay_taking_off,
+                claim,
+                somebody,
+                somebody_near,
+                gust,
+                hang,
+                starve,
+            ),
         )
     }
 )

@@ -14,6 +14,7 @@ from companion.config import STANDOFFS
 from companion.export.write import FORMATS
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
+from sitl.autopilot.personality import Throttle
 from sitl.errors import SitlError
 from sitl.view.faults import FAULTS
 from sitl.view.news import Inject, TakeOver
@@ -26,6 +27,7 @@ MODES = {
     "px4": tuple(sorted(PX4_MODES.values())),
 }
 FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
+THROTTLES = tuple(throttle.value for throttle in Throttle)
 FAST = 1000.0
 SPEEDS = {"¼ ×": 0.25, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0, "all": FAST}
 """Times real time; the last as fast as it goes."""
@@ -84,6 +86,9 @@ class Controls:
             self.mode: GuiDropdownHandle[str] = gui.add_dropdown(
                 "mode", MODES["ardupilot"], initial_value=FIRST_MODE["ardupilot"]
             )
+            self.throttle: GuiDropdownHandle[str] = gui.add_dropdown(
+                "throttle", THROTTLES, hint="The pilot's stick; low, the drone sinks"
+            )
             self.take_over: GuiButtonHandle = gui.add_button("Take over")
             self.fault: GuiDropdownHandle[str] = gui.add_dropdown("fault", tuple(FAULTS))
             self.beam: GuiDropdownHandle[str] = gui.add_dropdown(
@@ -134,7 +139,7 @@ class Controls:
 
     @property
     def mode_to_take(self) -> TakeOver:
-        return TakeOver(self.mode.value)
+        return TakeOver(self.mode.value, self.throttle.value)
 
 
 def _standoff(text: str) -> float | str:

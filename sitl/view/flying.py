@@ -144,8 +144,8 @@ class PacedFlight:
                 self._is_stepping = True
             case Land():
                 self.is_to_land = True
-            case TakeOver(mode):
-                self._scripts.append(play([Event(_at_once, pilot_mode(mode))]))
+            case TakeOver(mode, throttle):
+                self._scripts.append(play([Event(_at_once, pilot_mode(mode, throttle))]))
             case Inject(fault, beam, for_s):
                 action = FAULTS[fault](simulation, beam, for_s)
                 self._scripts.append(play([Event(_at_once, action)]))

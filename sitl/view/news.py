@@ -44,9 +44,10 @@ class Land:
 
 @dataclass(frozen=True, slots=True)
 class TakeOver:
-    """The pilot's mode switch."""
+    """The pilot's mode switch, and his throttle stick: "low" or "mid"."""
 
     mode: str
+    throttle: str = "low"
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from companion.messages import Beam, RangeReading, RangeState
 from companion.rig import make_rig
 from sitl.radio import Troubles
 from sitl.simulation import Setup, Simulation
+from sitl.testing import battery, claim, mute
 from sitl.world.loading import load_world
 from tests.contract.bench import STILL, Bench, make_bench
 
@@ -45,7 +46,7 @@ class Drone:
 def test_a_well_drone_is_good_in_every_part() -> None:
     findings = Drone().looked_at()
     assert set(findings) == {*Beam.__members__.values()} - {"back"} | {
-        *("gyro", "link", "autopilot", "avoidance")
+        *("gyro", "link", "battery", "autopilot", "avoidance")
     }
     assert {finding.verdict for finding in findings.values()} == {Verdict.GOOD}
 
@@ -97,6 +98,54 @@ def test_an_autopilot_without_velocity_is_told_what_it_needs(
     assert autopilot.verdict is Verdict.WAIT
     assert words in autopilot.seen
     assert "optical flow" in autopilot.remedy
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "autopilot", "words"),
+    [
+        ("GROUND_ROVER", None, "a ground rover at udpin:127.0.0.1:14550: only multicopters"),
+        (None, "GENERIC", "an autopilot of kind GENERIC is heard"),
+        (None, "INVALID", "no autopilot is heard"),
+    ],
+)
+def test_what_is_heard_and_not_flown_is_named(
+    vehicle: str | None, autopilot: str | None, words: str
+) -> None:
+    drone = Drone()
+    claim(vehicle, autopilot).begin(drone.simulation)
+    link = drone.looked_at()["link"]
+    assert link.verdict is Verdict.BAD
+    assert words in link.remedy
+
+
+def test_another_system_is_named() -> None:
+    assert "link.system_id" in Drone({"SYSID_THISMAV": 3}).looked_at()["link"].remedy
+
+
+@pytest.mark.parametrize(("percent", "good"), [(15, False), (20, False), (21, True), (100, True)])
+def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -> None:
+    drone = Drone()
+    battery(percent).begin(drone.simulation)
+    found = drone.looked_at()["battery"]
+    assert found.seen == f"{percent} % left"
+    assert (found.verdict is Verdict.GOOD) == good
+    assert good == ("battery_home_percent" not in found.remedy)
+
+
+def test_a_battery_that_is_not_told_is_said_and_does_no_harm() -> None:
+    drone = Drone()
+    mute("SYS_STATUS").begin(drone.simulation)
+    found = drone.looked_at()["battery"]
+    assert (found.verdict, found.seen) == (Verdict.GOOD, "not told")
+    assert "BATT_MONITOR" in found.remedy
+
+
+def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -> None:
+    drone = Drone()
+    mute("EXTENDED_SYS_STATE").begin(drone.simulation)
+    autopilot = drone.looked_at()["autopilot"]
+    assert autopilot.verdict is Verdict.WAIT
+    assert "EXTENDED_SYS_STATE" in autopilot.seen
 
 
 def test_an_estimator_that_has_not_settled_is_waited_for() -> None:

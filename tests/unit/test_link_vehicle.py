@@ -49,6 +49,10 @@ def attitude(ms: int, yaw: float = 0.5) -> Message:
     return mavlink.MAVLink_attitude_message(ms, 0, 0, yaw, 0, 0, 0.2)
 
 
+def landed_state(value: int) -> Message:
+    return mavlink.MAVLink_extended_sys_state_message(0, value)
+
+
 @pytest.fixture
 def vehicle() -> Vehicle:
     return Vehicle()
@@ -115,7 +119,10 @@ def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle)
     assert not vehicle.says(heartbeat(), report(167)).vehicle.estimate_ready
     assert not vehicle.says(report(895)).vehicle.estimate_ready
     assert not vehicle.says(position(1)).vehicle.estimate_ready
-    assert vehicle.says(timeout).vehicle.estimate_ready
+    told = vehicle.says(timeout).vehicle
+    assert not told.estimate_ready
+    assert "whether it has landed (EXTENDED_SYS_STATE)" in told.waits_for
+    assert vehicle.says(landed_state(1)).vehicle.estimate_ready
     assert not vehicle.says(report(167)).vehicle.estimate_ready
 
 
@@ -245,3 +252,77 @@ def test_landed_state(vehicle: Vehicle, value: int, state: LandedState) -> None:
 
 def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> None:
     assert math.isinf(vehicle.says().vehicle.silent_s)
+
+
+# Whose the drone is, and what became of what was asked
+
+
+def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
+    assert vehicle.says(heartbeat(4)).vehicle.is_mode_just_told
+    vehicle.now_s = 3.0
+    state = vehicle.says(attitude(1000)).vehicle
+    assert (state.is_silent, state.is_mode_just_told) == (False, False)
+    assert vehicle.says(heartbeat(5)).vehicle.is_mode_just_told
+
+
+def test_a_mode_that_was_ours_again_by_the_time_we_looked_was_left(vehicle: Vehicle) -> None:
+    assert not vehicle.says(heartbeat(0), heartbeat(4)).vehicle.left_offboard
+    state = vehicle.says(heartbeat(5), heartbeat(4)).vehicle
+    assert (state.in_offboard_mode, state.left_offboard) == (True, True)
+    assert not vehicle.says(heartbeat(4)).vehicle.left_offboard
+
+
+def ack(command: int, result: int, to_component: int = 0) -> Message:
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, 1, to_component)
+
+
+@pytest.mark.parametrize(
+    ("results", "refused"), [((), False), ((1,), True), ((0,), False), ((0, 1), False)]
+)
+def test_a_command_is_refused_if_nothing_but_refusals_answer_it(
+    vehicle: Vehicle, results: tuple[int, ...], refused: bool
+) -> None:
+    vehicle.says(heartbeat(4))
+    vehicle.tick(command=Command(CommandKind.ARM))
+    told = vehicle.says(*(ack(400, result) for result in results)).vehicle
+    assert told.is_refused == refused
+
+
+def test_an_ack_for_somebody_else_is_not_ours(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat(4))
+    vehicle.tick(command=Command(CommandKind.ARM))
+    assert not vehicle.says(ack(400, 4, to_component=190)).vehicle.is_refused
+    assert vehicle.says(ack(400, 4, to_component=191)).vehicle.is_refused
+
+
+@pytest.mark.parametrize("results", [(0,), (5,), (0, 1), (1, 0)])
+def test_a_take_off_is_asked_for_until_it_is_accepted(
+    vehicle: Vehicle, results: tuple[int, ...]
+) -> None:
+    vehicle.says(heartbeat(4, armed=True))
+    take_off = Command(CommandKind.TAKE_OFF, 1.2)
+    for _ in range(15):
+        vehicle.tick(command=take_off)
+    assert len(commands(vehicle, 22)) == 2
+    vehicle.says(*(ack(22, result) for result in results))
+    vehicle.tick()
+    for _ in range(200):
+        vehicle.tick(command=take_off)
+    assert len(commands(vehicle, 22)) == 2
+
+
+def test_a_mode_that_was_accepted_is_asked_for_until_it_shows(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat())
+    vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
+    vehicle.says(ack(176, 0))
+    for _ in range(15):
+        vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
+    assert len(commands(vehicle, 176)) == 2
+
+
+def test_the_refusal_of_one_command_is_not_told_of_the_next(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat())
+    vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
+    assert vehicle.says(ack(176, 0), ack(176, 1)).vehicle.refusal
+    vehicle.tick(command=Command(CommandKind.ARM))
+    assert vehicle.says().vehicle.refusal == ""

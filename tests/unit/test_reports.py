@@ -110,3 +110,34 @@ def test_long_texts_can_be_put_together_again(trouble: str) -> None:
     assert [m.chunk_seq for m in heard] == list(range(len(heard)))
     assert len({m.id for m in heard}) == 1
     assert all(math.isclose(len(m.text), 50) for m in heard[:-1])
+
+
+def test_what_the_pilot_is_to_know_is_told_once_each() -> None:
+    reports, scan = Reports(LinkConfig(), {}), RangeScan(1.0, {})
+    told = [
+        m.text
+        for notice in ("", "one", "one", "two")
+        for m in reports.due(1.0, scan, "waiting", "", notice)
+    ]
+    assert told == ["PDPS: waiting", "PDPS: one", "PDPS: two"]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("turns 3 °/s, 4° off", "turns 3 deg/s, 4 deg off"),
+        ("1.2 m ± 3 cm × 2", "1.2 m +/- 3 cm x 2"),
+        ("sitl’s clock is gone …", "sitl?s clock is gone ..."),
+        ("Küche – größer 机", "Kuche - gro?er ?"),
+    ],
+)
+def test_a_text_is_told_in_ascii(text: str, told: str) -> None:
+    messages = texts("holding", text, Reports(LinkConfig(), {}))
+    assert b"".join(m.text.encode() for m in messages) == f"PDPS: holding: {told}".encode()
+
+
+@given(st.text(max_size=200))
+def test_no_text_whatsoever_leaves_ascii(trouble: str) -> None:
+    for message in texts(trouble, trouble, Reports(LinkConfig(), {})):
+        raw = message.text if isinstance(message.text, bytes) else message.text.encode("latin-1")
+        assert max(raw, default=0) < 128

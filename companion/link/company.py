@@ -1,0 +1,118 @@
+"""Who speaks on the link: why what is heard there is not flown, in words that name the remedy.
+
+Before it arms the companion wants to be sure that the autopilot is what it takes it for, and that
+nobody else gives orders under the same name.
+"""
+
+from collections import deque
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import LinkConfig
+from companion.link.dialect import DIALECTS, MULTICOPTERS
+from companion.link.transport import Message
+
+Source = tuple[int, int]
+"""MAVLink system and component."""
+SUPPORTED = frozenset(dialect.autopilot for dialect in DIALECTS)
+BREAKS, BREAKS_WITHIN_S = 4, 5.0
+"""An autopilot that restarts breaks three times: its clock goes back, and PX4 does not know its own
+kind for a moment. Of two under one name clock or kind go back and forth with every message."""
+
+
+class Company:
+    """Everybody who was heard, by the heartbeats; time is an argument."""
+
+    def __init__(self, config: LinkConfig) -> None:
+        self._url = config.url
+        self._ours: Source = (config.system_id, config.component_id)
+        self._target: Source = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
+        self._kinds: dict[Source, tuple[int, int]] = {}
+        """HEARTBEAT's autopilot and type of each."""
+        self._breaks_s: deque[float] = deque(maxlen=BREAKS)
+        self._has_namesake = self._has_twin = False
+
+    def hear(self, message: Message, now_s: float) -> None:
+        """Any message, whoever sent it."""
+        source = message.get_srcSystem(), message.get_srcComponent()
+        self._has_namesake |= source == self._ours
+        if message.get_type() != "HEARTBEAT":
+            return
+        kind = message.autopilot, message.type
+        if source == self._target and self._kinds.get(source, kind) != kind:
+            self.note_break(now_s)
+        self._kinds[source] = kind
+
+    def note_break(self, now_s: float) -> None:
+        """The autopilot is of another kind than before, or its clock has gone back."""
+        self._breaks_s.append(now_s)
+        is_full = len(self._breaks_s) == BREAKS
+        self._has_twin |= is_full and now_s - self._breaks_s[0] <= BREAKS_WITHIN_S
+
+    @property
+    def trouble(self) -> str:
+        """Why an autopilot that is known is not flown all the same; or nothing."""
+        system, component = self._ours
+        if self._has_twin:
+            return (
+                f"two autopilots are heard at {self._url}, both system {system}: "
+                "give each a system id of its own"
+            )
+        if self._has_namesake:
+            return (
+                f"somebody else sends as system {system}, component {component}, as we do: stop "
+                "the other companion, or give this one another link.component_id"
+            )
+        return ""
+
+    @property
+    def strangers(self) -> str:
+        """Who is there while no autopilot of ours is; or nothing."""
+        if (kind := self._kinds.get(self._target)) and kind[0] != mavlink.MAV_AUTOPILOT_INVALID:
+            return self._not_flown(*kind)
+        autopilots = [s for s, k in self._kinds.items() if k[0] != mavlink.MAV_AUTOPILOT_INVALID]
+        if systems := sorted({system for system, _ in autopilots} - {self._target[0]}):
+            several = len(systems) > 1
+            names = " and ".join(map(str, systems))
+            heard = f"systems {names} are" if several else f"system {names} is"
+            return f"{heard} heard there, not {self._target[0]}: link.system_id"
+        if autopilots:
+            return (
+                f"the autopilot at {self._url} is component {autopilots[0][1]} of its system, "
+                "not 1: set its component id to 1"
+            )
+        return self._others()
+
+    def _not_flown(self, autopilot: int, vehicle_type: int) -> str:
+        if autopilot not in SUPPORTED:
+            name = _name("MAV_AUTOPILOT", autopilot)
+            return (
+                f"an autopilot of kind {name} is heard at {self._url}; ArduPilot and PX4 are flown"
+            )
+        if vehicle_type not in MULTICOPTERS:
+            return f"{_vehicle(vehicle_type)} at {self._url}: only multicopters are flown"
+        return ""
+
+    def _others(self) -> str:
+        if not self._kinds:
+            return ""
+        heard = ", ".join(
+            f"{_name('MAV_TYPE', kind[1])} (system {system}, component {component})"
+            for (system, component), kind in sorted(self._kinds.items())
+        )
+        return (
+            f"no autopilot is heard at {self._url}, only {heard}: is the autopilot connected, and "
+            "does the router pass its messages on?"
+        )
+
+
+def _vehicle(vehicle_type: int) -> str:
+    """With its article."""
+    name = _name("MAV_TYPE", vehicle_type).lower().replace("_", " ")
+    words = "vehicle of no known type" if vehicle_type == mavlink.MAV_TYPE_GENERIC else name
+    return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"
+
+
+def _name(enum: str, value: int) -> str:
+    entry = mavlink.enums[enum].get(value)
+    return entry.name.removeprefix(f"{enum}_") if entry else str(value)

@@ -1,0 +1,211 @@
+"""The pilot's mode switch in every phase of a flight, on both autopilots; what is not armed."""
+
+from collections import Counter
+from collections.abc import Callable
+
+import pytest
+
+from companion.link import requests
+from companion.link.transport import Message
+from companion.pdps.flight import Phase
+from sitl.simulation import Simulation
+from sitl.testing import (
+    Action,
+    Event,
+    Flight,
+    Sitl,
+    at,
+    battery,
+    claim,
+    hang,
+    link_down,
+    mute,
+    pilot_arms,
+    pilot_mode,
+    refuse_arming,
+    stay_taking_off,
+)
+from sitl.testing.script import MODE_NAMES
+
+MODE, ARM, TAKE_OFF, INTERVAL = 176, 400, 22, 511
+BOTH = pytest.mark.parametrize(
+    ("autopilot", "pilots"), [("ardupilot", "LOITER"), ("px4", "POSCTL")]
+)
+IN_FLIGHT_S, HEARTBEAT_S = 30.0, 1.1
+
+
+class Watch:
+    """What was asked of the vehicle, and which modes it had."""
+
+    def __init__(self) -> None:
+        self.asked: list[tuple[float, int, float]] = []
+        self.modes: list[str] = []
+        self.armed_s = float("inf")
+        self._now_s = 0.0
+
+    def note(self, simulation: Simulation) -> None:
+        autopilot = simulation.autopilot
+        self._now_s = simulation.time_s
+        mode = MODE_NAMES[autopilot.kind].get(autopilot.mode, "")
+        if self.modes[-1:] != [mode]:
+            self.modes.append(mode)
+
+    def hear(self, command: int, first: float) -> None:
+        if command != INTERVAL:
+            self.asked.append((self._now_s, command, first))
+
+    def after(self, time_s: float) -> Counter[int]:
+        return Counter(command for when_s, command, _ in self.asked if when_s > time_s)
+
+    def event(self) -> Event:
+        def is_due(simulation: Simulation, app: object) -> bool:
+            self.note(simulation)
+            return False
+
+        return Event(is_due, Action(lambda simulation: None))
+
+
+@pytest.fixture
+def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
+    watching, was = Watch(), requests.command_long
+
+    def command_long(
+        target: tuple[int, int], command: int, given: tuple[float, ...], confirmation: int = 0
+    ) -> Message:
+        watching.hear(command, given[0])
+        return was(target, command, given, confirmation)
+
+    monkeypatch.setattr(requests, "command_long", command_long)
+    return watching
+
+
+Fly = Callable[..., Flight]
+
+
+@pytest.fixture
+def fly(sitl: Sitl, watch: Watch) -> Fly:
+    def flown(*script: Event, **more: object) -> Flight:
+        return sitl.fly("room_100", script=[watch.event(), *script], **more)  # type: ignore[arg-type]
+
+    return flown
+
+
+def mode_of(flight: Flight) -> str:
+    autopilot = flight.simulation.autopilot
+    return MODE_NAMES[autopilot.kind][autopilot.mode]
+
+
+@BOTH
+@pytest.mark.parametrize("away_s", [1.5, 3.0, 6.0, 9.0])
+def test_a_pilot_who_took_it_while_the_link_was_lost_keeps_it(
+    fly: Fly, watch: Watch, autopilot: str, pilots: str, away_s: float
+) -> None:
+    taken_s = IN_FLIGHT_S + 0.3
+    flight = fly(
+        at(IN_FLIGHT_S, link_down(for_s=away_s)),
+        at(taken_s, pilot_mode(pilots, throttle="mid")),
+        autopilot=autopilot,
+    )
+    assert flight.ending == f"handed over: mode changed to {pilots}"
+    assert mode_of(flight) == pilots
+    assert watch.after(IN_FLIGHT_S) == {}
+
+
+@BOTH
+@pytest.mark.parametrize("mode", ["LAND", "RTL"])
+def test_land_and_return_by_the_pilot_are_the_pilots(
+    fly: Fly, watch: Watch, autopilot: str, pilots: str, mode: str
+) -> None:
+    flight = fly(at(IN_FLIGHT_S, pilot_mode(mode)), autopilot=autopilot)
+    assert flight.ending == f"handed over: mode changed to {mode}"
+    assert flight.simulation.time_s < IN_FLIGHT_S + HEARTBEAT_S + 0.1
+    assert watch.after(IN_FLIGHT_S) == {}
+
+
+@BOTH
+def test_a_pilot_who_takes_it_while_arming_is_refused_keeps_it(
+    fly: Fly, watch: Watch, autopilot: str, pilots: str
+) -> None:
+    flight = fly(at(0, refuse_arming(for_s=18)), at(12, pilot_mode(pilots)), autopilot=autopilot)
+    assert flight.ending == f"handed over: mode changed to {pilots}"
+    assert watch.after(12 + HEARTBEAT_S) == {}
+    assert MODE in watch.after(0)
+
+
+@BOTH
+@pytest.mark.parametrize("armed_s", [3.0, 8.3, 8.7])
+def test_a_drone_that_somebody_else_arms_is_not_flown(
+    fly: Fly, watch: Watch, autopilot: str, pilots: str, armed_s: float
+) -> None:
+    """While it waits for the gyro, and while our own arming is refused."""
+    flight = fly(at(0, refuse_arming()), at(armed_s, pilot_arms()), autopilot=autopilot)
+    assert flight.app.flight.phase is Phase.FAILED
+    assert "armed" in flight.ending
+    assert watch.after(armed_s + HEARTBEAT_S) == {}
+    assert flight.truth.path[-1].position_ned_m[2] == 0
+
+
+@BOTH
+def test_a_pilot_who_takes_it_while_it_lands_keeps_it(
+    fly: Fly, watch: Watch, autopilot: str, pilots: str
+) -> None:
+    lands = Event(lambda s, app: watch.modes[-1:] == ["LAND"], pilot_mode(pilots, "mid"))
+    flight = fly(at(IN_FLIGHT_S, battery(5)), lands, autopilot=autopilot)
+    assert flight.app.flight.phase is Phase.HANDED_OVER
+    assert mode_of(flight) == pilots
+
+
+def test_px4_lands_on_late_setpoints_and_is_left_to_land(fly: Fly, watch: Watch) -> None:
+    """Setpoints would bring it back to OFFBOARD."""
+    flight = fly(at(IN_FLIGHT_S, hang(for_s=2.5)), autopilot="px4")
+    assert flight.ending == "handed over: mode changed to LAND"
+    assert mode_of(flight) == "LAND"
+    assert watch.after(IN_FLIGHT_S) == {}
+
+
+def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
+    fly: Fly, watch: Watch
+) -> None:
+    """It beats at whole seconds."""
+    flight = fly(at(IN_FLIGHT_S + 0.05, hang(for_s=0.8)), autopilot="px4")
+    assert flight.completed, flight.ending
+    assert watch.modes.count("OFFBOARD") == 2
+
+
+# Refused before it arms
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize(
+    ("fault", "words"),
+    [
+        (claim(vehicle="GROUND_ROVER"), "a ground rover at"),
+        (claim(vehicle="FIXED_WING"), "a fixed wing at"),
+        (claim(autopilot="GENERIC"), "an autopilot of kind GENERIC is heard"),
+        (claim(autopilot="INVALID"), "no autopilot is heard"),
+        (battery(15), "15 % of the battery is left"),
+        (mute("EXTENDED_SYS_STATE"), "it does not tell whether it has landed"),
+        (mute("HEARTBEAT"), "no autopilot heard"),
+    ],
+)
+def test_what_is_not_fit_is_refused_with_the_reason(
+    fly: Fly, watch: Watch, autopilot: str, fault: Action, words: str
+) -> None:
+    flight = fly(at(0, fault), autopilot=autopilot)
+    assert flight.app.flight.phase is Phase.FAILED
+    assert words in flight.ending
+    assert watch.asked == []
+
+
+def test_another_system_is_named(fly: Fly, watch: Watch) -> None:
+    flight = fly(parameters={"SYSID_THISMAV": 3})
+    assert "system 3 is heard there, not 1: link.system_id" in flight.ending
+    assert watch.asked == []
+
+
+def test_a_take_off_that_is_told_for_ever_does_not_keep_it_from_its_mission(
+    fly: Fly, watch: Watch
+) -> None:
+    flight = fly(at(0, stay_taking_off()))
+    assert flight.completed, flight.ending
+    assert watch.after(0)[TAKE_OFF] == 1

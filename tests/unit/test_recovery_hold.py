@@ -1,0 +1,70 @@
+"""What `companion recover` does with a drone before it knows whose it is."""
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config import LinkConfig
+from companion.link.link import Link
+from companion.link.transport import Message, pipe_pair
+from companion.recovery import hold
+
+GUIDED, LOITER, LAND = 4, 5, 9
+
+
+def beat(mode: int, *, armed: bool = True) -> Message:
+    return mavlink.MAVLink_heartbeat_message(2, 3, 209 if armed else 81, mode, 4, 3)
+
+
+class Vehicle:
+    """Tells what the test has written down for each time; the `Clock` of the companion."""
+
+    def __init__(self, said: dict[float, Message]) -> None:
+        self._end, companions = pipe_pair()
+        self.link = Link(companions, LinkConfig())
+        self._said = dict(sorted(said.items()))
+        self.heard: list[Any] = []
+
+    def wait_until(self, time_s: float) -> float:
+        for when_s in [when_s for when_s in self._said if when_s <= time_s]:
+            self._end.send(self._said.pop(when_s))
+        self.heard += self._end.receive()
+        return time_s
+
+    def heard_of(self, kind: str) -> list[Any]:
+        return [m for m in self.heard if m.get_type() == kind]
+
+
+def busy(seconds: float) -> Iterator[None]:
+    """Work that takes so many of its ticks."""
+    for _ in range(round(seconds / 0.05)):
+        yield
+
+
+@pytest.mark.parametrize("work", [lambda: iter(()), lambda: busy(3.0)])
+def test_a_drone_that_is_ours_is_held(work: Callable[[], Iterator[None]]) -> None:
+    vehicle = Vehicle({float(second): beat(GUIDED) for second in range(8)})
+    assert hold(vehicle.link, vehicle, work())
+
+
+@pytest.mark.parametrize(
+    "other", [beat(LOITER), beat(LAND), beat(LOITER, armed=False), beat(GUIDED, armed=False)]
+)
+def test_one_that_somebody_takes_meanwhile_is_let_go_at_once(other: Message) -> None:
+    vehicle = Vehicle({0.0: beat(GUIDED), 1.0: beat(GUIDED), 1.4: other})
+    assert not hold(vehicle.link, vehicle, busy(3.0))
+    setpoints = vehicle.heard_of("SET_POSITION_TARGET_LOCAL_NED")
+    assert setpoints[-1].time_boot_ms < 1450
+    assert not [m for m in vehicle.heard_of("COMMAND_LONG") if m.command != 511]
+
+
+def test_one_that_was_taken_and_given_back_is_let_go() -> None:
+    vehicle = Vehicle({0.0: beat(GUIDED), 1.40: beat(LOITER), 1.401: beat(GUIDED)})
+    assert not hold(vehicle.link, vehicle, busy(3.0))
+
+
+def test_when_the_work_is_done_the_next_heartbeat_is_waited_for() -> None:
+    vehicle = Vehicle({0.0: beat(GUIDED), 1.0: beat(LOITER)})
+    assert not hold(vehicle.link, vehicle, busy(0.5))
