@@ -3,6 +3,7 @@
 Here its parts are put together, and time passes.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
 
@@ -34,6 +35,8 @@ PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "
 HEARTBEAT_STEPS = 100
 FAILSAFE_STEPS = 10
 RESTART_STEPS = 150
+GROUND_STATION_GONE_S = 2.5
+"""PX4's HEARTBEAT_TIMEOUT_US."""
 FLIGHT_BATTERY_S = 600.0
 """How long a full battery flies."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
@@ -86,7 +89,9 @@ class Autopilot:
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
         ]
-        self._broadcast = Broadcast([channel.outbox for channel in self._channels])
+        self._broadcast = Broadcast(
+            [channel.outbox for channel in self._channels], self._is.text_habit, self._hears_texts
+        )
         parts = Parts(
             self._is,
             self._is.parameter_protocol(self._is.table, values, watch),
@@ -99,6 +104,10 @@ class Autopilot:
         self._silent_until_step = 0
         self.system_id = system_id(self._is, values)
         self._protocol = Protocol(self.system_id, parts, self._commander)
+
+    def _hears_texts(self, outbox: Outbox) -> bool:
+        age_s = self.time_s - outbox.ground_station_s
+        return not self._is.text_habit.needs_ground_station or age_s <= GROUND_STATION_GONE_S
 
     @property
     def time_s(self) -> float:
@@ -198,6 +207,7 @@ class Autopilot:
         self._navigation.restart()
         for channel in self._channels:
             channel.outbox.take()
+            channel.outbox.ground_station_s = -math.inf
             channel.streams.restart()
 
     def jump_clock(self, seconds: float) -> None:

@@ -98,8 +98,12 @@ class Protocol:
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(message, channel)
-        else:
-            self._navigation.outside.hear(message, self._navigation.time_s)
+            return
+        now_s = self._navigation.time_s
+        if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
+            channel.outbox.ground_station_s = now_s
+        if complaint := self._navigation.outside.hear(message, now_s):
+            self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, complaint)
 
     def _begin_list(self, channel: Channel) -> None:
         if not self._parameters.is_listing:
@@ -131,11 +135,17 @@ class Protocol:
 
     def _command(self, message: Message, parameters: tuple[float, ...], channel: Channel) -> None:
         command = self._commands.get(message.command, _unsupported)
+        sender = message.get_srcSystem(), message.get_srcComponent()
+
+        def ack(result: int) -> Message:
+            return mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
+
+        at_once = message.command == mavlink.MAV_CMD_DO_SET_MODE
+        if at_once and self._is.acknowledges_modes_at_once:
+            channel.outbox.add(ack(ACCEPTED))
         mark = channel.outbox.begin_answer()
         result = command(parameters, channel)
-        sender = message.get_srcSystem(), message.get_srcComponent()
-        ack = mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
-        channel.outbox.answer(ack, mark)
+        channel.outbox.answer(ack(result), mark)
 
     def _arm_or_disarm(self, parameters: Sequence[float]) -> int:
         """MAV_CMD_COMPONENT_ARM_DISARM (400)."""
