@@ -23,6 +23,10 @@ class TextHabit:
     """What stands at the end of each."""
 
 
+MARKED = TextHabit()
+"""A short chunk is the end of a text that has an id."""
+
+
 class Outbox:
     """Messages of one link in the order in which they are sent."""
 
@@ -56,7 +60,7 @@ class Broadcast:
     def __init__(
         self,
         outboxes: Sequence[Outbox],
-        habit: TextHabit = TextHabit(),
+        habit: TextHabit = MARKED,
         hears_texts: Callable[[Outbox], bool] = lambda _: True,
     ) -> None:
         self._outboxes = outboxes

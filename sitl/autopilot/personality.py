@@ -141,6 +141,8 @@ class Personality(Protocol):
     acknowledges_modes_at_once: bool
     """DO_SET_MODE is acknowledged when it comes, and once more when it is done or refused."""
     text_habit: TextHabit
+    forwards_components: bool
+    """What the vehicle's other components tell everybody goes out on all other links."""
     lifts_off_by_setpoint: bool
     least_interval_us: int
     """What is asked for more often than this is refused."""

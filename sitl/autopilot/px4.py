@@ -160,6 +160,7 @@ class Px4:
     setpoints_before_offboard = True
     acknowledges_modes_at_once = True
     text_habit = TextHabit(needs_ground_station=True, numbers_all=True, ending="\t")
+    forwards_components = False
     lifts_off_by_setpoint = True
     least_interval_us = 0
     interval_refused: int = mavlink.MAV_RESULT_FAILED
@@ -289,7 +290,7 @@ class Px4:
 
 def _flags(health: EstimatorHealth) -> int:
     """ESTIMATOR_STATUS_FLAGS as Ekf::get_ekf_soln_status() sets them."""
-    flags = SETTLED if health.settled else 0
+    flags: int = SETTLED if health.settled else 0
     if health.is_at_rest:
         flags |= AT_REST
     if not health.has_position:
