@@ -31,6 +31,7 @@ from sitl.options import (
 )
 from sitl.record import TruthRecord
 from sitl.run import Door, Server
+from sitl.score_cli import score
 from sitl.serving import external_door, fleet_doors
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
@@ -51,6 +52,7 @@ commands = typer.Typer(
 commands.add_typer(world_commands, name="world")
 commands.add_typer(bench_commands, name="bench")
 commands.command()(view)
+commands.command()(score)
 
 
 class RunAutopilot(StrEnum):

@@ -16,10 +16,11 @@ from companion.config import LinkConfig
 from companion.link.dialect import Dialect, Parameter, dialect_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
+from companion.link.origin import Origin
 from companion.link.parameters import ReadParameters
 from companion.link.pose_report import PoseReport
 from companion.link.pose_source import PoseSource
-from companion.link.requests import CommandSender, Stream, command_long
+from companion.link.requests import CommandSender, Stream
 from companion.link.texts import Texts
 from companion.link.transport import Message, Transport
 from companion.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
@@ -63,7 +64,7 @@ class Link:
         self._listeners = listeners
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
-        self._origin = _origin(config)
+        self._origin = Origin(config)
         self._setpoint_loss_s = config.setpoint_loss_s
         self._dialect: Dialect | None = None
         self._safety: tuple[Parameter, ...] = ()
@@ -80,8 +81,6 @@ class Link:
         self._texts = Texts()
         self._ground_station = GroundStation()
         self._read = ReadParameters()
-        self._has_origin = False
-        self._origin_asked = False
         self._commands = CommandSender()
         self._streams: dict[int, Stream] = {}
         """By message id."""
@@ -122,7 +121,7 @@ class Link:
         self._odometry = OdometryReader(follows_us=self._follows_us)
         self._parameters_set.clear()
         self._read.forget()
-        self._has_origin = self._origin_asked = False
+        self._origin.forget()
         self._landed_state = LandedState.UNKNOWN
 
     def _note(self, kind: str, message: Message) -> None:
@@ -136,7 +135,7 @@ class Link:
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
         elif kind == "GPS_GLOBAL_ORIGIN":
-            self._has_origin = True
+            self._origin.hear()
         elif kind == "COMMAND_ACK":
             self._commands.acknowledge(message)
         elif self._dialect is None:
@@ -215,10 +214,8 @@ class Link:
         if now_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S - 1e-6:
             self._heartbeat_s = now_s
             messages.append(_heartbeat(active=setpoint is not None))
-            if self._dialect is not None and self._dialect.texts_need:
-                told = self._read.values
-                if all(told.get(n) == v for n, v in self._dialect.texts_need.items()):
-                    messages.append(self._ground_station.heartbeat())
+            if self._may_beat_as_ground_station():
+                messages.append(self._ground_station.heartbeat())
         if self._dialect is None:
             return messages
         if now_s - self._asked_s >= REQUEST_PERIOD_S:
@@ -230,9 +227,13 @@ class Link:
             messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
         return messages
 
+    def _may_beat_as_ground_station(self) -> bool:
+        needs = self._dialect.texts_need if self._dialect is not None else {}
+        return bool(needs) and all(self._read.values.get(n) == v for n, v in needs.items())
+
     def _requests(self, now_s: float) -> list[Message]:
         messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
-        messages += self._origin_requests()
+        messages += self._origin.requests(self._target)
         messages += self._read.requests(self._target)
         messages += [
             mavlink.MAVLink_param_set_message(
@@ -243,24 +244,19 @@ class Link:
         ]
         return messages
 
-    def _origin_requests(self) -> list[Message]:
-        """Until it tells its origin: ask for that, and from the second time on give it ours."""
-        if self._has_origin:
-            return []
-        message_id = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
-        ask = command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, (message_id,))
-        asked, self._origin_asked = self._origin_asked, True
-        return [ask, self._origin] if asked else [ask]
-
     def _waits_for(self, now_s: float) -> str:
         """What keeps us from flying by the autopilot's estimate; or nothing."""
+        if complaint := self._pose_complaint(now_s):
+            return complaint
         if self._estimate_complaint:
             return self._estimate_complaint
         if not self._odometry.has_position:
             return "no LOCAL_POSITION_NED comes from it"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
-        if unset:
-            return f"it does not confirm {', '.join(unset)}"
+        return f"it does not confirm {', '.join(unset)}" if unset else ""
+
+    def _pose_complaint(self, now_s: float) -> str:
+        """Why it would not fly by our pose, if it is told that at all."""
         if not self._follows_us or self._dialect is None:
             return ""
         return self._pose_source.complaint(now_s, self._dialect.pose_needs, self._read.values)
@@ -278,16 +274,6 @@ def _heartbeat(*, active: bool) -> Message:
     state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
-    )
-
-
-def _origin(config: LinkConfig) -> Message:
-    """SET_GPS_GLOBAL_ORIGIN (48), which the estimators need although there is no GPS."""
-    return mavlink.MAVLink_set_gps_global_origin_message(
-        config.system_id,
-        round(1e7 * config.origin_lat_deg),
-        round(1e7 * config.origin_lon_deg),
-        round(1e3 * config.origin_alt_m),
     )
 
 

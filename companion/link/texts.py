@@ -1,7 +1,8 @@
 """STATUSTEXT (253), put together from its chunks.
 
-ArduPilot marks the end of a text by a chunk that is not full, empty if need be. PX4 does not: a
-text of exactly 50 characters ends without a sign, by the next one or by silence.
+ArduPilot marks the end of a text by a chunk that is not full, empty if need be; a text of one chunk
+has the id 0. PX4 numbers all from 0 on, and ends a text of exactly 50 characters without a sign.
+Such a text ends by the next one, or by silence.
 """
 
 from companion.link.transport import Message
@@ -22,9 +23,8 @@ class Texts:
     def hear(self, message: Message, now_s: float) -> list[str]:
         """What is whole by now."""
         self._heard_s = now_s
-        if not message.id:
-            return [message.text.rstrip()]
-        ended = [self._begun.pop(id_) for id_ in list(self._begun) if id_ != message.id]
+        over = [id_ for id_ in self._begun if id_ != message.id or message.chunk_seq == 0]
+        ended = [self._begun.pop(id_) for id_ in over]
         text = self._begun.pop(message.id, "") + message.text
         if len(message.text) < CHUNK_LENGTH:
             ended.append(text)

@@ -125,6 +125,7 @@ class ArduPilot:
     take_off_mode: int | None = None
     hold_mode = LOITER
     refused: int = mavlink.MAV_RESULT_FAILED
+    request_refused: int = mavlink.MAV_RESULT_FAILED
     configured = CONFIGURED
     parameter_protocol: type[Parameters] = ArduPilotParameters
     system_id_parameter = "SYSID_THISMAV"

@@ -127,6 +127,8 @@ class Personality(Protocol):
     """Where a take-off mode goes on to."""
     refused: int
     """MAV_RESULT of refused arming, disarming and modes."""
+    request_refused: int
+    """MAV_RESULT of a REQUEST_MESSAGE (512) of what there is not, or not yet."""
     streams_hz: dict[int, float]
     """What is sent unasked."""
     table: Table

@@ -380,6 +380,17 @@ def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
     assert "Arming denied: Resolve system health failures first" in texts
 
 
+@pytest.mark.parametrize("text_id", [0, 7])
+def test_chunks_are_joined_whatever_the_id(text_id: int) -> None:
+    vehicle = Vehicle()
+    vehicle.says(px4_heartbeat())
+    chunks = [
+        mavlink.MAVLink_statustext_message(6, chunk, text_id, number)
+        for number, chunk in enumerate((b"a" * 50, b"b\t"))
+    ]
+    assert vehicle.says(*chunks).texts == ("a" * 50 + "b",)
+
+
 def test_a_text_of_exactly_one_chunk_does_not_wait_for_ever() -> None:
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat())
