@@ -1,11 +1,11 @@
 """A velocity that nobody asked for: an autopilot that flies away, before it has come far.
 
-    what was asked, seen in the direction of the velocity
+    what may be the answer, in the direction of the velocity
     ├──────────────────────►│◄── unasked ──►│ velocity
 
-An answer lags behind what was asked, so that everything between the setpoints of the last seconds
-and standing still is as asked. Gusts push a drone to a velocity, and it stays there; an autopilot
-that flies away goes faster and faster.
+How quickly an autopilot answers is not known, so that everything is as asked between standing
+still, the answer of one that is quicker than any, and of one that is slower. Gusts push a drone to
+a velocity, and it stays there; an autopilot that flies away goes faster and faster.
 """
 
 import math
@@ -15,8 +15,10 @@ from itertools import pairwise
 from companion.frames import Vector3, frd_to_ned
 from companion.messages import Odometry, Setpoint
 
-MEMORY_S = 2.0
-"""What was asked so long ago may still be flown: PX4 flew 0.18 of 0.5 m/s 2 s after a stop."""
+QUICKEST_S, SLOWEST_S = 0.2, 2.0
+"""Time constants: nothing answers sooner, and of 0.5 m/s PX4 still flew 0.18 2 s after a stop."""
+DEAD_S = 0.5
+"""The quick answer may come so much later: ArduCopter begins to move after 0.25 s."""
 SETTLED_S = 1.0
 """After setpoints begin, such as at the end of a take-off of 1.2 m/s."""
 GAP_S = 0.5
@@ -33,6 +35,8 @@ THIRDS_S = (1.0, 0.67, 0.33, 0.0)
 STEADY_M_S = 0.12
 """Growing steadily: by so much in each third of the last second. A gust rises within one or two."""
 
+STILL: Vector3 = (0.0, 0.0, 0.0)
+
 
 class UnaskedWatch:
     """Of one drone; time is an argument."""
@@ -41,7 +45,8 @@ class UnaskedWatch:
         self.unasked_m_s = 0.0
         """By how much it is faster than it was asked to be."""
         self.has_flown_away = False
-        self._asked: deque[tuple[float, Vector3]] = deque()
+        self._quick: deque[tuple[float, Vector3]] = deque()
+        self._slow = STILL
         self._since_s = math.inf
         self._told: deque[tuple[float, float]] = deque()
         """Times and what was unasked then."""
@@ -49,19 +54,24 @@ class UnaskedWatch:
     def ask(self, now_s: float, setpoint: Setpoint | None, yaw_rad: float) -> None:
         """What goes out at this tick; None: nothing, the autopilot flies as it sees fit."""
         if setpoint is None:
-            self._asked.clear()
+            self._quick.clear()
             return
-        if not self._asked or now_s - self._asked[-1][0] > GAP_S:
-            self._since_s = now_s
+        if not self._quick or now_s - self._quick[-1][0] > GAP_S:
+            self._since_s, self._slow = now_s, STILL
+            self._quick = deque([(now_s, STILL)])
         north, east = frd_to_ned(setpoint.forward_m_s, setpoint.right_m_s, yaw_rad)
-        self._asked.append((now_s, (north, east, setpoint.down_m_s)))
-        while now_s - self._asked[0][0] > MEMORY_S:
-            self._asked.popleft()
+        asked = north, east, setpoint.down_m_s
+        last_s, quick = self._quick[-1]
+        dt_s = now_s - last_s
+        self._quick.append((now_s, _answer(quick, asked, dt_s / QUICKEST_S)))
+        self._slow = _answer(self._slow, asked, dt_s / SLOWEST_S)
+        while now_s - self._quick[0][0] > DEAD_S:
+            self._quick.popleft()
 
     def take(self, odometry: Odometry) -> None:
         """What the autopilot tells of its velocity."""
         now_s = odometry.time_s
-        if not self._asked or now_s - self._since_s < SETTLED_S:
+        if not self._quick or now_s - self._since_s < SETTLED_S:
             self._told.clear()
             self.unasked_m_s, self.has_flown_away = 0.0, False
             return
@@ -89,14 +99,22 @@ class UnaskedWatch:
         )
 
     def _beyond(self, velocity_ned_m_s: Vector3) -> float:
-        """How far the velocity reaches beyond all that was asked, in its own direction."""
+        """How far the velocity reaches beyond all answers, in its own direction."""
         speed = math.hypot(*velocity_ned_m_s)
         if speed == 0.0:
             return 0.0
         course = [v / speed for v in velocity_ned_m_s]
-        asked = max(sum(a * c for a, c in zip(v, course, strict=True)) for _, v in self._asked)
+        answers = (self._slow, *(quick for _, quick in self._quick))
+        asked = max(sum(a * c for a, c in zip(v, course, strict=True)) for v in answers)
         return max(0.0, speed - max(0.0, asked))
 
     def _at(self, time_s: float) -> float | None:
         """What was told last by then."""
         return next((m_s for told_s, m_s in reversed(self._told) if told_s <= time_s + 1e-6), None)
+
+
+def _answer(was: Vector3, asked: Vector3, share: float) -> Vector3:
+    """On by a share of the time constant."""
+    gain = 1 - math.exp(-share)
+    north, east, down = (w + gain * (a - w) for w, a in zip(was, asked, strict=True))
+    return north, east, down

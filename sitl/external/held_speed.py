@@ -9,8 +9,8 @@ What is asked for when its time is over already was late.
 
 from collections.abc import Callable
 
-from companion.fly import TICK_S
-
+TICK_S = 0.05
+"""The companion's, which the simulator does not load."""
 TICKS = 400
 """Of one look, 20 s in real time."""
 BUSY_SHARE = 0.95

@@ -76,7 +76,7 @@ def test_an_autopilot_that_flies_away_is_stopped_and_landed(
     def fly_away(simulation: Simulation, app: App) -> None:
         away_s = simulation.time_s - began_s
         if away_s > 0 and not noticed_s:
-            simulation.autopilot.blow(rate_m_s2 * away_s, 0.0)
+            simulation.autopilot.blow(0.0, rate_m_s2 * away_s)
         if app.flight.phase is Phase.HOLD and not noticed_s:
             noticed_s.append(away_s)
             simulation.autopilot.blow(0.0, 0.0)
