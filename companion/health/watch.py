@@ -9,6 +9,7 @@ from companion.health.lateness import Lateness
 from companion.health.mounting import MountingWatch
 from companion.health.odometry import SteadyOdometry
 from companion.health.ranges import FAILED, RangeWatch
+from companion.health.unasked import UnaskedWatch
 from companion.messages import (
     Beam,
     Fault,
@@ -42,6 +43,8 @@ class Health:
         self._mounting = MountingWatch()
         self._odometry_at_s = self._gyro_at_s = self._ranges_at_s = -math.inf
         """When each was last heard, in time that was listened to."""
+        self._unasked = UnaskedWatch()
+        self._yaw_rad = 0.0
         self._odometry_s = -math.inf
         self._place_ne_m = (0.0, 0.0)
         self._scan = RangeScan(0.0, {})
@@ -57,7 +60,13 @@ class Health:
             self._odometry_at_s = self._lateness.listened_s
             self._odometry_s = steady.time_s
             self._place_ne_m = steady.position_ned_m[:2]
+            self._yaw_rad = steady.yaw_rad
+            self._unasked.take(steady)
         return steady
+
+    def asked(self, now_s: float, setpoint: Setpoint | None) -> None:
+        """What the autopilot is asked to do from now on."""
+        self._unasked.ask(now_s, setpoint, self._yaw_rad)
 
     def gyro(
         self,
@@ -121,6 +130,9 @@ class Health:
         now_s = self._lateness.listened_s
         if now_s - self._odometry_at_s > SILENT_S > vehicle.silent_s:
             yield Fault("the autopilot tells no position", SENSOR_FAULT_LASTS_S)
+        if self._unasked.has_flown_away:
+            text = f"moves as nobody asked: {self._unasked.unasked_m_s:.1f} m/s"
+            yield Fault(text, SENSOR_FAULT_LASTS_S)
         if now_s - self._gyro_at_s > SILENT_S:
             yield Fault("the gyro is silent", SENSOR_FAULT_LASTS_S)
         if self._gyro.complaint:

@@ -8,7 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector3, frd_to_ned, wrap_rad
 from sitl.autopilot.ground_truth import Place, sim_state
-from sitl.autopilot.outside import AROUND, Outside
+from sitl.autopilot.messages import MARKED
+from sitl.autopilot.outside import AROUND, Outside, PoseMessages
 from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import load_table
@@ -129,10 +130,14 @@ class ArduPilot:
     take_off_mode: int | None = None
     hold_mode = LOITER
     refused: int = mavlink.MAV_RESULT_FAILED
+    request_refused: int = mavlink.MAV_RESULT_FAILED
     configured = CONFIGURED
     parameter_protocol: type[Parameters] = ArduPilotParameters
     system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
+    acknowledges_modes_at_once = False
+    text_habit = MARKED
+    forwards_components = True
     lifts_off_by_setpoint = False
     beats_on_mode_change = True
     returns_to_offboard = False
@@ -141,7 +146,7 @@ class ArduPilot:
     response: Response = ARDUCOPTER
     capabilities = 64495
     flight_sw_version = 67502976
-    odometry_frames: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_FRD,)
+    pose_messages = PoseMessages((mavlink.MAV_FRAME_LOCAL_FRD,))
     position_needs_origin = True
     outside_lost_s = EKF_LOST_AFTER_S
     force_skips_checks = True

@@ -58,11 +58,14 @@ class Commander:
         return self.enter(mode)
 
     def _may_go_offboard(self) -> bool:
-        if not self._is.setpoints_before_offboard:
+        """Disarmed, PX4 takes any mode."""
+        if not self._is.setpoints_before_offboard or not self._status.armed:
             return True
+        return self._is_streaming() and self._navigation.has_position
+
+    def _is_streaming(self) -> bool:
         since = self._setpoint_step
-        streaming = since is not None and self._status.step - since <= STREAM_STEPS
-        return streaming and self._navigation.has_position
+        return since is not None and self._status.step - since <= STREAM_STEPS
 
     def enter(self, mode: int) -> int:
         """Change the mode without asking whether it may be."""
@@ -121,8 +124,13 @@ class Commander:
         return self._position_complaint()
 
     def _position_complaint(self) -> str:
-        needed = self._is.needs_position(self._status.mode)
-        return "Need Position Estimate" if needed and not self._navigation.has_position else ""
+        mode = self._status.mode
+        if self._is.needs_position(mode) and not self._navigation.has_position:
+            return "Need Position Estimate"
+        offboard = self._is.behaviour(mode) is Behaviour.OFFBOARD
+        if offboard and self._is.setpoints_before_offboard and not self._is_streaming():
+            return "No offboard signal"
+        return ""
 
     def check(self) -> int:
         """MAV_CMD_RUN_PREARM_CHECKS (401)."""

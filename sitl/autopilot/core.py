@@ -3,11 +3,14 @@
 Here its parts are put together, and time passes.
 """
 
+import math
 from collections.abc import Callable, Mapping
+from copy import copy
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.link.transport import sent_by
 from companion.messages import Beam
 from companion.range_config import AutopilotRange
 from sitl.autopilot.ardupilot import ArduPilot
@@ -35,6 +38,8 @@ PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "
 HEARTBEAT_STEPS = 100
 FAILSAFE_STEPS = 10
 RESTART_STEPS = 150
+GROUND_STATION_GONE_S = 2.5
+"""PX4's HEARTBEAT_TIMEOUT_US."""
 FLIGHT_BATTERY_S = 600.0
 """How long a full battery flies."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
@@ -92,7 +97,9 @@ class Autopilot:
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
         ]
-        self._broadcast = Broadcast([channel.outbox for channel in self._channels])
+        self._broadcast = Broadcast(
+            [channel.outbox for channel in self._channels], self._is.text_habit, self._hears_texts
+        )
         parts = Parts(
             self._is,
             self._is.parameter_protocol(self._is.table, values, watch),
@@ -105,6 +112,10 @@ class Autopilot:
         self._silent_until_step = 0
         self.system_id = system_id(self._is, values)
         self._protocol = Protocol(self.system_id, parts, self._commander)
+
+    def _hears_texts(self, outbox: Outbox) -> bool:
+        age_s = self.time_s - outbox.ground_station_s
+        return not self._is.text_habit.needs_ground_station or age_s <= GROUND_STATION_GONE_S
 
     @property
     def time_s(self) -> float:
@@ -187,6 +198,16 @@ class Autopilot:
         if self._status.step < self._silent_until_step:
             return
         self._protocol.receive(message, self._channels[link])
+        if self._is.forwards_components and self._is_for_all(message):
+            passed = sent_by(copy(message), message.get_srcComponent(), message.get_seq())
+            for number, channel in enumerate(self._channels):
+                if number != link:
+                    channel.outbox.add(passed)
+
+    def _is_for_all(self, message: Message) -> bool:
+        """From another component of this vehicle, and to nobody in particular."""
+        ours = message.get_srcSystem() == self.system_id
+        return ours and not getattr(message, "target_system", 0)
 
     def take_outbox(self, link: int = 0) -> list[Message]:
         """What has been said on one of the links since the last call."""
@@ -210,6 +231,7 @@ class Autopilot:
         self._navigation.restart()
         for channel in self._channels:
             channel.outbox.take()
+            channel.outbox.ground_station_s = -math.inf
             channel.streams.restart()
 
     def jump_clock(self, seconds: float) -> None:

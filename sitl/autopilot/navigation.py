@@ -10,6 +10,8 @@ from sitl.truth import TrueState
 
 SOURCES_STEPS = 10
 """Parameters are looked up so often."""
+AT_REST_S = 1.0
+"""On the ground for longer, the vehicle is at rest (PX4, LandDetector.cpp)."""
 
 
 class Navigation:
@@ -27,12 +29,15 @@ class Navigation:
         self._parameters = parameters
         self._steps = 0
         self.estimator = Estimator(start, seed, noise)
-        self.outside = Outside(personality.odometry_frames)
+        self.outside = Outside(personality.pose_messages)
         self.sources = personality.sources(parameters)
         self.origin: tuple[int, int, int] | None = None
         """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""
         self.time_s = 0.0
         self._flow_lost_s: float | None = None
+        self._floor_m = start.position_ned_m[2]
+        self._moved_s = -math.inf
+        """When it was last in the air."""
 
     def lose_flow(self, *, lost: bool) -> None:
         """A fault for tests: the floor shows no texture."""
@@ -50,6 +55,8 @@ class Navigation:
             self.sources = self._read_sources()
         self._steps += 1
         self.time_s = truth.time_s
+        if truth.position_ned_m[2] < self._floor_m:
+            self._moved_s = self.time_s
         self.estimator.update(truth, self.sources, self.outside.take_pose())
 
     def _read_sources(self) -> Sources:
@@ -79,9 +86,14 @@ class Navigation:
 
     @property
     def health(self) -> EstimatorHealth:
-        age_s = self.outside_age_s
-        settled = self.estimator.has_settled
-        return EstimatorHealth(settled, self.has_position, self.sources, age_s)
+        return EstimatorHealth(
+            self.estimator.has_settled,
+            self.has_position,
+            self.sources,
+            self.outside_age_s,
+            is_at_rest=self.time_s - self._moved_s > AT_REST_S,
+            has_origin=self.origin is not None,
+        )
 
     @property
     def sees_outside(self) -> bool:

@@ -1,16 +1,17 @@
 """What others tell the autopilot about the world, and how old that is.
 
 DISTANCE_SENSOR, OBSTACLE_DISTANCE ─────────────────────────► ranges by orientation
-ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE ──► a pose
+ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE ──► a pose, as far as it is understood
 HEARTBEAT ──────────────────────────────────────────────────► who is there
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import Vector3, frd_to_ned
+from companion.frames import Vector3
 from companion.values import value
 from sitl.autopilot.streams import Message
 
@@ -20,6 +21,18 @@ AROUND = (0, 1, 2, 3, 4, 5, 6, 7, 24)
 DOWN = 25
 NEVER = -math.inf
 FARTHEST = 1e5
+
+
+@value
+class PoseMessages:
+    """Which of the messages about the vehicle's pose an autopilot understands."""
+
+    odometry_frames: tuple[int, ...]
+    """MAV_FRAME of ODOMETRY (331)."""
+    estimator_types: tuple[int, ...] | None = None
+    """MAV_ESTIMATOR_TYPE of ODOMETRY; None: it does not look."""
+    takes_vision_speed: bool = True
+    """VISION_SPEED_ESTIMATE (103)."""
 
 
 @value
@@ -35,8 +48,8 @@ class OutsidePose:
 class Outside:
     """The latest of everything; time is an argument."""
 
-    def __init__(self, odometry_frames: tuple[int, ...]) -> None:
-        self._odometry_frames = odometry_frames
+    def __init__(self, understood: PoseMessages) -> None:
+        self._understood = understood
         self.ranges: dict[int, tuple[float, Message]] = {}
         """By orientation: when it came, and DISTANCE_SENSOR (132)."""
         self._obstacles_s = NEVER
@@ -44,8 +57,8 @@ class Outside:
         self._pose_s = NEVER
         self._ground_station_s = self._onboard_computer_s = NEVER
 
-    def hear(self, message: Message, now_s: float) -> None:
-        """Take in a message; what is none of the above changes nothing."""
+    def hear(self, message: Message, now_s: float) -> str:
+        """Take in a message; what is none of the above changes nothing. The complaint, if any."""
         match message.get_type():
             case "DISTANCE_SENSOR":
                 self.ranges[message.orientation] = now_s, message
@@ -53,13 +66,21 @@ class Outside:
                 self._obstacles_s = now_s
             case "VISION_POSITION_ESTIMATE":
                 self._see(_position_estimate(message), now_s)
-            case "VISION_SPEED_ESTIMATE":
+            case "VISION_SPEED_ESTIMATE" if self._understood.takes_vision_speed:
                 self._see(OutsidePose(None, _finite((message.x, message.y, message.z))), now_s)
             case "ODOMETRY":
-                if message.frame_id in self._odometry_frames:
-                    self._see(_odometry(message), now_s)
+                return self._hear_odometry(message, now_s)
             case "HEARTBEAT":
                 self._meet(message, now_s)
+        return ""
+
+    def _hear_odometry(self, message: Message, now_s: float) -> str:
+        types = self._understood.estimator_types
+        if types is not None and message.estimator_type not in types:
+            return f"ODOMETRY: estimator_type {message.estimator_type} unsupported"
+        if message.frame_id in self._understood.odometry_frames:
+            self._see(_odometry(message), now_s)
+        return ""
 
     def _meet(self, message: Message, now_s: float) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
@@ -129,11 +150,23 @@ def _odometry(message: Message) -> OutsidePose | None:
     yaw_rad = _yaw(message.q)
     velocity = _finite((message.vx, message.vy, message.vz))
     if velocity is not None and yaw_rad is not None:
-        north, east = frd_to_ned(velocity[0], velocity[1], yaw_rad)
-        velocity = north, east, velocity[2]
+        velocity = rotated(message.q, velocity)
     return OutsidePose(
         _finite((message.x, message.y, message.z)), velocity, yaw_rad, message.reset_counter
     )
+
+
+def rotated(quaternion_wxyz: Sequence[float], vector_frd: Vector3) -> Vector3:
+    """From the body's frame to the one that the quaternion is told in."""
+    w, *axis = quaternion_wxyz
+    once = _cross(axis, vector_frd)
+    twice = _cross(axis, once)
+    x, y, z = (v + 2 * (w * o + t) for v, o, t in zip(vector_frd, once, twice, strict=True))
+    return x, y, z
+
+
+def _cross(a: Sequence[float], b: Sequence[float]) -> Vector3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 def _yaw(quaternion_wxyz: tuple[float, float, float, float]) -> float | None:

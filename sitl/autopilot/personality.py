@@ -7,7 +7,8 @@ from typing import Protocol
 from companion.frames import Vector3
 from companion.values import value
 from sitl.autopilot.ground_truth import Place
-from sitl.autopilot.outside import Outside
+from sitl.autopilot.messages import TextHabit
+from sitl.autopilot.outside import Outside, PoseMessages
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import Table, initial_values
 from sitl.autopilot.response import Response
@@ -103,6 +104,10 @@ class EstimatorHealth:
     sources: Sources
     outside_age_s: float
     """Since a pose came from outside; infinite if none ever did."""
+    is_at_rest: bool = False
+    """It stands on the ground."""
+    has_origin: bool = False
+    """SET_GPS_GLOBAL_ORIGIN (48) has come."""
 
 
 ParameterValues = Mapping[str, float]
@@ -132,6 +137,8 @@ class Personality(Protocol):
     """Where a take-off mode goes on to."""
     refused: int
     """MAV_RESULT of refused arming, disarming and modes."""
+    request_refused: int
+    """MAV_RESULT of a REQUEST_MESSAGE (512) of what there is not, or not yet."""
     streams_hz: dict[int, float]
     """What is sent unasked."""
     table: Table
@@ -142,7 +149,12 @@ class Personality(Protocol):
     system_id_parameter: str
     """Read at the start only."""
     setpoints_before_offboard: bool
-    """The offboard mode is refused without a stream of setpoints."""
+    """Without a stream of setpoints it neither arms in its offboard mode nor enters it armed."""
+    acknowledges_modes_at_once: bool
+    """DO_SET_MODE is acknowledged when it comes, and once more when it is done or refused."""
+    text_habit: TextHabit
+    forwards_components: bool
+    """What the vehicle's other components tell everybody goes out on all other links."""
     lifts_off_by_setpoint: bool
     beats_on_mode_change: bool
     """A HEARTBEAT tells a new mode at once; otherwise the next of each second."""
@@ -156,8 +168,8 @@ class Personality(Protocol):
     """How it flies."""
     capabilities: int
     flight_sw_version: int
-    odometry_frames: tuple[int, ...]
-    """Frames of ODOMETRY (331) that are understood."""
+    pose_messages: PoseMessages
+    """Those about its pose that are understood."""
     position_needs_origin: bool
     """There is no position before SET_GPS_GLOBAL_ORIGIN (48)."""
     outside_lost_s: float

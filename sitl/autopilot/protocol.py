@@ -82,11 +82,11 @@ class Protocol:
             mavlink.MAV_CMD_NAV_LAND: lambda p, _: commander.enter(personality.land_mode),
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._tell_interval,
-            mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: _send(c, _whole(p[0])),
-            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda p, c: _send(
+            mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: self._send(c, _whole(p[0])),
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda p, c: self._send(
                 c, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
             ),
-            mavlink.MAV_CMD_GET_HOME_POSITION: lambda p, c: _send(
+            mavlink.MAV_CMD_GET_HOME_POSITION: lambda p, c: self._send(
                 c, mavlink.MAVLINK_MSG_ID_HOME_POSITION
             ),
         }
@@ -98,8 +98,12 @@ class Protocol:
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(message, channel)
-        else:
-            self._navigation.outside.hear(message, self._navigation.time_s)
+            return
+        now_s = self._navigation.time_s
+        if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
+            channel.outbox.ground_station_s = now_s
+        if complaint := self._navigation.outside.hear(message, now_s):
+            self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, complaint)
 
     def _begin_list(self, channel: Channel) -> None:
         if not self._parameters.is_listing:
@@ -131,11 +135,17 @@ class Protocol:
 
     def _command(self, message: Message, parameters: tuple[float, ...], channel: Channel) -> None:
         command = self._commands.get(message.command, _unsupported)
+        sender = message.get_srcSystem(), message.get_srcComponent()
+
+        def ack(result: int) -> Message:
+            return mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
+
+        at_once = message.command == mavlink.MAV_CMD_DO_SET_MODE
+        if at_once and self._is.acknowledges_modes_at_once:
+            channel.outbox.add(ack(ACCEPTED))
         mark = channel.outbox.begin_answer()
         result = command(parameters, channel)
-        sender = message.get_srcSystem(), message.get_srcComponent()
-        ack = mavlink.MAVLink_command_ack_message(message.command, result, 0, 0, *sender)
-        channel.outbox.answer(ack, mark)
+        channel.outbox.answer(ack(result), mark)
 
     def _arm_or_disarm(self, parameters: Sequence[float]) -> int:
         """MAV_CMD_COMPONENT_ARM_DISARM (400)."""
@@ -167,6 +177,12 @@ class Protocol:
         if is_too_fast or not channel.streams.set_interval(message_id, interval_us):
             return self._is.interval_refused
         return ACCEPTED
+
+    def _send(self, channel: Channel, message_id: int) -> int:
+        """MAV_CMD_REQUEST_MESSAGE (512)."""
+        answers = channel.streams.make(message_id)
+        channel.outbox.extend(answers)
+        return ACCEPTED if answers else self._is.request_refused
 
     def _tell_interval(self, parameters: Sequence[float], channel: Channel) -> int:
         message_id = _whole(parameters[0])
@@ -229,13 +245,6 @@ class Protocol:
 
 def _unsupported(parameters: Sequence[float], channel: Channel) -> int:
     return UNSUPPORTED
-
-
-def _send(channel: Channel, message_id: int) -> int:
-    """MAV_CMD_REQUEST_MESSAGE (512)."""
-    answers = channel.streams.make(message_id)
-    channel.outbox.extend(answers)
-    return ACCEPTED if answers else FAILED
 
 
 def _whole(parameter: float) -> int:

@@ -9,7 +9,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector3, frd_to_ned
 from sitl.autopilot.ground_truth import Place, hil_state_quaternion
-from sitl.autopilot.outside import Outside
+from sitl.autopilot.messages import TextHabit
+from sitl.autopilot.outside import Outside, PoseMessages
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.px4 import Px4Parameters
 from sitl.autopilot.parameters.table import load_table
@@ -25,6 +26,7 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.px4_estimate import estimator_flags
 from sitl.autopilot.response import PX4, Response
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
@@ -55,19 +57,21 @@ BASE_MODE_OF: dict[int, int] = {
 }
 """By main mode."""
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-READY = (
-    mavlink.ESTIMATOR_ATTITUDE
-    | mavlink.ESTIMATOR_VELOCITY_HORIZ
-    | mavlink.ESTIMATOR_VELOCITY_VERT
-    | mavlink.ESTIMATOR_POS_HORIZ_REL
-    | mavlink.ESTIMATOR_POS_VERT_ABS
-)
-WITHOUT_POSITION = mavlink.ESTIMATOR_ATTITUDE | mavlink.ESTIMATOR_CONST_POS_MODE
 
 IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
-ODOMETRY_FRAMES: tuple[int, ...] = (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD)
+POSE_MESSAGES = PoseMessages(
+    (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD),
+    (
+        mavlink.MAV_ESTIMATOR_TYPE_UNKNOWN,
+        mavlink.MAV_ESTIMATOR_TYPE_NAIVE,
+        mavlink.MAV_ESTIMATOR_TYPE_VISION,
+        mavlink.MAV_ESTIMATOR_TYPE_VIO,
+    ),
+    takes_vision_speed=False,
+)
+"""VISION_SPEED_ESTIMATE (103) has had no handler since 1.16."""
 VISION_POSITION_BIT, VISION_VELOCITY_BIT, VISION_YAW_BIT = 1, 4, 8
 """Of EKF2_EV_CTRL."""
 OFFBOARD_LOSS_DELAY_S = 0.1
@@ -146,11 +150,15 @@ class Px4:
     take_off_mode: int | None = AUTO_TAKEOFF
     hold_mode = AUTO_LOITER
     refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    request_refused: int = mavlink.MAV_RESULT_DENIED
     configured = CONFIGURED
     response: Response = PX4
     parameter_protocol: type[Parameters] = Px4Parameters
     system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
+    acknowledges_modes_at_once = True
+    text_habit = TextHabit(needs_ground_station=True, numbers_all=True, ending="\t")
+    forwards_components = True
     lifts_off_by_setpoint = True
     beats_on_mode_change = False
     returns_to_offboard = True
@@ -162,7 +170,7 @@ class Px4:
         | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     )
     flight_sw_version = 0x01_11_00_40
-    odometry_frames = ODOMETRY_FRAMES
+    pose_messages = POSE_MESSAGES
     position_needs_origin = False
     outside_lost_s = NO_AID_S
     force_skips_checks = False
@@ -177,8 +185,8 @@ class Px4:
         self.streams_hz: dict[int, float] = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
             mavlink.MAVLINK_MSG_ID_ATTITUDE: 100.0,
-            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
-            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 1.0,
+            mavlink.MAVLINK_MSG_ID_SYS_STATUS: 5.0,
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
             mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
             mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: 10.0,
@@ -264,7 +272,7 @@ class Px4:
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
         """ESTIMATOR_STATUS (230)."""
-        flags = READY if health.has_position else WITHOUT_POSITION
+        flags = estimator_flags(health)
         return mavlink.MAVLink_estimator_status_message(
             boot_us, flags, *(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05)
         )

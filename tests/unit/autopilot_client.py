@@ -43,11 +43,16 @@ class Client:
         return self.sends(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
 
     def result(self, command: int, *parameters: float) -> int:
+        """The last acknowledgement's; PX4 acknowledges a mode twice."""
         acks = [m for m in self.commands(command, *parameters) if m.get_type() == "COMMAND_ACK"]
-        assert len(acks) == 1
-        assert acks[0].command == command
-        result: int = acks[0].result
+        assert {m.command for m in acks} == {command}
+        result: int = acks[-1].result
         return result
+
+    def hears_texts(self) -> "Client":
+        """As a ground station: PX4 tells texts to nobody else."""
+        self.sends(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
+        return self
 
     def sets(self, name: str, value: float, kind: int = mavlink.MAV_PARAM_TYPE_REAL32) -> list[Any]:
         message = mavlink.MAVLink_param_set_message(1, 1, name.encode(), value, kind)

@@ -33,6 +33,12 @@ class Vehicle:
         self.heard += self._end.receive()
         return time_s
 
+    def now_s(self) -> float:
+        return 0.0
+
+    def close(self) -> None:
+        """Nothing to close."""
+
     def heard_of(self, kind: str) -> list[Any]:
         return [m for m in self.heard if m.get_type() == kind]
 

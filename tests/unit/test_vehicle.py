@@ -5,6 +5,7 @@ from random import Random
 
 import pytest
 
+from sitl.autopilot.response import ARDUCOPTER
 from sitl.truth import TrueState
 from sitl.vehicle import Gusts, Vehicle
 
@@ -13,7 +14,7 @@ STILL_AIR = Gusts(sigma_m_s=0.0)
 
 def airborne() -> Vehicle:
     start = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
-    vehicle = Vehicle(start, Random(1), STILL_AIR)
+    vehicle = Vehicle(start, Random(1), ARDUCOPTER.airframe, STILL_AIR)
     for _ in range(200):
         vehicle.step((0.0, 0.0, -1.0), 0.0)
     return vehicle
@@ -52,7 +53,7 @@ def test_without_motors_it_falls_to_the_ground_and_stays() -> None:
 
 def test_gusts_move_it_a_little() -> None:
     start = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
-    vehicle = Vehicle(start, Random(1))
+    vehicle = Vehicle(start, Random(1), ARDUCOPTER.airframe)
     speeds = []
     for _ in range(3000):
         vehicle._floor = 0.0
