@@ -18,7 +18,7 @@ BINS = 36
 ENOUGH_TURN_RAD = math.radians(330)
 ON_THE_SPOT_M = 0.4
 MOST_STEP_RAD = math.radians(15)
-"""From one sweep to the next; else a part of the turn was missed, and what is alike may be chance."""
+"""From one sweep to the next; else part of the turn was missed: what is alike may be by chance."""
 LEAST_COMMON = 12
 LEAST_OFF_M = 0.4
 CLEARLY = 0.5
