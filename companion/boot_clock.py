@@ -7,9 +7,11 @@ still: then all messages are late, or early, and keep being so.
 
 import math
 
-WINDOW_S = 2.0
-"""One message in so long is quick, and two clocks run apart by 2 ms at most meanwhile: quartzes by
-50e-6, an RC oscillator or the time of a simulator by 1e-3."""
+DRIFT = 50e-6
+"""Two quartzes part by no more, s/s; the offset is let go at this rate."""
+WINDOW_S, APART_S = 2.0, 0.003
+"""When the quickest message of so long was later by more than this, they run apart faster, as an RC
+oscillator or the time of a simulator does, by 1e-3."""
 MOST_EARLIER_S = 0.05
 """The offset falls by no more in one tick: if we are paused between looking at our clock and
 reading what has come, messages seem to be from the future."""
@@ -50,6 +52,7 @@ class BootClock:
         if math.isinf(self._offset_s) or was_set_back:
             return self._set(offset_s, boot_s, now_s)
         if now_s != self._heard_s:
+            self._offset_s += DRIFT * (now_s - self._heard_s)
             self._slide(now_s)
             self._lowest_s = self._offset_s - MOST_EARLIER_S
             self._heard_s = now_s
@@ -79,7 +82,8 @@ class BootClock:
     def _slide(self, now_s: float) -> None:
         """The quickest message of a while is the measure when there was none quicker."""
         if now_s - self._window_since_s > WINDOW_S:
-            self._offset_s = max(self._offset_s, self._window_least_s)
+            if self._window_least_s > self._offset_s + APART_S:
+                self._offset_s = self._window_least_s
             self._window_since_s, self._window_least_s = now_s, math.inf
 
     def time_s(self, boot_s: float) -> float:

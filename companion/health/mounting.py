@@ -17,6 +17,8 @@ from companion.messages import BEARING_FRD_RAD, Beam, RangeReading, RangeScan
 BINS = 36
 ENOUGH_TURN_RAD = math.radians(330)
 ON_THE_SPOT_M = 0.4
+MOST_STEP_RAD = math.radians(15)
+"""From one sweep to the next; else part of the turn was missed: what is alike may be by chance."""
 LEAST_COMMON = 12
 LEAST_OFF_M = 0.4
 CLEARLY = 0.5
@@ -42,7 +44,7 @@ class MountingWatch:
 
     def __init__(self) -> None:
         self.misplaced: tuple[Beam, ...] = ()
-        self._began_rad = 0.0
+        self._began_rad = self._turned_rad = 0.0
         self._began_at_ne_m = (math.nan, math.nan)
         self._seen: dict[Beam, Seen] = {}
         self._right: set[Beam] = set()
@@ -51,7 +53,10 @@ class MountingWatch:
     def take(self, scan: RangeScan, place_ne_m: tuple[float, float], travel: Travel) -> None:
         """Take in one sweep; `travel` is how far the drone has gone and turned in all."""
         turned_rad = travel[3]
-        if not math.dist(place_ne_m, self._began_at_ne_m) < ON_THE_SPOT_M:  # true for NaN too
+        is_on_the_spot = math.dist(place_ne_m, self._began_at_ne_m) < ON_THE_SPOT_M
+        missed = abs(turned_rad - self._turned_rad) > MOST_STEP_RAD
+        self._turned_rad = turned_rad
+        if missed or not is_on_the_spot:  # false for NaN
             self._begin(place_ne_m, turned_rad)
         heading = round(turned_rad * BINS / math.tau) % BINS
         for beam in BEARING_FRD_RAD:
@@ -119,7 +124,7 @@ def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if LEAST_OFF_M < own_m < math.inf and elsewhere_m < CLEARLY * own_m
+        if own_m > LEAST_OFF_M and elsewhere_m < CLEARLY * own_m
     )
 
 
@@ -128,15 +133,12 @@ def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if LEAST_OFF_M < elsewhere_m < math.inf and own_m < CLEARLY * elsewhere_m
+        if elsewhere_m > LEAST_OFF_M and own_m < CLEARLY * elsewhere_m
     )
 
 
 def _fits(seen: Mapping[Beam, Seen]) -> Iterator[tuple[Beam, tuple[float, float]]]:
-    """How far each beam is off the front one: as it is, and at best looking elsewhere.
-
-    Infinitely far if too little of the same was seen: part of the turn may have been missed.
-    """
+    """How far each beam is off the front one: as it is, and at best looking elsewhere."""
     front = seen.get(Beam.FRONT, {})
     for beam in seen:
         if beam is Beam.FRONT:

@@ -77,7 +77,8 @@ class Link:
         self._landed_state = LandedState.UNKNOWN
         self._battery: float | None = None
         self._estimate_complaint = "its estimator has not been heard"
-        self._odometry = OdometryReader(follows_us=config.send_pose)
+        self._follows_us = config.send_pose
+        self._odometry = OdometryReader(follows_us=self._follows_us)
         self._pose_report = PoseReport() if config.send_pose else None
         self._pose_source = PoseSource()
         self._texts = Texts()
