@@ -28,9 +28,9 @@ class Drone:
 
     def __init__(self, parameters: dict[str, float] | None = None, **wired_otherwise: Any) -> None:
         usual = Config()
-        sitl_end, companion_end = direct_pair()
         world = load_world("room_100")
         setup = Setup(world, "room_100", 1, usual.sensors, parameters=parameters or {})
+        sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         config = Config.model_validate({"sensors": wired_otherwise})
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
