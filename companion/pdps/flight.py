@@ -29,9 +29,9 @@ change of mode that is not the one asked for is the pilot's or the autopilot's: 
 sending at once, asks for nothing more, and does not look whether the mode comes back. That holds
 for PX4's LAND after setpoints were late, too: setpoints would bring it back to OFFBOARD. Only what
 was armed by our command is flown. Each command goes out right after a HEARTBEAT that has told who
-has the drone, so once a second, and not while the link is silent. HOLD is a setpoint of zero
-velocity; if the link is gone, the autopilot comes to rest by its own setpoint timeout. DONE,
-HANDED_OVER and FAILED are final.
+has the drone, so once a second, and not while the link is silent; only for the mode it asks in
+between, too. HOLD is a setpoint of zero velocity; if the link is gone, the autopilot comes to rest
+by its own setpoint timeout. DONE, HANDED_OVER and FAILED are final.
 """
 
 import enum
@@ -65,6 +65,7 @@ from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
 from companion.values import value
 
+HEARTBEAT_S = 1.0
 LINK_LOST_S = 10.0
 CONNECT_TIMEOUT_S = 8.0
 PREPARE_TIMEOUT_S = 60.0
@@ -220,9 +221,14 @@ def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Actio
     if action.setpoint is not None and flight.phase in LEVEL_PHASES:
         level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
         action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
-    if not view.vehicle.is_mode_just_told:
-        action = replace(action, command=None)
-    return flight, action
+    return flight, action if _may_ask(flight, view.vehicle) else replace(action, command=None)
+
+
+def _may_ask(flight: Flight, vehicle: VehicleState) -> bool:
+    """While it stands disarmed, between two heartbeats, too."""
+    if flight.phase is Phase.OFFBOARD:
+        return vehicle.mode_age_s <= HEARTBEAT_S
+    return vehicle.is_mode_just_told
 
 
 def _ended(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:

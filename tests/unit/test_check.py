@@ -34,9 +34,9 @@ class Drone:
         **wired_otherwise: Any,
     ) -> None:
         usual = Config()
-        sitl_end, companion_end = direct_pair()
         world = load_world("room_100")
         setup = Setup(world, "room_100", 1, usual.sensors, parameters=parameters or {})
+        sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         link = {"send_pose": send_pose}
         config = Config.model_validate({"sensors": wired_otherwise, "link": link})

@@ -109,11 +109,21 @@ def test_a_fault_that_lasts_does_not_land_a_drone_whose_mode_is_not_known() -> N
     assert (landing.phase, action) == (Phase.LAND, NOTHING)
 
 
-@pytest.mark.parametrize("phase", [Phase.OFFBOARD, Phase.ARM])
-def test_nothing_is_asked_for_before_the_next_heartbeat(phase: Phase) -> None:
-    vehicle = replace(ON_GROUND if phase is Phase.OFFBOARD else GUIDED, mode_age_s=LATE_S)
-    flight, action = after(phase, vehicle)
-    assert (flight.phase, action.command) == (phase, None)
+@pytest.mark.parametrize(
+    ("phase", "age_s", "asks_for"),
+    [
+        (Phase.OFFBOARD, 0.9, CommandKind.OFFBOARD_MODE),
+        (Phase.OFFBOARD, 1.2, None),
+        (Phase.ARM, 0.0, CommandKind.ARM),
+        (Phase.ARM, 0.3, None),
+    ],
+)
+def test_nothing_is_asked_for_before_the_next_heartbeat(
+    phase: Phase, age_s: float, asks_for: CommandKind | None
+) -> None:
+    vehicle = ON_GROUND if phase is Phase.OFFBOARD else GUIDED
+    flight, action = after(phase, replace(vehicle, mode_age_s=age_s))
+    assert (flight.phase, asks(action)) == (phase, asks_for)
 
 
 def test_a_drone_that_tells_everything_but_its_mode_is_given_up() -> None:

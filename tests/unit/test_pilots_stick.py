@@ -1,8 +1,11 @@
 """What the emulated autopilots do in the pilot's modes, by the throttle stick, as real ones do."""
 
+from random import Random
+
 import pytest
 
 from sitl.autopilot.personality import Throttle
+from sitl.bench.fault_cases import FAULTS
 from sitl.testing import pilot_mode
 from sitl.testing.script import MODE_NAMES, ModeError
 from tests.unit.autopilot_client import ACCEPTED, Client
@@ -111,6 +114,14 @@ def test_with_the_stick_low_on_the_ground_nothing_moves(kind: str) -> None:
 def test_what_no_autopilot_has_is_refused_with_what_they_have(name: str, throttle: str) -> None:
     with pytest.raises(ModeError, match=r"known: .*(LOITER|mid)"):
         pilot_mode(name, throttle)
+
+
+def test_the_pilot_of_the_fault_campaign_has_modes_of_both_autopilots() -> None:
+    do, draw = FAULTS["pilot takes over"]
+    names = {draw(Random(seed))["name"] for seed in range(50)}
+    assert do == "pilot_mode"
+    assert len(names) > 1
+    assert all(names <= set(numbers) for numbers in NUMBERS.values())
 
 
 # PX4 that has lost its setpoints
