@@ -157,6 +157,7 @@ class App:
         inputs = self._unfold(inputs)
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
+        self._health.asked(now_s, action.setpoint)
         known = pose if self.estimator else None
         return Outputs(
             action.setpoint,

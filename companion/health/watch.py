@@ -7,6 +7,7 @@ from companion.health.gyro import GyroWatch
 from companion.health.mounting import MountingWatch
 from companion.health.odometry import SteadyOdometry
 from companion.health.ranges import FAILED, RangeWatch
+from companion.health.unasked import UnaskedWatch
 from companion.messages import (
     Beam,
     Fault,
@@ -14,6 +15,7 @@ from companion.messages import (
     Odometry,
     RangeScan,
     RangeState,
+    Setpoint,
     VehicleState,
 )
 
@@ -32,6 +34,8 @@ class Health:
         self._gyro = GyroWatch()
         self._ranges = RangeWatch()
         self._mounting = MountingWatch()
+        self._unasked = UnaskedWatch()
+        self._yaw_rad = 0.0
         self._odometry_s = -math.inf
         self._place_ne_m = (0.0, 0.0)
         self._scan = RangeScan(0.0, {})
@@ -42,7 +46,13 @@ class Health:
         if steady is not None:
             self._odometry_s = now_s
             self._place_ne_m = steady.position_ned_m[:2]
+            self._yaw_rad = steady.yaw_rad
+            self._unasked.take(steady)
         return steady
+
+    def asked(self, now_s: float, setpoint: Setpoint | None) -> None:
+        """What the autopilot is asked to do from now on."""
+        self._unasked.ask(now_s, setpoint, self._yaw_rad)
 
     def gyro(
         self,
@@ -69,6 +79,9 @@ class Health:
             yield Fault("the autopilot is silent", LINK_FAULT_LASTS_S)
         if now_s - self._odometry_s > SILENT_S > vehicle.silent_s:
             yield Fault("the autopilot tells no position", SENSOR_FAULT_LASTS_S)
+        if self._unasked.has_flown_away:
+            text = f"moves as nobody asked: {self._unasked.unasked_m_s:.1f} m/s"
+            yield Fault(text, SENSOR_FAULT_LASTS_S)
         if now_s - self._gyro.heard_s > SILENT_S:
             yield Fault("the gyro is silent", SENSOR_FAULT_LASTS_S)
         if self._gyro.complaint:

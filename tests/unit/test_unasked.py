@@ -1,0 +1,121 @@
+"""A velocity that nobody asked for is noticed, and what follows a setpoint or a gust is not."""
+
+import math
+from collections.abc import Callable
+
+import pytest
+
+from companion.health.unasked import UnaskedWatch
+from companion.messages import HOLD, Odometry, Setpoint
+
+TICK_S = 0.05
+AT_S = 10.0
+Velocity = Callable[[float], tuple[float, float, float]]
+
+
+def noticed_s(
+    velocity_ned_m_s: Velocity,
+    asked: Callable[[float], Setpoint | None] = lambda now_s: HOLD,
+    yaw_rad: Callable[[float], float] = lambda now_s: 0.0,
+    until_s: float = 20.0,
+) -> float:
+    """When it was noticed; never is infinite."""
+    watch = UnaskedWatch()
+    for tick in range(round(until_s / TICK_S)):
+        now_s = tick * TICK_S
+        watch.take(Odometry(now_s, (0, 0, 0), velocity_ned_m_s(now_s), yaw_rad(now_s)))
+        watch.ask(now_s, asked(now_s), yaw_rad(now_s))
+        if watch.has_flown_away:
+            return now_s
+    return math.inf
+
+
+def from_then_on(rate_m_s2: float, now_s: float) -> float:
+    return rate_m_s2 * max(0.0, now_s - AT_S)
+
+
+@pytest.mark.parametrize("course_rad", [0.0, 1.0, math.pi, -2.0])
+@pytest.mark.parametrize("forward_m_s", [0.0, 0.5])
+def test_a_fly_away_is_noticed_within_half_a_second(course_rad: float, forward_m_s: float) -> None:
+    def velocity(now_s: float) -> tuple[float, float, float]:
+        speed = from_then_on(2.5, now_s)
+        return forward_m_s + speed * math.cos(course_rad), speed * math.sin(course_rad), 0.0
+
+    assert AT_S < noticed_s(velocity, lambda now_s: Setpoint(forward_m_s)) <= AT_S + 0.65
+
+
+@pytest.mark.parametrize(
+    ("rate_m_s2", "within_s"), [(5.0, 0.3), (2.5, 0.5), (1.5, 0.8), (0.5, 1.1)]
+)
+@pytest.mark.parametrize("up", [False, True])
+def test_from_a_hover_the_slower_it_is_the_later(
+    rate_m_s2: float, within_s: float, up: bool
+) -> None:
+    def velocity(now_s: float) -> tuple[float, float, float]:
+        speed = from_then_on(rate_m_s2, now_s)
+        return (0.0, 0.0, -speed) if up else (speed, 0.0, 0.0)
+
+    assert AT_S < noticed_s(velocity) <= AT_S + within_s + 1e-6
+
+
+@pytest.mark.parametrize("gust_m_s", [0.5, 1.0])
+@pytest.mark.parametrize("rise_s", [0.05, 0.2, 0.3])
+@pytest.mark.parametrize("forward_m_s", [0.0, 0.5])
+def test_a_gust_is_borne(gust_m_s: float, rise_s: float, forward_m_s: float) -> None:
+    def velocity(now_s: float) -> tuple[float, float, float]:
+        pushed = min(1.0, max(0.0, now_s - AT_S) / rise_s) if now_s < AT_S + 3 else 0.0
+        return forward_m_s + gust_m_s * pushed, 0.0, 0.0
+
+    assert noticed_s(velocity, lambda now_s: Setpoint(forward_m_s)) == math.inf
+
+
+@pytest.mark.parametrize("left_s", [0.25, 0.5, 1.0, 2.0])
+def test_what_is_left_of_a_setpoint_is_as_asked(left_s: float) -> None:
+    """Started and stopped every 3 s; answered by a lag as quick and as slow as any was seen."""
+
+    def asked(now_s: float) -> float:
+        return 0.8 if now_s % 6 < 3 else 0.0
+
+    answered = [0.0]
+    while len(answered) < 401:
+        last = answered[-1]
+        answered.append(last + (asked(len(answered) * TICK_S - 0.3) - last) * TICK_S / left_s)
+    watched = noticed_s(
+        lambda now_s: (1.1 * answered[round(now_s / TICK_S)], 0.0, 0.0),
+        lambda now_s: Setpoint(asked(now_s)),
+    )
+    assert watched == math.inf
+
+
+def test_a_circle_is_as_asked() -> None:
+    """The velocity lags behind a heading that turns at 45 degrees a second by half a second."""
+
+    def velocity(now_s: float) -> tuple[float, float, float]:
+        yaw = math.radians(45) * (now_s - 0.5)
+        return 0.8 * math.cos(yaw), 0.8 * math.sin(yaw), 0.0
+
+    circling = Setpoint(0.8, 0.0, 0.0, math.radians(45))
+    yaw_rad = lambda now_s: math.radians(45) * now_s  # noqa: E731 - one line
+    assert noticed_s(velocity, lambda now_s: circling, yaw_rad) == math.inf
+
+
+def test_while_the_autopilot_flies_by_itself_nothing_is_unasked() -> None:
+    climb = lambda now_s: (0.0, 0.0, -1.24)  # noqa: E731 - one line
+    assert noticed_s(climb, lambda now_s: None) == math.inf
+
+
+def test_the_end_of_a_take_off_is_not_unasked() -> None:
+    def velocity(now_s: float) -> tuple[float, float, float]:
+        return 0.0, 0.0, -1.24 * math.exp(-max(0.0, now_s - AT_S) / 0.3)
+
+    assert noticed_s(velocity, lambda now_s: HOLD if now_s >= AT_S else None) == math.inf
+
+
+def test_it_lasts_until_it_is_over() -> None:
+    watch = UnaskedWatch()
+    for tick in range(200):
+        now_s = tick * TICK_S
+        speed = {True: 2.0, False: 0.0}[3.0 < now_s < 5.0]
+        watch.take(Odometry(now_s, (0, 0, 0), (speed, 0, 0), 0.0))
+        watch.ask(now_s, HOLD, 0.0)
+        assert watch.has_flown_away == (3.0 < now_s < 5.0)
