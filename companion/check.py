@@ -112,7 +112,8 @@ class Examination:
         findings.append(Finding("link", Verdict.GOOD, link))
         remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
         if vehicle.waits_for:
-            findings.append(Finding("autopilot", Verdict.WAIT, vehicle.waits_for, remedy))
+            verdict = Verdict.BAD if "send_pose" in vehicle.waits_for else Verdict.WAIT
+            findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
         else:
             findings.append(Finding("autopilot", Verdict.GOOD, "its estimate is ready"))
         self._ask(now_s)

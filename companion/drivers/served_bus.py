@@ -45,6 +45,10 @@ class _Connection:
     def post(self, op: int, payload: bytes) -> None:
         self._socket.sendall(REQUEST.pack(op, len(payload)) + payload)
 
+    def wait_long(self) -> None:
+        """Where an autopilot leads the time, it stands still while that is silent."""
+        self._socket.settimeout(None)
+
     def reply(self) -> tuple[int, bytes]:
         status, length = REPLY.unpack(self._receive(REPLY.size))
         return status, self._receive(length)
@@ -139,6 +143,7 @@ class VirtualClock:
             self._connection = _Connection(host, port)
         except OSError as error:
             raise _refused(host, port, error) from error
+        self._connection.wait_long()
 
     def advance_to(self, time_s: float, udp_port: int, datagrams_sent: int) -> tuple[float, int]:
         """Let the simulation reach a time; the time reached, and the datagrams sent to us.

@@ -2,7 +2,9 @@
 
 import math
 import struct
+from collections.abc import Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, ClassVar, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -46,6 +48,10 @@ class Dialect(Protocol):
     """It lifts off by following a climbing setpoint in its offboard mode."""
     estimator_message: ClassVar[int]
     """Which message tells the state of the estimator."""
+    texts_need: ClassVar[Mapping[str, int]]
+    """If it tells texts only to ground stations: how it must be set that we may beat as one."""
+    pose_needs: ClassVar[Mapping[str, int]]
+    """How it must be set to fly by our pose, and by a velocity of its own."""
 
     def mode_name(self, custom_mode: int) -> str: ...
 
@@ -59,6 +65,10 @@ class Dialect(Protocol):
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         """What bounds how long an old setpoint is flown, and what happens then; as we want them."""
+        ...
+
+    def parameter_value(self, message: Any) -> float:
+        """What a PARAM_VALUE (22) tells."""
         ...
 
     def command(self, command: Command) -> tuple[int, Parameters]:
@@ -86,6 +96,10 @@ class ArduPilot:
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     takes_off_by_setpoint: ClassVar[bool] = False
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT
+    texts_need: ClassVar[Mapping[str, int]] = MappingProxyType({})
+    pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
+        {"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 5, "EK3_SRC1_YAW": 6}
+    )
 
     GUIDED, LAND = 4, 9
     POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
@@ -104,6 +118,9 @@ class ArduPilot:
         if flags & mavlink.EKF_CONST_POS_MODE or not flags & mavlink.EKF_VELOCITY_HORIZ:
             return NO_VELOCITY
         return "" if flags & self.POSITION_FLAGS else NO_POSITION
+
+    def parameter_value(self, message: Any) -> float:
+        return float(message.param_value)
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         return (_real("GUID_TIMEOUT", setpoint_loss_s),)
@@ -150,6 +167,10 @@ class Px4:
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_PX4
     takes_off_by_setpoint: ClassVar[bool] = True
     estimator_message: ClassVar[int] = mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS
+    texts_need: ClassVar[Mapping[str, int]] = MappingProxyType({"NAV_DLL_ACT": 0})
+    pose_needs: ClassVar[Mapping[str, int]] = MappingProxyType(
+        {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
+    )
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
 
@@ -160,12 +181,19 @@ class Px4:
         return custom_mode == px4_mode(self.OFFBOARD_MAIN)
 
     def estimate_complaint(self, message: Any) -> str:
+        """CONST_POS_MODE tells nothing: since 1.16 every vehicle that stands sets it."""
         flags = message.flags
         if not flags & mavlink.ESTIMATOR_ATTITUDE:
             return NOT_SETTLED
-        if flags & mavlink.ESTIMATOR_CONST_POS_MODE or not flags & mavlink.ESTIMATOR_VELOCITY_HORIZ:
+        if not flags & mavlink.ESTIMATOR_VELOCITY_HORIZ:
             return NO_VELOCITY
         return "" if flags & mavlink.ESTIMATOR_POS_HORIZ_REL else NO_POSITION
+
+    def parameter_value(self, message: Any) -> float:
+        if message.param_type != mavlink.MAV_PARAM_TYPE_INT32:
+            return float(message.param_value)
+        (number,) = struct.unpack("<i", struct.pack("<f", message.param_value))
+        return float(number)
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
         return (

@@ -14,9 +14,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
 from companion.link.dialect import Dialect, Parameter, dialect_of
+from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
+from companion.link.origin import Origin
+from companion.link.parameters import ReadParameters
 from companion.link.pose_report import PoseReport
+from companion.link.pose_source import PoseSource
 from companion.link.requests import CommandSender, Stream
+from companion.link.texts import Texts
 from companion.link.transport import Message, Transport
 from companion.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.values import value
@@ -59,7 +64,7 @@ class Link:
         self._listeners = listeners
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
-        self._origin = _origin(config)
+        self._origin = Origin(config)
         self._setpoint_loss_s = config.setpoint_loss_s
         self._dialect: Dialect | None = None
         self._safety: tuple[Parameter, ...] = ()
@@ -72,7 +77,10 @@ class Link:
         self._follows_us = config.send_pose
         self._odometry = OdometryReader(follows_us=self._follows_us)
         self._pose_report = PoseReport() if config.send_pose else None
-        self._texts: dict[int, str] = {}
+        self._pose_source = PoseSource()
+        self._texts = Texts()
+        self._ground_station = GroundStation()
+        self._read = ReadParameters()
         self._commands = CommandSender()
         self._streams: dict[int, Stream] = {}
         """By message id."""
@@ -85,11 +93,13 @@ class Link:
         texts: list[str] = []
         for message in self._transport.receive():
             if (message.get_srcSystem(), message.get_srcComponent()) != self._target:
+                if message.get_srcSystem() == self._target[0]:
+                    self._pose_source.overhear(message, now_s)
                 continue
             self._heard_s = now_s
             kind = message.get_type()
             if kind == "STATUSTEXT":
-                texts += self._text(message)
+                texts += self._texts.hear(message, now_s)
             elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
                 if self._odometry.has_restarted(message):
                     self._start_over()
@@ -101,6 +111,7 @@ class Link:
             for listener in self._listeners:
                 if message.get_msgId() in listener.streams_hz:
                     listener.hear(message, now_s)
+        texts += self._texts.overdue(now_s)
         for text in texts:
             self._commands.explain(text)
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
@@ -109,6 +120,8 @@ class Link:
         """The autopilot has rebooted: it may have forgotten what it was asked and set to."""
         self._odometry = OdometryReader(follows_us=self._follows_us)
         self._parameters_set.clear()
+        self._read.forget()
+        self._origin.forget()
         self._landed_state = LandedState.UNKNOWN
 
     def _note(self, kind: str, message: Message) -> None:
@@ -121,6 +134,8 @@ class Link:
             self._battery = message.battery_remaining / 100 if known else None
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
+        elif kind == "GPS_GLOBAL_ORIGIN":
+            self._origin.hear()
         elif kind == "COMMAND_ACK":
             self._commands.acknowledge(message)
         elif self._dialect is None:
@@ -128,6 +143,7 @@ class Link:
         elif message.get_msgId() == self._dialect.estimator_message:
             self._estimate_complaint = self._dialect.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
+            self._read.hear(message.param_id, self._dialect.parameter_value(message))
             for parameter in self._safety:
                 if message.param_id == parameter.name:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
@@ -137,6 +153,8 @@ class Link:
         dialect = dialect_of(autopilot)
         if dialect is not None:
             self._safety = dialect.safety_parameters(self._setpoint_loss_s)
+            pose_needs = dialect.pose_needs if self._follows_us else {}
+            self._read.want([*dialect.texts_need, *pose_needs])
             rates_hz = {
                 mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
                 mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
@@ -149,21 +167,12 @@ class Link:
             self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
         return dialect
 
-    def _text(self, message: Message) -> list[str]:
-        """A STATUSTEXT, or a longer text once its last chunk has come."""
-        if not message.id:
-            return [message.text]
-        self._texts[message.id] = self._texts.get(message.id, "") + message.text
-        if len(message.text) < 50:
-            return [self._texts.pop(message.id)]
-        return []
-
     def _vehicle(self, now_s: float) -> VehicleState:
         age_s = now_s - self._heard_s
         dialect = self._dialect
         if dialect is None:
             return VehicleState(silent_s=age_s)
-        waits_for = self._waits_for()
+        waits_for = self._waits_for(now_s)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
@@ -205,6 +214,8 @@ class Link:
         if now_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S - 1e-6:
             self._heartbeat_s = now_s
             messages.append(_heartbeat(active=setpoint is not None))
+            if self._may_beat_as_ground_station():
+                messages.append(self._ground_station.heartbeat())
         if self._dialect is None:
             return messages
         if now_s - self._asked_s >= REQUEST_PERIOD_S:
@@ -216,10 +227,14 @@ class Link:
             messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
         return messages
 
+    def _may_beat_as_ground_station(self) -> bool:
+        needs = self._dialect.texts_need if self._dialect is not None else {}
+        return bool(needs) and all(self._read.values.get(n) == v for n, v in needs.items())
+
     def _requests(self, now_s: float) -> list[Message]:
         messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
-        if not self._odometry.has_position:
-            messages.append(self._origin)
+        messages += self._origin.requests(self._target)
+        messages += self._read.requests(self._target)
         messages += [
             mavlink.MAVLink_param_set_message(
                 *self._target, parameter.name.encode(), parameter.wire_value, parameter.kind
@@ -229,14 +244,22 @@ class Link:
         ]
         return messages
 
-    def _waits_for(self) -> str:
+    def _waits_for(self, now_s: float) -> str:
         """What keeps us from flying by the autopilot's estimate; or nothing."""
+        if complaint := self._pose_complaint(now_s):
+            return complaint
         if self._estimate_complaint:
             return self._estimate_complaint
         if not self._odometry.has_position:
             return "no LOCAL_POSITION_NED comes from it"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
         return f"it does not confirm {', '.join(unset)}" if unset else ""
+
+    def _pose_complaint(self, now_s: float) -> str:
+        """Why it would not fly by our pose, if it is told that at all."""
+        if not self._follows_us or self._dialect is None:
+            return ""
+        return self._pose_source.complaint(now_s, self._dialect.pose_needs, self._read.values)
 
 
 def _landed_state(value: int) -> LandedState:
@@ -251,16 +274,6 @@ def _heartbeat(*, active: bool) -> Message:
     state = mavlink.MAV_STATE_ACTIVE if active else mavlink.MAV_STATE_STANDBY
     return mavlink.MAVLink_heartbeat_message(
         mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, state, 3
-    )
-
-
-def _origin(config: LinkConfig) -> Message:
-    """SET_GPS_GLOBAL_ORIGIN (48), which the estimators need although there is no GPS."""
-    return mavlink.MAVLink_set_gps_global_origin_message(
-        config.system_id,
-        round(1e7 * config.origin_lat_deg),
-        round(1e7 * config.origin_lon_deg),
-        round(1e3 * config.origin_alt_m),
     )
 
 

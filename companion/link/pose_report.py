@@ -80,7 +80,10 @@ def _halfway(one: Pose, other: Pose) -> Pose:
 
 
 def _message(time_s: float, pose: Pose, at: _Alignment) -> Message:
-    """ODOMETRY (331): LOCAL_FRD with child BODY_FRD is what ArduPilot and PX4 both take."""
+    """ODOMETRY (331): LOCAL_FRD with child BODY_FRD is what ArduPilot and PX4 both take.
+
+    So is VIO: PX4 takes vision and VIO for sources of a pose, and refuses, for example, LIDAR.
+    """
     north_m, east_m = frd_to_ned(pose.north_m, pose.east_m, at.yaw_rad)
     half_rad = 0.5 * wrap_rad(pose.yaw_rad + at.yaw_rad)
     return mavlink.MAVLink_odometry_message(
@@ -95,7 +98,7 @@ def _message(time_s: float, pose: Pose, at: _Alignment) -> Message:
         _covariance(pose),
         [UNKNOWN] * 21,
         pose.reset_counter % 256,
-        mavlink.MAV_ESTIMATOR_TYPE_LIDAR,
+        mavlink.MAV_ESTIMATOR_TYPE_VIO,
         0,
     )
 

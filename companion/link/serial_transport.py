@@ -5,7 +5,7 @@ from typing import Any
 
 from companion.errors import LinkError
 from companion.link.signing import Signing
-from companion.link.transport import Message, decode_stream, make_codec
+from companion.link.transport import Message, decode_stream, frame, make_codec
 
 RETRY_PERIOD_S = 1.0
 
@@ -51,8 +51,7 @@ class SerialTransport:
         return messages
 
     def send(self, message: Message) -> None:
-        data = message.pack(self._codec)
-        self._codec.seq = (self._codec.seq + 1) % 256
+        data = frame(self._codec, message)
         try:
             self._ready_port().write(data)
         except OSError:

@@ -55,6 +55,22 @@ def make_codec(system_id: int, component_id: int, signing: Signing | None = None
     return codec
 
 
+def sent_by(message: Message, component_id: int, number: int) -> Message:
+    """The same message from another component of ours, which numbers what it sends itself."""
+    message.sent_by = component_id, number % 256
+    return message
+
+
+def frame(codec: Any, message: Message) -> bytes:
+    """Its bytes, from the component that it is sent by."""
+    ours = codec.srcComponent, codec.seq
+    other = getattr(message, "sent_by", None)
+    codec.srcComponent, codec.seq = other or ours
+    data: bytes = message.pack(codec)
+    codec.srcComponent, codec.seq = ours[0], (ours[1] + (other is None)) % 256
+    return data
+
+
 def decode(codec: Any, data: bytes) -> list[Message]:
     """Whole messages in a packet; what cannot be parsed or is not known is left out.
 
@@ -189,10 +205,8 @@ class UdpTransport:
     def send(self, message: Message) -> None:
         if self._peer is None:
             return
-        data = message.pack(self._codec)
-        self._codec.seq = (self._codec.seq + 1) % 256
         try:
-            self._socket.sendto(data, self._peer)
+            self._socket.sendto(frame(self._codec, message), self._peer)
         except OSError:
             return
         self.datagrams_sent += 1
@@ -220,8 +234,7 @@ class _PipeEnd:
         return decode(self._codec, data)
 
     def send(self, message: Message) -> None:
-        self._outbox.append(message.pack(self._codec))
-        self._codec.seq = (self._codec.seq + 1) % 256
+        self._outbox.append(frame(self._codec, message))
 
     def close(self) -> None:
         self._outbox.clear()
@@ -243,7 +256,8 @@ class _DirectEnd:
 
     def send(self, message: Message) -> None:
         message._header.srcSystem = self._system_id
-        message._header.srcComponent = self._component_id
+        sender = getattr(message, "sent_by", (self._component_id,))
+        message._header.srcComponent = sender[0]
         _round_floats(message)
         self._outbox.append(message)
 

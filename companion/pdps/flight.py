@@ -258,7 +258,9 @@ def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
         return replace(flight, since_s=view.time_s), NOTHING
     if _age_s(flight, view) > PREPARE_TIMEOUT_S:
         missing = (
-            "the gyro is not at rest" if view.vehicle.estimate_ready else "no position estimate"
+            "the gyro is not at rest"
+            if view.vehicle.estimate_ready
+            else view.vehicle.waits_for or "no position estimate"
         )
         trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {missing}"
         return _go(flight, Phase.FAILED, view, trouble), NOTHING

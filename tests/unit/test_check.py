@@ -25,13 +25,20 @@ from tests.contract.bench import STILL, Bench, make_bench
 class Drone:
     """A simulated drone on the floor, looked at for some seconds."""
 
-    def __init__(self, parameters: dict[str, float] | None = None, **wired_otherwise: Any) -> None:
+    def __init__(
+        self,
+        parameters: dict[str, float] | None = None,
+        *,
+        send_pose: bool = False,
+        **wired_otherwise: Any,
+    ) -> None:
         usual = Config()
         sitl_end, companion_end = direct_pair()
         world = load_world("room_100")
         setup = Setup(world, "room_100", 1, usual.sensors, parameters=parameters or {})
         self.simulation = Simulation(setup, [sitl_end])
-        config = Config.model_validate({"sensors": wired_otherwise})
+        link = {"send_pose": send_pose}
+        config = Config.model_validate({"sensors": wired_otherwise, "link": link})
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
 
     def looked_at(self, seconds: float = 6.0) -> dict[str, Finding]:
@@ -97,6 +104,18 @@ def test_an_autopilot_without_velocity_is_told_what_it_needs(
     assert autopilot.verdict is Verdict.WAIT
     assert words in autopilot.seen
     assert "optical flow" in autopilot.remedy
+
+
+def test_an_autopilot_that_would_fly_away_on_our_pose_is_told() -> None:
+    """Position from us, heading from its compass."""
+    half = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0}
+    finding = Drone(half, send_pose=True).looked_at()["autopilot"]
+    assert finding.verdict is Verdict.BAD
+    assert finding.seen == "link.send_pose: EK3_SRC1_YAW is 1, set it to 6"
+    assert Drone(half | {"EK3_SRC1_YAW": 6.0}, send_pose=True).looked_at()["autopilot"].verdict in (
+        Verdict.GOOD,
+        Verdict.WAIT,
+    )
 
 
 def test_an_estimator_that_has_not_settled_is_waited_for() -> None:

@@ -1,5 +1,6 @@
 """The companion's view of the autopilot, against a scripted vehicle."""
 
+import itertools
 import math
 from typing import Any
 
@@ -8,8 +9,10 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
 from companion.link.link import Link, Telemetry
-from companion.link.transport import Message, pipe_pair
+from companion.link.transport import Message, pipe_pair, sent_by
 from companion.messages import Command, CommandKind, LandedState, Setpoint
+from sitl.autopilot.core import Autopilot
+from tests.unit.autopilot_client import START, as_float
 
 TICK_S = 0.05
 
@@ -81,9 +84,7 @@ def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> No
     vehicle.says(heartbeat())
     vehicle.tick()
     asked = {int(m.param1) for m in vehicle.heard if m.get_type() == "COMMAND_LONG"}
-    assert asked == {32, 30, 245, 193, 1}
-    kinds = {m.get_type() for m in vehicle.heard}
-    assert {"SET_GPS_GLOBAL_ORIGIN", "PARAM_SET"} <= kinds
+    assert asked == {32, 30, 245, 193, 1, 49}
     (timeout,) = [m for m in vehicle.heard if m.get_type() == "PARAM_SET"]
     assert (timeout.param_id, timeout.param_value) == ("GUID_TIMEOUT", 0.5)
 
@@ -245,3 +246,244 @@ def test_landed_state(vehicle: Vehicle, value: int, state: LandedState) -> None:
 
 def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> None:
     assert math.isinf(vehicle.says().vehicle.silent_s)
+
+
+# The origin
+
+
+def ticks_for(vehicle: Vehicle, seconds: float) -> list[Any]:
+    return [m for _ in range(round(seconds / TICK_S)) for m in vehicle.tick()]
+
+
+def origins(messages: list[Any]) -> int:
+    return [m.get_type() for m in messages].count("SET_GPS_GLOBAL_ORIGIN")
+
+
+ORIGIN = mavlink.MAVLink_gps_global_origin_message(473977000, 85456000, 488000)
+
+
+def test_an_autopilot_that_has_an_origin_keeps_it(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat())
+    vehicle.tick()
+    vehicle.says(ORIGIN)
+    assert origins(ticks_for(vehicle, 5)) == 0
+
+
+def test_one_without_is_given_ours_until_it_tells_it(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat(), position(1))
+    assert origins(ticks_for(vehicle, 5)) == 4
+    vehicle.says(ORIGIN)
+    assert origins(ticks_for(vehicle, 5)) == 0
+
+
+def test_a_restarted_autopilot_is_given_it_again(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat(), ORIGIN, attitude(60_000))
+    assert origins(ticks_for(vehicle, 3)) == 0
+    vehicle.says(attitude(100))
+    assert origins(ticks_for(vehicle, 5)) > 2
+
+
+# PX4
+
+
+PX4_ESTIMATE_AT_REST = 495
+
+
+def px4_heartbeat() -> Message:
+    return mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3)
+
+
+def px4_parameter(name: bytes, value: int) -> Message:
+    return mavlink.MAVLink_param_value_message(name, as_float("<i", value), 6, 1, 0)
+
+
+def px4_estimate(flags: int) -> Message:
+    return mavlink.MAVLink_estimator_status_message(0, flags, *(0.0,) * 8)
+
+
+@pytest.mark.parametrize(
+    ("flags", "complaint"),
+    [
+        (PX4_ESTIMATE_AT_REST, ""),
+        (511, ""),
+        (367, ""),
+        (239, ""),
+        (229, "no velocity source"),
+        (128, "not settled"),
+        (PX4_ESTIMATE_AT_REST & ~8, "no position"),
+    ],
+)
+def test_a_px4_that_stands_is_ready_and_one_without_a_position_is_not(
+    flags: int, complaint: str
+) -> None:
+    vehicle = Vehicle()
+    timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
+    action = px4_parameter(b"COM_OBL_RC_ACT", 4)
+    state = vehicle.says(px4_heartbeat(), position(1), timeout, action, px4_estimate(flags)).vehicle
+    assert state.estimate_ready == (not complaint)
+    assert complaint in state.waits_for
+
+
+def ground_beats(messages: list[Any]) -> list[Any]:
+    return [m for m in messages if m.get_type() == "HEARTBEAT" and m.type == mavlink.MAV_TYPE_GCS]
+
+
+@pytest.mark.parametrize(("dll_act", "beats"), [(0, 5), (2, 0), (None, 0)])
+def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
+    dll_act: int | None, beats: int
+) -> None:
+    """Else the loss of a real one, on another link, would be hidden."""
+    vehicle = Vehicle()
+    vehicle.says(px4_heartbeat())
+    if dll_act is not None:
+        vehicle.says(px4_parameter(b"NAV_DLL_ACT", dll_act))
+    heard = ticks_for(vehicle, 5)
+    told = ground_beats(heard)
+    assert len(told) == pytest.approx(beats, abs=1)
+    assert {m.get_srcComponent() for m in told} <= {190}
+    own = [m for m in heard if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == 191]
+    assert len(own) == 5
+    assert all(m.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER for m in own)
+
+
+def test_either_component_numbers_its_messages_without_gaps() -> None:
+    vehicle = Vehicle()
+    vehicle.says(px4_heartbeat(), px4_parameter(b"NAV_DLL_ACT", 0))
+    heard = ticks_for(vehicle, 5)
+    for component in (190, 191):
+        numbers = [m.get_seq() for m in heard if m.get_srcComponent() == component]
+        steps = {(b - a) % 256 for a, b in itertools.pairwise(numbers)}
+        assert steps == {1}
+
+
+def test_ardupilot_hears_no_ground_station(vehicle: Vehicle) -> None:
+    vehicle.says(heartbeat())
+    assert ground_beats(ticks_for(vehicle, 3)) == []
+
+
+def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
+    """The emulated PX4 tells texts to nobody else."""
+    vehicle_end, companion_end = pipe_pair()
+    link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, personality="px4")
+    texts: list[str] = []
+    for tick in range(200):
+        texts += link.poll(tick * TICK_S).texts
+        link.send(tick * TICK_S, None, Command(CommandKind.ARM) if tick > 100 else None)
+        for message in vehicle_end.receive():
+            px4.receive(message)
+        for _ in range(5):
+            px4.step()
+        for message in px4.take_outbox():
+            vehicle_end.send(message)
+        if tick == 50:
+            px4.refuse_arming(refuse=True)
+    assert "Arming denied: Resolve system health failures first" in texts
+
+
+@pytest.mark.parametrize("text_id", [0, 7])
+def test_chunks_are_joined_whatever_the_id(text_id: int) -> None:
+    vehicle = Vehicle()
+    vehicle.says(px4_heartbeat())
+    chunks = [
+        mavlink.MAVLink_statustext_message(6, chunk, text_id, number)
+        for number, chunk in enumerate((b"a" * 50, b"b\t"))
+    ]
+    assert vehicle.says(*chunks).texts == ("a" * 50 + "b",)
+
+
+def test_a_text_of_exactly_one_chunk_does_not_wait_for_ever() -> None:
+    vehicle = Vehicle()
+    vehicle.says(px4_heartbeat())
+    assert vehicle.says(mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0)).texts == ()
+    vehicle.now_s += 0.6
+    assert vehicle.says().texts == ("a" * 50,)
+    vehicle.says(mavlink.MAVLink_statustext_message(6, b"b" * 50, 8, 0))
+    following = mavlink.MAVLink_statustext_message(6, b"c\t", 9, 0)
+    assert vehicle.says(following).texts == ("b" * 50, "c")
+
+
+# Our pose
+
+
+ARDUPILOT_POSE = {"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 5, "EK3_SRC1_YAW": 6}
+PX4_POSE = {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
+
+
+class Told(Vehicle):
+    """Ready but for what its parameters say of our pose."""
+
+    def __init__(self, autopilot: str, parameters: dict[str, int]) -> None:
+        super().__init__(LinkConfig(send_pose=True))
+        if autopilot == "px4":
+            timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
+            self.says(px4_heartbeat(), timeout, px4_parameter(b"COM_OBL_RC_ACT", 4))
+            self.says(px4_estimate(PX4_ESTIMATE_AT_REST))
+            told = [px4_parameter(name.encode(), value) for name, value in parameters.items()]
+        else:
+            timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 0)
+            report = mavlink.MAVLink_ekf_status_report_message(895, 0, 0, 0, 0, 0)
+            self.says(heartbeat(), timeout, report)
+            told = [
+                mavlink.MAVLink_param_value_message(name.encode(), value, 2, 1, 0)
+                for name, value in parameters.items()
+            ]
+        self.says(position(1), *told)
+
+    @property
+    def waits_for(self) -> str:
+        return self.says().vehicle.waits_for
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "right", "name", "wrong"),
+    [
+        ("ardupilot", ARDUPILOT_POSE, "EK3_SRC1_YAW", 1),
+        ("ardupilot", ARDUPILOT_POSE, "EK3_SRC1_VELXY", 6),
+        ("ardupilot", ARDUPILOT_POSE, "EK3_SRC1_POSXY", 0),
+        ("ardupilot", ARDUPILOT_POSE, "VISO_TYPE", 0),
+        ("px4", PX4_POSE, "EKF2_EV_CTRL", 5),
+        ("px4", PX4_POSE, "EKF2_EV_CTRL", 0),
+        ("px4", PX4_POSE, "EKF2_OF_CTRL", 0),
+    ],
+)
+def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
+    autopilot: str, right: dict[str, int], name: str, wrong: int
+) -> None:
+    assert Told(autopilot, right).waits_for == ""
+    waits_for = Told(autopilot, {**right, name: wrong}).waits_for
+    assert f"{name} is {wrong}, set it to {right[name]}" in waits_for
+    without = {other: value for other, value in right.items() if other != name}
+    assert f"does not tell {name}" in Told(autopilot, without).waits_for
+
+
+def test_without_our_pose_these_parameters_do_not_matter() -> None:
+    vehicle = Vehicle()
+    vehicle.says(heartbeat())
+    assert not any(m.get_type() == "PARAM_REQUEST_READ" for m in ticks_for(vehicle, 3))
+
+
+@pytest.mark.parametrize("component", [197, 25])
+@pytest.mark.parametrize("kind", ["odometry", "vision"])
+def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
+    told = Told("ardupilot", ARDUPILOT_POSE)
+    message = (
+        mavlink.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0)
+        if kind == "vision"
+        else mavlink.MAVLink_odometry_message(
+            *(0, 20, 12, 0, 0, 0, [1, 0, 0, 0], *(0,) * 6, [0] * 21, [0] * 21, 0, 2)
+        )
+    )
+    told.says(sent_by(message, component, 0))
+    assert f"component {component} tells it a pose" in told.waits_for
+    told.now_s += 6
+    told.says(heartbeat())
+    assert told.waits_for == ""
+
+
+def test_the_autopilots_own_odometry_is_no_second_sender() -> None:
+    told = Told("px4", PX4_POSE)
+    own = mavlink.MAVLink_odometry_message(
+        *(0, 1, 12, 0, 0, 0, [1, 0, 0, 0], *(0,) * 6, [0] * 21, [0] * 21, 0, 8)
+    )
+    told.says(own)
+    assert told.waits_for == ""
