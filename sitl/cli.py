@@ -14,6 +14,7 @@ from companion.options import MissionSet
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
 from sitl.errors import SitlError
+from sitl.external.held_speed import HeldSpeed
 from sitl.options import (
     Autopilot,
     Battery,
@@ -30,6 +31,7 @@ from sitl.options import (
 )
 from sitl.record import TruthRecord
 from sitl.run import Door, Server
+from sitl.score_cli import score
 from sitl.serving import external_door, fleet_doors
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
@@ -50,6 +52,7 @@ commands = typer.Typer(
 commands.add_typer(world_commands, name="world")
 commands.add_typer(bench_commands, name="bench")
 commands.command()(view)
+commands.command()(score)
 
 
 class RunAutopilot(StrEnum):
@@ -153,7 +156,7 @@ def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Pa
     vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
     print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=MOST_SPEED))
+    _serve(Server(vehicle, [door], speed=MOST_SPEED, attendance=HeldSpeed(_say)))
     _save_truth([vehicle.record], truth)
 
 

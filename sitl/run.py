@@ -35,6 +35,14 @@ class Served(Protocol):
     def advance(self, time_s: float) -> None: ...
 
 
+class Attendance(Protocol):
+    """Looks at how well a companion that asks for time keeps up; the first of each is wall time."""
+
+    def asked(self, now_s: float, worked_s: float, time_s: float, wanted_s: float) -> None: ...
+
+    def reached(self, now_s: float, stepping_s: float, time_s: float) -> None: ...
+
+
 @dataclass(frozen=True, slots=True)
 class Door:
     """Where one vehicle's companion comes in."""
@@ -85,9 +93,16 @@ class Server:
     """The event loop; `stop` from a signal handler ends it."""
 
     def __init__(
-        self, served: Served, doors: Sequence[Door], *, speed: float, lockstep: bool = False
+        self,
+        served: Served,
+        doors: Sequence[Door],
+        *,
+        speed: float,
+        lockstep: bool = False,
+        attendance: Attendance | None = None,
     ) -> None:
         self._served = served
+        self._attendance = attendance
         self._lockstep = lockstep
         self._pace = Pace(speed)
         self._clients: list[_Client] = []
@@ -178,12 +193,23 @@ class Server:
             self._await_datagrams(client)
         requests = [client.connection.waits_for for client in waiting]
         target_s = min(request.target_s for request in requests if request)
-        self._served.advance(max(target_s, self._served.time_s))
+        self._advance(target_s)
         self._pace.hold_back(self._served.time_s)
         self._attended_s = time.monotonic()
         self.attended_for_s = self._attended_s - self._met_s
         for client in waiting:
             self._answer(client)
+
+    def _advance(self, target_s: float) -> None:
+        served, attendance, began_s = self._served, self._attendance, time.monotonic()
+        if attendance is not None:
+            worked_s = began_s - self._attended_s
+            attendance.asked(began_s, worked_s, served.time_s, target_s)
+        busy_s = time.process_time()
+        served.advance(max(target_s, served.time_s))
+        if attendance is not None:
+            stepping_s = time.process_time() - busy_s
+            attendance.reached(time.monotonic(), stepping_s, served.time_s)
 
     def _await_datagrams(self, client: _Client) -> None:
         """Take in what the companion has sent before it asked."""

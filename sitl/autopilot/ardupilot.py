@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector3, frd_to_ned, wrap_rad
 from sitl.autopilot.ground_truth import Place, sim_state
-from sitl.autopilot.messages import TextHabit
+from sitl.autopilot.messages import MARKED
 from sitl.autopilot.outside import AROUND, Outside, PoseMessages
 from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
 from sitl.autopilot.parameters.protocol import Parameters
@@ -125,12 +125,14 @@ class ArduPilot:
     take_off_mode: int | None = None
     hold_mode = LOITER
     refused: int = mavlink.MAV_RESULT_FAILED
+    request_refused: int = mavlink.MAV_RESULT_FAILED
     configured = CONFIGURED
     parameter_protocol: type[Parameters] = ArduPilotParameters
     system_id_parameter = "SYSID_THISMAV"
     setpoints_before_offboard = False
     acknowledges_modes_at_once = False
-    text_habit = TextHabit()
+    text_habit = MARKED
+    forwards_components = True
     lifts_off_by_setpoint = False
     least_interval_us = 2000
     interval_refused: int = mavlink.MAV_RESULT_DENIED

@@ -5,10 +5,12 @@ Here its parts are put together, and time passes.
 
 import math
 from collections.abc import Callable, Mapping
+from copy import copy
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.link.transport import sent_by
 from companion.messages import Beam
 from companion.range_config import AutopilotRange
 from sitl.autopilot.ardupilot import ArduPilot
@@ -185,6 +187,16 @@ class Autopilot:
         if self._status.step < self._silent_until_step:
             return
         self._protocol.receive(message, self._channels[link])
+        if self._is.forwards_components and self._is_for_all(message):
+            passed = sent_by(copy(message), message.get_srcComponent(), message.get_seq())
+            for number, channel in enumerate(self._channels):
+                if number != link:
+                    channel.outbox.add(passed)
+
+    def _is_for_all(self, message: Message) -> bool:
+        """From another component of this vehicle, and to nobody in particular."""
+        ours = message.get_srcSystem() == self.system_id
+        return ours and not getattr(message, "target_system", 0)
 
     def take_outbox(self, link: int = 0) -> list[Message]:
         """What has been said on one of the links since the last call."""

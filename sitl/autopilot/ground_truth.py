@@ -77,10 +77,16 @@ def _int16(value: float) -> int:
 
 
 def _quaternion_wxyz(truth: TrueState) -> tuple[float, float, float, float]:
+    return quaternion_wxyz(truth.roll_rad, truth.pitch_rad, truth.yaw_rad)
+
+
+def quaternion_wxyz(
+    roll_rad: float, pitch_rad: float, yaw_rad: float
+) -> tuple[float, float, float, float]:
     """Body to NED, from roll, pitch and yaw in aerospace order."""
-    cr, sr = math.cos(truth.roll_rad / 2), math.sin(truth.roll_rad / 2)
-    cp, sp = math.cos(truth.pitch_rad / 2), math.sin(truth.pitch_rad / 2)
-    cy, sy = math.cos(truth.yaw_rad / 2), math.sin(truth.yaw_rad / 2)
+    cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
+    cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
+    cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)
     return (
         cr * cp * cy + sr * sp * sy,
         sr * cp * cy - cr * sp * sy,

@@ -18,9 +18,13 @@ class TextHabit:
     needs_ground_station: bool = False
     """It goes out only on links on which a ground station's HEARTBEAT has come in."""
     numbers_all: bool = False
-    """Short texts have an id, too, and nothing marks the end of one that fills its last chunk."""
+    """All have an id, from 0 on, and nothing marks the end of one that fills its last chunk."""
     ending: str = ""
     """What stands at the end of each."""
+
+
+MARKED = TextHabit()
+"""A short chunk is the end of a text that has an id."""
 
 
 class Outbox:
@@ -56,7 +60,7 @@ class Broadcast:
     def __init__(
         self,
         outboxes: Sequence[Outbox],
-        habit: TextHabit = TextHabit(),
+        habit: TextHabit = MARKED,
         hears_texts: Callable[[Outbox], bool] = lambda _: True,
     ) -> None:
         self._outboxes = outboxes
@@ -74,10 +78,13 @@ class Broadcast:
         text += habit.ending
         chunks = [text[i : i + TEXT_LENGTH] for i in range(0, len(text), TEXT_LENGTH)]
         text_id = 0
-        if len(chunks) > 1 or habit.numbers_all:
+        if habit.numbers_all:
+            text_id = self._text_id
+            self._text_id = (text_id + 1) % 65536
+        elif len(chunks) > 1:
             self._text_id = self._text_id % 65535 + 1
             text_id = self._text_id
-            if len(chunks[-1]) == TEXT_LENGTH and not habit.numbers_all:
+            if len(chunks[-1]) == TEXT_LENGTH:
                 chunks.append("")  # a short chunk ends the text
         for outbox in filter(self._hears_texts, self._outboxes):
             for sequence, chunk in enumerate(chunks):

@@ -58,7 +58,7 @@ class Outside:
         self._ground_station_s = self._onboard_computer_s = NEVER
 
     def hear(self, message: Message, now_s: float) -> str:
-        """Take in a message; what is none of the above changes nothing. What there is to complain."""
+        """Take in a message; what is none of the above changes nothing. The complaint, if any."""
         match message.get_type():
             case "DISTANCE_SENSOR":
                 self.ranges[message.orientation] = now_s, message

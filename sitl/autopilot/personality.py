@@ -127,6 +127,8 @@ class Personality(Protocol):
     """Where a take-off mode goes on to."""
     refused: int
     """MAV_RESULT of refused arming, disarming and modes."""
+    request_refused: int
+    """MAV_RESULT of a REQUEST_MESSAGE (512) of what there is not, or not yet."""
     streams_hz: dict[int, float]
     """What is sent unasked."""
     table: Table
@@ -141,6 +143,8 @@ class Personality(Protocol):
     acknowledges_modes_at_once: bool
     """DO_SET_MODE is acknowledged when it comes, and once more when it is done or refused."""
     text_habit: TextHabit
+    forwards_components: bool
+    """What the vehicle's other components tell everybody goes out on all other links."""
     lifts_off_by_setpoint: bool
     least_interval_us: int
     """What is asked for more often than this is refused."""

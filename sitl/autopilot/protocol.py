@@ -82,11 +82,11 @@ class Protocol:
             mavlink.MAV_CMD_NAV_LAND: lambda p, _: commander.enter(personality.land_mode),
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._tell_interval,
-            mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: _send(c, _whole(p[0])),
-            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda p, c: _send(
+            mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: self._send(c, _whole(p[0])),
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda p, c: self._send(
                 c, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
             ),
-            mavlink.MAV_CMD_GET_HOME_POSITION: lambda p, c: _send(
+            mavlink.MAV_CMD_GET_HOME_POSITION: lambda p, c: self._send(
                 c, mavlink.MAVLINK_MSG_ID_HOME_POSITION
             ),
         }
@@ -178,6 +178,12 @@ class Protocol:
             return self._is.interval_refused
         return ACCEPTED
 
+    def _send(self, channel: Channel, message_id: int) -> int:
+        """MAV_CMD_REQUEST_MESSAGE (512)."""
+        answers = channel.streams.make(message_id)
+        channel.outbox.extend(answers)
+        return ACCEPTED if answers else self._is.request_refused
+
     def _tell_interval(self, parameters: Sequence[float], channel: Channel) -> int:
         message_id = _whole(parameters[0])
         interval = channel.streams.interval_us(message_id)
@@ -239,13 +245,6 @@ class Protocol:
 
 def _unsupported(parameters: Sequence[float], channel: Channel) -> int:
     return UNSUPPORTED
-
-
-def _send(channel: Channel, message_id: int) -> int:
-    """MAV_CMD_REQUEST_MESSAGE (512)."""
-    answers = channel.streams.make(message_id)
-    channel.outbox.extend(answers)
-    return ACCEPTED if answers else FAILED
 
 
 def _whole(parameter: float) -> int:

@@ -26,6 +26,7 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.px4_estimate import estimator_flags
 from sitl.autopilot.streams import Message
 from sitl.truth import TrueState
 
@@ -53,16 +54,6 @@ BASE_MODE_OF: dict[int, int] = {
 }
 """By main mode."""
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
-SETTLED = (
-    mavlink.ESTIMATOR_ATTITUDE
-    | mavlink.ESTIMATOR_VELOCITY_VERT
-    | mavlink.ESTIMATOR_POS_VERT_ABS
-    | mavlink.ESTIMATOR_POS_VERT_AGL
-)
-POSITION = mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_REL
-"""Of a position, one does not come without the other."""
-AT_REST: int = mavlink.ESTIMATOR_CONST_POS_MODE
-"""Since 1.16 that bit also says that the vehicle stands, however good its position is."""
 
 IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
@@ -154,12 +145,14 @@ class Px4:
     take_off_mode: int | None = AUTO_TAKEOFF
     hold_mode = AUTO_LOITER
     refused: int = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
+    request_refused: int = mavlink.MAV_RESULT_DENIED
     configured = CONFIGURED
     parameter_protocol: type[Parameters] = Px4Parameters
     system_id_parameter = "MAV_SYS_ID"
     setpoints_before_offboard = True
     acknowledges_modes_at_once = True
     text_habit = TextHabit(needs_ground_station=True, numbers_all=True, ending="\t")
+    forwards_components = True
     lifts_off_by_setpoint = True
     least_interval_us = 0
     interval_refused: int = mavlink.MAV_RESULT_FAILED
@@ -267,7 +260,7 @@ class Px4:
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
         """ESTIMATOR_STATUS (230)."""
-        flags = _flags(health)
+        flags = estimator_flags(health)
         return mavlink.MAVLink_estimator_status_message(
             boot_us, flags, *(0.1, 0.1, 0.1, 0.1, 0.1, 0.1, 0.05, 0.05)
         )
@@ -285,22 +278,6 @@ class Px4:
 
     def true_state(self, truth: TrueState) -> Message:
         return hil_state_quaternion(truth)
-
-
-def _flags(health: EstimatorHealth) -> int:
-    """ESTIMATOR_STATUS_FLAGS as Ekf::get_ekf_soln_status() sets them."""
-    flags = SETTLED if health.settled else 0
-    if health.is_at_rest:
-        flags |= AT_REST
-    if not health.has_position:
-        return flags
-    sources = health.sources
-    seen = sources.outside_position or sources.outside_velocity
-    if seen or not health.is_at_rest:  # flow is not fused on the ground, only expected
-        flags |= mavlink.ESTIMATOR_PRED_POS_HORIZ_REL
-    if health.has_origin:
-        flags |= mavlink.ESTIMATOR_POS_HORIZ_ABS
-    return flags | POSITION
 
 
 def _velocity(

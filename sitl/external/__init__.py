@@ -2,7 +2,7 @@
 
     autopilot ──SIM_STATE or HIL_STATE_QUATERNION──► truth ─► ranges, gyro ─► bus ─► companion
         ▲ ▲                                            │
-        │ └─── VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE, DISTANCE_SENSOR, origin
+        │ └─── ODOMETRY, DISTANCE_SENSOR, parameters
         └───── MAVLink, on a link of its own ───────────────────────────────────── companion
 
 `tracker` follows the true state, `feed` is what the autopilot is given, `setup` what it is

@@ -2,14 +2,16 @@
 
 Its simulation may run faster or slower than real time, and stutter where the machine is busy. What
 a gyro measures and how far a beam reaches belong to moments of its flight, so our world follows
-its time; the wall clock counts only while the autopilot is silent.
+its time, and stands still while it is silent.
 """
+
+from collections.abc import Callable
 
 from sitl.autopilot.streams import Message
 
-PATIENCE_S = 1.0
-"""Wall time of silence for which the autopilot is waited for; then our time goes on without it. A
-busy machine may pause it for half a second, in which it does not fly on."""
+SILENT_S = 1.0
+"""Wall time without its time from which that is told. A busy machine may pause it for half a
+second."""
 GONE_S = 1.0
 """Farther apart than this the autopilot has been restarted or was away: the two are set again."""
 
@@ -36,9 +38,24 @@ class AutopilotClock:
         return self._told_s if now_s - self._told_s <= GONE_S else now_s
 
 
-def patience_s(silent_s: float, wanted_s: float) -> float:
-    """How long to wait, by the wall clock, for it to get `wanted_s` further.
+class Silence:
+    """Tells when the autopilot falls silent and when it is back; times are wall-clock times."""
 
-    `silent_s`: for how long nothing has been heard of it, by the wall clock, too.
-    """
-    return max(PATIENCE_S - silent_s, wanted_s)
+    def __init__(self, tell: Callable[[str], None], began_s: float) -> None:
+        self._tell = tell
+        self._heard_s = began_s
+        self._was_heard = self._is_silent = False
+
+    def hear(self, now_s: float) -> None:
+        """It has told its time."""
+        if self._is_silent:
+            self._tell(f"the autopilot is heard{' again' if self._was_heard else ''}")
+        self._heard_s, self._was_heard, self._is_silent = now_s, True, False
+
+    def look(self, now_s: float) -> None:
+        """Whether it has been silent for too long by now."""
+        if self._is_silent or now_s - self._heard_s <= SILENT_S:
+            return
+        self._is_silent = True
+        state = "has fallen silent" if self._was_heard else "has not been heard yet"
+        self._tell(f"the autopilot {state}: our world stands still until it is heard")

@@ -12,6 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.frames import Vector3
 from companion.messages import Beam
 from sitl.autopilot.estimator import Estimator
+from sitl.autopilot.ground_truth import quaternion_wxyz
+from sitl.autopilot.outside import rotated
 from sitl.autopilot.streams import Message
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import BEAM_FRD, to_ned
@@ -22,7 +24,17 @@ LEAST_CM, MOST_CM = 2, 550
 RANGE_SIGMA_M = 0.02
 GEAR_M = 0.1
 """How high the down sensor looks from when the vehicle stands."""
-UNKNOWN_COVARIANCE = [math.nan] + [0.0] * 20
+POSE_SIGMAS = (0.05, 0.05, 0.05, 0.02, 0.02, 0.05)
+"""Of x, y, z, m, and roll, pitch, yaw, rad: from one message to the next, not of the drift."""
+VELOCITY_SIGMAS = (0.05, 0.05, 0.05, 0.05, 0.05, 0.05)
+"""m/s and rad/s: the noise of a step of `OdometryNoise`, and its scale at walking pace."""
+UNKNOWN = math.nan
+POSE_FRAME = {
+    "ardupilot": mavlink.MAV_FRAME_LOCAL_FRD,
+    "px4": mavlink.MAV_FRAME_LOCAL_NED,
+}
+"""ArduPilot takes no other. PX4 would turn LOCAL_FRD by the difference of two headings, and ours is
+its own."""
 ORIENTATION = {
     Beam.FRONT: mavlink.MAV_SENSOR_ROTATION_NONE,
     Beam.RIGHT: mavlink.MAV_SENSOR_ROTATION_YAW_90,
@@ -32,15 +44,32 @@ ORIENTATION = {
 }
 
 
-def vision(estimator: Estimator, truth: TrueState) -> list[Message]:
-    """VISION_POSITION_ESTIMATE (102) and VISION_SPEED_ESTIMATE (103)."""
-    now_us = round(truth.time_s * 1e6)
-    attitude = truth.roll_rad, truth.pitch_rad, estimator.yaw_rad
+def odometry(firmware: str, estimator: Estimator, truth: TrueState) -> Message:
+    """ODOMETRY (331): the pose, and the velocity in the body's frame."""
+    w, x, y, z = quaternion_wxyz(truth.roll_rad, truth.pitch_rad, estimator.yaw_rad)
+    return mavlink.MAVLink_odometry_message(
+        round(truth.time_s * 1e6),
+        POSE_FRAME[firmware],
+        mavlink.MAV_FRAME_BODY_FRD,
+        *estimator.position_ned_m,
+        [w, x, y, z],
+        *rotated((w, -x, -y, -z), estimator.velocity_ned_m_s),
+        *(UNKNOWN,) * 3,
+        _covariance(POSE_SIGMAS),
+        _covariance(VELOCITY_SIGMAS),
+        0,
+        mavlink.MAV_ESTIMATOR_TYPE_VIO,
+        0,
+    )
+
+
+def _covariance(sigmas: tuple[float, ...]) -> list[float]:
+    """(21,): the upper triangle of a diagonal matrix, row by row."""
+    size = len(sigmas)
     return [
-        mavlink.MAVLink_vision_position_estimate_message(
-            now_us, *estimator.position_ned_m, *attitude, UNKNOWN_COVARIANCE
-        ),
-        mavlink.MAVLink_vision_speed_estimate_message(now_us, *estimator.velocity_ned_m_s),
+        sigmas[row] ** 2 if row == column else 0.0
+        for row in range(size)
+        for column in range(row, size)
     ]
 
 

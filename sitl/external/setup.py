@@ -1,8 +1,10 @@
 """How an autopilot must be set up to fly in our world, and the asking for it.
 
-WAITING ──HEARTBEAT──► ASKING: streams, origin, each parameter ──all as wanted──► READY
+WAITING ──HEARTBEAT──► ASKING: streams, each parameter ──all as wanted──► READY
                          ▲ │
                          └─┘ once a second
+
+Where on Earth its position begins is the companion's to set; here it is only looked at.
 """
 
 import math
@@ -13,7 +15,7 @@ from importlib import resources
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.requests import command_long
-from sitl.autopilot.ground_truth import Place
+from sitl.autopilot.ground_truth import Place, offset_ned_m
 from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.streams import Message
 from sitl.parameter_file import ParameterFile
@@ -28,6 +30,8 @@ TRUTH_MESSAGE = {
 }
 TRUTH_HZ = ATTITUDE_HZ = 50.0
 ASK_PERIOD_S = 1.0
+MOST_ORIGIN_OFF_M = 50_000.0
+"""So far apart, the magnetic declination differs by less than a degree, but near the poles."""
 NEEDS_RESTART = (
     "EKF2_HGT_REF",
     "GPS1_TYPE",
@@ -52,11 +56,17 @@ class ExternalSetup:
         self._tell = tell
         self._target: tuple[int, int] | None = None
         self._firmware = ""
+        self._home: Place | None = None
         self._missing: Mapping[str, float] = {}
         self._changed: list[str] = []
-        self._has_origin = False
+        self._origin: Place | None = None
         self._truth_s = self._attitude_s = self._asked_s = float("-inf")
         self._is_ready = False
+
+    @property
+    def firmware(self) -> str:
+        """Which of `AUTOPILOTS` it is, once it was heard."""
+        return self._firmware
 
     @property
     def target(self) -> tuple[int, int] | None:
@@ -71,8 +81,8 @@ class ExternalSetup:
                 self._firmware = AUTOPILOTS[message.autopilot]
                 self._missing = wanted_parameters(self._firmware)
                 self._tell(f"autopilot {self._firmware}, system {self._target[0]}")
-            case "GPS_GLOBAL_ORIGIN" | "HOME_POSITION":
-                self._has_origin = True
+            case "GPS_GLOBAL_ORIGIN":
+                self._note_origin((message.latitude, message.longitude, message.altitude))
             case "PARAM_VALUE":
                 self._check(message)
             case "SIM_STATE" | "HIL_STATE_QUATERNION":
@@ -95,22 +105,31 @@ class ExternalSetup:
             (value,) = struct.unpack("<i", struct.pack("<f", value))
         return float(value)
 
+    def _note_origin(self, origin: Place) -> None:
+        """Its compass is simulated for one place, and read by the charts of the other."""
+        if self._home is None or origin == self._origin:
+            return
+        self._origin = origin
+        off_m = math.hypot(*offset_ned_m(self._home, origin)[:2])
+        if off_m > MOST_ORIGIN_OFF_M:
+            lat, lon, _ = self._home
+            self._tell(
+                f"its origin is {off_m / 1000:.0f} km from where it is simulated: in the "
+                f"companion's [link], origin_lat_deg = {lat / 1e7:.4f}, "
+                f"origin_lon_deg = {lon / 1e7:.4f}; then restart both"
+            )
+
     def requests(self, now_s: float, home: Place | None) -> list[Message]:
-        """What to ask for now."""
+        """What to ask for now; `home` is where on Earth it is simulated."""
+        self._home = home
         if self._target is None or now_s - self._asked_s < ASK_PERIOD_S:
             return []
         self._asked_s = now_s
         self._announce()
         messages = self._stream_requests(now_s)
-        if home is not None and not self._has_origin:
-            messages.append(mavlink.MAVLink_set_gps_global_origin_message(self._target[0], *home))
-            messages.append(
-                command_long(
-                    self._target,
-                    mavlink.MAV_CMD_REQUEST_MESSAGE,
-                    (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,),
-                )
-            )
+        if home is not None and self._origin is None:
+            origin = (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,)
+            messages.append(command_long(self._target, mavlink.MAV_CMD_REQUEST_MESSAGE, origin))
         for name, value in self._missing.items():
             messages += self._parameter_requests(name, value)
         return messages

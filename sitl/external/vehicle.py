@@ -11,8 +11,8 @@ from companion.link.transport import UdpTransport
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
-from sitl.external.clock import AutopilotClock, patience_s
-from sitl.external.feed import distances, vision
+from sitl.external.clock import AutopilotClock, Silence
+from sitl.external.feed import distances, odometry
 from sitl.external.setup import ExternalSetup
 from sitl.external.tracker import TruthTracker
 from sitl.noise import stream
@@ -24,8 +24,11 @@ from sitl.vehicle import STEP_S
 from sitl.world.model import WorldModel
 
 COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-VISION_STEPS, DISTANCE_STEPS, HEARTBEAT_STEPS = 2, 10, 100
-"""50, 10 and 1 Hz."""
+ODOMETRY_STEPS, DISTANCE_STEPS = 2, 10
+"""50 and 10 Hz."""
+HEARTBEAT_PERIOD_S = 1.0
+WAIT_S = 0.5
+"""Wall time; then whoever asks is served, and the autopilot waited for again."""
 KEPT_STEPS = 40
 """So much may come at once when the machine was busy; the gyro's FIFO holds less."""
 
@@ -38,8 +41,8 @@ class ExternalVehicle:
         self._transport = transport
         self._model = WorldModel(setup.world)
         self._clock = AutopilotClock()
-        self._heard_s = -math.inf
-        """When it told its time, by the wall clock."""
+        self._silence = Silence(tell, time.monotonic())
+        self._beaten_s = -math.inf
         self._tracker = TruthTracker(start)
         self._setup = ExternalSetup(tell)
         self._tell = tell
@@ -60,18 +63,32 @@ class ExternalVehicle:
         return self._steps * STEP_S
 
     def advance(self, time_s: float) -> None:
-        """Follow the flight until `time_s`, or farther if it is farther already."""
+        """Follow the flight until `time_s`, or farther if it is farther already.
+
+        Not so far if the autopilot is silent: our time is the autopilot's.
+        """
         self._take_in()
-        began_s = time.monotonic()
-        give_up_s = began_s + patience_s(began_s - self._heard_s, time_s - self.time_s)
+        give_up_s = time.monotonic() + WAIT_S
         while self.time_s < time_s - 1e-9:
+            self._ask()
             left_s = give_up_s - time.monotonic()
             if left_s <= 0:
-                self._pass(time_s)
-            else:
-                self._transport.await_datagrams(self._transport.datagrams_received + 1, left_s)
-                self._take_in()
+                break
+            self._transport.await_datagrams(self._transport.datagrams_received + 1, left_s)
+            self._take_in()
+        self._ask()
         self.board.bus.set_time(self.time_s)
+
+    def _ask(self) -> None:
+        """What is asked for by the wall clock: it tells us its time only after that."""
+        now_s = time.monotonic()
+        self._silence.look(now_s)
+        messages = self._setup.requests(now_s, self._tracker.home)
+        if now_s - self._beaten_s >= HEARTBEAT_PERIOD_S:
+            self._beaten_s = now_s
+            messages.append(_heartbeat())
+        for message in messages:
+            self._transport.send(message)
 
     def _take_in(self) -> None:
         for message in self._transport.receive():
@@ -81,10 +98,10 @@ class ExternalVehicle:
     def _hear(self, message: Message) -> None:
         told_s = self._clock.hear(message, self.time_s)
         if told_s is not None:
-            self._heard_s = time.monotonic()
+            self._silence.hear(time.monotonic())
             self._pass(told_s)
             self._estimator.yaw_rad = message.yaw
-        self._setup.hear(message, self.time_s)
+        self._setup.hear(message, time.monotonic())
         begins = self._tracker.home is None
         if self._tracker.hear(message, self._clock.told_s(self.time_s)) and begins:
             self.record = TruthRecord(self._tracker.state)
@@ -106,23 +123,12 @@ class ExternalVehicle:
             self._transport.send(message)
 
     def _due(self) -> list[Message]:
-        messages = self._setup.requests(self.time_s, self._tracker.home)
-        if self._steps % HEARTBEAT_STEPS == 0:
-            messages.append(
-                mavlink.MAVLink_heartbeat_message(
-                    mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-                    mavlink.MAV_AUTOPILOT_INVALID,
-                    *(0, 0),
-                    mavlink.MAV_STATE_ACTIVE,
-                    3,
-                )
-            )
-        if self._tracker.home is None:
-            return messages
-        if self._steps % VISION_STEPS == 0:
-            messages += vision(self._estimator, self._history.at(self.time_s))
+        if self._tracker.home is None or not self._setup.firmware:
+            return []
+        messages, truth = [], self._history.at(self.time_s)
+        if self._steps % ODOMETRY_STEPS == 0:
+            messages.append(odometry(self._setup.firmware, self._estimator, truth))
         if self._steps % DISTANCE_STEPS == 0:
-            truth = self._history.at(self.time_s)
             messages += distances(truth, self._model.range_m, self._noise)
         return messages
 
@@ -132,3 +138,14 @@ class ExternalVehicle:
         if self._setup.target is not None:
             command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
             self._transport.send(command_long(self._setup.target, command, (0, FORCE_DISARM)))
+
+
+def _heartbeat() -> Message:
+    """HEARTBEAT (0) of visual inertial odometry."""
+    return mavlink.MAVLink_heartbeat_message(
+        mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
+        mavlink.MAV_AUTOPILOT_INVALID,
+        *(0, 0),
+        mavlink.MAV_STATE_ACTIVE,
+        3,
+    )

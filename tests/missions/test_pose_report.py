@@ -5,6 +5,8 @@ import math
 import pytest
 
 from companion import config as configuration
+from companion.app import App
+from companion.pdps.flight import Phase
 from sitl.lockstep import fly_in_lockstep
 from sitl.simulation import Setup, Simulation
 from sitl.world.loading import load_world
@@ -47,3 +49,40 @@ def test_an_autopilot_that_takes_our_pose_knows_where_it_is(autopilot: str) -> N
         assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
     alone = [fly(autopilot, seed, send_pose=False) for seed in (1, 2)]
     assert sum(map(drift_m, alone)) > 3 * sum(map(drift_m, told))
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_autopilot_that_does_not_listen_to_our_pose_is_not_taken_off_with(
+    autopilot: str,
+) -> None:
+    settings = configuration.load(None, {"sensors.profile": "paper", "link.send_pose": True})
+    name = next(iter(TAKES_POSITION_AND_YAW[autopilot]))
+    setup = Setup(load_world("room_100"), "room_100", 1, settings.sensors, autopilot)
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None)
+    assert not app.flight.took_off
+    assert f"{name} is 0, set it to" in app.flight.trouble
+    assert simulation.record.collisions == 0
+
+
+@pytest.mark.parametrize("rate_m_s2", [1.0, 2.5])
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_an_autopilot_that_flies_away_is_stopped_and_landed(
+    autopilot: str, rate_m_s2: float
+) -> None:
+    """0 to 5 m/s in 2 s, as seen after a position was reset again and again."""
+    began_s = 40.0
+    noticed_s: list[float] = []
+
+    def fly_away(simulation: Simulation, app: App) -> None:
+        away_s = simulation.time_s - began_s
+        if away_s > 0 and not noticed_s:
+            simulation.autopilot.blow(0.0, rate_m_s2 * away_s)
+        if app.flight.phase is Phase.HOLD and not noticed_s:
+            noticed_s.append(away_s)
+            simulation.autopilot.blow(0.0, 0.0)
+
+    settings = configuration.load(None, {"sensors.profile": "paper"})
+    setup = Setup(load_world("room_100"), "room_100", 1, settings.sensors, autopilot)
+    fly_in_lockstep(setup, settings, lambda progress: None, script=fly_away)
+    assert noticed_s
+    assert noticed_s[0] < (0.6 if rate_m_s2 > 2 else 1.2)

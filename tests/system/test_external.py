@@ -1,6 +1,7 @@
 """An autopilot that simulates its own flight, in our world: processes that only speak MAVLink."""
 
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -46,3 +47,10 @@ def test_a_mission_with_an_autopilot_elsewhere(autopilot: str, tmp_path: Path) -
         assert pilot.returncode == 0, output
         stop(ours)
     assert_good(tmp_path / "map.json", truth, str(world))
+    scored = subprocess.run(
+        sitl("score", str(world), str(tmp_path / "map.json"), str(truth)),
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    assert re.search(r"coverage\s+│\s+(9|100)", scored.stdout)

@@ -7,7 +7,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, Client, as_float, kinds
+from companion.link.transport import make_codec, pipe_pair, sent_by
+from sitl.autopilot.core import Autopilot
+from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, START, Client, as_float, kinds
 
 VISION_PARAMETERS = {
     "EK3_SRC1_POSXY": 6,
@@ -249,3 +251,18 @@ def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
     heard = [m for _ in range(3) for m in client.hears_texts().waits(2)]
     assert any("landing" in text for text in texts(heard))
     assert "LOCAL_POSITION_NED" not in kinds(client.waits(1))
+
+
+@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
+def test_what_another_component_tells_is_passed_on_to_the_other_links(personality: str) -> None:
+    autopilot = Autopilot(1, START, personality=personality, links=2)
+    for message in (distance(DOWN), mavlink.MAVLink_command_long_message(1, 1, 31999, *[0] * 8)):
+        sent_by(message, 197, 0).pack(make_codec(1, 197))
+        autopilot.receive(message, 0)
+    vehicle_end, end = pipe_pair()
+    for message in autopilot.take_outbox(1):
+        vehicle_end.send(message)
+    assert [(m.get_type(), m.get_srcComponent()) for m in end.receive()] == [
+        ("DISTANCE_SENSOR", 197)
+    ]
+    assert kinds(autopilot.take_outbox(0)) == ["COMMAND_ACK"]

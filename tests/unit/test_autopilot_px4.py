@@ -10,7 +10,7 @@ from companion.link.transport import Message, make_codec
 from sitl.autopilot.px4 import AUTO_LAND, AUTO_LOITER, AUTO_TAKEOFF, OFFBOARD, POSCTL
 from tests.unit.autopilot_client import (
     ACCEPTED,
-    FAILED,
+    DENIED,
     ORIGIN,
     UNSUPPORTED,
     Client,
@@ -182,8 +182,8 @@ def test_each_link_has_its_own_ground_station() -> None:
 def test_every_text_has_an_id_and_its_end_is_not_marked(client: Client) -> None:
     client.hears_texts()
     said = [m for m in client.commands(400, 1) if m.get_type() == "STATUSTEXT"]
-    assert all(m.id for m in said)
-    assert said[-1].text.endswith("\t")
+    assert [(m.id, m.chunk_seq) for m in said] == [(0, 0), (0, 1), (1, 0)]
+    assert [m.text.endswith("\t") for m in said] == [False, True, True]
 
 
 def test_refusals_are_temporary(client: Client) -> None:
@@ -191,7 +191,7 @@ def test_refusals_are_temporary(client: Client) -> None:
     assert client.result(400, 1, 2989) == REJECTED
     assert client.result(176, 1, 42) == REJECTED
     assert client.result(31999) == UNSUPPORTED
-    assert client.result(512, 4242) == FAILED
+    assert client.result(512, 4242) == DENIED
 
 
 def test_a_climbing_setpoint_lifts_it_off(client: Client) -> None:

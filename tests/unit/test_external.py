@@ -12,11 +12,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.frames import Vector3
 from companion.link.transport import Message, pipe_pair
+from sitl.autopilot.core import PERSONALITIES
 from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.ground_truth import hil_state_quaternion, sim_state
+from sitl.autopilot.outside import Outside
 from sitl.autopilot.parameters.table import load_table
-from sitl.external.clock import AutopilotClock, patience_s
-from sitl.external.feed import GEAR_M, distances, vision
+from sitl.external.clock import AutopilotClock, Silence
+from sitl.external.feed import GEAR_M, distances, odometry
+from sitl.external.held_speed import TICKS, HeldSpeed
 from sitl.external.setup import ExternalSetup, wanted_parameters
 from sitl.external.tracker import TruthTracker
 from sitl.truth import TrueState
@@ -67,10 +70,52 @@ def test_only_its_attitude_tells_its_time() -> None:
     assert AutopilotClock().hear(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
 
 
-def test_it_is_waited_for_while_it_is_there_and_the_wall_clock_goes_on_without_it() -> None:
-    assert patience_s(silent_s=math.inf, wanted_s=0.05) == pytest.approx(0.05)
-    assert patience_s(silent_s=0.0, wanted_s=0.05) > 0.6
-    assert patience_s(silent_s=2.0, wanted_s=0.05) == pytest.approx(0.05)
+def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
+    said: list[str] = []
+    silence = Silence(said.append, began_s=0.0)
+    for now_s in (0.5, 1.5, 2.0):
+        silence.look(now_s)
+    silence.hear(3.0)
+    for now_s in (3.5, 4.5, 5.0):
+        silence.look(now_s)
+    silence.hear(6.0)
+    assert said == [
+        "the autopilot has not been heard yet: our world stands still until it is heard",
+        "the autopilot is heard",
+        "the autopilot has fallen silent: our world stands still until it is heard",
+        "the autopilot is heard again",
+    ]
+
+
+def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
+    """What is said of a companion that needs so long for a tick."""
+    said: list[str] = []
+    held = HeldSpeed(said.append)
+    wall_s = time_s = 0.0
+    tick = 0
+    for _ in range(ticks):
+        wall_s += working_s
+        time_s = max(time_s, speed * wall_s)  # the autopilot flies on meanwhile
+        tick += 1
+        held.asked(wall_s, working_s, time_s, tick * 0.05)
+        time_s = max(time_s, tick * 0.05)
+        wall_s = max(wall_s, time_s / speed)
+        tick = max(tick, int(time_s / 0.05))
+        held.reached(wall_s, 0.0, time_s)
+    return said
+
+
+def test_it_says_what_speed_this_machine_holds() -> None:
+    (line,) = attend(speed=1.0, working_s=0.01)
+    assert "runs at 1.0 x" in line
+    assert "holds 5.0 x" in line
+    assert "late" not in line
+
+
+def test_it_warns_when_the_companion_cannot_keep_up() -> None:
+    lines = attend(speed=5.0, working_s=0.02, ticks=3 * TICKS)
+    assert len(lines) == 3
+    assert all("holds 2.5 x" in line and "late" in line for line in lines)
 
 
 # The truth
@@ -208,19 +253,27 @@ def test_only_what_is_read_at_the_start_asks_for_a_restart() -> None:
     assert "EK3_SRC1_POSXY" not in line
 
 
-def test_streams_and_origin_are_asked_for_until_they_come() -> None:
+def test_streams_are_asked_for_until_they_come_and_the_origin_is_not_ours_to_set() -> None:
     there = Setup("px4")
     for _ in range(2):
         asked = there.asks()
         assert {m.param1 for m in of_kind(asked, "COMMAND_LONG") if m.command == 511} == {115, 30}
-        assert of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
+        assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
     there.now_s += 1.0
     origin = mavlink.MAVLink_gps_global_origin_message(470000000, 80000000, 400000)
     there.says(hil_state_quaternion(START), attitude(1.0), origin)
     there.now_s -= 1.0
     asked = there.asks()
     assert not of_kind(asked, "COMMAND_LONG")
-    assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
+
+
+@pytest.mark.parametrize(("lat", "is_told"), [(470000000, False), (-353632621, True)])
+def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_told: bool) -> None:
+    there = Setup("ardupilot")
+    there.asks()
+    there.says(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
+    told = [line for line in there.said if "origin_lat_deg = 47.0000" in line]
+    assert bool(told) == is_told
 
 
 def test_nothing_is_asked_before_an_autopilot_was_heard() -> None:
@@ -266,11 +319,27 @@ def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
         estimator.update(truth)
         estimator.yaw_rad = truth.yaw_rad
         if step % 100 == 0:
-            position, speed = on_the_wire(*vision(estimator, truth))
+            (told,) = on_the_wire(odometry("px4", estimator, truth))
             at = [t - s for t, s in zip(truth.position_ned_m, start.position_ned_m, strict=True)]
-            errors_m.append(math.dist((position.x, position.y), at[:2]))
-            assert math.hypot(speed.x, speed.y) == pytest.approx(1.0, abs=0.15)
-            assert position.usec == round(truth.time_s * 1e6)
+            errors_m.append(math.dist((told.x, told.y), at[:2]))
+            assert math.hypot(told.vx, told.vy) == pytest.approx(1.0, abs=0.15)
+            assert told.time_usec == round(truth.time_s * 1e6)
     assert all(error_m > 1e-4 for error_m in errors_m)
     assert max(errors_m) < 2.0
     assert statistics.fmean(errors_m[-10:]) > 0.02
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -> None:
+    tilted = replace(START, roll_rad=0.2, pitch_rad=-0.1)
+    estimator = Estimator(tilted, 1, REFERENCE_NOISE)
+    estimator.yaw_rad = 2.0
+    estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
+    (told,) = on_the_wire(odometry(firmware, estimator, tilted))
+    outside = Outside(PERSONALITIES[firmware]().pose_messages)
+    assert outside.hear(told, 0.0) == ""
+    pose = outside.take_pose()
+    assert pose is not None
+    assert pose.velocity_ned_m_s == pytest.approx((0.5, 0.25, -0.1), abs=1e-5)
+    assert pose.position_ned_m == pytest.approx((2.0, -1.0, -1.5))
+    assert pose.yaw_rad == pytest.approx(2.0)

@@ -1,0 +1,63 @@
+"""`sitl score`: a map that a companion left, against the true flight that `sitl run` wrote."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.mapping.files import load_json
+from companion.values import value
+from sitl.errors import SitlError
+from sitl.options import Autopilot, ConfigFile, Crop, FlightOptions, Profile, Seed, Start, WorldName
+from sitl.record import TruthRecord
+
+
+@value
+class _Flown:
+    """How it ended, only the companion has told."""
+
+    completed: bool = True
+    ending: str = "scored from its files"
+
+
+def score(
+    world: WorldName,
+    map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The companion's map.json.")],
+    truth: Annotated[Path, typer.Argument(help="What `sitl run --truth` has written.")],
+    seed: Seed = 1,
+    profile: Profile = "gp2y0a710k0f",
+    start: Start = None,
+    crop: Crop = None,
+    config: ConfigFile = None,
+    report: Annotated[Path | None, typer.Option(help="Write the scores here as JSON.")] = None,
+) -> None:
+    """Score a flight of `sitl run` and `companion fly`, given the same options as `run`."""
+    # They load the scorer, which a mere server does without.
+    from sitl.report import make_report, report_table, save_report  # noqa: PLC0415
+
+    for path in (map_file, truth):
+        if not path.is_file():
+            raise SitlError(f"{path}: no such file; MAP is of companion fly, TRUTH of sitl run")
+    options = FlightOptions(
+        world,
+        seed,
+        profile,
+        Autopilot.ARDUPILOT.value,
+        start,
+        crop_m=crop,
+        config=config,
+    )
+    result = make_report(
+        options.setup()[0],
+        options.settings({}),
+        load_json(map_file),
+        TruthRecord.load(truth),
+        outcome=_Flown(),
+        waited_s=math.nan,
+    )
+    del result["completed"]
+    Console(highlight=False).print(report_table(result))
+    if report is not None:
+        save_report(result, report)
