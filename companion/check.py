@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.check_wires import Overheard, wiring_remedy
-from companion.config import Config, SensorsConfig
+from companion.config import Config
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import Wires
 from companion.drivers.gyro import calibrated, open_gyro
@@ -92,9 +92,8 @@ class Examination:
 
     def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:
         for beam, sensor in self._config.sensors.beams.items():
-            alone = self._config.sensors.model_dump() | {"ranges": {beam: sensor}}
             try:
-                yield beam, RangeSensors(self._wires, SensorsConfig.model_validate(alone))
+                yield beam, RangeSensors(self._wires, self._config.sensors, only=[beam])
             except SensorError as error:
                 elsewhere = wiring_remedy(self._wires, sensor)
                 self._refused[beam.value] = f"{error}{elsewhere}"

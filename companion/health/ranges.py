@@ -1,10 +1,11 @@
-"""Range sensors that answer, but not with what is there: stuck ones and noisy ones."""
+"""Range sensors that answer, but not with what is there: stuck, noisy and unplugged ones."""
 
 import math
 from collections import deque
 from dataclasses import replace
 
 from companion.frames import ned_to_frd
+from companion.health.coupling import CouplingWatch
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -36,11 +37,13 @@ class RangeWatch:
         self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
         self._beams: dict[Beam, _BeamWatch] = {}
+        self._coupling = CouplingWatch()
 
     def take(self, scan: RangeScan, odometry: Odometry | None, turned_rad: float) -> RangeScan:
         """The scan; what cannot be believed has failed."""
         self._move(odometry, turned_rad)
-        bad = []
+        self._coupling.take(scan)
+        bad = [beam for beam in self._coupling.open if scan.readings[beam].is_alive]
         for beam, reading in scan.readings.items():
             if reading.is_alive:
                 self.alive_s = scan.time_s
