@@ -139,7 +139,10 @@ class Examination:
                 remedy = "check its plug and its 5 V"
                 if isinstance(sensor, TfminiSensor):
                     remedy = self._wires.remedy(sensor)
-                return Finding(beam.value, Verdict.BAD, "silent", remedy)
+                seen = "silent"
+                if not math.isnan(reading.raw):
+                    seen = f"{reading.raw:.2f} V, which no sensor that is well puts out"
+                return Finding(beam.value, Verdict.BAD, seen, remedy)
 
     def _of_gyro(self, now_s: float) -> Finding:
         if "gyro" in self._refused:

@@ -46,7 +46,7 @@ class SharpOnMcp3008(_Mounted):
     """SPI bus and chip select."""
     channel: int = Field(ge=0, le=7)
     reference_v: float = Field(3.3, ge=3.2, le=5.5)
-    """Voltage at the chip's VREF; above all that a sensor puts out, to tell an input at the rail."""
+    """Voltage at the chip's VREF: above what a sensor puts out, so that a rail is told from it."""
     curve: SharpCurve = "gp2y0a710k0f"
 
 
@@ -123,4 +123,3 @@ def usual_sensors(profile: Profile, channels: dict[Beam, AdcChannel]) -> dict[Be
                 beam: TfminiSensor(kind=profile, port=f"/dev/ttyAMA{number}")
                 for number, beam in enumerate(USUAL_BEAMS, start=1)
             }
-

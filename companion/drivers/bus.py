@@ -72,7 +72,7 @@ MOST_TRANSACTIONS = 21
 I2C_RETRIES, I2C_TIMEOUT = 0x0701, 0x0702
 """Requests of linux/i2c-dev.h."""
 GIVEN_UP_AFTER_10_MS = 5
-"""A call on a hung bus, in the kernel's unit; its own default is a second. The longest takes 20 ms."""
+"""A call on a hung bus, in the kernel's unit; by itself it takes a second, the longest 20 ms."""
 
 
 class LinuxI2cBus:
@@ -92,8 +92,8 @@ class LinuxI2cBus:
                 "and add this user to the group i2c"
             ) from error
         with suppress(OSError):  # an adapter that has no such limit: `prompt` has one for all wires
-            fcntl.ioctl(self._bus.fd, I2C_RETRIES, 0)
-            fcntl.ioctl(self._bus.fd, I2C_TIMEOUT, GIVEN_UP_AFTER_10_MS)
+            for request, argument in ((I2C_RETRIES, 0), (I2C_TIMEOUT, GIVEN_UP_AFTER_10_MS)):
+                fcntl.ioctl(self._bus.fd, request, argument)  # type: ignore[arg-type] # it is open
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         answers: list[bytes] = []

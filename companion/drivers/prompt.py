@@ -114,7 +114,7 @@ class PromptWires:
         self._by_name: dict[str, _Wire] = {}
         self._left_s = MOST_AT_ONCE_S
         """Of the control loop's time."""
-        self._asked_s = now_s()
+        self._done_s = now_s()
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         return self._ask(I2C, lambda: self._wires.transfer(transactions))
@@ -130,8 +130,9 @@ class PromptWires:
         if wire is None:
             wire = self._by_name[name] = _Wire(self._make_line())
         now_s = self._now_s()
-        self._left_s = min(self._left_s + SHARE * (now_s - self._asked_s), MOST_AT_ONCE_S)
-        self._asked_s = now_s
+        earned_s = (now_s - self._done_s) * SHARE / (1 - SHARE)
+        self._left_s = min(self._left_s + earned_s, MOST_AT_ONCE_S)
+        self._done_s = now_s
         if self._left_s <= 0 or now_s < wire.shut_until_s or wire.line.is_busy:
             raise TimeoutError(errno.ETIMEDOUT, f"{name} does not answer in time")
         try:
@@ -145,10 +146,12 @@ class PromptWires:
             answer = wire.line.ask(request, OPENING_S)
             wire.is_opened = True
             return answer
+        asked_s = self._done_s
         try:
             return wire.line.ask(request, min(PATIENCE_S, self._left_s))
         finally:
-            self._left_s -= self._now_s() - self._asked_s
+            self._done_s = self._now_s()
+            self._left_s -= self._done_s - asked_s
 
     def close(self) -> None:
         for wire in self._by_name.values():

@@ -1,9 +1,9 @@
 """An open input of an ADC that shows what the chip has converted before: a distance, yet nobody's.
 
-What is left of another channel's voltage follows that one's noise from tick to tick, and no powered
-sensor does. The second differences of the voltages leave the noise alone, since what the drone's own
-motion changes goes smoothly. Between two sensors they have nothing in common; an open input's are a
-share k of the other's, and its voltage is k of the way from the level of open inputs to the other's.
+What is left of another channel's voltage follows that one's noise from tick to tick; no powered
+sensor does. Second differences of the voltages leave the noise alone, since what the drone's motion
+changes goes smoothly. Those of two sensors have nothing in common; an open input's are a share k of
+the other's, and its voltage is k of the way from the level of open inputs to the other's.
 """
 
 from collections import deque
@@ -20,11 +20,11 @@ ALIKE, STILL_ALIKE = 0.88, 0.6
 """Correlation at which an input begins to be called open, and below which it is not any more. Of 40
 second differences of independent noise it exceeds 0.88 less than once in 10^6."""
 MOST_MEDIANS = 3.0
-"""Larger differences are edges, which two beams may pass at the same time; they count as that much."""
+"""Larger differences are edges, which two beams may pass at once; they count as that much."""
 LEAST_LEVEL_V, MOST_LEVEL_V = 0.0, 0.9
 """Of open inputs, without what they show of others."""
 LEAST_POWERED_V = 1.1
-SHARE_TOLERANCE, MOST_SHARE = 0.15, 1.05
+SHARE_TOLERANCE = 0.15
 Table = NDArray[np.float64]
 
 
@@ -80,7 +80,7 @@ def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]
 
 def _is_share(share: float, my_v: float, other_v: float) -> bool:
     """Whether an input that shows so much of the other's voltage would stand where mine does."""
-    if not LEAST_POWERED_V < other_v > my_v / MOST_SHARE:
+    if not LEAST_POWERED_V < other_v > my_v:
         return False
     most, least = (
         (my_v - level_v) / (other_v - level_v) for level_v in (LEAST_LEVEL_V, MOST_LEVEL_V)

@@ -1,8 +1,8 @@
 """An ADC's inputs, and what stands at one with nothing on it.
 
-Nobody pulls such an input anywhere: it stands at some tenths of a volt, with little noise, and is
-drawn towards whatever the chip has converted just before, whose charge is left on the capacitor that
-samples them all.
+Nothing pulls such an input anywhere: it stands at some tenths of a volt, with little noise, drawn
+towards what the chip has converted just before, whose charge is left on the capacitor that samples
+all its inputs.
 """
 
 from collections.abc import Mapping

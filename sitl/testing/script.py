@@ -117,8 +117,8 @@ def dead_adc(for_s: float | None = None) -> Action:
 def unplug(beam: str, for_s: float | None = None, memory: float = USUAL_MEMORY) -> Action:
     """A range sensor loses its plug: "front", "left", "right", "up" or "down".
 
-    At an ADC its input is open then, and shows the share `memory` of what the chip converted before:
-    with 0.9 it looks like a distance.
+    At an ADC its input is open then, and shows the share `memory` of what the chip has converted
+    before: with 0.9 it looks like a distance.
     """
     _check(beam)
     return Action(
