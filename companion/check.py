@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.check_wires import Overheard, wiring_remedy
-from companion.config import Config, SensorsConfig
+from companion.config import Config
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.bus import Wires
 from companion.drivers.gyro import calibrated, open_gyro
@@ -93,9 +93,8 @@ class Examination:
 
     def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:
         for beam, sensor in self._config.sensors.beams.items():
-            alone = self._config.sensors.model_dump() | {"ranges": {beam: sensor}}
             try:
-                yield beam, RangeSensors(self._wires, SensorsConfig.model_validate(alone))
+                yield beam, RangeSensors(self._wires, self._config.sensors, only=[beam])
             except SensorError as error:
                 elsewhere = wiring_remedy(self._wires, sensor)
                 self._refused[beam.value] = f"{error}{elsewhere}"
@@ -144,7 +143,10 @@ class Examination:
                 remedy = "check its plug and its 5 V"
                 if isinstance(sensor, TfminiSensor):
                     remedy = self._wires.remedy(sensor)
-                return Finding(beam.value, Verdict.BAD, "silent", remedy)
+                seen = "silent"
+                if not math.isnan(reading.raw):
+                    seen = f"{reading.raw:.2f} V, which no sensor that is well puts out"
+                return Finding(beam.value, Verdict.BAD, seen, remedy)
 
     def _of_gyro(self, now_s: float) -> Finding:
         if "gyro" in self._refused:

@@ -22,10 +22,11 @@ from companion.range_config import (
     Group,
     Profile,
     RangeSensor,
-    place,
+    TfminiSensor,
     usual_channels,
     usual_sensors,
 )
+from companion.range_places import check_places
 
 _G = TypeVar("_G", bound=Group)
 
@@ -118,14 +119,8 @@ class SensorsConfig(Group):
         return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
 
     @model_validator(mode="after")
-    def _no_two_at_one_place(self) -> Self:
-        taken: dict[tuple[object, ...], Beam] = {}
-        for beam, sensor in self.beams.items():
-            if (where := place(sensor)) and taken.setdefault(where, beam) is not beam:
-                raise ValueError(
-                    f"{taken[where].value} and {beam.value} are wired to the same place; "
-                    "give each an address, channel or port of its own"
-                )
+    def _can_be_wired_so(self) -> Self:
+        check_places(self.beams, self.gyro_address if self.gyro == "lsm9ds1" else None)
         return self
 
 
@@ -179,6 +174,18 @@ class Config(Group):
     mission: MissionConfig = MissionConfig()
     recording: RecordingConfig = RecordingConfig()
     view: ViewConfig = ViewConfig()
+
+    @model_validator(mode="after")
+    def _no_sensor_at_the_links_port(self) -> Self:
+        for beam, sensor in self.sensors.beams.items():
+            if isinstance(sensor, TfminiSensor) and self.link.url.startswith(
+                f"serial:{sensor.port}:"
+            ):
+                raise ValueError(
+                    f"link.url and sensors.ranges.{beam.value}.port are both {sensor.port}; "
+                    "give each a port of its own"
+                )
+        return self
 
 
 def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:

@@ -45,8 +45,8 @@ class SharpOnMcp3008(_Mounted):
     device: str = Field("/dev/spidev0.0", pattern=r"^/dev/spidev\d+\.\d+$")
     """SPI bus and chip select."""
     channel: int = Field(ge=0, le=7)
-    reference_v: float = Field(3.3, ge=2.7, le=5.5)
-    """Voltage at the chip's VREF."""
+    reference_v: float = Field(3.3, ge=3.2, le=5.5)
+    """Voltage at the chip's VREF: above what a sensor puts out, so that a rail is told from it."""
     curve: SharpCurve = "gp2y0a710k0f"
 
 
@@ -123,19 +123,3 @@ def usual_sensors(profile: Profile, channels: dict[Beam, AdcChannel]) -> dict[Be
                 beam: TfminiSensor(kind=profile, port=f"/dev/ttyAMA{number}")
                 for number, beam in enumerate(USUAL_BEAMS, start=1)
             }
-
-
-def place(sensor: RangeSensor) -> tuple[object, ...]:
-    """What no two sensors can share; those of the autopilot are told apart by their beam."""
-    match sensor:
-        case SharpOnAds1115():
-            return "ADS1115", sensor.address, sensor.channel
-        case SharpOnMcp3008():
-            return "MCP3008", sensor.device, sensor.channel
-        case Vl53l1xSensor():
-            channel = sensor.mux_channel if sensor.mux_address is not None else None
-            return "VL53L1X", sensor.address, sensor.mux_address, channel
-        case TfminiSensor():
-            return "port", sensor.port
-        case AutopilotRange():
-            return ()

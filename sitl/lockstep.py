@@ -10,6 +10,7 @@ from companion.recording.recorder import NOT_RECORDED, Recorder
 from companion.rig import make_rig
 from sitl.autopilot.core import keep_nothing
 from sitl.autopilot.parameters.protocol import ParameterWatch
+from sitl.sensors.line import on_virtual_time
 from sitl.simulation import Setup, Simulation
 
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
@@ -31,9 +32,11 @@ class LockstepClock:
         self._happens = happens
 
     def wait_until(self, time_s: float) -> float:
+        """Whoever waits for hanging wires meanwhile does nothing else."""
         self._happens()
         simulation = self._simulation
-        due_s = max(time_s, simulation.time_s, simulation.companion_hangs_until_s)
+        free_s = max(simulation.companion_hangs_until_s, simulation.board.bus.hung_until_s)
+        due_s = max(time_s, simulation.time_s, free_s)
         simulation.advance(due_s + simulation.starvation.tick_late_s())
         return simulation.time_s
 
@@ -63,6 +66,7 @@ def fly_in_lockstep(
     simulation = Simulation(setup, [sitl_end], parameter_watch)
     app = make_app(config)
     clock = LockstepClock(simulation, lambda: script(simulation, app))
-    rig = make_rig(config, recorder.tap(companion_end), simulation.board.bus, clock)
+    wires = on_virtual_time(simulation.board.bus)
+    rig = make_rig(config, recorder.tap(companion_end), wires, clock)
     fly(app, rig, watch, land_requested, recorder.tick)
     return app, simulation

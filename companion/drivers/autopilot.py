@@ -25,6 +25,9 @@ RANGE_HZ = 20.0
 RANGE_FRESH_S = 0.2
 """Messages come when the autopilot has time for them."""
 UNKNOWN_COVARIANCE, INVALID_QUALITY = 255, 1
+NO_DISTANCE_CM = (0, 0xFFFF)
+"""What drivers tell that have measured none: of what is too near they tell less than their least,
+of what is out of range more than their most."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,14 +73,23 @@ class AutopilotRanges:
 
 
 def _reading(message: Any, model: AutopilotRangeModel) -> RangeReading | None:
-    """None for what the autopilot itself calls invalid."""
-    if message.signal_quality == INVALID_QUALITY:
+    """None for what the autopilot itself calls invalid, and for what no sensor measures."""
+    if message.signal_quality == INVALID_QUALITY or message.current_distance in NO_DISTANCE_CM:
         return None
     distance_m = message.current_distance * 1e-2
-    if distance_m < max(model.min_m, message.min_distance * 1e-2):
+    least_m, most_m = _bounds_m(message, model)
+    if distance_m < least_m:
         return TOO_NEAR
-    if distance_m >= min(model.max_m, message.max_distance * 1e-2):
+    if distance_m >= most_m:
         return NOTHING
     told = message.covariance not in (0, UNKNOWN_COVARIANCE)
     variance_m2 = message.covariance * 1e-4 if told else model.noise_m**2
     return RangeReading(RangeState.DISTANCE, distance_m, variance_m2)
+
+
+def _bounds_m(message: Any, model: AutopilotRangeModel) -> tuple[float, float]:
+    """The narrower of ours and those that it tells, unless it tells none."""
+    if message.max_distance <= message.min_distance:
+        return model.min_m, model.max_m
+    least_m, most_m = message.min_distance * 1e-2, message.max_distance * 1e-2
+    return max(model.min_m, least_m), min(model.max_m, most_m)

@@ -6,6 +6,7 @@ nothing above this file can tell them apart.
 
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from companion.errors import SensorError
@@ -31,7 +32,7 @@ class Bus(Protocol):
 
         Raises:
             OSError: a device did not acknowledge, and what came after it was not done; or the
-                bus is gone.
+                bus is gone, or does not answer in time.
         """
         ...
 
@@ -68,12 +69,18 @@ class Wires(Bus, Spi, Uart, Protocol):
 
 MOST_TRANSACTIONS = 21
 """The kernel takes 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
+I2C_RETRIES, I2C_TIMEOUT = 0x0701, 0x0702
+"""Requests of linux/i2c-dev.h."""
+GIVEN_UP_AFTER_10_MS = 5
+"""A call on a hung bus, in the kernel's unit; by itself it takes a second, the longest 20 ms."""
 
 
 class LinuxI2cBus:
     """An I2C adapter of the Linux kernel, such as /dev/i2c-1 on a Raspberry Pi."""
 
     def __init__(self, path: str) -> None:
+        import fcntl  # noqa: PLC0415 - as the next one
+
         import smbus2  # noqa: PLC0415 - absent on machines without I2C
 
         self._i2c_msg = smbus2.i2c_msg
@@ -84,6 +91,9 @@ class LinuxI2cBus:
                 f"{path}: {error.strerror}; enable I2C (raspi-config, Interface Options) "
                 "and add this user to the group i2c"
             ) from error
+        with suppress(OSError):  # an adapter that has no such limit: `prompt` has one for all wires
+            for request, argument in ((I2C_RETRIES, 0), (I2C_TIMEOUT, GIVEN_UP_AFTER_10_MS)):
+                fcntl.ioctl(self._bus.fd, request, argument)  # type: ignore[arg-type] # it is open
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         answers: list[bytes] = []
@@ -120,5 +130,6 @@ def open_bus(url: str) -> Wires:
         host, port = url.removeprefix("sitl://").rsplit(":", 1)
         return ServedBus(host, int(port))
     from companion.drivers.linux_wires import LinuxWires  # noqa: PLC0415
+    from companion.drivers.prompt import PromptWires  # noqa: PLC0415
 
-    return LinuxWires(url)
+    return PromptWires(LinuxWires(url))

@@ -1,6 +1,6 @@
 """All range sensors in one sweep, of whatever kinds they are."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from typing import TypeVar
 
 from companion.config import SensorsConfig
@@ -14,11 +14,13 @@ from companion.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.range_config import (
     AutopilotRange,
     Calibration,
+    RangeSensor,
     SharpOnAds1115,
     SharpOnMcp3008,
     TfminiSensor,
     Vl53l1xSensor,
 )
+from companion.range_places import mux_addresses
 
 STALE_FOR_S = 0.25
 """A sensor that was well this recently is called stale; after that it has failed."""
@@ -26,20 +28,23 @@ Kind = TypeVar("Kind")
 
 
 class RangeSensors:
-    """Every beam's sensor.
+    """Every beam's sensor, or `only` those of some beams.
 
     Raises:
         SensorError: a chip is missing or is not what it should be, at the start only; later
             faults are states of the readings.
     """
 
-    def __init__(self, wires: Wires, config: SensorsConfig) -> None:
+    def __init__(
+        self, wires: Wires, config: SensorsConfig, only: Collection[Beam] | None = None
+    ) -> None:
+        sensors = {b: s for b, s in config.beams.items() if only is None or b in only}
         self._calibration = config.calibration
-        self._good_s = dict.fromkeys(config.beams, float("-inf"))
-        told = _of_kind(config, AutopilotRange)
+        self._good_s = dict.fromkeys(sensors, float("-inf"))
+        told = _of_kind(sensors, AutopilotRange)
         self.from_autopilot = AutopilotRanges(told) if told else None
         """To be told of the autopilot's messages, if some beams are the autopilot's."""
-        self._sources = list(_wired(wires, config))
+        self._sources = list(_wired(wires, sensors, mux_addresses(config.beams.values())))
         if self.from_autopilot:
             self._sources.append(self.from_autopilot)
 
@@ -75,21 +80,24 @@ def corrected(reading: RangeReading, calibration: Calibration) -> RangeReading:
     )
 
 
-def _of_kind(config: SensorsConfig, kind: type[Kind]) -> dict[Beam, Kind]:
-    return {beam: sensor for beam, sensor in config.beams.items() if isinstance(sensor, kind)}
+def _of_kind(sensors: Mapping[Beam, RangeSensor], kind: type[Kind]) -> dict[Beam, Kind]:
+    return {beam: sensor for beam, sensor in sensors.items() if isinstance(sensor, kind)}
 
 
-def _wired(wires: Wires, config: SensorsConfig) -> Iterator[Source]:
-    """Those at our own wires."""
-    if on_ads1115 := _of_kind(config, SharpOnAds1115):
+def _wired(
+    wires: Wires, sensors: Mapping[Beam, RangeSensor], muxes: Collection[int]
+) -> Iterator[Source]:
+    """Those at our own wires; `muxes` are all that are on the bus."""
+    if on_ads1115 := _of_kind(sensors, SharpOnAds1115):
         yield SharpsOnAds1115(wires, on_ads1115)
-    on_mcp3008 = _of_kind(config, SharpOnMcp3008)
+    on_mcp3008 = _of_kind(sensors, SharpOnMcp3008)
     for device in sorted({sensor.device for sensor in on_mcp3008.values()}):
         mine = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
         yield SharpsOnMcp3008(wires, mine)
-    for beam, tof in _of_kind(config, Vl53l1xSensor).items():
+    for beam, tof in _of_kind(sensors, Vl53l1xSensor).items():
         mux = None if tof.mux_address is None else (tof.mux_address, tof.mux_channel)
-        yield OneByItself(beam, Vl53l1x(wires, tof.address, mux))
-    for beam, serial in _of_kind(config, TfminiSensor).items():
+        others = [address for address in muxes if address != tof.mux_address]
+        yield OneByItself(beam, Vl53l1x(wires, tof.address, mux, others))
+    for beam, serial in _of_kind(sensors, TfminiSensor).items():
         model = SERIAL_KINDS[serial.kind]
         yield OneByItself(beam, Tfmini(wires, serial.port, serial.baud, model))

@@ -12,9 +12,6 @@ from typing import Protocol
 from companion.drivers.readings import FAILED, NOTHING, TOO_NEAR
 from companion.messages import RangeModel, RangeReading, RangeState
 
-DEAD_BELOW_V = 0.20
-"""A powered sensor never reads this low: unplugged, or its supply is gone."""
-
 
 class Profile(RangeModel, Protocol):
     """One kind of sensor."""
@@ -65,9 +62,11 @@ class SharpProfile:
     """What calibration leaves of the unit's gain error."""
     period_s: float
     """A fresh value comes so often; the output holds the last one in between."""
-    open_v: float = 1.25
+    open_v: float
     """Output when nothing returns."""
-    broken_above_v: float = 3.4
+    least_v: float
+    most_v: float
+    """What a powered sensor puts out lies between; an open input or one at a rail may not."""
 
     @property
     def min_m(self) -> float:
@@ -83,7 +82,7 @@ class SharpProfile:
 
     def reading(self, volts: float) -> RangeReading:
         """Distance by the datasheet's curve, linear in 1/distance between its points."""
-        if not DEAD_BELOW_V <= volts <= self.broken_above_v:
+        if not self.least_v <= volts <= self.most_v:
             return FAILED
         if volts > self.inverse_m_by_volts.x[-1]:
             return RangeReading(RangeState.TOO_NEAR, self._near_m(volts))
@@ -130,7 +129,10 @@ class SharpProfile:
 
 @dataclass(frozen=True, slots=True)
 class LinearProfile:
-    """An ideal sensor: voltage linear in distance, the same error everywhere."""
+    """An ideal sensor: voltage linear in distance, the same error everywhere.
+
+    Its zero is well above that of the wires, so that an open input looks like no distance.
+    """
 
     min_m: float
     max_m: float
@@ -139,23 +141,23 @@ class LinearProfile:
     gain_sigma: float = 0.0
     noise_v: float = 0.0
     """None where nothing returns."""
-    zero_v: float = 0.3
-    volts_per_m: float = 0.5
-    open_v: float = 3.3
+    zero_v: float = 1.2
+    volts_per_m: float = 0.36
+    open_v: float = 3.1
 
     @property
     def mean_age_s(self) -> float:
         return self.period_s / 2
 
     def reading(self, volts: float) -> RangeReading:
-        if volts < DEAD_BELOW_V:
-            return FAILED
-        distance_m = (volts - self.zero_v) / self.volts_per_m
-        if distance_m > self.max_m:
+        if abs(volts - self.open_v) < OPEN_WITHIN_V:
             return NOTHING
+        distance_m = (volts - self.zero_v) / self.volts_per_m
+        if not -SIGMAS * self.error_m < distance_m < self.max_m + ADC_STEP_V / self.volts_per_m:
+            return FAILED
         if distance_m < self.min_m:
             return TOO_NEAR
-        return RangeReading(RangeState.DISTANCE, distance_m, self.error_m**2)
+        return RangeReading(RangeState.DISTANCE, min(distance_m, self.max_m), self.error_m**2)
 
     def sigma_m(self, distance_m: float) -> float:
         return self.error_m
@@ -170,6 +172,12 @@ class LinearProfile:
         return self.zero_v + self.volts_per_m * distance_m
 
 
+SIGMAS = 6.0
+"""Noise is never larger."""
+ADC_STEP_V = 0.005
+"""The coarsest: ten bits of 5 V."""
+OPEN_WITHIN_V = 0.04
+"""The ideal sensor's output without light has no noise, but a reference may be 1 % off."""
 _GP2Y_POINTS = (
     *((5.5, 1.37), (5.0, 1.39), (4.7, 1.40), (4.4, 1.42), (4.1, 1.44), (3.8, 1.47)),
     *((3.5, 1.50), (3.2, 1.52), (2.9, 1.57), (2.6, 1.63), (2.3, 1.70), (2.0, 1.80)),
@@ -189,6 +197,9 @@ GP2Y0A710K0F = SharpProfile(
     noise_v=0.010,
     gain_sigma=0.003,
     period_s=0.0165,
+    open_v=1.25,
+    least_v=1.25 - SIGMAS * 0.010,
+    most_v=3.13 + SIGMAS * 0.010,
 )
 PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05, period_s=0.050)
 PROFILES: dict[str, Profile] = {"gp2y0a710k0f": GP2Y0A710K0F, "paper": PAPER}

@@ -17,8 +17,10 @@ FRAME = struct.Struct("<2sHHHB")
 WEAK = 100
 """Signal below which a distance means nothing: too little light came back."""
 SATURATED = 0xFFFF
-NO_SIGNAL, SIGNAL_SATURATED, AMBIENT_SATURATED = 0xFFFF, 0xFFFE, 0xFFFC
-"""Distances -1, -2 and -4."""
+NO_SIGNAL = 0xFFFF
+"""Distance -1."""
+LEAST_FAULT, MOST_FAULT = 0x8000, 0xFFFE
+"""Other distances below zero: -2 and -4 are said of saturation by its own and by other light."""
 
 
 def checksum(body: bytes) -> int:
@@ -72,7 +74,7 @@ class Tfmini:
         return self._latest.at(time_s)
 
     def _reading(self, distance_cm: int, strength: int) -> RangeReading | None:
-        if strength == SATURATED or distance_cm in (SIGNAL_SATURATED, AMBIENT_SATURATED):
+        if strength == SATURATED or LEAST_FAULT <= distance_cm <= MOST_FAULT:
             return None
         if strength < WEAK or distance_cm == NO_SIGNAL:
             return NOTHING

@@ -28,6 +28,7 @@ RESULT_BYTES, STREAM_AT, RANGE_AT = 15, 2, 13
 """From the status to the distance in mm, 0x0096; at 0x008B how many were measured, eight bits."""
 CLOCK_CORRECTION = 1.075
 SILENT_S = 0.25
+NO_BRANCH = 0x00
 BOOT_S, BOOT_TRIES = 1.2e-3, 10
 
 LONG_DISTANCE_33_MS = (
@@ -48,9 +49,9 @@ LONG_DISTANCE_33_MS = (
     (0x0081, 0x9B, 1),  # sequence: calibrations, both choices of detectors, ranging
 )
 VALID = 9
-MEANINGS = {8: TOO_NEAR, **dict.fromkeys((4, 5, 6, 7), NOTHING)}
-"""Status without a distance: clipped at the least distance; no signal, phase out of bounds, too
-noisy, wrapped around. All others are faults."""
+MEANINGS = {8: TOO_NEAR, **dict.fromkeys((4, 5, 7), NOTHING)}
+"""Status without a distance: clipped at the least distance; no signal, phase out of bounds, wrapped
+around: farther than it measures. All others are faults: with 6, too noisy, something is there."""
 
 
 def write(address: int, register: int, value: int, size: int) -> Transaction:
@@ -64,16 +65,26 @@ def read(address: int, register: int, size: int, wait_s: float = 0.0) -> Transac
 class Vl53l1x:
     """One sensor, on branch `mux` (address, channel) of a multiplexer if there is one.
 
+    `other_muxes` are the addresses of those whose branches may not be connected meanwhile.
+
     Raises:
         SensorError: no VL53L1X answers at the address.
     """
 
     model = VL53L1X
 
-    def __init__(self, bus: Bus, address: int, mux: tuple[int, int] | None) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        address: int,
+        mux: tuple[int, int] | None,
+        other_muxes: Sequence[int] = (),
+    ) -> None:
         self._bus = bus
         self._address = address
-        self._select = [Transaction(mux[0], bytes([1 << mux[1]]))] if mux else []
+        self._select = [Transaction(other, bytes([NO_BRANCH])) for other in other_muxes]
+        if mux:
+            self._select.append(Transaction(mux[0], bytes([1 << mux[1]])))
         self._latest = Latest()
         self._configured_s: float | None = None
         self._stream: int | None = None

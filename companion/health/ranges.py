@@ -1,10 +1,11 @@
-"""Range sensors that answer, but not with what is there: stuck ones and noisy ones."""
+"""Range sensors that answer, but not with what is there: stuck, noisy and unplugged ones."""
 
 import math
 from collections import deque
 from dataclasses import replace
 
 from companion.frames import Vector3, ned_to_frd
+from companion.health.coupling import CouplingWatch
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -17,6 +18,11 @@ from companion.messages import (
 STUCK_S, STUCK_M, STUCK_RAD = 0.5, 0.2, math.radians(20)
 """A reading that has not changed at all for so long, while the drone went so far along the beam or
 turned so far, is none."""
+NUMB_SIGMAS, NUMB_WITHIN_S = 2.0, 5.0
+NUMB_M, NUMB_WAY_SIGMAS, NUMB_RAD, NUMB_ROUND_M = 0.6, 8.0, math.radians(60), 0.8
+"""A distance that has kept within so many sigma for so long at most, while the drone went so far
+along the beam, or turned so far and went no farther, is of nothing that stands there. A round wall
+that is traced stays as far away, but its way is longer."""
 ROUGH_SIGMAS, ROUGH_OF, ROUGH = 6.0, 20, 12
 """Of the last readings, so many are this far off the middle of those before and after,"""
 KNOWN_SIGMAS, KNOWN_BY = 2.0, 4
@@ -38,12 +44,14 @@ class RangeWatch:
         self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
         self._beams: dict[Beam, _BeamWatch] = {}
+        self._coupling = CouplingWatch()
 
     def take(self, scan: RangeScan, odometry: Odometry | None, turned_rad: float) -> RangeScan:
         """The scan; what cannot be believed has failed."""
         self._move(odometry, turned_rad)
-        bad = []
         self.is_alive = any(reading.is_alive for reading in scan.readings.values())
+        self._coupling.take(scan)
+        bad = [beam for beam in self._coupling.open if scan.readings[beam].is_alive]
         for beam, reading in scan.readings.items():
             watch = self._beams.get(beam) or self._beams.setdefault(beam, _BeamWatch(beam))
             if watch.is_bad(scan.time_s, reading, self.travel):
@@ -88,6 +96,8 @@ class _BeamWatch:
         self._changed_s = 0.0
         self._changed_at: Travel = (0.0, 0.0, 0.0, 0.0)
         self._seen_s = -math.inf
+        self._numb_since: tuple[float, Travel] | None = None
+        self._numb_between_m = (math.inf, -math.inf)
         self._last: tuple[float, float] = (math.nan, math.nan)
         """The two distances before."""
         self._rough: deque[bool] = deque(maxlen=ROUGH_OF)
@@ -100,8 +110,8 @@ class _BeamWatch:
         if not reading.is_alive:
             self._value = math.nan
             return False
-        is_noisy = self._is_noisy(reading)
-        return self._is_stuck(time_s, reading, travel) or is_noisy
+        is_noisy, is_numb = self._is_noisy(reading), self._is_numb(time_s, reading, travel)
+        return self._is_stuck(time_s, reading, travel) or is_noisy or is_numb
 
     def _is_stuck(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         value = reading.distance_m if math.isnan(reading.raw) else reading.raw
@@ -110,12 +120,34 @@ class _BeamWatch:
             return False
         if time_s - self._changed_s < STUCK_S:
             return False
-        forward_m, right_m, down_m, turn_rad = (
-            now - then for now, then in zip(travel, self._changed_at, strict=True)
-        )
+        along_m, turned_rad, _ = self._moved(self._changed_at, travel)
+        return along_m > STUCK_M or turned_rad > STUCK_RAD
+
+    def _is_numb(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
+        """It varies less than the noise of its kind, and not with what the drone does."""
+        low_m, high_m = self._numb_between_m
+        low_m, high_m = min(low_m, reading.distance_m), max(high_m, reading.distance_m)
+        sigma_m = math.sqrt(reading.variance_m2)
+        if self._numb_since is not None and high_m - low_m < NUMB_SIGMAS * sigma_m:
+            self._numb_between_m = low_m, high_m
+            began_s, began_at = self._numb_since
+            along_m, turned_rad, level_m = self._moved(began_at, travel)
+            is_turned = turned_rad > NUMB_RAD and level_m < NUMB_ROUND_M
+            if is_turned or along_m > max(NUMB_M, NUMB_WAY_SIGMAS * sigma_m):
+                return True
+            if time_s - began_s < NUMB_WITHIN_S:
+                return False
+        self._numb_since = (time_s, travel) if reading.is_distance else None
+        self._numb_between_m = reading.distance_m, reading.distance_m
+        return False
+
+    def _moved(self, then: Travel, now: Travel) -> tuple[float, float, float]:
+        """How far along the beam, turned if it is level, and how far in the level."""
+        forward_m, right_m, down_m, turned_rad = (n - t for n, t in zip(now, then, strict=True))
         x, y, z = self._axis_frd
         along_m = forward_m * x + right_m * y + down_m * z
-        return abs(along_m) > STUCK_M or (self._is_level and abs(turn_rad) > STUCK_RAD)
+        turned_rad = turned_rad if self._is_level else 0.0
+        return abs(along_m), abs(turned_rad), math.hypot(forward_m, right_m)
 
     def _is_noisy(self, reading: RangeReading) -> bool:
         before_m, middle_m = self._last

@@ -129,6 +129,10 @@ def _link(**troubles: float) -> Draw:
 FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
     {
         "range sensor dead": ("unplug", _of_a_beam),
+        "range sensor's input shows others": (
+            "unplug",
+            lambda random: {**_of_a_beam(random), "memory": round(random.uniform(0.7, 0.97), 2)},
+        ),
         "range sensor stuck": ("stick", _of_a_beam),
         "range sensor noisy": (
             "noisy",
@@ -143,6 +147,10 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
             ),
         ),
         "bus gone": ("break_bus", _duration),
+        "bus hangs": (
+            "hang_bus",
+            lambda random: {"transfer_s": round(random.uniform(0.02, 2), 2), **_duration(random)},
+        ),
         "ADC gone": ("dead_adc", _duration),
         "gyro dead": ("dead_gyro", _duration),
         "gyro saturated": ("saturate_gyro", _duration),

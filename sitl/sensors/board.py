@@ -21,9 +21,10 @@ from sitl.noise import stream
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus, Multiplexer
+from sitl.sensors.inputs import AdcInputs
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.mcp3008 import Mcp3008Device
-from sitl.sensors.sharp import PHYSICS, SharpPhysics, SharpUnit
+from sitl.sensors.sharp import PHYSICS, USUAL_MEMORY, SharpPhysics, SharpUnit
 from sitl.sensors.tfmini import TfminiDevice
 from sitl.sensors.time_of_flight import TOF_PHYSICS, TofPhysics, TofUnit
 from sitl.sensors.vl53l1x import Vl53l1xDevice
@@ -74,6 +75,7 @@ class SensorBoard:
                 if isinstance(physics, SharpPhysics)
                 else TofUnit(physics, true_range, random)
             )
+        self._seed = seed
         devices = dict(self._i2c_devices(config))
         self.adc_addresses = frozenset(devices)
         """Every chip of the range sensors."""
@@ -92,9 +94,15 @@ class SensorBoard:
             beam: (self._tof(beam), sensor) for beam, sensor in _of_kind(config, AutopilotRange)
         }
 
-    def unplug(self, beam: str) -> None:
-        """A fault for tests: a range sensor loses its plug."""
-        self._sensors[Beam(beam)].is_unplugged = True
+    def unplug(self, beam: str, memory: float = USUAL_MEMORY) -> None:
+        """A fault for tests: a range sensor loses its plug.
+
+        An ADC's input, then open, shows so much of what the chip has converted before.
+        """
+        unit = self._sensors[Beam(beam)]
+        unit.is_unplugged = True
+        if isinstance(unit, SharpUnit):
+            unit.memory = memory
 
     def plug_in(self, beam: str) -> None:
         self._sensors[Beam(beam)].is_unplugged = False
@@ -121,7 +129,7 @@ class SensorBoard:
         for beam, sharp in _of_kind(config, SharpOnAds1115):
             inputs.setdefault(sharp.address, {})[sharp.channel] = beam
         for address, beams in sorted(inputs.items()):
-            yield address, Ads1115Device(self._voltages(beams))
+            yield address, Ads1115Device(self._inputs(beams, f"ADS1115 {address}").volts)
         branches: dict[int, dict[int, dict[int, Device]]] = {}
         for beam, tof in _of_kind(config, Vl53l1xSensor):
             device = Vl53l1xDevice(self._tof(beam))
@@ -134,28 +142,25 @@ class SensorBoard:
             yield address, Multiplexer(channels)
 
     def _spi_devices(self, config: SensorsConfig) -> Iterator[tuple[str, Mcp3008Device]]:
-        inputs: dict[str, dict[int, Beam]] = {}
+        channels: dict[str, dict[int, Beam]] = {}
         references_v: dict[str, float] = {}
         for beam, sharp in _of_kind(config, SharpOnMcp3008):
-            inputs.setdefault(sharp.device, {})[sharp.channel] = beam
+            channels.setdefault(sharp.device, {})[sharp.channel] = beam
             references_v[sharp.device] = sharp.reference_v
-        for device, beams in inputs.items():
-            yield device, Mcp3008Device(self._voltages(beams), references_v[device])
+        for device, beams in channels.items():
+            inputs = self._inputs(beams, f"MCP3008 {device}")
+            yield device, Mcp3008Device(inputs.volts, references_v[device])
 
     def _tof(self, beam: Beam) -> TofUnit:
         unit = self._sensors[beam]
         assert isinstance(unit, TofUnit)
         return unit
 
-    def _voltages(self, beams: Mapping[int, Beam]) -> Callable[[int, float], float]:
+    def _inputs(self, beams: Mapping[int, Beam], name: str) -> AdcInputs:
         """What stands at an ADC's inputs."""
-        inputs = {channel: self._sensors[beam] for channel, beam in beams.items()}
-
-        def volts(channel: int, time_s: float) -> float:
-            unit = inputs.get(channel)
-            return unit.volts(time_s) if isinstance(unit, SharpUnit) else 0.0
-
-        return volts
+        units = {channel: self._sensors[beam] for channel, beam in beams.items()}
+        sharps = {c: unit for c, unit in units.items() if isinstance(unit, SharpUnit)}
+        return AdcInputs(sharps, stream(self._seed, f"open inputs of {name}"))
 
 
 def physics_of(sensor: RangeSensor) -> SharpPhysics | TofPhysics:

@@ -46,12 +46,13 @@ class Multiplexer:
             self._connected = data[-1]
         return bytes([self._connected])[:count]
 
-    def behind(self, address: int) -> Device | None:
-        """The device with an address on the connected branches."""
-        for channel, devices in self._branches.items():
-            if self._connected >> channel & 1 and address in devices:
-                return devices[address]
-        return None
+    def behind(self, address: int) -> list[Device]:
+        """The devices with an address on the connected branches."""
+        return [
+            devices[address]
+            for channel, devices in self._branches.items()
+            if self._connected >> channel & 1 and address in devices
+        ]
 
 
 NO_SPI: Mapping[str, SpiDevice] = MappingProxyType({})
@@ -68,6 +69,7 @@ class DeviceBus:
         ports: Mapping[str, SerialDevice] = NO_PORTS,
     ) -> None:
         self._devices = devices
+        self._multiplexers = [d for d in devices.values() if isinstance(d, Multiplexer)]
         self._spi = spi
         self._ports = ports
         self._time_s = 0.0
@@ -75,28 +77,53 @@ class DeviceBus:
         """A fault for tests: nothing on the wires answers."""
         self.dead_addresses: set[int] = set()
         """A fault for tests: these chips do not answer."""
+        self.hangs_s = 0.0
+        """A fault for tests: a transfer, exchange or receipt is given up only after so long."""
+        self.hung_until_s = 0.0
+        """So long somebody has waited for them."""
+
+    @property
+    def time_s(self) -> float:
+        """When the wires are free again."""
+        return self._time_s
 
     def set_time(self, time_s: float) -> None:
         """The simulation has reached a time; the bus goes on from there."""
         self._time_s = max(self._time_s, time_s)
 
+    def set_back(self, time_s: float) -> None:
+        """Whoever asked has not waited for the end."""
+        self._time_s = self.hung_until_s = time_s
+
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+        self._hang()
         answers = []
         for t in transactions:
             self._time_s += (2 + len(t.data) + t.count) * BYTE_S
-            device = self._devices.get(t.address) or self._behind(t.address)
-            if device is None or self.is_broken or t.address in self.dead_addresses:
+            devices = self._at(t.address)
+            if not devices or self.is_broken or t.address in self.dead_addresses:
                 raise OSError(errno.EREMOTEIO, f"no acknowledge from 0x{t.address:02x}")
-            answers.append(device.write_read(t.data, t.count, self._time_s))
+            answers.append(_together(devices, t, self._time_s))
             self._time_s += t.wait_s
         return answers
 
-    def _behind(self, address: int) -> Device | None:
-        multiplexers = (d for d in self._devices.values() if isinstance(d, Multiplexer))
-        return next(filter(None, (m.behind(address) for m in multiplexers)), None)
+    def _at(self, address: int) -> list[Device]:
+        """All that are connected; on copper each of them answers."""
+        device = self._devices.get(address)
+        devices = [] if device is None else [device]
+        for multiplexer in self._multiplexers:
+            devices += multiplexer.behind(address)
+        return devices
+
+    def _hang(self) -> None:
+        if self.hangs_s:
+            self._time_s += self.hangs_s
+            self.hung_until_s = self._time_s
+            raise TimeoutError(errno.ETIMEDOUT, "Connection timed out")
 
     def exchange(self, device: str, data: bytes) -> bytes:
         """Where no chip pulls the line down, ones come in."""
+        self._hang()
         if device not in self._spi:
             raise OSError(errno.ENOENT, f"there is no {device}")
         self._time_s += len(data) * SPI_BYTE_S
@@ -105,6 +132,7 @@ class DeviceBus:
         return self._spi[device].exchange(data, self._time_s)
 
     def receive(self, port: str, baud: int) -> bytes:
+        self._hang()
         if port not in self._ports:
             raise OSError(errno.ENOENT, f"there is no {port}")
         sent = self._ports[port].sent(self._time_s, baud)
@@ -112,3 +140,11 @@ class DeviceBus:
 
     def close(self) -> None:
         """Nothing to give back."""
+
+
+def _together(devices: Sequence[Device], transaction: Transaction, time_s: float) -> bytes:
+    """What is read: a line is low as soon as one of them pulls it down."""
+    first, *others = [d.write_read(transaction.data, transaction.count, time_s) for d in devices]
+    for other in others:
+        first = bytes(a & b for a, b in zip(first, other, strict=True))
+    return first

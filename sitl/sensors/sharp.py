@@ -31,6 +31,9 @@ PHYSICS = {
     "paper": SharpPhysics(PAPER, 0.050, 0.02, 0.0, 0.0, 0.05, 5.0),
 }
 
+USUAL_MEMORY = 0.1
+"""Share of the ADC's conversion before that an open input shows; assumed."""
+
 
 class SharpUnit:
     """One sensor. It refreshes by its own clock and holds its output in between."""
@@ -47,11 +50,14 @@ class SharpUnit:
         self.is_unplugged = self.is_stuck = False
         self.noise_factor = 1.0
         """Faults for tests."""
+        self.memory = USUAL_MEMORY
+        self.open_input_v: Callable[[float], float] = lambda memory: 0.0
+        """What stands at the ADC's input without it, by its memory; the ADC knows."""
 
     def volts(self, time_s: float) -> float:
-        """The output at a time; evaluated only when somebody looks."""
+        """At the ADC's input at a time; evaluated only when somebody looks."""
         if self.is_unplugged:
-            return 0.0
+            return self.open_input_v(self.memory)
         if self.is_stuck:
             return self._volts
         refresh = int((time_s + self._phase_s) / self._period_s)

@@ -18,6 +18,7 @@ from sitl.autopilot.personality import Throttle
 from sitl.errors import SitlError
 from sitl.lockstep import Script
 from sitl.radio import NO_TROUBLES, Troubles
+from sitl.sensors.sharp import USUAL_MEMORY
 from sitl.simulation import Simulation
 
 Switch = Callable[[Simulation], None]
@@ -93,6 +94,18 @@ def break_bus(for_s: float | None = None) -> Action:
     return Action(switch(broken=True), switch(broken=False), for_s)
 
 
+def hang_bus(transfer_s: float = 1.0, for_s: float | None = None) -> Action:
+    """Every transfer on the sensors' wires is given up only after so long, as by the kernel."""
+
+    def switch(hangs_s: float) -> Switch:
+        def turn(simulation: Simulation) -> None:
+            simulation.board.bus.hangs_s = hangs_s
+
+        return turn
+
+    return Action(switch(transfer_s), switch(0.0), for_s)
+
+
 def dead_adc(for_s: float | None = None) -> Action:
     """The chips of the range sensors do not answer; the gyro does."""
 
@@ -105,11 +118,15 @@ def dead_adc(for_s: float | None = None) -> Action:
     return Action(die, come_back, for_s)
 
 
-def unplug(beam: str, for_s: float | None = None) -> Action:
-    """A range sensor loses its plug: "front", "left", "right", "up" or "down"."""
+def unplug(beam: str, for_s: float | None = None, memory: float = USUAL_MEMORY) -> Action:
+    """A range sensor loses its plug: "front", "left", "right", "up" or "down".
+
+    At an ADC its input is open then, and shows the share `memory` of what the chip has converted
+    before: with 0.9 it looks like a distance.
+    """
     _check(beam)
     return Action(
-        lambda simulation: simulation.board.unplug(beam),
+        lambda simulation: simulation.board.unplug(beam, memory),
         lambda simulation: simulation.board.plug_in(beam),
         for_s,
     )
@@ -380,7 +397,7 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
         action.__name__: action
         for action in (
             *(bad_link, link_down),
-            *(break_bus, dead_adc, unplug, stick, noisy, swap),
+            *(break_bus, hang_bus, dead_adc, unplug, stick, noisy, swap),
             *(dead_gyro, saturate_gyro, bias_gyro),
             *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),
             *(

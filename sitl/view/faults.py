@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from companion.frames import frd_to_ned
 from sitl.simulation import Simulation
-from sitl.testing.script import Action, break_bus, crash, link_down, somebody, unplug
+from sitl.testing.script import Action, break_bus, crash, hang_bus, link_down, somebody, unplug
 
 AHEAD_M = 1.8
 HEAD_M = 1.2
@@ -23,6 +23,7 @@ def _in_the_way(simulation: Simulation, beam: str, for_s: float | None) -> Actio
 FAULTS: dict[str, Callable[[Simulation, str, float | None], Action]] = {
     "link down": lambda simulation, beam, for_s: link_down(for_s),
     "sensor bus fails": lambda simulation, beam, for_s: break_bus(for_s),
+    "sensor bus hangs": lambda simulation, beam, for_s: hang_bus(for_s=for_s),
     "sensor unplugged": lambda simulation, beam, for_s: unplug(beam),
     "somebody in the way": _in_the_way,
     "crash": lambda simulation, beam, for_s: crash(),

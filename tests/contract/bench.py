@@ -44,6 +44,12 @@ KINDS: dict[str, dict[str, Any]] = {
     "paper": {"profile": "paper"},
     "mcp3008": five({"kind": "sharp_mcp3008"}, channel="{}"),
     "vl53l1x": {"profile": "vl53l1x"},
+    "two multiplexers": {
+        "ranges": {
+            beam: {"kind": "vl53l1x", "mux_address": 0x70 + number % 2, "mux_channel": number // 2}
+            for number, beam in enumerate(FIVE)
+        }
+    },
     "tfmini_s": {"profile": "tfmini_s"},
     "tf_luna": {"profile": "tf_luna"},
     "autopilot": five({"kind": "autopilot", "min_m": 0.2, "max_m": 5.0, "sigma_m": 0.03}),

@@ -9,10 +9,12 @@ import pytest
 from companion.config import SensorsConfig
 from companion.drivers.bus import open_bus
 from companion.drivers.models import model_of
+from companion.drivers.prompt import MOST_AT_ONCE_S
 from companion.drivers.ranges import RangeSensors
 from companion.errors import SensorError
 from companion.messages import Beam, RangeReading, RangeScan, RangeState
-from tests.contract.bench import FIVE, KINDS, Bench, Noisy, Switched, make_bench
+from sitl.sensors.line import on_virtual_time
+from tests.contract.bench import FIVE, KINDS, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
 
 SETTLED_S = 0.6
@@ -139,6 +141,25 @@ def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> Non
     assert settle(bench, sensors).readings[Beam.FRONT].is_distance
 
 
+def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench, transport: str) -> None:
+    if transport == "served":
+        pytest.skip("time stands still while a served bus is waited for")
+    wires = on_virtual_time(bench.board.bus)
+    sensors = RangeSensors(wires, bench.config)
+    settle(bench, sensors)
+    wired = [beam for beam, s in bench.config.beams.items() if s.kind != "autopilot"]
+    bench.board.bus.hangs_s = 1.0
+    for _ in range(30):
+        before_s = bench.board.bus.time_s
+        scan = bench.sweep(sensors)
+        assert bench.board.bus.time_s - before_s <= TICK_S + MOST_AT_ONCE_S + 1e-9
+    assert {scan.readings[beam].state for beam in wired} <= {RangeState.FAILED}
+    bench.board.bus.hangs_s = 0.0
+    for _ in range(20):  # the last transfer is still on its way
+        bench.sweep(sensors)
+    assert all(reading.is_distance for reading in settle(bench, sensors).readings.values())
+
+
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_garbage_never_looks_like_an_impossible_distance_and_passes(
     bench: Bench, seed: int
@@ -177,7 +198,7 @@ def test_a_missing_or_wrong_sensor_stops_the_start_and_is_named(
     transport: str, sensor: dict[str, object], named: tuple[str, ...]
 ) -> None:
     bench = make_bench("mixed")
-    config = SensorsConfig.model_validate({"ranges": {"front": sensor}})
+    config = SensorsConfig.model_validate({"ranges": {"front": sensor}, "gyro": "autopilot"})
     with Served(bench.board.bus) as served:
         wires = bench.bus
         if transport == "served":

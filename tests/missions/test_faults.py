@@ -1,6 +1,7 @@
 """What goes wrong in flight, and that each ends in its written reaction (docs/faults.md)."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,7 @@ from sitl.testing import (
     dead_gyro,
     gust,
     hang,
+    hang_bus,
     jump_clock,
     jump_odometry,
     link_down,
@@ -118,6 +120,67 @@ def test_a_dead_beam_lands_the_drone(sitl: Sitl, beam: str) -> None:
     assert phase(flight) is Phase.DONE
     assert flight.ending == FAILED + beam
     assert flight.truth.collisions == 0
+
+
+ON_MCP3008 = "\n".join(
+    (
+        "[sensors.ranges]",
+        *(
+            f"{beam} = {{ kind = 'sharp_mcp3008', channel = {channel} }}"
+            for channel, beam in enumerate((*LEVEL, "up", "down"))
+        ),
+    )
+)
+
+
+@pytest.mark.parametrize("beam", LEVEL)
+def test_an_open_input_that_shows_its_neighbours_is_not_flown_by(
+    sitl: Sitl, tmp_path: Path, beam: str
+) -> None:
+    """It looks like a distance all the time."""
+    config = tmp_path / "drone.toml"
+    config.write_text(ON_MCP3008)
+    script = [at(30, unplug(beam, memory=0.9))]
+    flight = sitl.fly("room_100", config=str(config), script=script)
+    assert phase(flight) is Phase.DONE
+    assert flight.ending.endswith(beam), flight.ending
+    assert flight.simulation.time_s < 42
+    assert flight.truth.collisions == 0
+
+
+@pytest.mark.parametrize("beam", ["front", "left"])
+def test_a_dead_beam_of_the_papers_sensor_lands_the_drone(sitl: Sitl, beam: str) -> None:
+    flight = sitl.fly("room_100", profile="paper", script=[at(30, unplug(beam))])
+    assert flight.ending == FAILED + beam
+    assert flight.truth.collisions == 0
+
+
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+@pytest.mark.parametrize("profile", ["gp2y0a710k0f", "vl53l1x", "tfmini_s"])
+@pytest.mark.parametrize("transfer_s", [0.03, 1.0])
+def test_a_bus_that_hangs_lands_the_drone_while_setpoints_keep_their_pace(
+    sitl: Sitl, profile: str, autopilot: str, transfer_s: float
+) -> None:
+    ticks_s: list[float] = []
+
+    def note(simulation: Simulation, app: App) -> bool:
+        ticks_s.append(simulation.time_s)
+        return False
+
+    script = [at(30, hang_bus(transfer_s)), Event(note, Action(lambda simulation: None))]
+    flight = sitl.fly("room_100", profile=profile, autopilot=autopilot, script=script)
+    assert phase(flight) is Phase.DONE
+    assert flight.ending == FAILED + "front, left, right"
+    assert flight.truth.collisions == 0
+    assert max(after - before for before, after in pairwise(ticks_s)) < 0.16
+
+
+@pytest.mark.parametrize("transfer_s", [0.05, 1.0])
+def test_a_bus_that_hangs_for_a_moment_lets_the_flight_go_on(
+    sitl: Sitl, small: str, transfer_s: float
+) -> None:
+    flight = sitl.fly(small, script=[at(20, hang_bus(transfer_s, for_s=0.2))])
+    assert flight.completed, flight.ending
 
 
 def test_a_crash_fails_the_flight(sitl: Sitl) -> None:

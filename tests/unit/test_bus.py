@@ -1,5 +1,7 @@
 """The kernel's I2C bus, on a made-up adapter: what goes over it in one call, and when it waits."""
 
+import errno
+import fcntl
 import sys
 import time
 from types import SimpleNamespace
@@ -13,8 +15,12 @@ from companion.drivers.bus import LinuxI2cBus, Transaction
 class Adapter:
     """Stands for smbus2, and notes what is done with it."""
 
+    fd = 7
+
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.done: list[str] = []
+        self.asked: list[tuple[int, int, int]] = []
+        monkeypatch.setattr(fcntl, "ioctl", lambda *request: self.asked.append(request))
         messages = SimpleNamespace(write=lambda a, data: data, read=lambda a, count: bytes(count))
         module = SimpleNamespace(i2c_msg=messages, SMBus=lambda path: self)
         monkeypatch.setitem(sys.modules, "smbus2", module)
@@ -39,3 +45,20 @@ def test_no_call_is_longer_than_the_kernel_takes(adapter: Adapter) -> None:
     read = Transaction(0x48, b"\x00", 2)
     assert len(LinuxI2cBus("").transfer([read] * 50)) == 50
     assert adapter.done == ["42 messages", "42 messages", "16 messages"]
+
+
+def test_the_kernel_is_told_to_give_a_hung_bus_up_before_the_next_tick(adapter: Adapter) -> None:
+    LinuxI2cBus("")
+    requests = {request: argument for fd, request, argument in adapter.asked if fd == adapter.fd}
+    assert requests[0x0701] == 0  # I2C_RETRIES
+    assert 2 <= requests[0x0702] <= 5  # I2C_TIMEOUT, tens of milliseconds
+
+
+def test_an_adapter_without_a_timeout_is_used_all_the_same(
+    adapter: Adapter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*request: int) -> None:
+        raise OSError(errno.ENOTTY, "Inappropriate ioctl for device")
+
+    monkeypatch.setattr(fcntl, "ioctl", refuse)
+    assert LinuxI2cBus("").transfer([Transaction(0x48, b"\x00", 2)]) == [bytes(2)]

@@ -74,11 +74,12 @@ def test_a_gyro_at_the_other_address_is_named() -> None:
     assert "0x6a" in findings["gyro"].remedy
 
 
-def test_an_unplugged_sensor_is_silent() -> None:
+def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
     drone = Drone()
     drone.simulation.board.unplug("left")
     findings = drone.looked_at(1.0)
     assert findings["left"].verdict is Verdict.BAD
+    assert " V, which no sensor" in findings["left"].seen
     assert "plug" in findings["left"].remedy
     assert findings["right"].verdict is Verdict.GOOD
 
@@ -308,3 +309,15 @@ def test_a_turn_by_hand_is_measured_until_it_rests() -> None:
 
     turning = replace(rig, clock=Turning(bench))
     assert math.degrees(turn_rad(turning, bias)) == pytest.approx(360, rel=0.06)
+
+
+def test_behind_two_multiplexers_each_sensor_by_itself_tells_its_own_distance() -> None:
+    bench = make_bench("two multiplexers")
+    for number, beam in enumerate(bench.distances_m):
+        bench.distances_m[beam] = 1.0 + 0.5 * number
+    config = Config().model_copy(update={"sensors": bench.config})
+    examination = Examination(config, direct_pair()[1], bench.bus)
+    for _ in range(20):
+        examination.step(bench.passes(0.05))
+    for beam, reading in examination.readings.items():
+        assert reading.distance_m == pytest.approx(bench.distances_m[beam], abs=0.06)

@@ -163,6 +163,59 @@ def test_nothing_in_range_is_well_on_the_way() -> None:
 SIGMA_M = 0.05
 
 
+def shaken(sigmas: float, seed: int, metres: Sequence[float]) -> list[RangeReading]:
+    """Distances with so many sigma of noise."""
+    noise_m = np.random.default_rng(seed).normal(0.0, sigmas * SIGMA_M, len(metres))
+    told_m = (np.array(metres) + noise_m).tolist()
+    return [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in told_m]
+
+
+def states_of(flight: Sequence[Odometry], readings: Sequence[RangeReading]) -> list[RangeState]:
+    """Of a front beam; the gyro turns as the autopilot does."""
+    watch, states = RangeWatch(), []
+    for told, reading in zip(flight, readings, strict=True):
+        scan = watch.take(RangeScan(told.time_s, {Beam.FRONT: reading}), told, told.yaw_rad)
+        states.append(scan.readings[Beam.FRONT].state)
+    return states
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(("north_m_s", "yaw_deg_s"), [(0.5, 0.0), (-0.5, 0.0), (0.0, 45.0)])
+def test_a_distance_that_does_not_depend_on_what_the_drone_does_has_failed(
+    seed: int, north_m_s: float, yaw_deg_s: float
+) -> None:
+    """An open input's is noisy, but less than a sensor's."""
+    flight = flown(60, north_m_s, math.radians(yaw_deg_s))
+    assert states_of(flight, shaken(0.3, seed, [3.0] * 60))[-1] is RangeState.FAILED
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("sigmas", [0.05, 0.3, 1.0])
+def test_a_quiet_sensor_that_comes_nearer_turns_or_waits_is_well(seed: int, sigmas: float) -> None:
+    flight = flown(60, 0.5)
+    comes = [4.0 - 0.5 * told.time_s for told in flight]
+    assert set(states_of(flight, shaken(sigmas, seed, comes))) == {RangeState.DISTANCE}
+    flight = flown(60, 0.0, math.radians(30))
+    turns = [2.0 / math.cos(told.yaw_rad - math.radians(45)) for told in flight]
+    assert set(states_of(flight, shaken(sigmas, seed, turns))) == {RangeState.DISTANCE}
+    waits = shaken(sigmas, seed, [3.0] * 60)
+    assert set(states_of(flown(60, 0.0), waits)) == {RangeState.DISTANCE}
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_round_wall_that_is_traced_stays_as_far_away(seed: int) -> None:
+    flight = flown(200, 0.5, -0.5)  # round a circle of one metre
+    readings = shaken(0.3, seed, [1.5] * 200)
+    watch, states = RangeWatch(), set()
+    for told, reading in zip(flight, readings, strict=True):
+        forward = replace(
+            told, velocity_ned_m_s=(0.5 * math.cos(told.yaw_rad), 0.5 * math.sin(told.yaw_rad), 0.0)
+        )
+        scan = RangeScan(told.time_s, {Beam.LEFT: reading})
+        states.add(watch.take(scan, forward, told.yaw_rad).readings[Beam.LEFT].state)
+    assert states == {RangeState.DISTANCE}
+
+
 def seen_to_leap(metres: NDArray[np.float64]) -> set[RangeState]:
     watch = RangeWatch()
     readings = [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in metres.tolist()]

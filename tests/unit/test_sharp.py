@@ -15,6 +15,7 @@ from companion.drivers.sharp import GP2Y0A710K0F, PAPER, PROFILES
 from companion.messages import RangeState
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.i2c import DeviceBus
+from sitl.sensors.inputs import AdcInputs
 from sitl.sensors.sharp import PHYSICS, SharpPhysics, SharpUnit
 
 
@@ -67,8 +68,10 @@ def test_noise_grows_with_the_square_of_distance() -> None:
 @pytest.mark.parametrize(
     ("volts", "state"),
     [
-        (0.0, RangeState.FAILED),
-        (3.6, RangeState.FAILED),
+        *((v, RangeState.FAILED) for v in (-0.1, 0.0, 0.15, 0.25, 0.57, 0.9, 1.1, 1.18)),
+        *((v, RangeState.FAILED) for v in (3.25, 3.3, 3.6, 4.096, 5.0)),
+        (1.22, RangeState.NOTHING),
+        (3.13, RangeState.TOO_NEAR),
         (2.8, RangeState.TOO_NEAR),
         (1.3, RangeState.NOTHING),
         (1.8, RangeState.DISTANCE),
@@ -76,6 +79,23 @@ def test_noise_grows_with_the_square_of_distance() -> None:
 )
 def test_the_states_of_a_voltage(volts: float, state: RangeState) -> None:
     assert GP2Y0A710K0F.reading(volts).state is state
+
+
+@pytest.mark.parametrize("volts", [0.0, 0.3, 0.57, 0.9, 1.05, 3.02, 3.2, 3.3, 5.0])
+def test_what_the_ideal_sensor_does_not_put_out_is_a_fault(volts: float) -> None:
+    assert PAPER.reading(volts).state is RangeState.FAILED
+
+
+@pytest.mark.parametrize("name", PROFILES)
+@given(distance_m=st.none() | st.floats(0.05, 10.0), sigmas=st.floats(-5, 5))
+def test_whatever_a_powered_sensor_puts_out_is_no_fault(
+    name: str, distance_m: float | None, sigmas: float
+) -> None:
+    profile = PROFILES[name]
+    if distance_m is not None and not profile.noise_v:
+        distance_m = max(distance_m + sigmas * profile.sigma_m(distance_m), 0.0)
+    volts = profile.volts(distance_m) + sigmas * profile.noise_v
+    assert profile.reading(volts).is_alive
 
 
 def test_very_near_things_read_as_metres() -> None:
@@ -156,3 +176,22 @@ def test_the_adc_rounds_to_its_counts(volts: float) -> None:
     read_v = ads1115.Sweep([(0x48, 0)]).volts(bus)[0x48, 0]
     assert abs(read_v - volts) <= 125e-6 / 2 + 1e-12
     assert read_v / 125e-6 == pytest.approx(round(read_v / 125e-6), abs=1e-6)
+
+
+def test_open_inputs_stand_at_some_tenths_of_a_volt_and_move_with_what_was_converted_before() -> (
+    None
+):
+    levels_v = []
+    for seed in range(20):
+        (seeing,) = units(QUIET, 1, distance_m=1.0)
+        (unplugged,) = units(QUIET, 1)
+        inputs = AdcInputs({0: seeing, 1: unplugged}, Random(seed))
+        unplugged.is_unplugged = True
+        high_v = [(inputs.volts(0, 0.05 * i), inputs.volts(1, 0.05 * i))[1] for i in range(50)]
+        seeing.true_range = lambda time_s: 5.0
+        low_v = [(inputs.volts(0, 5 + i), inputs.volts(1, 5 + i))[1] for i in range(50)]
+        assert all(0.1 < volts < 1.1 for volts in (*high_v, *low_v))
+        assert 0.001 < statistics.stdev(high_v) < 0.006
+        assert statistics.mean(high_v) - statistics.mean(low_v) > 0.05
+        levels_v.append(statistics.mean(low_v))
+    assert statistics.stdev(levels_v) > 0.05

@@ -74,7 +74,9 @@ def test_what_distance_and_strength_mean(
     assert reading.state is state
 
 
-@pytest.mark.parametrize("told", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF)])
+@pytest.mark.parametrize(
+    "told", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF), (0xFFFD, 500), (0x8000, 50)]
+)
 def test_blinded_it_says_nothing_rather_than_something(told: tuple[int, int]) -> None:
     port = Port()
     sensor = Tfmini(port, "/dev/ttyAMA1", 115200, TFMINI_S)

@@ -4,6 +4,7 @@ from random import Random
 
 import pytest
 
+from companion.drivers.bus import Transaction
 from companion.drivers.vl53l1x import MEANINGS, REG_MODE_START, TIMED, Vl53l1x
 from companion.messages import RangeState
 from sitl.sensors.i2c import DeviceBus, Multiplexer
@@ -70,3 +71,30 @@ def test_one_that_hangs_is_silent_though_it_goes_on_saying_what_it_said(
 def test_only_a_valid_status_is_a_distance(status: int) -> None:
     reading = MEANINGS.get(status)
     assert reading is None or reading.state in (RangeState.NOTHING, RangeState.TOO_NEAR)
+
+
+def test_a_target_that_is_too_noisy_to_be_measured_is_not_free_space() -> None:
+    """Sigma failure: light comes back, as in the sun, but nobody knows from where."""
+    assert MEANINGS.get(6) is None
+
+
+def test_behind_two_multiplexers_only_one_branch_is_connected() -> None:
+    """On copper all that are connected answer together."""
+    muxes = {
+        0x70: Multiplexer({0: {ADDRESS: device(1.0)}, 1: {ADDRESS: device(2.0)}}),
+        0x71: Multiplexer({0: {ADDRESS: device(3.0)}}),
+    }
+    bus = DeviceBus(muxes)
+    for address in muxes:  # as a program before may have left them
+        bus.transfer([Transaction(address, b"\xff")])
+    places = {1.0: (0x70, 0), 2.0: (0x70, 1), 3.0: (0x71, 0)}
+    sensors = {
+        true_m: Vl53l1x(bus, ADDRESS, mux, [other for other in muxes if other != mux[0]])
+        for true_m, mux in places.items()
+    }
+    for tick in range(40):
+        bus.set_time(0.05 * tick)
+        told = {true_m: sensor.read(0.05 * tick) for true_m, sensor in sensors.items()}
+    for true_m, reading in told.items():
+        assert reading is not None
+        assert reading.distance_m == pytest.approx(true_m, abs=0.05)

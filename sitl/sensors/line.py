@@ -1,0 +1,40 @@
+"""The companion's wires on virtual time: what takes long goes on without whoever has asked."""
+
+import errno
+from collections.abc import Callable
+from typing import TypeVar
+
+from companion.drivers.prompt import PromptWires
+from sitl.sensors.i2c import DeviceBus
+
+Answer = TypeVar("Answer")
+
+
+class VirtualLine:
+    """Stands for the thread that the companion has for each wire."""
+
+    def __init__(self, bus: DeviceBus) -> None:
+        self._bus = bus
+        self._free_at_s = 0.0
+
+    @property
+    def is_busy(self) -> bool:
+        return self._bus.time_s < self._free_at_s
+
+    def ask(self, request: Callable[[], Answer], within_s: float) -> Answer:
+        began_s = self._bus.time_s
+        try:
+            return request()
+        finally:
+            if self._bus.time_s - began_s > within_s:
+                self._free_at_s = self._bus.time_s
+                self._bus.set_back(began_s + within_s)
+                raise TimeoutError(errno.ETIMEDOUT, f"no answer in {within_s:.2g} s")
+
+    def close(self) -> None:
+        """There is nothing to end."""
+
+
+def on_virtual_time(bus: DeviceBus) -> PromptWires:
+    """As the companion has the wires of a real machine."""
+    return PromptWires(bus, lambda: VirtualLine(bus), lambda: bus.time_s)

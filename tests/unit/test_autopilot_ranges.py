@@ -1,0 +1,55 @@
+"""DISTANCE_SENSOR: what is a distance, what is free space, and what is no word of either."""
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.drivers.autopilot import AutopilotRanges
+from companion.messages import Beam, RangeState
+from companion.range_config import AutopilotRange
+
+FRONT = mavlink.MAV_SENSOR_ROTATION_NONE
+
+
+def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int = 0) -> RangeState:
+    """What the only message says; None: it is as if there were none."""
+    sensors = AutopilotRanges({Beam.FRONT: AutopilotRange(min_m=0.2, max_m=8.0)})
+    message = mavlink.MAVLink_distance_sensor_message(
+        *(77, least_cm, most_cm, current_cm, mavlink.MAV_DISTANCE_SENSOR_LASER, 1, FRONT, 0),
+        signal_quality=quality,
+    )
+    sensors.hear(message, 1.0)
+    reading = sensors.read(1.0).get(Beam.FRONT)
+    return reading.state if reading else RangeState.FAILED
+
+
+@pytest.mark.parametrize(
+    ("current_cm", "told"),
+    [
+        (0, RangeState.FAILED),
+        (1, RangeState.TOO_NEAR),
+        (19, RangeState.TOO_NEAR),
+        (20, RangeState.DISTANCE),
+        (799, RangeState.DISTANCE),
+        (801, RangeState.NOTHING),
+        (5000, RangeState.NOTHING),
+        (65535, RangeState.FAILED),
+    ],
+)
+def test_a_distance_that_was_not_measured_is_not_free_space(
+    current_cm: int, told: RangeState
+) -> None:
+    assert state(current_cm) is told
+
+
+@pytest.mark.parametrize("current_cm", [0, 10, 200, 801, 65535])
+def test_what_the_autopilot_calls_invalid_is_nothing_at_all(current_cm: int) -> None:
+    assert state(current_cm, quality=1) is RangeState.FAILED
+
+
+@pytest.mark.parametrize(("least_cm", "most_cm"), [(0, 0), (20, 0), (20, 20)])
+def test_bounds_that_are_not_told_are_those_of_the_configuration(
+    least_cm: int, most_cm: int
+) -> None:
+    assert state(300, least_cm, most_cm) is RangeState.DISTANCE
+    assert state(10, least_cm, most_cm) is RangeState.TOO_NEAR
+    assert state(900, least_cm, most_cm) is RangeState.NOTHING
