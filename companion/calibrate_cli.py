@@ -94,7 +94,7 @@ def _uncalibrated(config: Path, link: str | None, bus: str | None) -> Config:
 
 
 def _rig(settings: Config, console: Console) -> Rig:
-    transport = open_transport(settings.link)
+    transport = open_transport(settings.link, console.print)
     wires = open_bus(settings.sensors.bus)
     return make_rig(settings, transport, wires, open_clock(settings, transport, console.print))
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.check_link import not_taken, slow_streams
 from companion.check_wires import Overheard, wiring_remedy
 from companion.config import Config
 from companion.drivers.autopilot_gyro import AutopilotGyro
@@ -22,6 +23,7 @@ from companion.errors import SensorError
 from companion.link.link import Link, Listener
 from companion.link.serial_transport import SerialTransport
 from companion.link.transport import Message, Transport
+from companion.link_budget import budget_complaint
 from companion.messages import Beam, GyroSample, RangeReading, RangeState, VehicleState
 from companion.pdps.preflight import refusal
 from companion.pdps.standoff import standoff_m
@@ -89,6 +91,7 @@ class Examination:
         self._link = Link(transport, config.link, listeners)
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
         self._asked_s = -math.inf
+        self._too_much = budget_complaint(config)
         self.readings: dict[Beam, RangeReading] = {}
 
     def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:
@@ -105,6 +108,7 @@ class Examination:
         self._link.send(now_s, None, None)
         findings = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
         findings.append(self._of_gyro(now_s))
+        findings += self._of_traffic()
         vehicle = telemetry.vehicle
         if not vehicle.connected:
             return [*findings, self._of_silent_link(vehicle.unfit)]
@@ -201,6 +205,15 @@ class Examination:
         if self._config.link.signing_key is not None:
             remedy += "; or what it sends is not signed with our link.signing_key"
         return Finding("link", Verdict.BAD, "silent", remedy)
+
+    def _of_traffic(self) -> Iterator[Finding]:
+        """Only what is wrong with it."""
+        if self._too_much:
+            yield Finding("baud rate", Verdict.BAD, "too low", self._too_much)
+        if told := not_taken(self._transport):
+            yield Finding("sending", Verdict.BAD, *told)
+        if told := slow_streams(self._link.streams):
+            yield Finding("streams", Verdict.BAD, *told)
 
     def _ask(self, now_s: float) -> None:
         if now_s - self._asked_s < ASK_PERIOD_S:

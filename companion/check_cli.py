@@ -37,7 +37,7 @@ def check(
     """Show every sensor, the gyro, the link and the autopilot; exit status 0 if all are good."""
     settings = load_settings(config, link, bus, profile)
     console = Console(highlight=False)
-    transport = open_transport(settings.link)
+    transport = open_transport(settings.link, console.print)
     examination = Examination(settings, transport, open_bus(settings.sensors.bus))
     clock = open_clock(settings, transport, console.print)
     now_s = clock.wait_until(0.0)

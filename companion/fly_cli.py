@@ -12,11 +12,13 @@ from rich.console import Console
 from companion.app import App, Inputs, Outputs, Progress
 from companion.config import Config
 from companion.console import ProgressLine, summary
+from companion.errors import CompanionError
 from companion.fly import Record, Rig, fly, record_nothing
-from companion.mapping.files import AutoSave, save, save_as, save_json
+from companion.mapping.files import AutoSave, save
 from companion.messages import FloorPlan
 from companion.options import BusUrl, ConfigFile, LinkUrl, MissionSet, Profile, load_settings
 from companion.pdps.flight import Flight, Phase
+from companion.printed import flight_console
 from companion.recording.recorder import Recorder
 from companion.rig import open_rig
 from companion.service import Service
@@ -25,7 +27,8 @@ from companion.view.feed import open_feed
 EXIT_FAILED = 1
 """As of any program that breaks off: whoever started it has the drone taken up again."""
 EXIT_ENDED = 3
-"""Not completed, but it has landed, or the pilot has it: nobody else is to touch it."""
+"""It has landed, or the pilot has it, but the mission is not complete or its map not saved: nobody
+else is to touch it."""
 
 commands = typer.Typer()
 
@@ -44,17 +47,26 @@ def fly_command(
     settings = load_settings(
         config, link, bus, profile, mission=mission, mission_set=mission_set or ()
     )
-    console = Console(highlight=False)
+    with flight_console() as console:
+        code = _fly(settings, out, console)
+    raise typer.Exit(code)
+
+
+def _fly(settings: Config, out: Path, console: Console) -> int:
     app = App(settings)
     with (
         open_rig(settings, out, console.print) as (rig, recorder),
         closing(open_feed(settings, app, console.print)) as feed,
     ):
         console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
-        code = fly_to_the_end(app, rig, recorder, out, console, feed.tick)
+        try:
+            code = fly_to_the_end(app, rig, recorder, out, console, feed.tick)
+        except CompanionError as error:  # only what is not begun is refused
+            console.print(f"companion: {error}", soft_wrap=True)
+            return EXIT_FAILED
     if not app.flight.took_off:
         console.print(_remedy(settings), soft_wrap=True)
-    raise typer.Exit(code)
+    return code
 
 
 def fly_to_the_end(
@@ -88,14 +100,14 @@ def fly_to_the_end(
 
             fly(app, rig, watch, interrupted.requested, record)
     except KeyboardInterrupt:
-        _leave(app, recorder, out, service)
+        _leave(app, recorder, out, service, autosave, console)
         raise
     except Exception:
-        save_as(save_json, app.floor_plan(), out / "map.json")
+        autosave.save_at_once()
         raise
-    plan, files = _leave(app, recorder, out, service)
+    plan, files = _leave(app, recorder, out, service, autosave, console)
     console.print(summary(app.flight, plan, files, time.monotonic() - began_s))
-    return exit_status(app.flight)
+    return exit_status(app.flight) if files else exit_status(app.flight) or EXIT_ENDED
 
 
 def exit_status(flight: Flight) -> int:
@@ -107,12 +119,20 @@ def exit_status(flight: Flight) -> int:
 
 
 def _leave(
-    app: App, recorder: Recorder, out: Path, service: Service
+    app: App, recorder: Recorder, out: Path, service: Service, autosave: AutoSave, console: Console
 ) -> tuple[FloorPlan, list[Path]]:
+    """The map and its files; none if they cannot be written, which the drone in the air ignores."""
     service.landed()
-    plan = app.final_floor_plan()
-    recorder.close(plan)
-    return plan, save(plan, out)
+    autosave.settle()
+    plan = FloorPlan()
+    try:
+        plan = app.final_floor_plan()
+        recorder.close(plan)
+        return plan, save(plan, out)
+    except Exception as error:  # the flight is over, one way or another, and keeps its status
+        reason = error if isinstance(error, CompanionError) else repr(error)
+        console.print(f"the map is not saved: {reason}", soft_wrap=True)
+        return plan, []
 
 
 def _remedy(settings: Config) -> str:
@@ -130,6 +150,7 @@ class _Interruption:
         self._requested = False
         signal.signal(signal.SIGINT, self._request)
         signal.signal(signal.SIGTERM, self._request)
+        signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the flight does not need its terminal
 
     def _request(self, number: int, frame: object) -> None:
         if self._requested and number == signal.SIGINT:

@@ -7,14 +7,19 @@ import typer
 from rich.console import Console
 
 from companion.clocks import Clock, open_clock
+from companion.config import Config
 from companion.drivers.models import range_models
+from companion.errors import CompanionError, ConfigError
 from companion.link.link import Link
 from companion.link.open_link import open_transport
 from companion.link.reports import Reports
 from companion.messages import RangeScan, VehicleState, is_ours
 from companion.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
+from companion.printed import flight_console
 from companion.recording.crashed import find_crashed
 
+EXIT_FAILED = 1
+"""systemd starts it again, which it does not after a status of 2."""
 TICK_S = 0.05
 LISTEN_S = 8.0
 
@@ -30,10 +35,25 @@ def recover_command(
     out: Annotated[Path, typer.Option(help="Where the flight left its recording.")] = Path("out"),
 ) -> None:
     """After a crash in flight: land, or go on, as mission.after_crash says; never takes off."""
-    settings = load_settings(config, link, bus, profile)
-    console = Console(highlight=False)
+    with flight_console() as console:
+        try:
+            code = _recover(load_settings(config, link, bus, profile), out, console)
+        except CompanionError as error:
+            if not _may_pass(error):
+                raise
+            console.print(f"companion: {error}", soft_wrap=True)
+            code = EXIT_FAILED
+    raise typer.Exit(code)
+
+
+def _may_pass(error: CompanionError) -> bool:
+    """A configuration that is wrong will be refused again; all else is tried again."""
+    return not isinstance(error, ConfigError) or isinstance(error.__cause__, OSError)
+
+
+def _recover(settings: Config, out: Path, console: Console) -> int:
     crashed = find_crashed(out)
-    transport = open_transport(settings.link)
+    transport = open_transport(settings.link, console.print, in_the_air=True)
     clock = open_clock(settings, transport, console.print)
     vehicle = listen(
         Link(transport, settings.link),
@@ -45,7 +65,7 @@ def recover_command(
     from companion.recovery import Recovery  # noqa: PLC0415 - slow to load
 
     recovery = Recovery(settings, transport, clock, crashed=crashed, out=out, console=console)
-    raise typer.Exit(recovery.take_up() if is_ours(vehicle) else recovery.map_only())
+    return recovery.take_up() if is_ours(vehicle) else recovery.map_only()
 
 
 def listen(link: Link, reports: Reports, clock: Clock, words: str) -> VehicleState:

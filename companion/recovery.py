@@ -23,7 +23,7 @@ from companion.drivers.bus import open_bus
 from companion.drivers.models import range_models
 from companion.errors import CompanionError
 from companion.fly import Rig, fly
-from companion.fly_cli import fly_to_the_end
+from companion.fly_cli import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.health.lateness import TICK_S
 from companion.link.link import Link
 from companion.link.reports import Reports
@@ -86,8 +86,8 @@ class Recovery:
         if asked and crashed and crashed.is_fresh and recording and may_be_resumed(recording):
             try:
                 return self._resume(crashed, recording)
-            except CompanionError as error:
-                self._console.print(f"cannot go on: {error}", markup=False)
+            except Exception as error:  # whatever it is: the drone is in the air
+                self._console.print(f"cannot go on: {_reason(error)}")
         return self._land()
 
     def _resume(self, crashed: Crashed, recording: Recording) -> int:
@@ -120,6 +120,8 @@ class Recovery:
         service = Service()
         fly(app, rig, lambda progress: service.alive(progress.activity))
         self._console.print(app.flight.ending)
+        if app.flight.phase is Phase.FAILED:
+            return EXIT_FAILED  # it may be in the air: to be tried again
         return self.map_only()
 
     def map_only(self) -> int:
@@ -130,10 +132,18 @@ class Recovery:
         if self._recording is None:
             self._console.print("nothing to recover")
             return 0
-        app = replay(self._recording)
-        plan = app.final_floor_plan()
-        self._console.print(summary(app.flight, plan, save(plan, self._out), None))
+        try:
+            app = replay(self._recording)
+            plan = app.final_floor_plan()
+            self._console.print(summary(app.flight, plan, save(plan, self._out), None))
+        except Exception as error:  # nothing is in the air that another attempt would help
+            self._console.print(f"the map is not saved: {_reason(error)}", soft_wrap=True)
+            return EXIT_ENDED
         return 0
+
+
+def _reason(error: Exception) -> str:
+    return str(error) if isinstance(error, CompanionError) else repr(error)
 
 
 def may_be_resumed(recording: Recording) -> bool:
@@ -144,8 +154,8 @@ def may_be_resumed(recording: Recording) -> bool:
 def _read(crashed: Crashed | None, console: Console) -> Recording | None:
     try:
         return read(crashed.path) if crashed else None
-    except CompanionError as error:
-        console.print(f"the recording cannot be used: {error}", markup=False)
+    except Exception as error:  # a torn file, or a disk that does not answer: it lands without
+        console.print(f"the recording cannot be used: {_reason(error)}")
         return None
 
 

@@ -17,6 +17,7 @@ from companion.link.link import Link, Listener
 from companion.link.open_link import open_transport
 from companion.link.reports import Reports
 from companion.link.transport import Transport
+from companion.link_budget import refuse_too_much
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 
 
@@ -47,7 +48,8 @@ def open_rig(
     Raises:
         CompanionError: something is missing or is not what it should be.
     """
-    transport = open_transport(config.link)
+    refuse_too_much(config)
+    transport = open_transport(config.link, warn)
     with (
         closing(transport),
         closing(open_bus(config.sensors.bus)) as wires,

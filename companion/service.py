@@ -47,10 +47,10 @@ class Service:
     def _tell(self, text: str) -> None:
         if not self._address:
             return
-        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to_systemd:
-            to_systemd.setblocking(False)  # the control loop waits for nobody
-            try:
+        try:
+            with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to_systemd:
+                to_systemd.setblocking(False)  # the control loop waits for nobody
                 to_systemd.connect(self._address)
                 to_systemd.send(text.encode())
-            except OSError:
-                return  # a flight does not end because nobody listens
+        except OSError:
+            return  # a flight does not end because nobody listens, or no file can be opened

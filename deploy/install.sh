@@ -75,11 +75,9 @@ put_files() {
 set_up_buses() {
     boot=$root/boot/firmware
     [ -d "$boot" ] || { echo "no $boot: not a Raspberry Pi, its buses are left alone"; return; }
-    for line in dtparam=i2c_arm=on,i2c_arm_baudrate=400000 dtparam=spi=on enable_uart=1 \
-        dtoverlay=disable-bt; do
-        grep -qxF "$line" "$boot/config.txt" || echo "$line" >>"$boot/config.txt"
-    done
-    sed -i -E 's/console=(serial0|ttyAMA0|ttyS0),[0-9]+ ?//' "$boot/cmdline.txt"
+    model=
+    [ ! -r "$root/proc/device-tree/model" ] || model=$(tr -d '\0' <"$root/proc/device-tree/model")
+    "$python" "$here/boot_config.py" "$boot" "$model"
     install -d -m 755 "$root/etc/modules-load.d"
     echo i2c-dev >"$root/etc/modules-load.d/pdps.conf"
 }
@@ -88,7 +86,9 @@ start_using() {
     # in an image that is being built nothing runs yet
     [ -n "$root" ] || [ ! -d /run/systemd/system ] && return
     systemctl daemon-reload
-    systemctl disable --now --quiet serial-getty@ttyAMA0.service hciuart.service 2>/dev/null || true
+    for unit in serial-getty@ttyAMA0.service hciuart.service; do
+        systemctl disable --now --quiet "$unit" 2>/dev/null || true
+    done
     udevadm control --reload && udevadm trigger
 }
 

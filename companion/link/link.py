@@ -90,6 +90,11 @@ class Link:
         self._parameters_set: dict[str, bool] = {}
         self._asked_s = self._heartbeat_s = float("-inf")
 
+    @property
+    def streams(self) -> Sequence[Stream]:
+        """What the autopilot is asked for; none before it is known."""
+        return tuple(self._streams.values())
+
     def poll(self, now_s: float) -> Telemetry:
         """Take in what has arrived."""
         odometry = None
@@ -113,7 +118,7 @@ class Link:
             else:
                 self._note(kind, message)
             if stream := self._streams.get(message.get_msgId()):
-                stream.seen_s = now_s
+                stream.note(message, now_s)
             for listener in self._listeners:
                 if message.get_msgId() in listener.streams_hz:
                     listener.hear(message, now_s)
@@ -235,21 +240,23 @@ class Link:
                 messages.append(self._ground_station.heartbeat())
         if self._dialect is None:
             return messages
-        if now_s - self._asked_s >= REQUEST_PERIOD_S:
-            self._asked_s = now_s
-            messages += self._requests(now_s)
         wanted = self._dialect.command(command) if command else None
         messages += self._commands.messages(now_s, wanted, self._target)
         if setpoint is not None:
             messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
+        for stream in self._streams.values():
+            messages += stream.requests(now_s, self._target)
+        if now_s - self._asked_s >= REQUEST_PERIOD_S:
+            self._asked_s = now_s
+            messages += self._requests()
         return messages
 
     def _may_beat_as_ground_station(self) -> bool:
         needs = self._dialect.texts_need if self._dialect is not None else {}
         return bool(needs) and all(self._read.values.get(n) == v for n, v in needs.items())
 
-    def _requests(self, now_s: float) -> list[Message]:
-        messages = [m for s in self._streams.values() for m in s.requests(now_s, self._target)]
+    def _requests(self) -> list[Message]:
+        messages: list[Message] = []
         messages += self._origin.requests(self._target)
         messages += self._read.requests(self._target)
         messages += [

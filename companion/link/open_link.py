@@ -2,12 +2,17 @@
 
 from companion.config import LinkConfig
 from companion.link.serial_transport import SerialTransport
-from companion.link.signing import load_signing
+from companion.link.signing import Warn, load_signing
 from companion.link.transport import UdpTransport
 
 
-def open_transport(config: LinkConfig) -> UdpTransport | SerialTransport:
-    """UDP or a serial port.
+def open_transport(
+    config: LinkConfig, warn: Warn = lambda _: None, *, in_the_air: bool = False
+) -> UdpTransport | SerialTransport:
+    """UDP or a serial port; `warn` hears what goes wrong with the signing's time stamp later.
+
+    `in_the_air`: a drone may be flying, so a time stamp that cannot be read or kept is no reason to
+    refuse.
 
     Raises:
         LinkError: it cannot be used; names the url and the remedy.
@@ -15,5 +20,6 @@ def open_transport(config: LinkConfig) -> UdpTransport | SerialTransport:
     kind = SerialTransport if config.url.startswith("serial:") else UdpTransport
     signing = None
     if config.signing_key is not None:
-        signing = load_signing(config.signing_key, config.signing_timestamp)
+        key_file, kept = config.signing_key, config.signing_timestamp
+        signing = load_signing(key_file, kept, warn, refuses=not in_the_air)
     return kind(config.url, config.system_id, config.component_id, signing)

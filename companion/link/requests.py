@@ -9,7 +9,10 @@ get lost, and PX4 sends two that may contradict each other. Only a take-off, whi
 once, is not sent again after it was accepted.
 """
 
-from dataclasses import dataclass
+import math
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -93,20 +96,86 @@ def _name(enum: str, value: int) -> str:
 
 @dataclass(slots=True)
 class Stream:
-    """A message wanted at a rate; asked for again while it stays silent."""
+    """A message wanted at a rate; asked for again while it is silent, or clearly too slow.
+
+    What was granted does not last: a ground station asks for its own rates on the same link, and an
+    autopilot forgets. So it is counted how often the message comes. Of a message with instances,
+    such as DISTANCE_SENSOR with one per sensor, the one that comes most often counts.
+    """
 
     message_id: int
     rate_hz: float
-    seen_s: float = float("-inf")
-    asked_s: float = float("-inf")
+    measured_hz: float | None = None
+    """In the latest window that is over."""
+    _seen_s: float = -math.inf
+    _asked_s: float = -math.inf
+    _begun_s: float = -math.inf
+    """Of the present window."""
+    _counts: Counter[object] = field(default_factory=Counter)
+    _patience_s: float = 3.0
+    """Between two requests because it is too slow; longer as long as they help nothing."""
+    _unanswered: int = 0
+    """How often it was asked for since one of them came."""
 
-    SILENT_S = 1.5
+    SILENT_S: ClassVar[float] = 0.4
+    """Before the flight misses its position, which is after 0.5 s."""
+    MOST_WAIT_S: ClassVar[float] = 1.5
+    WINDOW_S: ClassVar[float] = 3.0
+    LEAST_COUNT: ClassVar[int] = 10
+    """Of messages in a window: a rate of fewer cannot be told from chance."""
+    LEAST_SHARE: ClassVar[float] = 0.7
+    """Of the rate; a link with 20 % of loss is not too slow."""
+    MOST_PATIENCE_S: ClassVar[float] = 30.0
+
+    @property
+    def is_slow(self) -> bool:
+        return self.measured_hz is not None and self.measured_hz < self.LEAST_SHARE * self.rate_hz
+
+    @property
+    def _silent_s(self) -> float:
+        return max(self.SILENT_S, 3 / self.rate_hz)
+
+    def note(self, message: Message, now_s: float) -> None:
+        """One of them has come."""
+        if now_s - self._seen_s >= self._silent_s:  # that it was silent is no rate
+            self._begin_window(now_s)
+        self._seen_s, self._unanswered = now_s, 0
+        instance = message.instance_field and getattr(message, message.instance_field)
+        self._counts[instance] += 1
 
     def requests(self, now_s: float, target: tuple[int, int]) -> list[Message]:
-        quiet_s = now_s - max(self.seen_s, self.asked_s)
-        if quiet_s < max(self.SILENT_S, 2 / self.rate_hz):
+        """What is due; called at every tick."""
+        self._measure(now_s)
+        is_silent = now_s - self._seen_s >= self._silent_s and self._has_waited(now_s)
+        is_too_slow = self.is_slow and now_s - self._asked_s >= self._patience_s
+        if self._asked_s > -math.inf and not is_silent and not is_too_slow:
             return []
-        self.asked_s = now_s
+        if is_silent and self.measured_hz is not None:
+            self.measured_hz = 0.0
+        if is_too_slow:
+            self._patience_s = min(2 * self._patience_s, self.MOST_PATIENCE_S)
+        self._asked_s = now_s
+        self._unanswered += 1
+        self._begin_window(now_s)
         interval_us = 1e6 / self.rate_hz
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
         return [command_long(target, command, (self.message_id, interval_us))]
+
+    def _has_waited(self, now_s: float) -> bool:
+        """For an answer; at first not for long, as the request may be lost."""
+        wait_s = min(RESEND_S * 2 ** min(self._unanswered - 1, 8), self.MOST_WAIT_S)
+        return bool(now_s - self._asked_s >= max(wait_s, self._silent_s))
+
+    def _measure(self, now_s: float) -> None:
+        window_s = max(self.WINDOW_S, self.LEAST_COUNT / self.rate_hz)
+        passed_s = now_s - self._begun_s
+        if not window_s <= passed_s < math.inf:
+            return
+        self.measured_hz = max(self._counts.values(), default=0) / passed_s
+        if not self.is_slow:
+            self._patience_s = window_s
+        self._begin_window(now_s)
+
+    def _begin_window(self, now_s: float) -> None:
+        self._begun_s = now_s
+        self._counts.clear()

@@ -39,7 +39,7 @@ class Transport(Protocol):
         ...
 
     def send(self, message: Message) -> None:
-        """Send, or lose it silently, as a radio would."""
+        """Send it whole, or lose it silently, as a radio would; never waits."""
         ...
 
     def close(self) -> None: ...
@@ -129,6 +129,8 @@ class UdpTransport:
         self.datagrams_sent = 0
         self.datagrams_received = 0
         """Both are counted with the present peer."""
+        self.messages_dropped = 0
+        """The kernel had no room for them, or no way."""
         try:
             if kind == "udpin":
                 self._socket.bind((host, int(port)))
@@ -208,6 +210,7 @@ class UdpTransport:
         try:
             self._socket.sendto(frame(self._codec, message), self._peer)
         except OSError:
+            self.messages_dropped += 1
             return
         self.datagrams_sent += 1
 

@@ -4,6 +4,7 @@ JSON keeps local NED as the program has it; PNG and PLY are ENU, as their reader
 file is written beside its place and then moved there, so that a crash never leaves half a map.
 """
 
+import contextlib
 import json
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from companion.aside import Aside
 from companion.errors import OutputError
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
@@ -25,18 +27,26 @@ HIT_COLOUR = (230, 120, 40, 255)
 
 
 def save(plan: FloorPlan, folder: Path) -> list[Path]:
-    """Write map.json, map.png and map.ply; their paths.
+    """Write map.json, map.png and map.ply, each as far as the others allow; their paths.
 
     Raises:
-        OutputError: the disk refuses one.
+        OutputError: one cannot be written; names all of them.
     """
     writers: dict[str, Callable[[FloorPlan, Path], None]] = {
         "map.json": save_json,
         "map.png": draw,
         "map.ply": save_ply,
     }
+    complaints = []
     for name, write in writers.items():
-        save_as(write, plan, folder / name)
+        try:
+            save_as(write, plan, folder / name)
+        except Exception as error:  # whatever a library makes of it, the next one may work
+            complaints.append(
+                str(error) if isinstance(error, OutputError) else f"{name}: {error!r}"
+            )
+    if complaints:
+        raise OutputError("; ".join(complaints))
     return [folder / name for name in writers]
 
 
@@ -52,7 +62,9 @@ def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> Non
         write(content, unfinished)
         unfinished.replace(path)
     except OSError as error:
-        raise OutputError(f"{path}: {error.strerror}") from error
+        with contextlib.suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+        raise OutputError(f"{path}: {error.strerror or error}") from error
 
 
 def save_json(plan: FloorPlan, path: Path) -> None:
@@ -163,27 +175,46 @@ def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, floa
 class AutoSave:
     """Keeps map.json on disk while the flight goes on, for the case that the program dies.
 
-    A disk that refuses it is told of once, and tried again.
+    It is written aside. A disk that refuses it is told of once, and tried again.
     """
 
     PERIOD_S = 5.0
+    AT_ONCE_S = 1.0
+    """A program that has failed in the air does not wait longer: it is to be taken up again."""
+    SETTLE_S = 5.0
 
     def __init__(
         self, folder: Path, plan: Callable[[], FloorPlan], warn: Callable[[str], None]
     ) -> None:
-        self._folder = folder
         self._plan = plan
         self._warn = warn
         self._has_warned = False
         self._last_s = 0.0
+        path = folder / "map.json"
+        self._writer = Aside[FloorPlan](lambda plan: save_as(save_json, plan, path))
 
     def update(self, time_s: float) -> None:
+        if self._writer.trouble and not self._has_warned:
+            self._has_warned = True
+            self._warn(f"the map so far is not saved: {self._writer.trouble}")
         if time_s - self._last_s < self.PERIOD_S:
             return
         self._last_s = time_s
+        self._give()
+
+    def save_at_once(self) -> None:
+        """After an error, as far as it can be."""
+        self._give()
+        self._writer.wait(self.AT_ONCE_S)
+
+    def settle(self) -> None:
+        """Let it finish, but not for ever, before somebody else writes the file."""
+        self._writer.wait(self.SETTLE_S)
+
+    def _give(self) -> None:
         try:
-            save_as(save_json, self._plan(), self._folder / "map.json")
-        except OutputError as error:
-            if not self._has_warned:
-                self._has_warned = True
-                self._warn(f"the map so far is not saved: {error}")
+            plan = self._plan()
+        except Exception as error:  # a map that cannot be drawn up is no reason to end the flight
+            self._writer.trouble = repr(error)
+            return
+        self._writer.give(plan)

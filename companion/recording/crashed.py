@@ -42,14 +42,16 @@ class Crashed:
 
 
 def find_crashed(folder: Path) -> Crashed | None:
-    """The newest recording there, if it was not closed in order."""
-    recordings = [(path.stat().st_mtime, path) for path in folder.glob("flight_*.mcap")]
-    if not recordings:
+    """The newest recording there, if it was not closed in order; none if the disk refuses it."""
+    try:
+        recordings = [(path.stat().st_mtime, path) for path in folder.glob("flight_*.mcap")]
+        if not recordings:
+            return None
+        written_s, path = max(recordings)
+        was_closed = not path.read_bytes().endswith(SHORTEST_END)
+    except OSError:
         return None
-    written_s, path = max(recordings)
-    if not path.read_bytes().endswith(SHORTEST_END):
-        return None
-    return Crashed(path, time.time() - written_s)
+    return None if was_closed else Crashed(path, time.time() - written_s)
 
 
 def _last_pose(path: Path) -> dict[str, float] | None:

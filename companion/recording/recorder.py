@@ -87,12 +87,12 @@ def open_recorder(
     began = datetime.fromtimestamp(began_unix_s, UTC)
     path = folder / f"flight_{began:%Y-%m-%d_%H-%M-%S}.mcap"
     number = 1
-    while path.exists():  # a Raspberry Pi without network may start at the same time twice
-        number += 1
-        path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
     try:
+        while path.exists():  # a Raspberry Pi without network may start at the same time twice
+            number += 1
+            path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
         return FlightRecorder(path, config, began_unix_s, warn, clock, continues=continues)
-    except RecordingError as error:
+    except (OSError, RuntimeError) as error:  # a disk that refuses, or no more threads
         warn(f"this flight is not recorded: {error}")
         return NOT_RECORDED
 
@@ -161,6 +161,9 @@ class FlightRecorder:
             work()
         except Exception as error:
             self._is_recording = False
+            self._waiting = []
+            if self._tap is not None:
+                self._tap.forget()
             reason = error if isinstance(error, RecordingError) else repr(error)
             self._warn(f"recording stopped: {reason}")
 

@@ -17,15 +17,23 @@ class Tap:
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
         self._passed: list[Message] = []
+        self._remembers = True
 
     def receive(self) -> list[Message]:
         messages = self._transport.receive()
-        self._passed += messages
+        if self._remembers:
+            self._passed += messages
         return messages
 
     def send(self, message: Message) -> None:
         self._transport.send(message)
-        self._passed.append(message)
+        if self._remembers:
+            self._passed.append(message)
+
+    def forget(self) -> None:
+        """Nobody will take it: the recording has stopped."""
+        self._remembers = False
+        self._passed = []
 
     def close(self) -> None:
         self._transport.close()

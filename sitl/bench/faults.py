@@ -135,6 +135,8 @@ def _fly(case: Case, folder: Path) -> Report:
 
     began_s = time.monotonic()
     app, simulation = fly_in_lockstep(setup, settings, save_now_and_then, script=script)
+    for saver in savers:
+        saver.settle()
     ended_s = simulation.time_s
     while simulation.time_s < ended_s + AFTERWARDS_S:
         simulation.advance(simulation.time_s + 0.05)

@@ -21,6 +21,8 @@ from sitl.radio import NO_TROUBLES, Troubles
 from sitl.sensors.sharp import USUAL_MEMORY
 from sitl.simulation import Simulation
 
+GROUND_STATION = 255
+"""The system id of most."""
 Switch = Callable[[Simulation], None]
 
 
@@ -77,6 +79,25 @@ def bad_link(
 def link_down(for_s: float | None = None) -> Action:
     """MAVLink is lost in both directions."""
     return bad_link(loss=1.0, for_s=for_s)
+
+
+def other_rates(message: str, rate_hz: float) -> Action:
+    """A ground station on the companion's link asks for a message at its own rate; 0 stops it."""
+    ids = {kind.msgname: number for number, kind in mavlink.mavlink_map.items()}
+    if message not in ids:
+        raise ValueError(f"no message {message!r} in MAVLink; as in 'ATTITUDE'")
+    interval_us = 1e6 / rate_hz if rate_hz > 0 else -1.0
+
+    def ask(simulation: Simulation) -> None:
+        asked = mavlink.MAVLink_command_long_message(
+            *(0, mavlink.MAV_COMP_ID_AUTOPILOT1),
+            *(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, ids[message], interval_us, 0, 0, 0, 0, 0),
+        )
+        asked._header.srcSystem = GROUND_STATION
+        asked._header.srcComponent = mavlink.MAV_COMP_ID_MISSIONPLANNER
+        simulation.autopilot.receive(asked)
+
+    return Action(ask)
 
 
 # The sensors
@@ -396,7 +417,7 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
     {
         action.__name__: action
         for action in (
-            *(bad_link, link_down),
+            *(bad_link, link_down, other_rates),
             *(break_bus, hang_bus, dead_adc, unplug, stick, noisy, swap),
             *(dead_gyro, saturate_gyro, bias_gyro),
             *(crash, restart_autopilot, jump_clock, jump_odometry, lose_flow, battery),

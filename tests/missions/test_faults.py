@@ -31,6 +31,7 @@ from sitl.testing import (
     link_down,
     lose_flow,
     noisy,
+    other_rates,
     pilot_mode,
     refuse_arming,
     restart_autopilot,
@@ -240,6 +241,9 @@ def test_swapped_sensors_show_before_they_do_harm(
         hang(for_s=3),
         bad_link(loss=0.2),
         bad_link(loss=0.2, duplicates=0.2, reordering=0.2, jitter_s=0.3),
+        other_rates("ATTITUDE", 4),
+        other_rates("LOCAL_POSITION_NED", 10),
+        other_rates("LOCAL_POSITION_NED", 0),
     ],
 )
 def test_what_passes_does_not_end_the_mission(sitl: Sitl, small: str, action: Action) -> None:

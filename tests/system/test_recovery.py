@@ -117,13 +117,20 @@ class Killed:
 
 @contextmanager
 def killed_in_flight(
-    out: Path, after_crash: str, ends: End = is_killed, environment: Sequence[str] = ()
+    out: Path,
+    after_crash: str,
+    ends: End = is_killed,
+    environment: Sequence[str] = (),
+    key: Path | None = None,
 ) -> Iterator[Killed]:
     """In lockstep: the vehicle's time stands still while nobody flies it."""
     config, world, port = out / "drone.toml", out / "room.toml", free_udp_port()
     world.write_text(ROOM)
-    config.write_text(f'[mission]\nafter_crash = "{after_crash}"\n')
-    serve = ("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0", "--lockstep")
+    signed = f'[link]\nsigning_key = "{key}"\n' if key else ""
+    config.write_text(f'{signed}[mission]\nafter_crash = "{after_crash}"\n')
+    keyed = ("--signing-key", str(key)) if key else ()
+    doors = ("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
+    serve = (*keyed, *doors, "--lockstep")
     truth = ("--truth", str(out / "truth.json"))
     with started(sitl("run", str(world), *serve, "--speed", "1000", *truth)) as vehicle:
         bus = read_until(vehicle, "sitl://").split()[-1]
@@ -148,6 +155,56 @@ def assert_landed_with_its_map(killed: Killed, output: str) -> None:
 def test_after_a_crash_it_lands_and_leaves_the_map(tmp_path: Path) -> None:
     with killed_in_flight(tmp_path, "land") as killed:
         assert_landed_with_its_map(killed, killed.recover())
+
+
+def test_a_disk_on_which_nothing_can_be_written_keeps_nobody_from_landing(tmp_path: Path) -> None:
+    """Neither the signing's time stamp, nor the recording, nor the map."""
+    key, out = tmp_path / "signing.key", tmp_path / "out"
+    key.write_text("5a" * 32)
+    key.chmod(0o600)
+    key.with_suffix(".timestamp.new").symlink_to("/dev/full")
+    out.mkdir()
+    for name in ("map.json", "map.png", "map.ply"):
+        (out / f".unfinished-{name}").symlink_to("/dev/full")
+    with killed_in_flight(out, "resume", key=key) as killed:
+        for recording in out.glob("flight_*.mcap"):
+            recording.chmod(0)
+        landed = subprocess.run(
+            companion("recover", *killed.arguments),
+            capture_output=True,
+            text=True,
+            timeout=DEADLINE_S,
+            check=False,
+        )
+        assert landed.returncode in (0, EXIT_ENDED), landed.stdout + landed.stderr
+        assert landed.stdout.count("signing_timestamp") == 1
+        truth = killed.truth()
+    assert truth["path"][-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("config", "status"),
+    [
+        ('[link]\nsigning_key = "/nowhere/signing.key"\n', 1),
+        ('[link]\nurl = "serial:/dev/nowhere:57600"\n', 1),
+        ('[link]\nurl = "nowhere"\n', 2),
+    ],
+)
+def test_only_a_configuration_that_will_be_refused_again_ends_with_2(
+    tmp_path: Path, config: str, status: int
+) -> None:
+    """Systemd starts it again after any other failure."""
+    (tmp_path / "drone.toml").write_text(config)
+    arguments = ("--config", str(tmp_path / "drone.toml"), "--out", str(tmp_path))
+    ended = subprocess.run(
+        companion("recover", *arguments),
+        capture_output=True,
+        text=True,
+        timeout=DEADLINE_S,
+        check=False,
+    )
+    assert ended.returncode == status, ended.stdout + ended.stderr
+    assert "nowhere" in ended.stdout + ended.stderr
 
 
 def test_without_memory_it_breaks_off_and_is_landed(tmp_path: Path) -> None:

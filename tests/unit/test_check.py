@@ -1,6 +1,7 @@
 """`companion check` says of each part how it is, and what to do."""
 
 import math
+import re
 from dataclasses import replace
 from random import Random
 from typing import Any
@@ -18,7 +19,7 @@ from companion.messages import Beam, RangeReading, RangeState
 from companion.rig import make_rig
 from sitl.radio import Troubles
 from sitl.simulation import Setup, Simulation
-from sitl.testing import battery, claim, mute
+from sitl.testing import battery, claim, mute, other_rates
 from sitl.world.loading import load_world
 from tests.contract.bench import STILL, Bench, make_bench
 
@@ -195,12 +196,13 @@ class Port:
 
     def __init__(self, data: bytes) -> None:
         self._data = data
-        self.in_waiting = len(data)
+        self.in_waiting, self.out_waiting = len(data), 0
 
-    def read(self, count: int) -> bytes:
+    def read(self, size: int = 1) -> bytes:
         return self._data
 
-    def write(self, data: bytes) -> None: ...
+    def write(self, data: bytes) -> int:
+        return len(data)
 
     def close(self) -> None: ...
 
@@ -220,6 +222,32 @@ def test_a_silent_port_and_a_wrong_baud_rate_are_told_apart(
     findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
     assert findings["link"].verdict is Verdict.BAD
     assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
+
+
+def test_a_port_that_takes_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Stuck(Port):
+        def write(self, data: bytes) -> int:
+            return 0
+
+    monkeypatch.setattr(SerialTransport, "_open", lambda self: Stuck(b""))
+    config = Config.model_validate({"link": {"url": "serial:/dev/ttyAMA0:921600"}})
+    bench = make_bench("gp2y0a710k0f")
+    examination = Examination(config, SerialTransport(config.link.url, 1, 191), bench.bus)
+    findings = {f.part: f for t in range(40) for f in examination.step(bench.passes(0.05))}
+    assert findings["sending"].verdict is Verdict.BAD
+    assert "RTSCTS" in findings["sending"].remedy
+
+
+def test_a_stream_that_somebody_slows_again_and_again_is_told() -> None:
+    drone = Drone()
+    slow = other_rates("ATTITUDE", 4)
+    findings = drone.looked_at(4.0)
+    assert "streams" not in findings
+    for _ in range(8):
+        slow.begin(drone.simulation)
+        findings = drone.looked_at(1.0)
+    assert findings["streams"].verdict is Verdict.BAD
+    assert re.search(r"ATTITUDE \d+ Hz of 25", findings["streams"].seen)
 
 
 def test_a_serial_sensor_at_a_wrong_baud_rate_is_told() -> None:

@@ -1,5 +1,6 @@
 """What is installed on the drone: scripts, unit and files, as far as they can be held to here."""
 
+import importlib.util
 import os
 import re
 import shutil
@@ -15,6 +16,11 @@ from companion.fly_cli import exit_status
 from companion.pdps.flight import Flight, Phase
 from sitl.autopilot.parameters.table import load_table
 
+_spec = importlib.util.spec_from_file_location("boot_config", DEPLOY / "boot_config.py")
+assert _spec is not None
+assert _spec.loader is not None
+boot_config = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(boot_config)
 LEFT_OUT = (
     *("lxml", "zstandard", "setuptools", "pkg_resources", "pip", "tzdata"),
     *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
@@ -126,6 +132,103 @@ def test_installing_again_changes_nothing_and_keeps_what_was_configured(
     assert config.count("dtparam=spi=on") == 1
     assert "dtoverlay=disable-bt" in config
     assert first["boot/firmware/cmdline.txt"] == b"console=tty1 root=/dev/sda2\n"
+
+
+WANTED_ON = {
+    "pi02": {"dtoverlay disable-bt": ""},
+    "pi3": {"dtoverlay disable-bt": ""},
+    "pi4": {"dtoverlay disable-bt": ""},
+    "pi5": {"dtparam uart0": "on"},
+}
+EVERYWHERE = {
+    "dtparam i2c_arm": "on",
+    "dtparam i2c_arm_baudrate": "400000",
+    "dtparam spi": "on",
+    "enable_uart": "1",
+}
+CONFIGS = {
+    "none": "",
+    "shipped": (
+        "# For more options see http://rptl.io/configtxt\n#dtparam=i2c_arm=on\n#dtparam=spi=on\n"
+        "dtparam=audio=on\n\n[cm4]\notg_mode=1\n\n[cm5]\ndtoverlay=dwc2,dr_mode=host\n\n[all]\n"
+    ),
+    "ends in another model's section": "dtparam=audio=on\n[cm4]\notg_mode=1\n",
+    "ends in a filter": "[all]\ndtparam=spi=on\n[pi4]\n[gpio4=1]\nenable_uart=1\n",
+    "no end of line": "[all]\ndtparam=spi=on\n[pi5]\narm_boost=1",
+    "of Windows": "dtparam=audio=on\r\n[cm4]\r\notg_mode=1\r\n",
+    "taken back": "dtparam=i2c_arm=on,spi=on\nenable_uart=1\nenable_uart=0\ndtparam=spi=off\n",
+    "in a wrong section": "[pi0]\ndtparam=i2c_arm=on,i2c_arm_baudrate=400000\nenable_uart=1\n",
+    "not ASCII": "# für die Drohne\n[pi4]\n",
+}
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_every_model_gets_its_buses_whatever_stood_in_config_txt(name: str) -> None:
+    text = CONFIGS[name]
+    new = boot_config.with_buses(text)
+    assert new.startswith(text)
+    for model, wanted in WANTED_ON.items():
+        assert EVERYWHERE.items() <= boot_config.in_force(new.splitlines(), model).items()
+        assert wanted.items() <= boot_config.in_force(new.splitlines(), model).items()
+    assert "dtoverlay disable-bt" not in boot_config.in_force(new.splitlines(), "pi5")
+    added = new[len(text) :]
+    assert "otg_mode=1dtparam" not in new
+    assert ("\r\n" in added) == ("\r\n" in text)
+    assert "\n" not in added.replace("\r\n", "") or "\r\n" not in text
+    assert boot_config.with_buses(new) == new
+    assert boot_config.in_force([*new.splitlines(), "later=1"], "pi1")["later"] == "1"
+
+
+def test_what_is_there_already_is_not_written_again() -> None:
+    text = (
+        "dtparam=spi=on\n[pi4]\ndtoverlay=disable-bt\n[cm5]\nx=1\n[pi5]\ndtparam=uart0\n[all]\n"
+        "enable_uart=1\ndtparam=i2c=on\ndtparam=i2c_arm_baudrate=400000\n"
+    )
+    added = boot_config.with_buses(text)[len(text) :]
+    once = "dtoverlay=disable-bt"
+    assert added.split() == ["[pi02]", once, "[pi3]", once, "[all]"]
+
+
+COMMAND_LINES = [
+    ("console=serial0,115200 console=tty1 root=/dev/sda2\n", "console=tty1 root=/dev/sda2\n"),
+    ("console=tty1 root=/dev/sda2 console=ttyAMA0,115200n8", "console=tty1 root=/dev/sda2"),
+    ("a console=serial0 kgdboc=ttyAMA0,115200 b\r\n", "a b\r\n"),
+    ("console=ttyS0,9600 console=tty1", "console=tty1"),
+    ("console=ttyAMA01 netconsole=serial0,1 c\n", "console=ttyAMA01 netconsole=serial0,1 c\n"),
+    ("console=tty1  quiet \n", "console=tty1  quiet \n"),
+]
+
+
+@pytest.mark.parametrize(("line", "without"), COMMAND_LINES)
+def test_no_login_shell_is_on_the_port(line: str, without: str) -> None:
+    assert boot_config.without_login(line, boot_config.PINS_BEFORE_PI_5) == without
+
+
+@pytest.mark.parametrize(
+    ("model", "line"),
+    [
+        ("Raspberry Pi 5 Model B Rev 1.0", "console=serial0,115200 console=tty1\n"),
+        ("Raspberry Pi Compute Module 5 Rev 1.0", "console=serial0,115200 console=tty1\n"),
+        ("Raspberry Pi 500 Rev 1.0", "console=serial0,115200 console=tty1\n"),
+        ("Raspberry Pi 4 Model B Rev 1.5", "console=tty1\n"),
+        ("Raspberry Pi Zero 2 W Rev 1.0", "console=tty1\n"),
+        ("", "console=tty1\n"),
+    ],
+)
+def test_a_raspberry_pi_5_keeps_its_debug_connector(
+    tmp_path: Path, stub: Path, model: str, line: str
+) -> None:
+    root = tmp_path / "root"
+    boot, tree = root / "boot" / "firmware", root / "proc" / "device-tree"
+    boot.mkdir(parents=True)
+    tree.mkdir(parents=True)
+    (tree / "model").write_text(f"{model}\0")
+    told = "console=serial0,115200 console=ttyAMA0,115200 console=tty1\n"
+    (boot / "cmdline.txt").write_text(told)
+    install(root, stub)
+    assert (boot / "cmdline.txt").read_text() == line
+    assert "[pi5]\ndtparam=uart0=on\n" in (boot / "config.txt").read_text()
+    assert {path.name for path in boot.iterdir()} == {"cmdline.txt", "config.txt"}
 
 
 def test_a_flight_needs_nothing_of_what_is_left_out() -> None:

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config import LinkConfig
 from companion.link.link import Link, Telemetry
+from companion.link.requests import Stream
 from companion.link.transport import Message, pipe_pair, sent_by
 from companion.messages import Command, CommandKind, LandedState, Setpoint
 from sitl.autopilot.core import Autopilot
@@ -25,6 +26,7 @@ class Vehicle:
         self.link = Link(companion, config or LinkConfig())
         self.now_s = 0.0
         self.heard: list[Message] = []
+        self.heard_at: list[tuple[float, Message]] = []
 
     def says(self, *messages: Message) -> Telemetry:
         for message in messages:
@@ -35,6 +37,7 @@ class Vehicle:
         self.link.send(self.now_s, setpoint, command)
         new: list[Any] = self.transport.receive()
         self.heard += new
+        self.heard_at += [(self.now_s, message) for message in new]
         self.now_s += TICK_S
         return new
 
@@ -110,6 +113,86 @@ def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
     asked = [int(m.param1) for m in vehicle.heard if m.get_type() == "COMMAND_LONG"]
     assert asked.count(30) >= 2
     assert asked.count(32) <= 1
+
+
+def asked(vehicle: Vehicle, message_id: int) -> list[float]:
+    """When a stream was asked for."""
+    return [
+        now_s
+        for now_s, m in vehicle.heard_at
+        if m.get_type() == "COMMAND_LONG" and m.command == 511 and m.param1 == message_id
+    ]
+
+
+def streams(vehicle: Vehicle, seconds: float, attitude_hz: float) -> None:
+    """All streams come as they are asked for, but ATTITUDE at another rate."""
+    slow = (
+        mavlink.MAVLink_extended_sys_state_message(0, 1),
+        mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0),
+        mavlink.MAVLink_ekf_status_report_message(831, 0, 0, 0, 0, 0),
+    )
+    due = 0.0
+    for tick in range(round(seconds / TICK_S)):
+        ms = round(vehicle.now_s * 1000) + 1
+        due += attitude_hz * TICK_S
+        messages = [attitude(ms + n) for n in range(int(due))]
+        due -= int(due)
+        vehicle.says(position(ms), *messages, *(slow if tick % 10 == 0 else ()))
+        vehicle.tick()
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, 0.2, 1.0, 4.0, 16.0])
+def test_a_stream_that_somebody_slows_is_asked_for_again_soon_and_then_more_rarely(
+    vehicle: Vehicle, rate_hz: float
+) -> None:
+    vehicle.says(heartbeat())
+    streams(vehicle, 20.0, 25.0)
+    assert len(asked(vehicle, 30)) == 1
+    streams(vehicle, 8.0, rate_hz)
+    assert len(asked(vehicle, 30)) >= 2
+    streams(vehicle, 60.0, rate_hz)
+    if rate_hz > 1.0:
+        assert len(asked(vehicle, 30)) <= 6
+    assert [len(asked(vehicle, other)) for other in (32, 1, 245, 193)] == [1] * 4
+    told = len(asked(vehicle, 30))
+    streams(vehicle, 20.0, 25.0)
+    assert len(asked(vehicle, 30)) <= told + 1
+
+
+@pytest.mark.parametrize("rate_hz", [20.0, 25.0, 50.0])
+def test_a_stream_that_comes_about_as_asked_is_let_be(vehicle: Vehicle, rate_hz: float) -> None:
+    vehicle.says(heartbeat())
+    streams(vehicle, 60.0, rate_hz)
+    assert len(asked(vehicle, 30)) == 1
+
+
+@pytest.mark.parametrize("rate_hz", [0.4, 1.2])
+def test_a_stream_of_a_low_rate_is_asked_for_again_too(vehicle: Vehicle, rate_hz: float) -> None:
+    stream = Stream(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0)
+    status = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0)
+    stream.requests(0.0, (1, 1))
+    requests, due = 0, 0.0
+    for second in range(1, 31):
+        due += rate_hz
+        for _ in range(int(due)):
+            stream.note(status, float(second))
+        due -= int(due)
+        requests += len(stream.requests(float(second), (1, 1)))
+    assert 2 <= requests <= 20
+
+
+def test_with_five_sensors_on_one_stream_each_counts_for_itself() -> None:
+    stream = Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 20.0)
+    stream.requests(0.0, (1, 1))
+    requests = 0
+    for tick in range(1, 200):
+        for number in range(5 if tick % 4 == 0 else 0):  # 5 Hz of 20, from five sensors
+            told = mavlink.MAVLink_distance_sensor_message(0, 10, 500, 100, 2, number, 0, 0)
+            stream.note(told, tick * TICK_S)
+        if tick % 20 == 0:
+            requests += len(stream.requests(tick * TICK_S, (1, 1)))
+    assert requests >= 1
+    assert stream.is_slow
 
 
 def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle) -> None:

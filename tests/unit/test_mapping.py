@@ -1,7 +1,9 @@
 """From lines and hits to walls, and the files of the map."""
 
+import errno
 import json
 import math
+import os
 from pathlib import Path
 
 import matplotlib.image
@@ -9,6 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from companion.errors import OutputError
 from companion.estimation.flight_record import NO_WALL
 from companion.mapping.files import AutoSave, load_json, save
 from companion.mapping.floor_plan import outline_closed, wall_segments
@@ -115,4 +118,40 @@ def test_the_map_is_kept_while_the_flight_goes_on(tmp_path: Path) -> None:
     autosave.update(1.0)
     assert not list(tmp_path.iterdir())
     autosave.update(6.0)
+    autosave.settle()
     assert len(json.loads((tmp_path / "map.json").read_text())["walls"]) == 4
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_a_disk_that_refuses_the_map_so_far_is_told_of_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(Path, "write_text", refuse)
+    told: list[str] = []
+    autosave = AutoSave(tmp_path, square, told.append)
+    for second in range(40):
+        autosave.update(float(second))
+        autosave.settle()
+    assert len(told) == 1
+    assert os.strerror(number) in told[0]
+
+
+def test_a_map_so_far_that_cannot_be_drawn_up_does_not_end_the_flight(tmp_path: Path) -> None:
+    def broken() -> FloorPlan:
+        raise ArithmeticError("singular")
+
+    told: list[str] = []
+    autosave = AutoSave(tmp_path, broken, told.append)
+    for second in range(20):
+        autosave.update(float(second))
+    assert len(told) == 1
+
+
+def test_one_file_of_the_map_that_cannot_be_written_leaves_the_others(tmp_path: Path) -> None:
+    (tmp_path / ".unfinished-map.png").symlink_to("/dev/full")
+    with pytest.raises(OutputError, match=r"map\.png: No space left"):
+        save(square(), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == {"map.json", "map.ply"}

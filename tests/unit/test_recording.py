@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from pymavlink import mavutil
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion import config as configuration
 from companion.app import Inputs, Progress
@@ -23,6 +24,7 @@ from companion.config import Config
 from companion.errors import RecordingError
 from companion.frames import wrap_rad, yaw_ned_to_enu
 from companion.link.link import Telemetry
+from companion.link.transport import pipe_pair
 from companion.messages import (
     Beam,
     FloorPlan,
@@ -36,8 +38,9 @@ from companion.messages import (
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_ticks, encode_plan, encode_ticks
 from companion.recording.reader import read
-from companion.recording.recorder import open_recorder
+from companion.recording.recorder import FlightRecorder, open_recorder
 from companion.recording.replay import is_same_map, replay
+from companion.recording.tlog import Tap
 from sitl.lockstep import fly_in_lockstep
 from sitl.simulation import Setup
 from sitl.testing import Flight, Sitl, link_down, unplug, when
@@ -325,3 +328,20 @@ def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, content: by
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"nothing\.mcap: No such file"):
         read(tmp_path / "nothing.mcap")
+
+
+def test_a_recording_that_has_stopped_keeps_no_messages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else they would fill the memory until the flight ends."""
+    monkeypatch.setattr(FlightRecorder, "_tick", lambda *_: 1 / 0)
+    recorder = FlightRecorder(
+        tmp_path / "flight.mcap", Config(), 0.0, lambda _: None, lambda: 0.0, continues=""
+    )
+    autopilot, companion = pipe_pair()
+    tap = recorder.tap(companion)
+    recorder.tick(0.0, Inputs(Telemetry(VehicleState()), (), RangeScan(0.0, {})), None)  # type: ignore[arg-type]
+    autopilot.send(mavlink.MAVLink_heartbeat_message(2, 3, 81, 4, 4, 3))
+    assert len(tap.receive()) == 1
+    assert isinstance(tap, Tap)
+    assert tap.take() == []

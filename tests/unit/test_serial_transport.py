@@ -1,27 +1,48 @@
 """MAVLink over a serial port: a stream, cut anywhere, that may vanish and come back."""
 
 import itertools
+import os
+import pty
+import time
+import tty
 from collections import deque
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.config import LinkConfig
 from companion.errors import LinkError
+from companion.link.link import Link
+from companion.link.serial_line import MOST_BACKLOG_S, SerialLine
 from companion.link.serial_transport import SerialTransport
-from companion.link.transport import make_codec
+from companion.link.transport import decode_stream, make_codec
+from companion.messages import HOLD, Pose
 
 URL = "serial:/dev/ttyTEST:921600"
 
 
 class Port:
-    """Hands over what the test has put there, in the pieces in which it was put."""
+    """Hands over what the test has put there, in the pieces in which it was put.
 
-    def __init__(self) -> None:
+    What is written goes into a buffer of 4096 bytes, as the kernel's, that a UART empties at so
+    many bytes a second. `at_once` is the most that one write takes.
+    """
+
+    def __init__(
+        self, bytes_per_s: float = 1e9, at_once: int = 4096, *, tells: bool = True
+    ) -> None:
         self.pieces: deque[bytes] = deque()
         self.written = b""
+        self.left_at_s: list[float] = []
+        """Of each byte written."""
         self.is_there = True
+        self.now_s = 0.0
+        self.bytes_per_s = bytes_per_s
+        self._at_once, self._tells = at_once, tells
+        self._queued = self._drained_at_s = 0.0
 
     @property
     def in_waiting(self) -> int:
@@ -29,23 +50,43 @@ class Port:
             raise OSError(5, "Input/output error")
         return len(self.pieces[0]) if self.pieces else 0
 
-    def read(self, count: int) -> bytes:
+    @property
+    def out_waiting(self) -> int:
+        self._drain()
+        return int(self._queued) if self._tells else 0
+
+    def _drain(self) -> None:
+        self._queued -= min(self._queued, self.bytes_per_s * (self.now_s - self._drained_at_s))
+        self._drained_at_s = self.now_s
+
+    def read(self, size: int = 1) -> bytes:
         return self.pieces.popleft() if self.pieces else b""
 
-    def write(self, data: bytes) -> None:
-        self.written += data
+    def write(self, data: bytes) -> int:
+        self._drain()
+        taken = min(len(data), self._at_once, int(4096 - self._queued))
+        self.written += data[:taken]
+        for _ in range(taken):
+            self._queued += 1
+            rate = self.bytes_per_s or 1e-9
+            self.left_at_s.append(self.now_s + self._queued / rate)
+        return taken
+
+    def takes(self, at_once: int) -> None:
+        """So many bytes from now on, in all."""
+        self._queued, self.bytes_per_s, self._drained_at_s = 4096.0 - at_once, 0.0, self.now_s
 
     def close(self) -> None: ...
 
 
-def opened(port: Port) -> SerialTransport:
+def opened(port: Port, url: str = URL) -> SerialTransport:
     class OnPort(SerialTransport):
         def _open(self) -> Port:
             if not port.is_there:
                 raise OSError(2, "No such file or directory")
             return port
 
-    return OnPort(URL, 1, 191)
+    return OnPort(url, 1, 191)
 
 
 def beats(count: int) -> bytes:
@@ -91,3 +132,115 @@ def test_a_port_that_is_not_there_at_the_start_is_refused_with_the_remedy() -> N
     port.is_there = False
     with pytest.raises(LinkError, match=r"ttyTEST.*dialout"):
         opened(port)
+
+
+# A port that takes nothing, or too little
+
+TICK_S = 0.05
+
+
+def flown(port: Port, monkeypatch: pytest.MonkeyPatch, baud: int, ticks: int = 200) -> list[float]:
+    """How old each setpoint is when it has left the port, whole; poses are told as well."""
+    now_s = [0.0]
+    monkeypatch.setattr("companion.link.serial_transport.time.monotonic", lambda: now_s[0])
+    transport = opened(port, f"serial:/dev/ttyTEST:{baud}")
+    link = Link(transport, LinkConfig(send_pose=True))
+    codec = make_codec(1, 1)
+    attitude = mavlink.MAVLink_attitude_message(100, 0, 0, 0, 0, 0, 0)
+    beat = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3)
+    port.pieces += [beat.pack(codec), attitude.pack(codec)]
+    for tick in range(ticks):
+        port.now_s = now_s[0] = tick * TICK_S
+        link.poll(now_s[0])
+        link.send(now_s[0], HOLD, None, Pose(now_s[0], 1.0, 0.0, 0.0, 0.0))
+    return ages_s(port)
+
+
+def ages_s(port: Port) -> list[float]:
+    parser, ages = make_codec(255, 1), []
+    for byte, left_s in zip(port.written, port.left_at_s, strict=True):
+        for message in decode_stream(parser, bytes([byte])):
+            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+                ages.append(left_s - message.time_boot_ms * 1e-3)
+    return ages
+
+
+@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize("at_once", [4096, 100, 7])
+@pytest.mark.parametrize("baud", [38400, 57600, 115200, 921600])
+def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
+    monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, tells: bool
+) -> None:
+    """More is told than 57600 baud carry: the poses give way."""
+    ages = flown(Port(baud / 10, at_once, tells=tells), monkeypatch, baud)
+    assert len(ages) >= 198
+    assert max(ages) < MOST_BACKLOG_S + 0.02
+
+
+def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = Port(5760.0)
+    flown(port, monkeypatch, 57600)
+    beats = [
+        m for m in decode_stream(make_codec(255, 1), port.written) if m.get_type() == "HEARTBEAT"
+    ]
+    assert len(beats) == 10
+
+
+@pytest.mark.parametrize("tells", [True, False])
+def test_a_port_that_takes_nothing_is_silence_and_holds_nothing_up(
+    monkeypatch: pytest.MonkeyPatch, tells: bool
+) -> None:
+    port = Port(0.0, tells=tells)
+    flown(port, monkeypatch, 57600, ticks=2000)
+    assert len(port.written) <= 4096
+
+
+def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    port = Port(0.0)
+    flown(port, monkeypatch, 57600, ticks=200)
+    assert len(port.written) / 5760 <= MOST_BACKLOG_S + 0.02
+
+
+def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
+    """Half of it would swallow the next message, and whole it would be taken for a new one."""
+    port = Port(tells=False)
+    line = SerialLine(port, 57600)
+    old, new = beats(1), beats(1)
+    port.takes(10)
+    assert line.send(old, 0.0, is_urgent=True)
+    port.takes(0)
+    assert not line.send(new, 0.05, is_urgent=True)
+    port.takes(4096)
+    assert line.send(new, 5.0, is_urgent=True)
+    assert len(decode_stream(make_codec(255, 1), port.written)) == 1
+
+
+def test_what_is_dropped_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    port = Port(0.0)
+    transport = opened(port, "serial:/dev/ttyTEST:57600")
+    for _ in range(300):
+        transport.send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
+    assert transport.messages_sent + transport.messages_dropped == 300
+    assert transport.messages_dropped > 250
+
+
+@pytest.fixture
+def terminal() -> Iterator[str]:
+    """A real port whose other end nobody reads."""
+    master, slave = pty.openpty()
+    tty.setraw(master)
+    yield os.ttyname(slave)
+    os.close(slave)
+    os.close(master)
+
+
+def test_a_real_port_that_nobody_reads_does_not_block(terminal: str) -> None:
+    transport = SerialTransport(f"serial:{terminal}:921600", 1, 191)
+    began_s = time.monotonic()
+    while transport.messages_dropped < 1000:
+        transport.send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
+        assert time.monotonic() - began_s < 20
+    transport.close()
+    assert time.monotonic() - began_s < 20

@@ -1,5 +1,6 @@
 """What systemd hears of a flight."""
 
+import errno
 import socket
 from collections.abc import Iterator
 from pathlib import Path
@@ -64,3 +65,14 @@ def test_the_last_smoothing_has_time(systemd: socket.socket) -> None:
 def test_without_systemd_and_with_a_dead_one_it_flies_on(tmp_path: Path) -> None:
     for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "nobody")}):
         Service(environment).alive("scanning")
+
+
+def test_without_a_file_to_open_it_flies_on(
+    systemd: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.EMFILE, "Too many open files")
+
+    service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
+    monkeypatch.setattr("companion.service.socket.socket", refuse)
+    service.alive("scanning")

@@ -1,6 +1,8 @@
 """Signing: keys, time stamps, and what is refused."""
 
+import errno
 import os
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,9 +15,11 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.errors import LinkError
 from companion.link.signing import RESERVE, TICKS_PER_S, Signing, load_signing
 from companion.link.transport import decode, make_codec
+from tests.system.processes import until
 
 KEY, OTHER_KEY = b"k" * 32, b"x" * 32
 NOW_S = 1.8e9
+DEADLINE_S = 10.0
 
 
 def at(time_s: float) -> Callable[[], float]:
@@ -114,15 +118,103 @@ def test_it_is_written_once_a_minute_not_with_every_frame(tmp_path: Path) -> Non
     for _ in range(600):
         now_s[0] += 0.2
         stamps(signing, 10)
+        until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
         written.add(kept.read_text())
         assert 0 < int(kept.read_text()) - signing.timestamp <= RESERVE
     assert 2 <= len(written) <= 4
     assert kept.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_stamp_that_cannot_be_kept_ends_the_start(tmp_path: Path) -> None:
-    with pytest.raises(LinkError, match="signing_timestamp"):
-        stamps(Signing(KEY, tmp_path / "nowhere" / "stamp", at(NOW_S)), 1)
+@pytest.mark.parametrize(
+    ("prepare", "words"),
+    [
+        (lambda folder: folder / "nowhere" / "stamp", "No such file or directory"),
+        (lambda folder: Path("/dev/null") / "stamp", "Not a directory"),
+        (lambda folder: written(folder / "stamp", "yesterday"), "delete it"),
+        (lambda folder: written(folder / "stamp", str(2**48)), "no time stamp"),
+        (lambda folder: written(folder / "stamp", ""), "delete it"),
+    ],
+)
+def test_a_file_that_can_never_keep_it_ends_the_start(
+    tmp_path: Path, prepare: Callable[[Path], Path], words: str
+) -> None:
+    with pytest.raises(LinkError, match=rf"signing_timestamp.*{words}"):
+        stamps(Signing(KEY, prepare(tmp_path), at(NOW_S)), 1)
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+MEDIUM = [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT, errno.EMFILE]
+
+
+def fails(monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
+    """From now on this call of the operating system ends so."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(f"companion.link.signing.os.{call}", fail)
+
+
+@pytest.mark.parametrize("number", MEDIUM)
+@pytest.mark.parametrize("call", ["open", "fsync"])
+@pytest.mark.parametrize("from_the_start", [True, False])
+def test_a_medium_that_fails_is_told_once_and_the_stamp_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, call: str, from_the_start: bool
+) -> None:
+    now_s, told = [NOW_S], list[str]()
+    if from_the_start:
+        fails(monkeypatch, call, number)
+    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], told.append)
+    fails(monkeypatch, call, number)
+    used = []
+    for _ in range(10):
+        now_s[0] += 30
+        used += stamps(signing, 3)
+    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    used += stamps(signing, 3)
+    assert used == sorted(set(used))
+    assert len(told) == 1
+    assert "signing_timestamp" in told[0]
+    assert os.strerror(number) in told[0]
+
+
+@pytest.mark.parametrize("number", [*MEDIUM, errno.EACCES, errno.ENOENT])
+def test_in_the_air_nothing_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    told: list[str] = []
+    fails(monkeypatch, "open", number)
+    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), told.append, refuses=False)
+    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+
+
+@pytest.mark.parametrize("text", ["", "torn", "-1"])
+def test_in_the_air_a_stamp_that_is_lost_is_that_of_the_clock(tmp_path: Path, text: str) -> None:
+    told: list[str] = []
+    kept = written(tmp_path / "stamp", text)
+    signing = Signing(KEY, kept, at(NOW_S), told.append, refuses=False)
+    assert signing.timestamp == codec().signing.timestamp
+    assert len(told) == 1
+
+
+def test_a_medium_that_hangs_holds_nothing_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = threading.Event()
+    kept = tmp_path / "stamp"
+    now_s = [NOW_S]
+    signing = Signing(KEY, kept, lambda: now_s[0])
+    monkeypatch.setattr("companion.link.signing.os.fsync", lambda _: answers.wait(DEADLINE_S))
+    for _ in range(100):
+        now_s[0] += 30
+        stamps(signing, 1)
+    assert int(kept.read_text()) < signing.timestamp
+    answers.set()
+    until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
 
 
 # The key

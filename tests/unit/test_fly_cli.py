@@ -1,0 +1,75 @@
+"""How `companion fly` ends; systemd takes the drone up again by its status."""
+
+import errno
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from rich.console import Console
+
+from companion import fly_cli
+from companion.app import App
+from companion.config import Config
+from companion.errors import LinkError, OutputError
+from companion.pdps.flight import Flight, Phase
+from companion.recording.recorder import NOT_RECORDED
+
+
+@contextmanager
+def no_rig(*_: object) -> Iterator[tuple[None, Any]]:
+    yield None, NOT_RECORDED
+
+
+@pytest.fixture(autouse=True)
+def on_no_drone(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fly_cli, "open_rig", no_rig)
+    monkeypatch.setattr("companion.fly_cli.signal.signal", lambda *_: None)
+
+
+def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
+    def fly(app: App, *_: object) -> Flight:
+        app.flight = Flight(phase, trouble="so it ended")
+        return app.flight
+
+    monkeypatch.setattr(fly_cli, "fly", fly)
+
+
+def flown(folder: Path, console: Console | None = None) -> int:
+    return fly_cli._fly(Config(), folder, console or Console(quiet=True))
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
+def test_what_is_refused_in_flight_is_not_what_is_refused_at_the_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    def fail(*_: object) -> None:
+        raise LinkError(os.strerror(number))
+
+    monkeypatch.setattr(fly_cli, "fly", fail)
+    assert flown(tmp_path) == fly_cli.EXIT_FAILED
+    assert (tmp_path / "map.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("phase", "status"), [(Phase.DONE, 3), (Phase.HANDED_OVER, 3), (Phase.FAILED, 1)]
+)
+@pytest.mark.parametrize("error", [OutputError("disk full"), RuntimeError("no fonts")])
+def test_a_map_that_cannot_be_saved_makes_no_failure_of_a_flight_that_has_ended_well(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    phase: Phase,
+    status: int,
+    error: Exception,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise error
+
+    ends(monkeypatch, phase)
+    monkeypatch.setattr(fly_cli, "save", refuse)
+    console = Console(record=True, quiet=False, width=200, file=open(os.devnull, "w"))  # noqa: SIM115
+    assert flown(tmp_path, console) == status
+    assert "the map is not saved" in console.export_text()
+    console.file.close()
