@@ -14,6 +14,7 @@ from companion.estimation.heading import HeadingFilter, WallBearing
 from companion.estimation.height import Height
 from companion.estimation.in_flight import InFlightSmoothing, Walls
 from companion.estimation.line_slam import LineSlam
+from companion.estimation.odometry_noise import OdometryNoise
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.restart import restart
 from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
@@ -59,7 +60,8 @@ class Estimator:
         self._units = units
         self.models = Models(RangeUnits(units), rest_bias_rad_s)
         self.heading = HeadingFilter(rest_bias_rad_s)
-        self.slam = LineSlam(self.heading)
+        self.slam = LineSlam(self.heading, self.models.odometry)
+        self._noise = OdometryNoise(self.models.odometry.step_variance_m2_per_s)
         self._trusted_m = {beam: _trusted_m(unit.model) for beam, unit in units.items()}
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._yaw_rate_rad_s = 0.0
@@ -180,14 +182,27 @@ class Estimator:
                 continue
             yaw_rad = self._drifting.yaw_rad + ahead_rad
             eye = moved(self._drifting.ne_m, back_m, self._drifting.yaw_rad)
+            there = along(eye, yaw_rad + unit.bearing_frd_rad, range_m)
+            self._learn_noise(beam, wall, scan.time_s, (there, reading.variance_m2))
             drifting_hit = RunHit(
                 scan.time_s,
-                along(eye, yaw_rad + unit.bearing_frd_rad, range_m),
-                reading.variance_m2,
+                there,
+                reading.variance_m2 + self._noise.wander_m**2,
                 eye,
                 yaw_rad,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+
+    def _learn_noise(
+        self, beam: Beam, wall: int | None, time_s: float, hit: tuple[Vector2, float]
+    ) -> None:
+        """What a hit, in the drifting frame and with its variance, tells of the odometry."""
+        (there, variance_m2), normal_rad = hit, 0.0
+        if wall is not None:
+            turn_rad = self.heading.yaw_rad - self._drifting.yaw_rad
+            normal_rad = self.heading.normal_rad(wall) - turn_rad
+        self._noise.see(BEAMS.index(beam), wall, time_s, (there, normal_rad, variance_m2))
+        self.models.odometry.step_variance_m2_per_s = self._noise.variance_m2_per_s
 
     def see_floor(self, reading: RangeReading, offset_m: float) -> None:
         """Take in the down beam, whose sensor sits `offset_m` below the centre."""

@@ -48,13 +48,13 @@ class Wall:
         return self.low_m - margin_m < along_m < self.high_m + margin_m
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class OdometryModel:
-    """How far the autopilot's flow odometry may be trusted."""
+    """How far the autopilot's odometry may be trusted; its noise is learnt in flight."""
 
     scale_sigma: float = 0.05
     step_variance_m2_per_s: float = 0.005**2 / 0.1
-    """Random walk on each axis: 5 mm a step at 10 Hz."""
+    """Random walk on each axis, at first 5 mm a step at 10 Hz (`odometry_noise.py`)."""
     floor_m: float = 0.002
     """What rounding and the messages' timing add to a step, at worst the same way each time."""
 
@@ -90,7 +90,7 @@ class LineSlam:
     LEAST_COS_INCIDENCE = math.cos(math.radians(65))
     SAME_NORMAL_RAD = math.radians(12)
 
-    def __init__(self, heading: HeadingFilter, odometry: OdometryModel = OdometryModel()) -> None:
+    def __init__(self, heading: HeadingFilter, odometry: OdometryModel) -> None:
         self._heading = heading
         self._odometry = odometry
         self._x = [0.0] * _WALLS

@@ -15,6 +15,9 @@ CLOSE_M = 0.4
 """Within this of a place the drone trims its position without turning."""
 MOST_SIDE_M_S = 0.3
 """The drone trims its place without turning."""
+LAG_S = 0.45
+"""The drone goes on so long at the speed that it has: ArduCopter 4.6 and PX4 1.17 still have half
+of it then (docs/autopilot.md)."""
 BRAKING_M_S2 = 0.5
 """Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
 
@@ -40,8 +43,12 @@ def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
 
 
 def approach_speed(room_m: float, most_m_s: float) -> float:
-    """The speed from which the drone can still stop within `room_m`: √(2·a·room)."""
-    return min(most_m_s, math.sqrt(2 * BRAKING_M_S2 * max(room_m, 0.0)))
+    """The speed from which the drone can still stop within `room_m`.
+
+    It goes on for the lag, then brakes: v·lag + v² / (2·a) = room.
+    """
+    root = math.sqrt(LAG_S**2 + 2 * max(room_m, 0.0) / BRAKING_M_S2)
+    return min(most_m_s, BRAKING_M_S2 * (root - LAG_S))
 
 
 def glide(place_ne_m: Vector2, sight: Sight, most_m_s: float) -> Setpoint:

@@ -19,12 +19,10 @@ from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import Points, Surroundings
 from companion.messages import Setpoint
-from companion.pdps.control import BRAKING_M_S2, clamp
+from companion.pdps.control import BRAKING_M_S2, LAG_S, clamp
 from companion.values import value
 
 BODY_RADIUS_M = 0.2
-LAG_S = 0.45
-"""The drone goes on so long at the speed that it has."""
 GIVE_WAY_GAIN_1_S = 0.8
 MOST_GIVE_WAY_M_S = 0.15
 PASSAGE_CLEARANCE_M = 0.14

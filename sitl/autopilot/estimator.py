@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from companion.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
 from sitl.autopilot.outside import OutsidePose
 from sitl.autopilot.personality import Sources
-from sitl.autopilot.wobble import Wobble
+from sitl.autopilot.wobble import NO_ERROR, EstimateError, Wobble
 from sitl.noise import stream
 from sitl.truth import TrueState
 
@@ -55,12 +55,8 @@ class OdometryNoise:
     """Chance, at 10 Hz, that the floor shows no texture and the last velocity is kept for 0.1 s."""
     inertial_m_s2: float = 0.02
     """Drift of the velocity when nothing corrects it."""
-    velocity_m_s: float = 0.1
-    """Error of the velocity, correlated over a second, on each level axis (PX4 1.17: 0.04-0.12),"""
-    vertical_m_s: float = 0.05
-    """and of the climb rate (PX4 1.17: 0.06)."""
-    take_off_heading_rad: float = math.radians(8.0)
-    """How far the estimated heading moves after lift-off (PX4 1.17: 6-14°, ArduCopter 4.6: 3°)."""
+    estimate: float = 1.0
+    """Share of what the firmware's estimator adds (`wobble.py`)."""
 
     def times(self, factor: float) -> "OdometryNoise":
         """What drifts, so many times as large; how often flow is lost stays."""
@@ -73,16 +69,11 @@ class OdometryNoise:
             gyro_white_rad_s_sqrt_hz=factor * self.gyro_white_rad_s_sqrt_hz,
             gyro_walk_rad_s_sqrt_s=factor * self.gyro_walk_rad_s_sqrt_s,
             flow_height_m=factor * self.flow_height_m,
-            velocity_m_s=factor * self.velocity_m_s,
-            vertical_m_s=factor * self.vertical_m_s,
+            estimate=factor * self.estimate,
         )
 
 
 REFERENCE_NOISE = OdometryNoise()
-SENSOR_NOISE = replace(
-    REFERENCE_NOISE, velocity_m_s=0.0, vertical_m_s=0.0, take_off_heading_rad=0.0
-)
-"""Of the sensors alone: what a real estimator is fed, which adds errors of its own."""
 
 
 class Estimator:
@@ -91,7 +82,13 @@ class Estimator:
     The control loops close on this estimate, so its errors become true motion.
     """
 
-    def __init__(self, start: TrueState, seed: int, noise: OdometryNoise) -> None:
+    def __init__(
+        self,
+        start: TrueState,
+        seed: int,
+        noise: OdometryNoise,
+        error: EstimateError = NO_ERROR,
+    ) -> None:
         self._random = random = stream(seed, "flow")
         self._flow_random = stream(seed, "flow dropouts")
         self._inertial_random = stream(seed, "inertial drift")
@@ -99,13 +96,18 @@ class Estimator:
         self._noise = noise
         wobble_random = stream(seed, "velocity error")
         self._wobble_ne = [
-            Wobble(wobble_random, noise.velocity_m_s, WOBBLE_S, WOBBLE_RAD_S) for _ in range(2)
+            Wobble(wobble_random, noise.estimate * error.velocity_m_s, WOBBLE_S, WOBBLE_RAD_S)
+            for _ in range(2)
         ]
         self._wobble_down = Wobble(
-            wobble_random, noise.vertical_m_s, VERTICAL_WOBBLE_S, VERTICAL_WOBBLE_RAD_S
+            wobble_random,
+            noise.estimate * error.climb_m_s,
+            VERTICAL_WOBBLE_S,
+            VERTICAL_WOBBLE_RAD_S,
         )
         self._heading_moves_rad_s = (
-            stream(seed, "heading at take-off").gauss(0, noise.take_off_heading_rad)
+            stream(seed, "heading at take-off").gauss(0, error.take_off_heading_rad)
+            * noise.estimate
             / HEADING_MOVES_S
         )
         self._lifted_s: float | None = None

@@ -28,7 +28,7 @@ class Navigation:
         self._is = personality
         self._parameters = parameters
         self._steps = 0
-        self.estimator = Estimator(start, seed, noise)
+        self.estimator = Estimator(start, seed, noise, personality.response.estimate)
         self.outside = Outside(personality.pose_messages)
         self.sources = personality.sources(parameters)
         self.origin: tuple[int, int, int] | None = None

@@ -6,9 +6,11 @@ The numbers are fitted to step responses measured on the real firmware in its ow
 docs/autopilot.md has both side by side, `python -m benchmarks.autopilot_response` reprints them.
 """
 
+import math
 from dataclasses import dataclass
 
 from companion.frames import Vector3
+from sitl.autopilot.wobble import EstimateError
 from sitl.vehicle import STEP_S, Airframe, Follow
 
 
@@ -40,6 +42,7 @@ class Response:
     """Peak climb rate that NAV_TAKEOFF asks for."""
     take_off_gain_1_s: float
     """And near its height: climb rate by what is left to climb."""
+    estimate: EstimateError
     land_m_s: float
     disarm_delay_s: float
     """From touchdown to disarming after a landing."""
@@ -58,6 +61,7 @@ ARDUCOPTER = Response(
     spool_up_s=3.3,
     take_off_m_s=1.3,
     take_off_gain_1_s=2.4,
+    estimate=EstimateError(0.05, 0.02, math.radians(3.0)),
     land_m_s=0.54,
     disarm_delay_s=2.5,
 )
@@ -67,7 +71,7 @@ PX4 = Response(
     vertical=Shape(0.052, 1.17, 38.5),
     yaw=Shape(0.032, 14.3, 154.0),
     airframe=Airframe(
-        horizontal=Follow(5.6, 0.45, 0.30, 6.0),
+        horizontal=Follow(5.6, 0.60, 0.25, 3.0),
         vertical=Follow(40.0, 0.45, 0.19, 1.2),
         yaw=Follow(5.44, 0.76, 0.15, 1.5),
     ),
@@ -75,6 +79,7 @@ PX4 = Response(
     spool_up_s=3.2,
     take_off_m_s=1.5,
     take_off_gain_1_s=1.0,
+    estimate=EstimateError(0.1, 0.06, math.radians(10.0)),
     land_m_s=0.6,
     disarm_delay_s=5.5,
 )

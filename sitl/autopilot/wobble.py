@@ -1,4 +1,6 @@
-"""The velocity error of an estimator that follows its position source: correlated, and bounded.
+"""What a firmware's estimator adds to the errors of its sensors.
+
+Its velocity error is correlated, and bounded, as it follows its position source:
 
     w' = u,   u' = -u/τ - ω²·w + noise
 
@@ -8,8 +10,23 @@ within some centimetres.
 """
 
 import math
+from dataclasses import dataclass
 from random import Random
 
+
+@dataclass(frozen=True, slots=True)
+class EstimateError:
+    """Sigmas, in the air."""
+
+    velocity_m_s: float = 0.0
+    """On each level axis, correlated over a second."""
+    climb_m_s: float = 0.0
+    """Correlated over half a second."""
+    take_off_heading_rad: float = 0.0
+    """By how much the heading moves after lift-off."""
+
+
+NO_ERROR = EstimateError()
 KICK_S = 0.1
 """The noise is drawn so often."""
 
