@@ -25,7 +25,7 @@ from companion.values import value
 TICK_S = 0.05
 SETTLED_S, END_S = 1.0, 5.0
 """Of the trial: what comes only at the beginning does not count."""
-REQUESTS = ("COMMAND_LONG", "PARAM_SET", "SET_GPS_GLOBAL_ORIGIN")
+REQUESTS = ("COMMAND_LONG", "PARAM_REQUEST_READ", "PARAM_SET", "SET_GPS_GLOBAL_ORIGIN")
 """Sent until it is so, which it is in flight."""
 USUAL_BAUDS = (57600, 115200, 230400, 460800, 921600, 1500000)
 FRAME_BYTES = mavlink.HEADER_LEN_V2 + 2

@@ -61,17 +61,17 @@ ARDUCOPTER = Response(
     spool_up_s=3.3,
     take_off_m_s=1.3,
     take_off_gain_1_s=2.4,
-    estimate=EstimateError(0.05, 0.02, math.radians(3.0)),
+    estimate=EstimateError(0.01, 0.005, math.radians(3.0)),
     land_m_s=0.54,
     disarm_delay_s=2.5,
 )
 """ArduCopter 4.6.3, quad, in its own SITL."""
 PX4 = Response(
-    horizontal=Shape(0.564, 6.4, 60.0),
+    horizontal=Shape(0.245, 4.9, 58.0),
     vertical=Shape(0.052, 1.17, 38.5),
     yaw=Shape(0.032, 14.3, 154.0),
     airframe=Airframe(
-        horizontal=Follow(5.6, 0.60, 0.25, 3.0),
+        horizontal=Follow(6.3, 0.98, 0.30, 5.9),
         vertical=Follow(40.0, 0.45, 0.19, 1.2),
         yaw=Follow(5.44, 0.76, 0.15, 1.5),
     ),

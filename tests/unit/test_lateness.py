@@ -99,7 +99,8 @@ class Drone:
         scan_s = gyro_s + ranges_late_s
         state = RangeState.FAILED if step_s > 0.25 else RangeState.DISTANCE
         readings = {
-            beam: RangeReading(state, 2.0 + 0.1 * math.sin(7 * scan_s), 0.01) for beam in LEVEL
+            beam: RangeReading(state, 2.0 + 0.5 * math.sin((7 + place) * scan_s + place), 0.01)
+            for place, beam in enumerate(LEVEL)
         }
         self.health.tick(scan_s)
         odometry = self.health.odometry(told)

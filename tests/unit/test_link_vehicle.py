@@ -483,7 +483,8 @@ def test_a_px4_that_stands_is_ready_and_one_without_a_position_is_not(
     vehicle = Vehicle()
     timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
     action = px4_parameter(b"COM_OBL_RC_ACT", 4)
-    state = vehicle.says(px4_heartbeat(), position(1), timeout, action, px4_estimate(flags)).vehicle
+    vehicle.says(px4_heartbeat(), position(1), landed_state(1))
+    state = vehicle.says(timeout, action, px4_estimate(flags)).vehicle
     assert state.estimate_ready == (not complaint)
     assert complaint in state.waits_for
 
@@ -591,7 +592,7 @@ class Told(Vehicle):
                 mavlink.MAVLink_param_value_message(name.encode(), value, 2, 1, 0)
                 for name, value in parameters.items()
             ]
-        self.says(position(1), *told)
+        self.says(position(1), landed_state(1), *told)
 
     @property
     def waits_for(self) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from companion.config import MissionConfig
 from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.line_slam import LineSlam, Wall
+from companion.estimation.line_slam import LineSlam, OdometryModel, Wall
 from companion.frames import Vector2
 from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy, Ray
@@ -194,7 +194,7 @@ def test_a_beam_straight_to_a_wall_meets_it_in_its_foot(
 
 def test_the_filter_knows_how_sure_a_distance_is() -> None:
     """Between two walls, seen one after the other with a flight between, or both at once."""
-    slam = LineSlam(heading := HeadingFilter(0.0))
+    slam = LineSlam(heading := HeadingFilter(0.0), OdometryModel())
     for side in (0.0, math.pi):
         heading.add_wall(WallBearing(side, math.radians(0.5), 0.0, 0.0))
     walls = [Wall(0, (3.0, 0.0), -3.0, 3.0), Wall(1, (-3.0, 0.0), -3.0, 3.0)]
