@@ -49,11 +49,11 @@ class Response:
 
 
 ARDUCOPTER = Response(
-    horizontal=Shape(0.203, 1.72, 5.5),
+    horizontal=Shape(0.239, 1.68, 10.4),
     vertical=Shape(0.176, 3.0, 60.0),
     yaw=Shape(0.084, 14.7, 10.8),
     airframe=Airframe(
-        horizontal=Follow(19.3, 1.5, 0.16, 1.67),
+        horizontal=Follow(9.5, 1.01, 0.142, 2.05),
         vertical=Follow(5.24, 0.50, 0.0, 1.0),
         yaw=Follow(60.0, 0.49, 0.23, 0.30),
     ),
