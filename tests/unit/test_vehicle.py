@@ -31,7 +31,8 @@ def test_steps_are_followed_as_the_real_firmware_follows_them(
 
 def test_it_tilts_into_its_acceleration_and_levels_out() -> None:
     vehicle = airborne()
-    starting = vehicle.step((1.0, 0.0, 0.0), 0.0)
+    for _ in range(10):
+        starting = vehicle.step((1.0, 0.0, 0.0), 0.0)
     assert starting.pitch_rad < -math.radians(5)
     for _ in range(1000):
         cruising = vehicle.step((1.0, 0.0, 0.0), 0.0)
