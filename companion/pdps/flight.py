@@ -54,7 +54,7 @@ from companion.messages import (
     VehicleState,
 )
 from companion.pdps import explore, layers, preflight, reserve, room_scan, travel
-from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to
+from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to, stay
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
@@ -75,6 +75,9 @@ DISARMED_BY_S = 10.0
 """An autopilot that stands on the ground disarms by itself; by then it is asked to."""
 TAKE_OFF_M_S = 0.5
 AT_HEIGHT_M = 0.15
+SETTLES_S, OVER_START_M = 4.0, 0.1
+"""Before it lands the drone comes to rest over its start: at most so long, and at least half of
+that, the time that ArduCopter 4.6 needs to stop (docs/autopilot.md)."""
 UP_FOR_S = 2.0
 """ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
 has come to rest by then."""
@@ -149,6 +152,8 @@ class Flight:
     layers: Layers = field(default_factory=Layers)
     reserve: Reserve = Reserve()
     way_home: Travel = Travel(START_NE_M)
+    arrived_s: float = 0.0
+    """When it came home."""
     held_from: Phase = Phase.CONNECT
     held_trouble: str = ""
     """Phase and trouble to go back to when the fault is gone."""
@@ -437,17 +442,29 @@ def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Ac
 
 def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     homeward = flight.way_home
+    if homeward.phase is TravelPhase.ARRIVED:
+        return _settle(flight, view)
     if not homeward.known:
         homeward = replace(homeward, known=flight.building.known_doorways)
     going, setpoint = travel.step(homeward, view.sight, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return _go(flight, _after(Phase.LAND, view), view), Action(HOLD)
+            return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight))
         case TravelPhase.GAVE_UP:
             return _go(flight, Phase.LAND, view, NO_WAY_HOME), Action(HOLD)
         case _:
             return flight, Action(setpoint)
+
+
+def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
+    """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
+    pose = view.sight.pose
+    is_over = math.dist((pose.north_m, pose.east_m), START_NE_M) < OVER_START_M
+    waited_s = view.time_s - flight.arrived_s
+    if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
+        return _go(flight, _after(Phase.LAND, view), view), Action(HOLD)
+    return flight, Action(stay(START_NE_M, view.sight))
 
 
 def _after(planned: Phase, view: View) -> Phase:

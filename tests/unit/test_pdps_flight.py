@@ -147,7 +147,18 @@ def test_a_closed_room_sends_it_home_and_home_lands_it() -> None:
     closed = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.CLOSED))
     assert step(closed, view(), PLAN)[0].phase is Phase.HOME
     assert after(Phase.HOME, view(position=(1.0, 0.0)))[0] is Phase.HOME
-    assert after(Phase.HOME, view(position=(0.05, 0.0)))[0] is Phase.LAND
+    arrived, _ = step(flying(Phase.HOME), view(position=(0.05, 0.0)), PLAN)
+    assert arrived.phase is Phase.HOME
+    over_it = view(position=(0.05, 0.0), time_s=102.5)
+    assert step(arrived, over_it, PLAN)[0].phase is Phase.LAND
+
+
+def test_it_lands_beside_its_start_if_it_does_not_come_to_rest_over_it() -> None:
+    arrived, _ = step(flying(Phase.HOME), view(position=(0.05, 0.0)), PLAN)
+    beside = view(position=(0.2, 0.0), time_s=102.5)
+    assert step(arrived, beside, PLAN)[0].phase is Phase.HOME
+    later = view(position=(0.2, 0.0), time_s=104.5)
+    assert step(arrived, later, PLAN)[0].phase is Phase.LAND
 
 
 def test_landed_and_disarmed_is_done() -> None:
