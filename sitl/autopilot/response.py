@@ -49,13 +49,13 @@ class Response:
 
 
 ARDUCOPTER = Response(
-    horizontal=Shape(0.239, 1.68, 10.4),
-    vertical=Shape(0.176, 3.0, 60.0),
-    yaw=Shape(0.084, 14.7, 10.8),
+    horizontal=Shape(0.024, 2.86, 60.0),
+    vertical=Shape(0.039, 5.3, 60.0),
+    yaw=Shape(0.03, 27.0, 238.0),
     airframe=Airframe(
-        horizontal=Follow(9.5, 1.01, 0.142, 2.05),
-        vertical=Follow(5.24, 0.50, 0.0, 1.0),
-        yaw=Follow(60.0, 0.49, 0.23, 0.30),
+        horizontal=Follow(4.4, 0.65, 0.32, 0.84),
+        vertical=Follow(4.2, 0.61, 0.0, 1.0),
+        yaw=Follow(5.4, 0.43, 0.0, 1.0),
     ),
     take_off_delay_s=1.0,
     spool_up_s=3.3,
@@ -69,11 +69,11 @@ ARDUCOPTER = Response(
 PX4 = Response(
     horizontal=Shape(0.245, 4.9, 58.0),
     vertical=Shape(0.052, 1.17, 38.5),
-    yaw=Shape(0.032, 14.3, 154.0),
+    yaw=Shape(0.036, 14.6, 147.0),
     airframe=Airframe(
         horizontal=Follow(6.3, 0.98, 0.30, 5.9),
         vertical=Follow(40.0, 0.45, 0.19, 1.2),
-        yaw=Follow(5.44, 0.76, 0.15, 1.5),
+        yaw=Follow(5.57, 0.79, 0.14, 1.6),
     ),
     take_off_delay_s=0.0,
     spool_up_s=3.2,
@@ -98,9 +98,16 @@ class Shaper:
         self.velocity = self._acceleration = 0.0
 
     def step(self, wanted: float) -> float:
-        """One step on, towards what is wanted."""
+        """One step on, towards what is wanted.
+
+        The acceleration is one that the jerk can still take back before the velocity is reached:
+        a firmware does not overshoot its own reference.
+        """
         s = self._shape
-        acceleration = _within((wanted - self.velocity) / s.time_constant_s, s.max_acceleration)
+        error = wanted - self.velocity
+        to_stop = math.sqrt(2 * s.max_jerk * abs(error))
+        most = min(abs(error) / s.time_constant_s, to_stop, s.max_acceleration)
+        acceleration = math.copysign(most, error)
         self._acceleration += _within(acceleration - self._acceleration, s.max_jerk * STEP_S)
         self.velocity += self._acceleration * STEP_S
         return self.velocity

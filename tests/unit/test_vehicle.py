@@ -6,16 +6,17 @@ from random import Random
 import pytest
 
 from benchmarks.autopilot_response import MEASURED, compared
-from sitl.autopilot.response import ARDUCOPTER
+from companion.pdps.control import turn_towards
+from sitl.autopilot.response import ARDUCOPTER, PX4, Response, SetpointShaper
 from sitl.truth import TrueState
 from sitl.vehicle import Gusts, Vehicle
 
 STILL_AIR = Gusts(sigma_m_s=0.0)
+ON_GROUND = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 
 
 def airborne() -> Vehicle:
-    start = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
-    vehicle = Vehicle(start, Random(1), ARDUCOPTER.airframe, STILL_AIR)
+    vehicle = Vehicle(ON_GROUND, Random(1), ARDUCOPTER.airframe, STILL_AIR)
     for _ in range(200):
         vehicle.step((0.0, 0.0, -1.0), 0.0)
     return vehicle
@@ -27,6 +28,29 @@ def test_steps_are_followed_as_the_real_firmware_follows_them(
 ) -> None:
     for when, real, emulated in compared(*case):
         assert emulated == pytest.approx(real, rel=0.15, abs=0.06), when
+
+
+@pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
+@pytest.mark.parametrize("heading_deg", [20, 90, 170])
+def test_a_heading_that_is_turned_to_is_kept(response: Response, heading_deg: float) -> None:
+    """The emulated ArduCopter once swung by 40° for ever; the real one comes to rest."""
+    vehicle = Vehicle(ON_GROUND, Random(1), response.airframe, STILL_AIR)
+    shaper = SetpointShaper(response)
+    heading_rad, most_rad_s = math.radians(heading_deg), math.radians(45)
+    state = vehicle.step((0.0, 0.0, -1.0), 0.0)
+    for step in range(700):
+        if step % 5 == 0:
+            asked_rad_s = turn_towards(heading_rad, state.yaw_rad, most_rad_s)
+        state = vehicle.step(*shaper.step((0.0, 0.0, -0.1), asked_rad_s))
+    assert math.degrees(state.yaw_rad) == pytest.approx(heading_deg, abs=1)
+    assert math.degrees(state.yaw_rate_rad_s) == pytest.approx(0, abs=1)
+
+
+@pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
+def test_a_firmware_does_not_overshoot_its_own_setpoint(response: Response) -> None:
+    shaper = SetpointShaper(response)
+    rates = [shaper.step((0.0, 0.0, 0.0), math.radians(90))[1] for _ in range(200)]
+    assert math.degrees(max(rates)) < 1.05 * 90
 
 
 def test_it_tilts_into_its_acceleration_and_levels_out() -> None:
