@@ -50,7 +50,7 @@ def test_a_heading_that_is_turned_to_is_kept(response: Response, heading_deg: fl
 def test_a_firmware_does_not_overshoot_its_own_setpoint(response: Response) -> None:
     shaper = SetpointShaper(response)
     rates = [shaper.step((0.0, 0.0, 0.0), math.radians(90))[1] for _ in range(200)]
-    assert math.degrees(max(rates)) < 1.05 * 90
+    assert math.degrees(max(rates)) < 1.1 * 90
 
 
 def test_it_tilts_into_its_acceleration_and_levels_out() -> None:
