@@ -27,11 +27,20 @@ from companion.estimation.estimate import Estimate, Past
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
-from companion.estimation.line_slam import OdometryModel
+from companion.estimation.odometry_model import OdometryModel, wander_kept
 from companion.estimation.revisits import apart, doubting
 from companion.estimation.shifts import Shift, shifted, shifts
 from companion.estimation.smoother import WHOLE, Smoother
-from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
+from companion.estimation.unknowns import (
+    BIAS,
+    WANDER_NORTH,
+    YAW,
+    Array,
+    Indices,
+    Measured,
+    Unknowns,
+    to_ned,
+)
 
 Mask = NDArray[np.bool_]
 
@@ -167,8 +176,11 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
     half overlaps the next.
     """
     time_s = m.time_s
-    strain_m, variance_m2 = _sums(x, m, model)
-    square = (np.diff(strain_m, axis=0) ** 2).sum(axis=1) / np.diff(variance_m2)
+    walk_m = np.diff(x.tracks, axis=0) - _by_odometry_m(x, m)
+    wander_m = x.poses[:, WANDER_NORTH:]
+    wanders_m = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
+    square = (walk_m**2).sum(axis=1) / model.step_sigma_m(m.dt_s) ** 2
+    square += (wanders_m**2).sum(axis=1) / model.wander_step_sigma_m(m.dt_s) ** 2
     total = _from_first(square)
     begin_s = np.arange(-length_s / 2, time_s[-1], length_s / 2)
     begin, end = np.searchsorted(time_s, [begin_s, begin_s + length_s])
@@ -185,15 +197,18 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     hardly notice; but a bias does not move like that.
     """
     time_s = m.time_s
-    strain, variance = _sums(x, m, models.odometry)
-    strain = np.column_stack([strain, x.poses[:, 3] - _from_first(m.bias_moved_rad_s)])
-    variance = np.column_stack([variance, variance, _from_first(models.bias_variance(m))])
+    strain_m = np.zeros((len(time_s), 2))
+    strain_m[1:] = np.cumsum(np.diff(x.poses[:, :YAW], axis=0) - _by_odometry_m(x, m), axis=0)
+    strain = np.column_stack([strain_m, x.poses[:, BIAS] - _from_first(m.bias_moved_rad_s)])
+    walk_m2 = _from_first(models.odometry.step_sigma_m(m.dt_s) ** 2)
+    variance = np.column_stack([walk_m2, walk_m2, _from_first(models.bias_variance(m))])
     against = np.zeros(len(time_s), dtype=bool)
     for span_s in SPANS_S:
         begin = np.arange(np.searchsorted(time_s, time_s[-1] - span_s, side="right"))
         end = np.searchsorted(time_s, time_s[begin] + span_s)
         strained = np.abs(strain[end] - strain[begin])
-        sigma = np.sqrt(variance[end] - variance[begin])
+        wandered_m2 = 2 * models.odometry.wander_m**2
+        sigma = np.sqrt(variance[end] - variance[begin] + (wandered_m2, wandered_m2, 0.0))
         known = against.copy()
         for wrong in np.flatnonzero((strained > SIGMAS * sigma).any(axis=1)):
             span = slice(begin[wrong], end[wrong] + 1)
@@ -204,12 +219,9 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     return against
 
 
-def _sums(x: Unknowns, m: Measured, model: OdometryModel) -> tuple[Array, Array]:
-    """Added up from the first keyframe to each: (k, 2) metres beside odometry, (k,) variances."""
-    by_odometry = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
-    strain_m = np.zeros((len(x.poses), 2))
-    strain_m[1:] = np.cumsum(np.diff(x.poses[:, :2], axis=0) - by_odometry, axis=0)
-    return strain_m, _from_first(model.step_sigma_m(m.dt_s) ** 2)
+def _by_odometry_m(x: Unknowns, m: Measured) -> Array:
+    """(k - 1, 2): north and east from keyframe to keyframe as odometry tells."""
+    return to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, YAW])
 
 
 def _from_first(steps: Array) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from companion.estimation import factors
 from companion.estimation.bordered import Belief, Solution
-from companion.estimation.unknowns import POSE_SIZE, WALL_SIZE, Array, Indices, Unknowns
+from companion.estimation.unknowns import POSE_SIZE, WALL_SIZE, YAW, Array, Indices, Unknowns
 from companion.frames import wrap_rad
 from companion.messages import WallLine
 
@@ -29,7 +29,7 @@ class Past:
     def beside(self, x: Unknowns) -> Array:
         """(pose + shared,): how far `x` is from what the belief is about."""
         delta: Array = values(x, 0)[: len(self.at)] - self.at
-        angles = np.array([2, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
+        angles = np.array([YAW, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
         delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
         return delta
 

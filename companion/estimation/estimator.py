@@ -61,7 +61,7 @@ class Estimator:
         self.models = Models(RangeUnits(units), rest_bias_rad_s)
         self.heading = HeadingFilter(rest_bias_rad_s)
         self.slam = LineSlam(self.heading, self.models.odometry)
-        self._noise = OdometryNoise(self.models.odometry.step_variance_m2_per_s)
+        self._noise = OdometryNoise(self.models.odometry)
         self._trusted_m = {beam: _trusted_m(unit.model) for beam, unit in units.items()}
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._yaw_rate_rad_s = 0.0
@@ -187,9 +187,10 @@ class Estimator:
             drifting_hit = RunHit(
                 scan.time_s,
                 there,
-                reading.variance_m2 + self._noise.wander_m**2,
+                reading.variance_m2,
                 eye,
                 yaw_rad,
+                self.models.odometry.wander_m,
             )
             self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
 
@@ -202,7 +203,6 @@ class Estimator:
             turn_rad = self.heading.yaw_rad - self._drifting.yaw_rad
             normal_rad = self.heading.normal_rad(wall) - turn_rad
         self._noise.see(BEAMS.index(beam), wall, time_s, (there, normal_rad, variance_m2))
-        self.models.odometry.step_variance_m2_per_s = self._noise.variance_m2_per_s
 
     def see_floor(self, reading: RangeReading, offset_m: float) -> None:
         """Take in the down beam, whose sensor sits `offset_m` below the centre."""

@@ -1,6 +1,7 @@
 """The smoother's residuals, each divided by its sigma, with their gradients.
 
-odometry   R(ψ_k)ᵀ(p_{k+1} - p_k) / (1 + s) - d_k
+odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) / (1 + s) - d_k
+wander     w_{k+1} - w_k·exp(-dt/τ)
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyros.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
@@ -18,12 +19,14 @@ import numpy as np
 from companion.estimation.bordered import BorderedSystem, cauchy
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.heading import GyroModel
-from companion.estimation.line_slam import OdometryModel
+from companion.estimation.odometry_model import OdometryModel, wander_kept
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.two_gyros import ToldModel, steadied
 from companion.estimation.unknowns import (
     POSE_SIZE,
     WALL_SIZE,
+    WANDER_EAST,
+    WANDER_NORTH,
     Array,
     Indices,
     Measured,
@@ -78,7 +81,7 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     after = at + POSE_SIZE
     scale = 1 + x.odometry_scale
     cos_yaw, sin_yaw = np.cos(p[:-1, 2]) / scale, np.sin(p[:-1, 2]) / scale
-    north, east = (p[1:, :2] - p[:-1, :2]).T
+    north, east = np.diff(x.tracks, axis=0).T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
     walk_m = model.step_sigma_m(m.dt_s)
     for by_pose, moved, to_north, to_east, by_yaw in (
@@ -91,8 +94,22 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
             [
                 *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
                 *((after, to_north), (after + 1, to_east)),
+                *((at + WANDER_NORTH, -to_north), (at + WANDER_EAST, -to_east)),
+                *((after + WANDER_NORTH, to_north), (after + WANDER_EAST, to_east)),
             ],
             [(ODOMETRY_SCALE, -by_pose / scale)],
+        )
+
+
+def add_wander(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
+    at = POSE_SIZE * np.arange(len(x.poses) - 1)
+    kept, sigma_m = wander_kept(m.dt_s), model.wander_step_sigma_m(m.dt_s)
+    for axis in (WANDER_NORTH, WANDER_EAST):
+        wander_m = x.poses[:, axis]
+        system.add(
+            wander_m[1:] - kept * wander_m[:-1],
+            sigma_m,
+            [(at + axis, -kept), (at + POSE_SIZE + axis, np.ones(len(at)))],
         )
 
 

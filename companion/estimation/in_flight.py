@@ -24,7 +24,7 @@ from companion.estimation.factors import Models
 from companion.estimation.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoother import FLYING_GATES, Smoother
 from companion.estimation.support import Support
-from companion.estimation.unknowns import POSE_SIZE, Array, Unknowns
+from companion.estimation.unknowns import BIAS, POSE_SIZE, YAW, Array, Unknowns
 from companion.frames import Vector2
 
 PERIOD_S = 4.0
@@ -129,9 +129,9 @@ class InFlightSmoothing:
 def begin_at(x: Unknowns, past: Past) -> None:
     """Scales, gains and bias as the past has them; headings without whole turns off."""
     pose, shared = past.at[:POSE_SIZE], past.at[POSE_SIZE:]
-    turns = np.round((pose[2] - x.poses[0, 2]) / (2 * np.pi))
-    x.poses[:, 2] += 2 * np.pi * turns
-    x.poses[:, 3] = pose[3]
+    turns = np.round((pose[YAW] - x.poses[0, YAW]) / (2 * np.pi))
+    x.poses[:, YAW] += 2 * np.pi * turns
+    x.poses[:, BIAS] = pose[BIAS]
     x.gyro_scale = float(shared[factors.GYRO_SCALE])
     x.odometry_scale = float(shared[factors.ODOMETRY_SCALE])
     x.range_gain = shared[factors.GAINS : factors.WALLS].copy()

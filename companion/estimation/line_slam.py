@@ -2,12 +2,12 @@
 
 A Kalman filter over
 
-    x = (north, east, scale error, d_1, d_2, ...)
+    x = (north, east, scale error, wander north, wander east, d_1, d_2, ...)
 
 Wall i has the direction α_i of its normal from the heading filter, an anchor a_i where it was
 first seen, and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. Turning α_i turns the wall about
 its anchor. Odometry moves the position by (1 + scale)·displacement, so that ranges to a wall flown
-towards tell the scale. A range r along bearing β from position p meets wall i where
+towards tell the scale; less what its wander has changed by (`odometry_model.py`). A range r along bearing β from position p meets wall i where
 
     r = (d_i - (p - a_i)·n_i) / cos(β - α_i)
 """
@@ -19,12 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.heading import HeadingFilter
+from companion.estimation.odometry_model import WANDER_S, OdometryModel
 from companion.estimation.wall_runs import Line
 from companion.frames import Vector2, Vector3, wrap_rad
 from companion.messages import RangeUnit
 from companion.values import value
 
-_NORTH, _EAST, _SCALE, _WALLS = 0, 1, 2, 3
+_NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
+_WALLS = 5
 Matrix = NDArray[np.float64]
 
 
@@ -46,22 +48,6 @@ class Wall:
 
     def reaches(self, along_m: float, margin_m: float) -> bool:
         return self.low_m - margin_m < along_m < self.high_m + margin_m
-
-
-@dataclass(slots=True)
-class OdometryModel:
-    """How far the autopilot's odometry may be trusted; its noise is learnt in flight."""
-
-    scale_sigma: float = 0.05
-    step_variance_m2_per_s: float = 0.005**2 / 0.1
-    """Random walk on each axis, at first 5 mm a step at 10 Hz (`odometry_noise.py`)."""
-    floor_m: float = 0.002
-    """What rounding and the messages' timing add to a step, at worst the same way each time."""
-
-    def step_sigma_m(self, dt_s: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Of one axis over steps that took so long, (n,)."""
-        sigma_m: NDArray[np.float64] = np.sqrt(self.step_variance_m2_per_s * dt_s) + self.floor_m
-        return sigma_m
 
 
 @value
@@ -94,7 +80,7 @@ class LineSlam:
         self._heading = heading
         self._odometry = odometry
         self._x = [0.0] * _WALLS
-        self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2])
+        self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2, 0.0, 0.0])
         self._f: Matrix = np.eye(_WALLS)
         self.walls: list[Wall] = []
 
@@ -111,7 +97,10 @@ class LineSlam:
         return self._x[_SCALE]
 
     def restart(self, state: Matrix, covariance: Matrix, walls: list[Wall]) -> None:
-        """Go on from position, scale and the walls' offsets from their anchors (n,), (n, n)."""
+        """Go on from position, scale, wander, and the walls' offsets from their anchors.
+
+        As they stand in x above: (n,), (n, n).
+        """
         self._x, self._p, self._f = state.tolist(), covariance, np.eye(len(state))
         self.walls = walls
 
@@ -135,15 +124,26 @@ class LineSlam:
         """Predict: the odometry's displacement, turned into local NED, scale not yet applied."""
         scale = 1 + self._x[_SCALE]
         north, east = displacement_ne_m
-        self._x[_NORTH] += scale * north
-        self._x[_EAST] += scale * east
-        # F = I except for the scale's column; P' = F P F' + Q
-        self._f[_NORTH, _SCALE], self._f[_EAST, _SCALE] = north, east
-        self._p = p = self._f.dot(self._p).dot(self._f.T)
+        kept = math.exp(-dt_s / WANDER_S)
+        x, f = self._x, self._f
+        x[_NORTH] += scale * north + (1 - kept) * x[_WANDER_NORTH]
+        x[_EAST] += scale * east + (1 - kept) * x[_WANDER_EAST]
+        x[_WANDER_NORTH] *= kept
+        x[_WANDER_EAST] *= kept
+        # F = I except for the columns of scale and wander; P' = F P F' + Q
+        f[_NORTH, _SCALE], f[_EAST, _SCALE] = north, east
+        f[_NORTH, _WANDER_NORTH] = f[_EAST, _WANDER_EAST] = 1 - kept
+        f[_WANDER_NORTH, _WANDER_NORTH] = f[_WANDER_EAST, _WANDER_EAST] = kept
+        self._p = p = f.dot(self._p).dot(f.T)
         walk = self._odometry.step_variance_m2_per_s * dt_s
+        wanders = self._odometry.wander_m**2 * (1 - kept**2)
         yaw_sigma_rad = self._heading.yaw_sigma_rad
-        p[_NORTH, _NORTH] += walk + (east * yaw_sigma_rad) ** 2
-        p[_EAST, _EAST] += walk + (north * yaw_sigma_rad) ** 2
+        p[_NORTH, _NORTH] += walk + wanders + (east * yaw_sigma_rad) ** 2
+        p[_EAST, _EAST] += walk + wanders + (north * yaw_sigma_rad) ** 2
+        for place, wander in ((_NORTH, _WANDER_NORTH), (_EAST, _WANDER_EAST)):
+            p[wander, wander] += wanders
+            p[place, wander] -= wanders
+            p[wander, place] -= wanders
 
     def see_range(
         self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, unit: RangeUnit

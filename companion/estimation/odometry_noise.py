@@ -1,48 +1,39 @@
-"""How much the odometry errs, as the ranges to known walls tell it in flight.
+"""How far the odometry wanders, as the ranges to known walls tell it in flight.
 
 Beside a wall that stands still, the foot of the perpendicular from the dead-reckoned frame's origin
-stays where it is. By how much it moves within a second, beyond the noise of the ranges, is the
-error of the odometry across that wall:
+stays where it is. By how much it moves within a second, beyond the noise of the ranges and the walk
+of the odometry, is its wander across that wall (`odometry_model.py`):
 
     D = mean(c over the last 0.2 s) - mean(c over 0.2 s a second before),   c = hit · normal
-    E[D²] = σ_odometry² · 1 s + 2 · σ_range² / n
-
-An autopilot's velocity error is correlated over about a second, so that a shorter time would tell
-too little of it.
+    E[D²] = 2·σ_w²·(1 - exp(-1 s / τ)) + σ_walk²·1 s + 2·σ_range² / n
 """
 
 import math
 from collections import deque
 
+from companion.estimation.odometry_model import WANDER_S, OdometryModel
 from companion.frames import Vector2
 
 BASE_S = 1.0
-"""Between the two means: about the correlation time of an autopilot's velocity error."""
+"""Between the two means: about the correlation time of an autopilot's error."""
 MEAN_HITS = 4
 """In each mean: 0.2 s of one beam."""
 MEMORY = 100.0
 """Comparisons after which an old one counts a third: with three beams about ten seconds."""
 MAX_STEP_M = 0.5
 """More than that in a second is another wall, not an error of the odometry."""
+PER_WANDER = 2 * (1 - math.exp(-BASE_S / WANDER_S))
+"""E[D²] / σ_w² of the wander alone."""
 
 
 class OdometryNoise:
-    """Of one flight; never less than what the model of a good odometry says."""
+    """Of one flight; it keeps the model's `wander_m`, never less than that was at first."""
 
-    def __init__(self, reference_m2_per_s: float) -> None:
-        self._reference_m2_per_s = reference_m2_per_s
-        self._excess_m2_per_s = 0.0
+    def __init__(self, model: OdometryModel) -> None:
+        self._model = model
+        self._least_m2 = model.wander_m**2
+        self._wander_m2 = 0.0
         self._tracks: dict[int, _Track] = {}
-
-    @property
-    def variance_m2_per_s(self) -> float:
-        """Of a random walk on each axis."""
-        return max(self._reference_m2_per_s, self._excess_m2_per_s)
-
-    @property
-    def wander_m(self) -> float:
-        """How far off its line a hit of a wall lies within a second or two; sigma."""
-        return math.sqrt(0.5 * self.variance_m2_per_s * BASE_S)
 
     def see(
         self, beam: int, wall: int | None, time_s: float, place: tuple[Vector2, float, float]
@@ -60,7 +51,11 @@ class OdometryNoise:
             track = self._tracks[beam] = _Track(wall, place[1])
         told = track.add(time_s, place)
         if told is not None:
-            self._excess_m2_per_s += (told / BASE_S - self._excess_m2_per_s) / MEMORY
+            self._learn(told - self._model.step_variance_m2_per_s * BASE_S)
+
+    def _learn(self, wandered_m2: float) -> None:
+        self._wander_m2 += (wandered_m2 / PER_WANDER - self._wander_m2) / MEMORY
+        self._model.wander_m = math.sqrt(max(self._wander_m2, self._least_m2))
 
 
 class _Track:

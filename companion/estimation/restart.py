@@ -1,7 +1,7 @@
 """The filters go on from what the smoother knows, with its covariance.
 
 The heading filter takes heading, bias, gyro scale and directions; the position filter takes
-position, odometry scale and the walls' offsets from anchors in the middle of what has been seen of
+position, odometry scale, wander and the walls' offsets from anchors in the middle of what has been seen of
 each, where direction and offset depend on each other least.
 """
 
@@ -11,9 +11,17 @@ from companion.estimation import factors
 from companion.estimation.estimate import Estimate
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam, Wall
-from companion.estimation.unknowns import POSE_SIZE, WALL_SIZE
+from companion.estimation.unknowns import (
+    BIAS,
+    EAST,
+    NORTH,
+    POSE_SIZE,
+    WALL_SIZE,
+    WANDER_EAST,
+    WANDER_NORTH,
+    YAW,
+)
 
-_NORTH, _EAST, _YAW, _BIAS = range(POSE_SIZE)
 _GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + factors.GYRO_SCALE, POSE_SIZE + factors.ODOMETRY_SCALE
 _WALLS = POSE_SIZE + factors.WALLS
 
@@ -22,23 +30,24 @@ def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
     """Set both filters to the last keyframe."""
     x = estimate.x
     covariance = estimate.solution.covariance_of_last(POSE_SIZE)
-    north_m, east_m, yaw_rad, bias_rad_s = x.poses[-1]
+    pose = x.poses[-1]
     directions = _WALLS + WALL_SIZE * np.arange(len(x.walls))
-    chosen = np.array([_YAW, _BIAS, _GYRO_SCALE, *directions])
+    chosen = np.array([YAW, BIAS, _GYRO_SCALE, *directions])
     heading.restart(
-        np.array([yaw_rad, bias_rad_s, x.gyro_scale, *x.walls[:, 0]]),
+        np.array([pose[YAW], pose[BIAS], x.gyro_scale, *x.walls[:, 0]]),
         covariance[np.ix_(chosen, chosen)],
     )
     # d = ρ - a·n(α):  δd = δρ - (a·t) δα
     middle_m = x.reach_m.mean(axis=1)
     half_m = 0.5 * np.ptp(x.reach_m, axis=1)
     anchors = x.walls[:, 1:] * x.normals + middle_m[:, None] * x.tangents
-    offset_by = np.zeros((3 + len(x.walls), len(covariance)))
-    offset_by[[0, 1, 2], [_NORTH, _EAST, _ODOMETRY_SCALE]] = 1.0
-    row = 3 + np.arange(len(x.walls))
+    moving = [NORTH, EAST, _ODOMETRY_SCALE, WANDER_NORTH, WANDER_EAST]
+    offset_by = np.zeros((len(moving) + len(x.walls), len(covariance)))
+    offset_by[np.arange(len(moving)), moving] = 1.0
+    row = len(moving) + np.arange(len(x.walls))
     offset_by[row, directions], offset_by[row, directions + 1] = -middle_m, 1.0
-    state = np.zeros(3 + len(x.walls))
-    state[:3] = north_m, east_m, x.odometry_scale
+    state = np.zeros(len(moving) + len(x.walls))
+    state[: len(moving)] = (*pose[:YAW], x.odometry_scale, *pose[WANDER_NORTH:])
     walls = [
         Wall(i, (north, east), -half, half)
         for i, ((north, east), half) in enumerate(

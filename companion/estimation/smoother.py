@@ -3,7 +3,7 @@
 The filters must decide at every moment; a wall seen early can be set right by what was seen late.
 Unknowns (`unknowns.py`), solved together by Gauss-Newton (`factors.py`, `bordered.py`):
 
-    keyframes k: position p_k, heading ψ_k, gyro bias b_k
+    keyframes k: position p_k, heading ψ_k, gyro bias b_k, wander of the odometry w_k
     gyro scale g, odometry scale s, gain error γ of each range unit
     walls i: direction of the normal α_i, offset ρ_i           wall i: {p : p·n(α_i) = ρ_i}
 
@@ -64,13 +64,17 @@ class Smoother:
         self._association = Association(models.ranges, support)
 
     def from_start(self, start: Array) -> Past:
-        """Before anything was seen: the first pose is `start` (3,), by definition of the frame."""
+        """Before anything was seen: the first pose is `start` (3,), by definition of the frame.
+
+        Odometry begins to wander when the drone lifts off.
+        """
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
-        at = np.array([*start, self.models.rest_bias_rad_s, *np.zeros(factors.WALLS)])
+        at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(factors.WALLS)])
         sigma = np.array(
             [
                 *(factors.LEAST_SIGMA,) * 3,
                 gyro.bias_sigma_rad_s,
+                *(factors.LEAST_SIGMA,) * 2,
                 gyro.scale_sigma,
                 odometry.scale_sigma,
                 *(ranges.gain_sigma + factors.LEAST_SIGMA),
@@ -175,6 +179,7 @@ class Smoother:
         """What odometry and the gyro say, without any wall."""
         system = factors.new_system(x)
         factors.add_odometry(system, x, m, self.models.odometry)
+        factors.add_wander(system, x, m, self.models.odometry)
         factors.add_gyro(system, x, m, self.models)
         return system
 

@@ -11,7 +11,9 @@ from companion.estimation.range_units import BEAMS, RangeUnits
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
-POSE_SIZE = 4
+NORTH, EAST, YAW, BIAS, WANDER_NORTH, WANDER_EAST = range(6)
+"""Places in a pose."""
+POSE_SIZE = 6
 WALL_SIZE = 2
 
 
@@ -20,7 +22,7 @@ class Unknowns:
     """Everything that is not known exactly; angles in rad, local NED."""
 
     poses: Array
-    """(k, 4): north, east, yaw (not wrapped), gyro bias."""
+    """(k, 6): north, east, yaw (not wrapped), gyro bias, wander of the odometry north and east."""
     walls: Array
     """(w, 2): direction of the normal, offset."""
     reach_m: Array
@@ -33,9 +35,16 @@ class Unknowns:
     @classmethod
     def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
         """Poses (k, 3), no walls yet, scales and gains as if the sensors were perfect."""
-        with_bias = np.column_stack([poses, np.full(len(poses), bias_rad_s)])
-        with_bias[:, 2] = np.unwrap(with_bias[:, 2])
-        return cls(with_bias, np.empty((0, 2)), np.empty((0, 2)), 0.0, 0.0, np.zeros(len(BEAMS)))
+        count = len(poses)
+        x = np.column_stack([poses, np.full(count, bias_rad_s), np.zeros((count, 2))])
+        x[:, YAW] = np.unwrap(x[:, YAW])
+        return cls(x, np.empty((0, 2)), np.empty((0, 2)), 0.0, 0.0, np.zeros(len(BEAMS)))
+
+    @property
+    def tracks(self) -> Array:
+        """(k, 2): where the odometry has the drone, north and east."""
+        tracks: Array = self.poses[:, :YAW] + self.poses[:, WANDER_NORTH:]
+        return tracks
 
     @property
     def normals(self) -> Array:

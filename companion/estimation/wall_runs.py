@@ -7,7 +7,9 @@ but never jumps, so that a correction of the pose cannot bend a run.
 """
 
 import math
+from dataclasses import replace
 
+from companion.estimation.odometry_model import WANDER_S
 from companion.frames import Vector2, wrap_rad
 from companion.values import value
 
@@ -42,6 +44,8 @@ class RunHit:
     variance_m2: float
     viewpoint: Vector2
     yaw_rad: float
+    wander_m: float = 0.0
+    """Sigma of what the odometry, by which it was placed, wanders (`odometry_model.py`)."""
 
 
 @value
@@ -59,7 +63,7 @@ class _Moments:
     hits: int = 0
 
     def with_hit(self, hit: "RunHit") -> "_Moments":
-        (x, y), weight = hit.position, 1 / hit.variance_m2
+        (x, y), weight = hit.position, 1 / (hit.variance_m2 + hit.wander_m**2)
         return _Moments(
             self.weight + weight,
             self.x + weight * x,
@@ -106,13 +110,30 @@ def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
     )
 
 
+def _wandering(line: Line, wander_m: float, lasted_s: float) -> Line:
+    """The line's sigmas with what the odometry wandered meanwhile.
+
+    Of a short run the wander tilts the line as a random walk does (6/5·q/T, its slope's variance
+    over time T), of a long one as independent errors every 2·τ (12·σ²·2τ/T³).
+    """
+    tilt = min(2.4 * lasted_s / WANDER_S, 24 * WANDER_S / max(lasted_s, WANDER_S))
+    shift = min(1.0, 2 * WANDER_S / max(lasted_s, WANDER_S))
+    return replace(
+        line,
+        normal_sigma_rad=math.hypot(
+            line.normal_sigma_rad, wander_m * math.sqrt(tilt) / line.length_m
+        ),
+        offset_sigma_m=math.hypot(line.offset_sigma_m, wander_m * math.sqrt(shift)),
+    )
+
+
 class WallRun:
     """The growing run of one beam."""
 
     MIN_HITS = 8
     LEAST_LENGTH_M = 0.8
     FULL_LENGTH_M = 2.5
-    MOST_NORMAL_SIGMA_RAD = math.radians(2.5)
+    MOST_NORMAL_SIGMA_RAD = math.radians(4)
     MOST_INCIDENCE_RAD = math.radians(65)
     MOST_MISFIT = 1.8
     """A run round a corner lies about its line more loosely than its noise allows."""
@@ -123,6 +144,8 @@ class WallRun:
         self._moments = NO_HITS
         self._line: Line | None = None
         self._viewpoint: Vector2 = (0.0, 0.0)
+        self._began_s = self._last_s = 0.0
+        self._wander_m = 0.0
         self._misfits: list[RunHit] = []
 
     def add(self, hit: RunHit) -> Line | None:
@@ -142,6 +165,7 @@ class WallRun:
         self._misfits.clear()
         if line is None or line.length_m < self.LEAST_LENGTH_M:
             return None
+        line = _wandering(line, self._wander_m, self._last_s - self._began_s)
         sure = line.normal_sigma_rad < self.MOST_NORMAL_SIGMA_RAD
         straight = line.misfit < self.MOST_MISFIT
         return line if sure and straight and self._is_faced(line) else None
@@ -161,6 +185,9 @@ class WallRun:
 
     def _take(self, hit: RunHit) -> None:
         self._viewpoint = hit.viewpoint
+        if not self._moments.hits:
+            self._began_s = hit.time_s
+        self._last_s, self._wander_m = hit.time_s, hit.wander_m
         self._moments = self._moments.with_hit(hit)
         if self._moments.hits >= self.MIN_HITS:
             self._line = fit_line(self._moments, hit.viewpoint)
@@ -170,6 +197,8 @@ class WallRun:
         across = x * math.cos(line.normal_rad) + y * math.sin(line.normal_rad) - line.offset_m
         along = math.dist(hit.position, line.centre)
         sigma = math.hypot(
-            math.sqrt(hit.variance_m2), line.offset_sigma_m, along * line.normal_sigma_rad
+            math.sqrt(hit.variance_m2 + hit.wander_m**2),
+            line.offset_sigma_m,
+            along * line.normal_sigma_rad,
         )
         return abs(across) <= self.MISFIT_SIGMAS * sigma

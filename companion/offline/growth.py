@@ -17,7 +17,7 @@ from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past
 from companion.estimation.factors import hit_residuals
 from companion.estimation.smoother import WHOLE, Smoother
-from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, to_ned
+from companion.estimation.unknowns import BIAS, YAW, Array, Indices, Measured, Unknowns, to_ned
 
 STAGE_M = 1.5
 STAGE_RAD = math.radians(45)
@@ -73,13 +73,14 @@ class Growth:
     def extend(self, end: int) -> None:
         """Dead reckoning on to key frame `end`, scales and bias as known by now."""
         poses, x = self.x.poses, self.x
-        _, _, yaw, bias = poses[-1]
+        yaw, bias = poses[-1, [YAW, BIAS]]
         k = np.arange(len(poses) - 1, end - 1)
         turns = (1 - x.gyro_scale) * self._m.turned_rad[k] - bias * self._m.dt_s[k]
         yaws = yaw + np.concatenate([[0.0], np.cumsum(turns)])
         steps = to_ned((1 + x.odometry_scale) * self._m.moved_frd_m[k], yaws[:-1])
         places = poses[-1, :2] + np.cumsum(steps, axis=0)
-        ahead = np.column_stack([places, yaws[1:], np.full(len(k), bias)])
+        ahead = np.tile(poses[-1], (len(k), 1))
+        ahead[:, :YAW], ahead[:, YAW] = places, yaws[1:]
         x.poses = np.vstack([poses, ahead])
 
     def finish(self) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from companion.estimation.factors import Models
 from companion.estimation.heading import GyroModel
-from companion.estimation.line_slam import OdometryModel
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import Smoother
 from companion.estimation.support import Support
@@ -126,7 +126,7 @@ def _floor_plan(log: Log, record: Record, growth: Growth, sensors: SensorsConfig
     )
     path = tuple(
         Pose(time_s, north, east, -height_m, wrap_rad(yaw))
-        for time_s, (north, east, yaw, _) in zip(
+        for time_s, (north, east, yaw, *_) in zip(
             log.time_s[record.rows].tolist(), x.poses.tolist(), strict=True
         )
     )

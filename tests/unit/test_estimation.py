@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.estimator import Estimator
 from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
-from companion.estimation.line_slam import LineSlam, OdometryModel, Wall
+from companion.estimation.line_slam import LineSlam, Wall
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.rest import RestCalibration
 from companion.estimation.wall_runs import RunHit, WallRun
 from companion.messages import (

@@ -12,7 +12,8 @@ from hypothesis import strategies as st
 
 from companion.config import MissionConfig
 from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.line_slam import LineSlam, OdometryModel, Wall
+from companion.estimation.line_slam import LineSlam, Wall
+from companion.estimation.odometry_model import OdometryModel
 from companion.frames import Vector2
 from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy, Ray
