@@ -11,7 +11,6 @@ the covariance of the shared unknowns with the poses integrated out. Time and me
 length of the chain, not with its square.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -101,13 +100,8 @@ class BorderedSystem:
         self._c = Sums(shared * shared)
         self._chain_gradient = Sums(chained)
         self._shared_gradient = Sums(shared)
-        self.squares, self._rows = 0.0, 0
+        self.squares, self.rows = 0.0, 0
         """Sum of the squares of the residuals added so far, in their sigmas, and how many."""
-
-    @property
-    def rms(self) -> float:
-        """Root mean square of the residuals added so far, in their sigmas."""
-        return math.sqrt(self.squares / max(self._rows, 1))
 
     def add(
         self, residual: Array, sigma: Array | float, chained: Gradient, shared: Gradient = ()
@@ -115,7 +109,7 @@ class BorderedSystem:
         """Residuals (n,), their sigmas, and their gradients."""
         weight = np.broadcast_to(1 / np.square(sigma), residual.shape)
         self.squares += float((weight * residual**2).sum())
-        self._rows += len(residual)
+        self.rows += len(residual)
         for i, (row, by_row) in enumerate(chained):
             weighted = weight * by_row
             self._chain_gradient.add(row, weighted * residual)

@@ -5,9 +5,10 @@ A Kalman filter over
     x = (north, east, scale error, wander north, wander east, d_1, d_2, ...)
 
 Wall i has the direction α_i of its normal from the heading filter, an anchor a_i where it was
-first seen, and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. Turning α_i turns the wall about
-its anchor. Odometry moves the position by (1 + scale)·displacement, so that ranges to a wall flown
-towards tell the scale; less what its wander has changed by (`odometry_model.py`). A range r along bearing β from position p meets wall i where
+first seen, and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. Turning α_i turns the wall
+about its anchor. Odometry moves the position by (1 + scale)·displacement, so that ranges to a wall
+flown towards tell the scale, and by what the wander fades (`odometry_model.py`). A range r along
+bearing β from position p meets wall i where
 
     r = (d_i - (p - a_i)·n_i) / cos(β - α_i)
 """
@@ -26,7 +27,8 @@ from companion.messages import RangeUnit
 from companion.values import value
 
 _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
-_WALLS = 5
+WALLS = 5
+"""Place of the first wall in x."""
 Matrix = NDArray[np.float64]
 
 
@@ -79,9 +81,9 @@ class LineSlam:
     def __init__(self, heading: HeadingFilter, odometry: OdometryModel) -> None:
         self._heading = heading
         self._odometry = odometry
-        self._x = [0.0] * _WALLS
+        self._x = [0.0] * WALLS
         self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2, 0.0, 0.0])
-        self._f: Matrix = np.eye(_WALLS)
+        self._f: Matrix = np.eye(WALLS)
         self.walls: list[Wall] = []
 
     @property
@@ -109,15 +111,15 @@ class LineSlam:
         normal_rad = self._heading.normal_rad(wall.index)
         north, east = wall.anchor_ne_m
         offset_m = north * math.cos(normal_rad) + east * math.sin(normal_rad)
-        return normal_rad, offset_m + self._x[_WALLS + wall.index]
+        return normal_rad, offset_m + self._x[WALLS + wall.index]
 
     @property
     def offsets_covariance_m2(self) -> Matrix:
         """(w, w): of the walls' distances from their anchors, in their order."""
-        return self._p[_WALLS:, _WALLS:].copy()
+        return self._p[WALLS:, WALLS:].copy()
 
     def offset_sigma_m(self, wall: Wall) -> float:
-        at = _WALLS + wall.index
+        at = WALLS + wall.index
         return math.sqrt(self._p.item(at, at))
 
     def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
@@ -188,7 +190,7 @@ class LineSlam:
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
         north, east = eye_ne_m[0] - wall.anchor_ne_m[0], eye_ne_m[1] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
-        distance_m = self._x[_WALLS + wall.index] - north * cos_n - east * sin_n
+        distance_m = self._x[WALLS + wall.index] - north * cos_n - east * sin_n
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
             return None
         predicted_m = distance_m / cos_incidence
@@ -199,7 +201,7 @@ class LineSlam:
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
         gradient = -cos_n / cos_incidence, -sin_n / cos_incidence, 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
-        spread_m2 = self._variance(_WALLS + wall.index, gradient)
+        spread_m2 = self._variance(WALLS + wall.index, gradient)
         spread_m2 += sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
         return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2, tells)
 
@@ -216,7 +218,7 @@ class LineSlam:
         """Scalar Kalman update in Joseph form, multiplied out: P - k·(Ph)ᵀ - Ph·kᵀ + s·k·kᵀ."""
         north, east, offset = match.gradient
         p = self._p
-        ph = north * p[_NORTH] + east * p[_EAST] + offset * p[_WALLS + match.wall.index]
+        ph = north * p[_NORTH] + east * p[_EAST] + offset * p[WALLS + match.wall.index]
         spread_m2 = match.spread_m2 * (1 + (match.innovation_m / self.SURPRISE_M) ** 2)
         gain = ph / spread_m2
         self._x = [x + k * match.innovation_m for x, k in zip(self._x, gain.tolist(), strict=True)]
@@ -234,7 +236,7 @@ class LineSlam:
             east = line.centre[1] - wall.anchor_ne_m[1]
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             along_m = cos_n * east - sin_n * north
-            at = _WALLS + wall.index
+            at = WALLS + wall.index
             lever = along_m * self._heading.relative_sigma_rad(wall.index)
             spread = self._variance(at, (cos_n, sin_n, -1.0)) + line.offset_sigma_m**2 + lever**2
             across_m = north * cos_n + east * sin_n - self._x[at]

@@ -1,8 +1,8 @@
 """The filters go on from what the smoother knows, with its covariance.
 
 The heading filter takes heading, bias, gyro scale and directions; the position filter takes
-position, odometry scale, wander and the walls' offsets from anchors in the middle of what has been seen of
-each, where direction and offset depend on each other least.
+position, odometry scale, wander, and the walls' offsets from anchors in the middle of what has been
+seen of each, where direction and offset depend on each other least.
 """
 
 import numpy as np

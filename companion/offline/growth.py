@@ -97,8 +97,12 @@ class Growth:
         return MAD_TO_SIGMA * float(np.median(np.abs(off)))
 
     def motion_misfit(self) -> float:
-        """How much the trajectory strains the odometry, in its sigmas."""
-        return self.smoother.motion(self.x, self._m).rms
+        """How much the trajectory strains the odometry, in its sigmas.
+
+        Of the equations of motion as many only tell of the wander, which nothing else asks for.
+        """
+        motion = self.smoother.motion(self.x, self._m)
+        return math.sqrt(motion.squares / max(motion.rows - 2 * len(self._m.dt_s), 1))
 
     def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
         m = self._m.between(0, len(self.x.poses))

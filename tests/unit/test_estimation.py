@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.estimation.estimator import Estimator
 from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
-from companion.estimation.line_slam import LineSlam, Wall
+from companion.estimation.line_slam import WALLS, LineSlam, Wall
 from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.rest import RestCalibration
 from companion.estimation.wall_runs import RunHit, WallRun
@@ -193,9 +193,9 @@ def before_walls(*offsets_m: float, position_sigma_m: float = 0.16) -> LineSlam:
     for _ in offsets_m:
         heading.add_wall(WallBearing(NORTH, math.radians(0.5), 0.0, 0.0))
     slam = LineSlam(heading, OdometryModel())
-    sigmas_m = [position_sigma_m, position_sigma_m, 0.01, *(0.01 for _ in offsets_m)]
+    sigmas_m = [position_sigma_m] * 2 + [0.01] * (WALLS - 2 + len(offsets_m))
     walls = [Wall(i, (ahead_m, 0.0), -3.0, 3.0) for i, ahead_m in enumerate(offsets_m)]
-    slam.restart(np.zeros(3 + len(walls)), np.diag(np.square(sigmas_m)), walls)
+    slam.restart(np.zeros(WALLS + len(walls)), np.diag(np.square(sigmas_m)), walls)
     return slam
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from companion.config import MissionConfig
 from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.line_slam import LineSlam, Wall
+from companion.estimation.line_slam import WALLS, LineSlam, Wall
 from companion.estimation.odometry_model import OdometryModel
 from companion.frames import Vector2
 from companion.mapping.known_walls import KnownWalls
@@ -199,9 +199,11 @@ def test_the_filter_knows_how_sure_a_distance_is() -> None:
     for side in (0.0, math.pi):
         heading.add_wall(WallBearing(side, math.radians(0.5), 0.0, 0.0))
     walls = [Wall(0, (3.0, 0.0), -3.0, 3.0), Wall(1, (-3.0, 0.0), -3.0, 3.0)]
-    state = np.zeros(5)
-    apart, at_once = np.diag([0.1, 0.1, 0.01, 0.1, 0.1]) ** 2, np.zeros((5, 5))
-    by_position = np.array([1.0, 0.0, 0.0, 1.0, -1.0])
+    size = WALLS + len(walls)
+    state = np.zeros(size)
+    apart, at_once = np.diag(np.full(size, 0.1)) ** 2, np.zeros((size, size))
+    by_position = np.zeros(size)
+    by_position[[0, WALLS, WALLS + 1]] = 1.0, 1.0, -1.0
     at_once += 0.1**2 * np.outer(by_position, by_position)
     for covariance, sigma_m in ((apart, 0.141), (at_once, 0.0)):
         slam.restart(state, covariance, walls)
