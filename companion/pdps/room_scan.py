@@ -120,6 +120,8 @@ class RoomScan:
     """The way along the walls so far."""
     corners: int = 0
     corner_readings: int = 0
+    corner_ne_m: Vector2 = (0.0, 0.0)
+    """Where it turns: as far from the next wall as it keeps off this one."""
     sweep_rad: tuple[float, ...] = ()
     """Headings still to be turned to."""
     swept_ne_m: Vector2 | None = None
@@ -235,10 +237,17 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
             phase=ScanPhase.CORNER,
             heading_rad=wrap_rad(scan.heading_rad + QUARTER_TURN_RAD),
             corner_readings=0,
+            corner_ne_m=_along_m(scan, sight, gap_m),
         )
         return turned, Setpoint()
     along = _along_wall(scan, sight, plan)
     return scan, replace(along, yaw_rate_rad_s=_swing_rate(scan, sight, plan))
+
+
+def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:
+    """The place so far along the wall from here."""
+    north_m, east_m = frd_to_ned(0.0, along_m, scan.heading_rad)
+    return sight.pose.north_m + north_m, sight.pose.east_m + east_m
 
 
 def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
@@ -278,24 +287,13 @@ def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
 
 def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     heading_rad, *later = scan.sweep_rad
-    holding = _off_the_wall(scan, sight)
+    holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, sight)
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
         most_rad_s = math.radians(plan.turn_rate_deg_s)
         rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
         return scan, replace(holding, yaw_rate_rad_s=rate_rad_s)
     phase = ScanPhase.SWEEP if later else ScanPhase.SCAN
     return replace(scan, phase=phase, sweep_rad=tuple(later)), holding
-
-
-def _off_the_wall(scan: RoomScan, sight: Sight) -> Setpoint:
-    """As far from it as where the sweep began; along it the drone comes to rest by itself."""
-    if scan.swept_ne_m is None:
-        return HOLD
-    north_m, east_m = sight.pose.north_m, sight.pose.east_m
-    began = scan.swept_ne_m[0] - north_m, scan.swept_ne_m[1] - east_m
-    towards_m, _ = ned_to_frd(*began, scan.heading_rad)
-    off_north_m, off_east_m = frd_to_ned(towards_m, 0.0, scan.heading_rad)
-    return stay((north_m + off_north_m, east_m + off_east_m), sight)
 
 
 def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
@@ -307,7 +305,8 @@ def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan
         scan = replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1)
         return scan, _along_wall(scan, sight, plan)
     is_nearly_round = abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ROUND_CORNER_RAD
-    moving = _along_wall(scan, sight, plan) if is_nearly_round else Setpoint()
+    turning = stay(scan.corner_ne_m, sight)
+    moving = _along_wall(scan, sight, plan) if is_nearly_round else turning
     return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
