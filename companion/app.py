@@ -18,6 +18,7 @@ from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
 from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
+from companion.estimation.velocity_lag import VelocityLag
 from companion.health.watch import Health
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
@@ -141,6 +142,7 @@ class App:
         self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
         self._heights = Heights(offset_m)
         self._near = Near(self._units)
+        self._lag = VelocityLag()
         self._health = Health()
         self._resets = 0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
@@ -160,6 +162,7 @@ class App:
         pose = self._estimate(now_s, inputs)
         action = self._decide(now_s, inputs, pose)
         self._health.asked(now_s, action.setpoint)
+        self._lag.ask(now_s, action.setpoint)
         known = pose if self.estimator else None
         return Outputs(
             action.setpoint,
@@ -199,6 +202,7 @@ class App:
         if inputs.telemetry.odometry is not None:
             self.estimator.move(inputs.telemetry.odometry)
             self._near.move(inputs.telemetry.odometry, self.estimator.slam.scale_error)
+            self._lag.take(inputs.telemetry.odometry)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Note what is near; readings that have folded back are not to be taken for distances."""
@@ -254,9 +258,10 @@ class App:
                 self._bearings_frd_rad,
                 wall,
                 self.estimator.known_walls if self.estimator else KnownWalls.none,
+                self._lag.lag_s,
             ),
             space=self.space.grid,
-            around=self._near.surroundings,
+            around=self._near.surroundings(self._lag.lag_s),
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),

@@ -251,6 +251,9 @@ class Setpoint:
 
 
 HOLD = Setpoint()
+FIRST_LAG_S = 0.6
+"""How long a drone goes on at its velocity when it is stopped, until that has been learnt: between
+ArduCopter 4.6 and PX4 1.17 (docs/autopilot.md)."""
 
 
 class CommandKind(enum.Enum):

@@ -19,6 +19,7 @@ from companion.frames import Vector2, frd_to_ned, ned_to_frd
 from companion.mapping.folds import ALIAS_M, Folds
 from companion.messages import (
     BEARING_FRD_RAD,
+    FIRST_LAG_S,
     Beam,
     Odometry,
     RangeReading,
@@ -62,6 +63,8 @@ class Surroundings:
     points_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(n, 2), forward and right."""
     velocity_frd_m_s: Vector2 = (0.0, 0.0)
+    lag_s: float = FIRST_LAG_S
+    """How long the drone goes on at that when it is stopped."""
 
 
 class Near:
@@ -80,9 +83,8 @@ class Near:
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
 
-    @property
-    def surroundings(self) -> Surroundings:
-        return Surroundings(self._relative(), self._velocity_frd_m_s)
+    def surroundings(self, lag_s: float) -> Surroundings:
+        return Surroundings(self._relative(), self._velocity_frd_m_s, lag_s)
 
     def turn_to(self, heading_rad: float) -> None:
         """By the gyro alone, which never makes a step.

@@ -15,9 +15,8 @@ CLOSE_M = 0.4
 """Within this of a place the drone trims its position without turning."""
 MOST_SIDE_M_S = 0.3
 """The drone trims its place without turning."""
-LAG_S = 0.45
-"""The drone goes on so long at the speed that it has: ArduCopter 4.6 and PX4 1.17 still have half
-of it then (docs/autopilot.md)."""
+CLIMB_LAG_S = 0.45
+"""The drone climbs on for so long at the speed that it has (docs/autopilot.md)."""
 BRAKING_M_S2 = 0.5
 """Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
 
@@ -42,13 +41,13 @@ def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
     return clamp(DISTANCE_GAIN_1_S * (present_m - wanted_m), most_m_s)
 
 
-def approach_speed(room_m: float, most_m_s: float) -> float:
+def approach_speed(room_m: float, most_m_s: float, lag_s: float) -> float:
     """The speed from which the drone can still stop within `room_m`.
 
     It goes on for the lag, then brakes: v·lag + v² / (2·a) = room.
     """
-    root = math.sqrt(LAG_S**2 + 2 * max(room_m, 0.0) / BRAKING_M_S2)
-    return min(most_m_s, BRAKING_M_S2 * (root - LAG_S))
+    root = math.sqrt(lag_s**2 + 2 * max(room_m, 0.0) / BRAKING_M_S2)
+    return min(most_m_s, BRAKING_M_S2 * (root - lag_s))
 
 
 def glide(place_ne_m: Vector2, sight: Sight, most_m_s: float) -> Setpoint:
@@ -57,7 +56,7 @@ def glide(place_ne_m: Vector2, sight: Sight, most_m_s: float) -> Setpoint:
     distance_m = math.dist(here, place_ne_m)
     if distance_m < CLOSE_M:
         return stay(place_ne_m, sight)
-    speed_m_s = approach_speed(distance_m, most_m_s) / distance_m
+    speed_m_s = approach_speed(distance_m, most_m_s, sight.lag_s) / distance_m
     forward_m, right_m = ned_to_frd(
         place_ne_m[0] - here[0], place_ne_m[1] - here[1], sight.pose.yaw_rad
     )

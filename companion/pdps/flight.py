@@ -54,7 +54,7 @@ from companion.messages import (
     VehicleState,
 )
 from companion.pdps import explore, layers, preflight, reserve, room_scan, travel
-from companion.pdps.control import MOST_CLIMB_M_S, approach_speed, climb_to, stay
+from companion.pdps.control import CLIMB_LAG_S, MOST_CLIMB_M_S, approach_speed, climb_to, stay
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
@@ -251,7 +251,7 @@ def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
     """Down velocity that keeps the height of the layer, and off the ceiling."""
     down_m_s = climb_to(flight.layers.height_m(plan), view.sight.pose.height_m)
     room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
-    return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S))
+    return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S, CLIMB_LAG_S))
 
 
 def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:

@@ -156,7 +156,7 @@ def _towards(
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
     room_m = min(_room_ahead_m(bearing_rad, sight, plan), distance_m)
-    speed_m_s = nose_on * approach_speed(room_m, most_m_s)
+    speed_m_s = nose_on * approach_speed(room_m, most_m_s, sight.lag_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
         speed_m_s * math.sin(off_rad),

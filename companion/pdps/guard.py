@@ -19,7 +19,7 @@ from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import Points, Surroundings
 from companion.messages import Setpoint
-from companion.pdps.control import BRAKING_M_S2, LAG_S, clamp
+from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
 
 BODY_RADIUS_M = 0.2
@@ -65,10 +65,10 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     else:
         keep_off_m = _keep_off_askew_m(towards, away_m, clearance_m)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
-    room_m = distance_m - keep_off_m
-    may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(room_m - LAG_S * closing_m_s, 0.0))
-    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * room_m, -MOST_GIVE_WAY_M_S)
-    most_m_s = np.where(room_m > 0, may, gives_way)
+    left_m = distance_m - keep_off_m - around.lag_s * closing_m_s
+    may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
+    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MOST_GIVE_WAY_M_S)
+    most_m_s = np.where(left_m > 0, may, gives_way)
     forward, right = _bounded(wanted, towards, most_m_s)
     return replace(setpoint, forward_m_s=forward, right_m_s=right)
 

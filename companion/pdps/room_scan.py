@@ -253,7 +253,7 @@ def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:
 def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
     """At the stand-off, up to where the next wall begins."""
     towards_m_s = keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s)
-    along_m_s = approach_speed(_gap_m(scan, sight), plan.speed_m_s)
+    along_m_s = approach_speed(_gap_m(scan, sight), plan.speed_m_s, sight.lag_s)
     off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
     return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
 
@@ -402,4 +402,4 @@ def _guarded(speed_m_s: float, beam: Beam, sight: Sight) -> float:
     """Never on towards something near: the last word on every phase."""
     if speed_m_s <= 0:
         return speed_m_s
-    return approach_speed(sight.clear_m(beam) - FULL_STOP_BEFORE_M, speed_m_s)
+    return approach_speed(sight.clear_m(beam) - FULL_STOP_BEFORE_M, speed_m_s, sight.lag_s)

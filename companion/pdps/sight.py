@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 
 from companion.mapping.known_walls import KnownWalls
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeReading, RangeState
+from companion.messages import BEARING_FRD_RAD, FIRST_LAG_S, Beam, Pose, RangeReading, RangeState
 from companion.values import value
 
 
@@ -25,6 +25,9 @@ class Sight:
     distance along it, m."""
     walls: Callable[[], KnownWalls] = KnownWalls.none
     """All that are mapped; drawn up only when asked for."""
+
+    lag_s: float = FIRST_LAG_S
+    """How late it follows a velocity."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam; 0 unless the beam says so."""

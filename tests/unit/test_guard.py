@@ -181,7 +181,7 @@ class Drone:
 
     @property
     def points(self) -> list[Place]:
-        return [(float(f), float(r)) for f, r in self.near.surroundings.points_frd_m]
+        return [(float(f), float(r)) for f, r in self.near.surroundings(0.5).points_frd_m]
 
 
 def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
@@ -355,5 +355,5 @@ def test_somebody_who_has_gone_is_let_go_where_a_folded_reading_would_be_nearer(
 def test_what_suddenly_is_too_near_is_kept_off_from() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
-    stopped = guarded(FORWARD, drone.near.surroundings, CLEARANCE_M)
+    stopped = guarded(FORWARD, drone.near.surroundings(0.5), CLEARANCE_M)
     assert stopped.forward_m_s < 0.2
