@@ -310,10 +310,14 @@ def _is_mode_changed(flight: Flight, vehicle: VehicleState) -> bool:
 
 
 def _hand_over(flight: Flight, view: View) -> Flight:
-    """Somebody else has the drone: nothing more is sent."""
+    """Somebody else has the drone: nothing more is sent.
+
+    It may be the autopilot itself, which lands when setpoints come too late.
+    """
     gave_back = view.vehicle.in_offboard_mode
     trouble = "mode changed for a moment" if gave_back else f"mode changed to {view.vehicle.mode}"
-    return _go(flight, Phase.HANDED_OVER, view, trouble)
+    late = f"; {view.starved}" if view.starved else ""
+    return _go(flight, Phase.HANDED_OVER, view, trouble + late)
 
 
 def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:

@@ -185,6 +185,12 @@ def test_a_pilot_who_takes_over_while_landing_is_not_fought() -> None:
     assert (taken.phase, action) == (Phase.HANDED_OVER, Action())
 
 
+def test_an_autopilot_that_lands_because_setpoints_come_late_is_told_as_that() -> None:
+    late = replace(view(replace(FLYING, mode="LAND", in_offboard_mode=False)), starved="ticks late")
+    taken, _ = step(flying(Phase.ROOM), late, PLAN)
+    assert taken.ending == "handed over: mode changed to LAND; ticks late"
+
+
 def test_disarmed_in_the_air_has_failed() -> None:
     flight, _ = step(flying(Phase.ROOM), view(replace(FLYING, armed=False)), PLAN)
     assert (flight.phase, flight.completed) == (Phase.FAILED, False)
