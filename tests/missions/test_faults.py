@@ -1,6 +1,7 @@
 """What goes wrong in flight, and that each ends in its written reaction (docs/faults.md)."""
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -52,10 +53,20 @@ starts = [{ name = "middle", position = [2.5, 2.6] }]
 """
 FAILED = "landed: range sensor failed: "
 POST = """
-boxes = [{ corner = [1.0, 4.4], size = [0.3, 0.3], top_m = 2.6 }]
+boxes = [{ corner = [3.2, 1.7], size = [0.2, 0.2], top_m = 2.6 }]
 """
 LEVEL = ("front", "left", "right")
 NO_POSITION = "landed: the autopilot tells no position"
+
+
+def along_a_wall(action: Action) -> Event:
+    """When it first flies along a wall, at speed."""
+
+    def is_due(simulation: Simulation, app: App) -> bool:
+        north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
+        return "scanning" in app.flight.activity and math.hypot(north_m_s, east_m_s) > 0.4
+
+    return Event(is_due, action)
 
 
 @pytest.fixture
@@ -156,9 +167,17 @@ def test_a_dead_beam_of_the_papers_sensor_lands_the_drone(sitl: Sitl, beam: str)
     assert flight.truth.collisions == 0
 
 
-@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-@pytest.mark.parametrize("profile", ["gp2y0a710k0f", "vl53l1x", "tfmini_s"])
-@pytest.mark.parametrize("transfer_s", [0.03, 1.0])
+@pytest.mark.parametrize(
+    ("profile", "autopilot", "transfer_s"),
+    [  # each pair of two
+        ("gp2y0a710k0f", "ardupilot", 0.03),
+        ("gp2y0a710k0f", "px4", 1.0),
+        ("vl53l1x", "ardupilot", 1.0),
+        ("vl53l1x", "px4", 0.03),
+        ("tfmini_s", "ardupilot", 0.03),
+        ("tfmini_s", "px4", 1.0),
+    ],
+)
 def test_a_bus_that_hangs_lands_the_drone_while_setpoints_keep_their_pace(
     sitl: Sitl, profile: str, autopilot: str, transfer_s: float
 ) -> None:
@@ -228,26 +247,26 @@ def test_swapped_sensors_show_before_they_do_harm(
 
 
 @pytest.mark.parametrize(
-    "action",
+    "actions",
     [
-        dead_adc(for_s=0.8),
-        dead_gyro(for_s=0.9),
-        link_down(for_s=0.2),
-        link_down(for_s=1),
-        lose_flow(for_s=0.6),
-        jump_odometry(north_m=2, east_m=-1, down_m=0.3, yaw_deg=40),
-        jump_clock(10),
-        jump_clock(-10),
-        hang(for_s=3),
-        bad_link(loss=0.2),
-        bad_link(loss=0.2, duplicates=0.2, reordering=0.2, jitter_s=0.3),
-        other_rates("ATTITUDE", 4),
-        other_rates("LOCAL_POSITION_NED", 10),
-        other_rates("LOCAL_POSITION_NED", 0),
+        (dead_adc(for_s=0.8), dead_gyro(for_s=0.9), lose_flow(for_s=0.6)),
+        (link_down(for_s=0.2), hang(for_s=3), link_down(for_s=1)),
+        (
+            jump_odometry(north_m=2, east_m=-1, down_m=0.3, yaw_deg=40),
+            jump_clock(10),
+            jump_clock(-10),
+        ),
+        (bad_link(loss=0.2),),
+        (bad_link(loss=0.2, duplicates=0.2, reordering=0.2, jitter_s=0.3),),
+        (other_rates("ATTITUDE", 4), other_rates("LOCAL_POSITION_NED", 10)),
+        (other_rates("LOCAL_POSITION_NED", 0),),
     ],
 )
-def test_what_passes_does_not_end_the_mission(sitl: Sitl, small: str, action: Action) -> None:
-    flight = sitl.fly(small, script=[at(20, action)])
+def test_what_passes_does_not_end_the_mission(
+    sitl: Sitl, small: str, actions: Sequence[Action]
+) -> None:
+    """Along a wall, in a turn, on the way back."""
+    flight = sitl.fly(small, script=[*map(when, ("scanning", "corner", "returning"), actions)])
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
 
@@ -268,17 +287,18 @@ def test_without_up_and_down_beam_it_flies_on(
 def test_it_keeps_off_from_who_steps_up_too_near_to_be_measured(
     sitl: Sitl, small: str, forward_m: float, right_m: float, profile: str
 ) -> None:
-    comes = at(20, somebody_near(forward_m, right_m, for_s=8))
+    comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
     flight = sitl.fly(small, script=[comes], profile=profile)
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
 
 
-@pytest.mark.parametrize(("forward_m", "right_m"), [(0.9, 0.0), (0.0, 0.9)])
+@pytest.mark.parametrize(("forward_m", "right_m"), [(0.9, 0.0), (0.0, 1.2)])
 def test_it_stops_before_who_steps_into_its_way(
     sitl: Sitl, small: str, forward_m: float, right_m: float
 ) -> None:
-    flight = sitl.fly(small, script=[at(20, somebody_near(forward_m, right_m, for_s=8))])
+    comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
+    flight = sitl.fly(small, script=[comes])
     assert flight.completed, flight.ending
     assert flight.truth.clearance_m > 0.3
 
@@ -389,15 +409,16 @@ def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
     assert flight.report.wall_error_aligned_cm < 3
 
 
-@pytest.mark.parametrize("begins", [20, "corner"])
-@pytest.mark.parametrize("seconds", [-1.9, -1.0, -0.5, -0.2, 0.2, 3.0])
+@pytest.mark.parametrize(
+    ("in_line_s", "in_turn_s"),
+    [(-1.9, 0.2), (-1.0, 3.0), (-0.5, -1.9), (-0.2, -1.0), (0.2, -0.5), (3.0, -0.2)],
+)
 def test_a_clock_that_is_set_is_no_fault(
-    sitl: Sitl, small: str, begins: float | str, seconds: float
+    sitl: Sitl, small: str, in_line_s: float, in_turn_s: float
 ) -> None:
     said: list[str] = []
-    jump = jump_clock(seconds)
-    event = when(begins, jump) if isinstance(begins, str) else at(begins, jump)
-    flight = sitl.fly(small, script=[event, troubles(said)])
+    jumps = [when("scanning", jump_clock(in_line_s)), when("corner", jump_clock(in_turn_s))]
+    flight = sitl.fly(small, script=[*jumps, troubles(said)])
     assert flight.completed, flight.ending
     assert not said
     assert flight.report.wall_error_aligned_cm < 2

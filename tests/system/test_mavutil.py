@@ -82,14 +82,19 @@ def test_ardupilot_is_set_up_and_armed() -> None:
 
 
 def test_px4_is_set_up_and_armed() -> None:
+    arm = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
+    rejected = {"result": mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
     with connected("px4") as vehicle:
         fetches_all_parameters(vehicle, "px4")
+        until(lambda: has_origin(vehicle), "the origin", DEADLINE_S)
+        enters(vehicle, "OFFBOARD")  # disarmed it takes any mode, but is not armed
+        vehicle.mav.command_long_send(1, 1, *arm)  # without a stream of setpoints
+        assert hears(vehicle, "COMMAND_ACK", command=arm[0], **rejected)
         for mode in ("POSCTL", "LOITER"):
             enters(vehicle, mode)
-        vehicle.set_mode("OFFBOARD")  # without a stream of setpoints
-        rejected = {"command": 176, "result": mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
-        until(lambda: hears(vehicle, "COMMAND_ACK", **rejected), "the refusal", DEADLINE_S)
-        until(lambda: has_origin(vehicle), "the origin", DEADLINE_S)
-        vehicle.mav.command_long_send(1, 1, mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
+        vehicle.mav.command_long_send(1, 1, *arm)
         until(lambda: is_armed(vehicle, armed=True), "armed", DEADLINE_S)
+        vehicle.set_mode("OFFBOARD")
+        assert hears(vehicle, "COMMAND_ACK", command=176, **rejected)
+        assert is_armed(vehicle, armed=True)
         assert vehicle.flightmode == "LOITER"
