@@ -43,13 +43,18 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
 
 
 def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
-    """(n,): whether nothing stands on the lines, none longer than that, of cells (n, 2)."""
+    """(n,): whether nothing stands on the lines, none longer than that, of cells (n, 2).
+
+    Ends may lie beyond the grid, as walls do that have just been set right: nothing is known there.
+    """
     steps = np.linspace(0, 1, round(most_m / CELL_M), dtype=np.float32)[:, None]
     rows, columns = (
         np.rint(start + steps * (end - start)).astype(np.int32)
         for start, end in zip(starts.T.astype(np.float32), ends.T.astype(np.float32), strict=True)
     )
-    hit = grid.occupied.ravel()[rows * grid.occupied.shape[1] + columns]
+    height, width = grid.occupied.shape
+    is_inside = (rows >= 0) & (rows < height) & (columns >= 0) & (columns < width)
+    hit = is_inside & np.take(grid.occupied, rows * width + columns, mode="clip")
     at, line = np.nonzero(hit)
     end_row, end_column = ends[line].T
     before_end = np.maximum(abs(rows[at, line] - end_row), abs(columns[at, line] - end_column)) > 1

@@ -32,6 +32,7 @@ from companion.pdps.ties import (
     again,
     ties,
 )
+from companion.pdps.views import is_clear
 
 PLAN = MissionConfig(kind="building")
 HALF_M, REACH_M = 3.5, 5.0
@@ -214,3 +215,10 @@ def test_the_filter_knows_how_sure_a_distance_is() -> None:
             slam.offsets_covariance_m2,
         )
         assert known.gap_sigmas_m()[0, 1] == pytest.approx(sigma_m, abs=0.01)
+
+
+@given(st.integers(-300, 300), st.integers(-300, 300))
+def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> None:
+    """A wall that has just been set right may lie where the grid does not reach yet."""
+    start, end = np.array([[0, 0]]), np.array([[row, column]])
+    assert is_clear(Occupancy(), start, end, 40.0).all()
