@@ -63,7 +63,9 @@ def test_it_maps_the_room_with_any_mix(
     assert flight.report.wall_error_aligned_cm <= 12
 
 
-@pytest.mark.parametrize(("world", "rooms_m2"), [("room_100", [100]), ("office", [89.4, 69.4])])
+@pytest.mark.parametrize(
+    ("world", "rooms_m2"), [("room_100", [100]), ("worlds/small_office.toml", [22.8, 22.2])]
+)
 def test_bent_mounts_cost_nothing_if_they_are_told(
     sitl: Sitl, tmp_path: Path, world: str, rooms_m2: list[float]
 ) -> None:
