@@ -6,9 +6,16 @@ from pathlib import Path
 
 from sitl.world.format import World, WorldError, parse_world
 from sitl.world.generator import random_world, seed_of
-from sitl.world.importers.meshes import load_mesh
 from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
+
+
+def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
+    """A mesh; only then is its library imported, which takes half a second."""
+    from sitl.world.importers import meshes  # noqa: PLC0415 - slow to load
+
+    return meshes.load_mesh(path, tell)
+
 
 IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
     ".json": load_segments,

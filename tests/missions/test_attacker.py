@@ -16,6 +16,7 @@ from sitl.autopilot.ardupilot import LAND, LOITER
 from sitl.lockstep import LockstepClock
 from sitl.simulation import Setup, Simulation
 from sitl.world.loading import load_world
+from tests.worlds import SMALL_ROOM
 
 KEY, OTHER_KEY = b"k" * 32, b"x" * 32
 FROM_S = 12.0
@@ -69,7 +70,7 @@ def flown(
     config = Config.model_validate({"sensors": {"profile": "paper"}})
     signing = (Signing(KEY), Signing(KEY)) if signed else (None, None)
     autopilot_end, companion_end = pipe_pair(1, signing)
-    setup = Setup(load_world("room_100"), "room_100", 1, config.sensors)
+    setup = Setup(load_world(SMALL_ROOM), SMALL_ROOM, 1, config.sensors)
     simulation = Simulation(setup, [autopilot_end])
     to_companion, to_autopilot = autopilot_end._outbox, companion_end._outbox  # type: ignore[attr-defined]
     recorded: Frames = ([], [])

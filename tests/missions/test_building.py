@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from companion.app import App
+from companion.export.survey import survey
 from companion.frames import ned_to_frd, wrap_rad
 from sitl.simulation import Simulation
 from sitl.testing import Action, Event, Sitl, somebody, when
@@ -49,6 +50,8 @@ def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, 
     assert flight.report.clearance_m > 0.2
     assert flight.report.coverage >= 0.98
     assert flight.report.return_m < 0.3
+    areas_m2 = [room.area_m2 for room in survey(flight.plan).rooms]
+    assert areas_m2 == pytest.approx([16.0, 16.0], rel=0.03)
 
 
 @pytest.mark.parametrize("world", ["open_house", "corridor"])

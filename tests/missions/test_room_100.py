@@ -2,7 +2,10 @@
 
 import pytest
 
+from companion.export.survey import survey
 from sitl.testing import Sitl
+
+SMALL = "worlds/small_room.toml"
 
 
 @pytest.mark.parametrize("profile", ["gp2y0a710k0f", "paper"])
@@ -21,11 +24,14 @@ def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int)
     assert abs(flight.simulation.autopilot.truth.position_ned_m[2]) < 0.05
 
 
-@pytest.mark.parametrize("world", ["room_200", "room_300"])
-def test_it_maps_larger_rooms(sitl: Sitl, world: str) -> None:
+@pytest.mark.parametrize(("world", "area_m2"), [("room_200", 200), ("room_300", 300)])
+def test_it_maps_larger_rooms(sitl: Sitl, world: str, area_m2: float) -> None:
     flight = sitl.fly(world, profile="paper")
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
+    assert [room.area_m2 for room in survey(flight.plan).rooms] == pytest.approx(
+        [area_m2], rel=0.02
+    )
 
 
 def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:
@@ -44,26 +50,22 @@ def test_how_long_a_large_room_is_further_rounds_tell(sitl: Sitl) -> None:
 
 
 def test_the_same_seed_is_the_same_flight_whatever_carries_the_messages(sitl: Sitl) -> None:
-    first = sitl.fly("room_100", seed=5)
-    again = sitl.fly("room_100", seed=5)
-    as_bytes = sitl.fly("room_100", seed=5, transport="bytes")
+    first = sitl.fly(SMALL, seed=5)
+    again = sitl.fly(SMALL, seed=5)
+    as_bytes = sitl.fly(SMALL, seed=5, transport="bytes")
     assert first.truth.path == again.truth.path == as_bytes.truth.path
     assert first.plan == again.plan == as_bytes.plan
+    assert first.truth.path != sitl.fly(SMALL, seed=6).truth.path
 
 
 def test_with_beam_physics_too_the_same_seed_is_the_same_flight(sitl: Sitl) -> None:
     beam = {"width_deg": 2, "steep_deg": 75, "dropout": 0.02, "shift_m": 0.02}
-    first = sitl.fly("room_100", seed=5, beam=beam)
-    as_bytes = sitl.fly("room_100", seed=5, beam=beam, transport="bytes")
+    first = sitl.fly(SMALL, seed=5, beam=beam)
+    as_bytes = sitl.fly(SMALL, seed=5, beam=beam, transport="bytes")
     assert first.completed, first.ending
     assert first.truth.path == as_bytes.truth.path
     assert first.plan == as_bytes.plan
-    assert first.truth.path != sitl.fly("room_100", seed=5).truth.path
-
-
-def test_another_seed_is_another_flight(sitl: Sitl) -> None:
-    first, other = (sitl.fly("room_100", seed=seed) for seed in (5, 6))
-    assert first.truth.path != other.truth.path
+    assert first.truth.path != sitl.fly(SMALL, seed=5).truth.path
 
 
 def test_a_px4_flies_the_same_mission(sitl: Sitl) -> None:

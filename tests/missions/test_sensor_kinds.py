@@ -4,8 +4,10 @@ from pathlib import Path
 
 import pytest
 
+from companion.export.survey import survey
 from sitl.testing import Sitl, at, unplug
 
+SMALL = "worlds/small_room.toml"
 MIX = """
 [sensors]
 gyro = "autopilot"
@@ -61,8 +63,12 @@ def test_it_maps_the_room_with_any_mix(
     assert flight.report.wall_error_aligned_cm <= 12
 
 
-@pytest.mark.parametrize("world", ["room_100", "office"])
-def test_bent_mounts_cost_nothing_if_they_are_told(sitl: Sitl, tmp_path: Path, world: str) -> None:
+@pytest.mark.parametrize(
+    ("world", "rooms_m2"), [("room_100", [100]), ("worlds/small_office.toml", [22.8, 22.2])]
+)
+def test_bent_mounts_cost_nothing_if_they_are_told(
+    sitl: Sitl, tmp_path: Path, world: str, rooms_m2: list[float]
+) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(BENT)
     mission = "room" if world == "room_100" else "building"
@@ -71,25 +77,17 @@ def test_bent_mounts_cost_nothing_if_they_are_told(sitl: Sitl, tmp_path: Path, w
     assert flight.report.collisions == 0
     assert flight.report.coverage >= 0.93
     assert flight.report.wall_error_aligned_cm <= 5
+    areas_m2 = [room.area_m2 for room in survey(flight.plan).rooms]
+    assert areas_m2 == pytest.approx(rooms_m2, rel=0.03)  # walls go on behind furniture
 
 
 def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(MIX)
-    first = sitl.fly("room_100", config=str(config), seed=5)
-    as_bytes = sitl.fly("room_100", config=str(config), seed=5, transport="bytes")
+    first = sitl.fly(SMALL, config=str(config), seed=5)
+    as_bytes = sitl.fly(SMALL, config=str(config), seed=5, transport="bytes")
     assert first.truth.path == as_bytes.truth.path
     assert first.plan == as_bytes.plan
-
-
-BENT = """
-[sensors.ranges]
-front = { kind = "sharp_ads1115", address = 0x48, channel = 0, bearing_deg = 6 }
-left = { kind = "sharp_ads1115", address = 0x48, channel = 1, bearing_deg = -78 }
-right = { kind = "sharp_ads1115", address = 0x48, channel = 2, bearing_deg = 97 }
-up = { kind = "sharp_ads1115", address = 0x48, channel = 3 }
-down = { kind = "sharp_ads1115", address = 0x49, channel = 0 }
-"""
 
 
 @pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s"])

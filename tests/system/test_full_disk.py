@@ -11,6 +11,7 @@ from pathlib import Path
 from companion.fly_cli import EXIT_ENDED
 from companion.recording.reader import read
 from tests.system.processes import companion, flying, read_until, running_sitl
+from tests.worlds import SMALL_ROOM
 
 DEADLINE_S = 120
 LARGEST_FILE = 400_000
@@ -18,7 +19,7 @@ LARGEST_FILE = 400_000
 
 
 def test_the_recording_ends_and_the_flight_goes_on(tmp_path: Path) -> None:
-    with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "waiting")
         resource.prlimit(pilot.pid, resource.RLIMIT_FSIZE, (LARGEST_FILE, LARGEST_FILE))
@@ -31,7 +32,7 @@ def test_the_recording_ends_and_the_flight_goes_on(tmp_path: Path) -> None:
 
 
 def test_a_terminal_that_is_gone_does_not_end_the_flight(tmp_path: Path) -> None:
-    with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "waiting")
         assert pilot.stdout is not None
@@ -47,7 +48,7 @@ def test_a_reader_who_stands_still_does_not_hold_up_the_flight(tmp_path: Path) -
     reading, writing = os.pipe()
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writing, b"." * 4096)
-    with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         link = ("--link", f"udpout:127.0.0.1:{mavlink_port}")
         bus = ("--bus", f"sitl://127.0.0.1:{bus_port}", "--out", str(tmp_path))
         pilot = subprocess.Popen(companion("fly", *link, *bus), stdout=writing)
@@ -66,7 +67,7 @@ def test_a_map_that_cannot_be_written_is_told_and_has_a_status_of_its_own(tmp_pa
     """The drone has landed: nobody is to take it up again."""
     for name in ("map.json", "map.png", "map.ply"):
         (tmp_path / f".unfinished-{name}").symlink_to("/dev/full")
-    with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         output, _ = pilot.communicate(timeout=DEADLINE_S)
     assert pilot.returncode == EXIT_ENDED, output

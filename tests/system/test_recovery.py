@@ -23,16 +23,10 @@ from companion.link.transport import pipe_pair
 from companion.recording.reader import read
 from companion.recover_cli import listen
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
+from tests.worlds import SMALL_ROOM
 
 DEADLINE_S = 120
 WATCHDOG_S = 2.0
-ROOM = """
-name = "small room"
-height_m = 2.6
-walls = [{ points = [[0, 0], [5, 0], [5, 5.5], [0, 5.5]], closed = true }]
-starts = [{ name = "middle", position = [2.5, 2.6] }]
-"""
-
 
 Pilot = subprocess.Popen[str]
 End = Callable[[Pilot], None]
@@ -124,15 +118,14 @@ def killed_in_flight(
     key: Path | None = None,
 ) -> Iterator[Killed]:
     """In lockstep: the vehicle's time stands still while nobody flies it."""
-    config, world, port = out / "drone.toml", out / "room.toml", free_udp_port()
-    world.write_text(ROOM)
+    config, port = out / "drone.toml", free_udp_port()
     signed = f'[link]\nsigning_key = "{key}"\n' if key else ""
     config.write_text(f'{signed}[mission]\nafter_crash = "{after_crash}"\n')
     keyed = ("--signing-key", str(key)) if key else ()
     doors = ("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
     serve = (*keyed, *doors, "--lockstep")
     truth = ("--truth", str(out / "truth.json"))
-    with started(sitl("run", str(world), *serve, "--speed", "1000", *truth)) as vehicle:
+    with started(sitl("run", SMALL_ROOM, *serve, "--speed", "1000", *truth)) as vehicle:
         bus = read_until(vehicle, "sitl://").split()[-1]
         link = ("--link", f"udpin:127.0.0.1:{port}", "--bus", bus)
         arguments = ["--config", str(config), *link, "--out", str(out)]

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.system.processes import companion, running_sitl, sitl
+from tests.worlds import SMALL_ROOM
 
 DEADLINE_S = 120
 
@@ -26,7 +27,7 @@ def test_a_flight_over_signed_udp(tmp_path: Path, key: Path) -> None:
     out = tmp_path / "out"
     options = ("--config", str(config), "--transport", "udp", "--out", str(out))
     subprocess.run(
-        sitl("fly", "room_100", *options),
+        sitl("fly", SMALL_ROOM, *options),
         check=True,
         timeout=DEADLINE_S,
         stdout=subprocess.DEVNULL,

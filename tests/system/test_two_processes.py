@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.fly_cli import EXIT_ENDED
 from companion.link.transport import UdpTransport
 from tests.system.processes import companion, flying, read_until, running_sitl, sitl
+from tests.worlds import SMALL_ROOM
 
 DEADLINE_S = 120
 
@@ -41,7 +42,7 @@ def test_a_flight_in_two_processes_is_the_flight_in_one(tmp_path: Path) -> None:
     for transport in ("direct", "udp"):
         out = tmp_path / transport
         subprocess.run(
-            sitl("fly", "room_100", "--seed", "2", "--transport", transport, "--out", str(out)),
+            sitl("fly", SMALL_ROOM, "--seed", "2", "--transport", transport, "--out", str(out)),
             check=True,
             timeout=DEADLINE_S,
             stdout=subprocess.DEVNULL,

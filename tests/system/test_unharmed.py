@@ -12,6 +12,7 @@ import pytest
 from sitl.testing.fuzz import bus_request, foreign_frame
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
 from tests.system.scoring import assert_good
+from tests.worlds import SMALL_ROOM
 
 LEAST_FRAMES, LEAST_CONNECTIONS = 2000, 100
 DEADLINE_S = 120
@@ -61,7 +62,7 @@ def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
     truth, port = tmp_path / "truth.json", free_udp_port()
     kinds = {side: "udpin" if side == waits else "udpout" for side in ("vehicle", "companion")}
     link = ("--mavlink", f"{kinds['vehicle']}:127.0.0.1:{port}", "--bus-port", "0")
-    run = sitl("run", "room_100", *link, "--lockstep", "--speed", "1000", "--truth", str(truth))
+    run = sitl("run", SMALL_ROOM, *link, "--lockstep", "--speed", "1000", "--truth", str(truth))
     with started(run) as vehicle:
         bus = read_until(vehicle, "sitl://").split()[-1]
         fly = companion("fly", "--link", f"{kinds['companion']}:127.0.0.1:{port}", "--bus", bus)
@@ -74,4 +75,4 @@ def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
         stop(vehicle)
     assert strangers.frames > LEAST_FRAMES
     assert strangers.connections > LEAST_CONNECTIONS
-    assert_good(tmp_path / "map.json", truth, "room_100")
+    assert_good(tmp_path / "map.json", truth, SMALL_ROOM)

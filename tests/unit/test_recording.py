@@ -45,6 +45,7 @@ from sitl.lockstep import fly_in_lockstep
 from sitl.simulation import Setup
 from sitl.testing import Flight, Sitl, link_down, unplug, when
 from sitl.world.loading import load_world
+from tests.worlds import SMALL_ROOM
 
 ANY = st.floats()
 BEGIN_BYTES = 200
@@ -83,7 +84,7 @@ class Recorded:
 
 
 def recorded(folder: Path, **options: object) -> Recorded:
-    flight = Sitl(folder).fly("room_100", record=folder, **options)  # type: ignore[arg-type]
+    flight = Sitl(folder).fly(SMALL_ROOM, record=folder, **options)  # type: ignore[arg-type]
     (mcap,) = folder.glob("*.mcap")
     return Recorded(flight, mcap)
 
@@ -116,7 +117,7 @@ def test_a_replay_that_comes_out_otherwise_is_told(whole: Recorded) -> None:
 
 
 def test_recording_changes_nothing_in_the_flight(whole: Recorded, tmp_path: Path) -> None:
-    unrecorded = Sitl(tmp_path).fly("room_100")
+    unrecorded = Sitl(tmp_path).fly(SMALL_ROOM)
     assert unrecorded.truth.path == whole.flight.truth.path
     assert unrecorded.plan == whole.flight.plan
 
@@ -266,7 +267,7 @@ def _fly_recorded(folder: Path, like: Recorded) -> list[str]:
     warnings: list[str] = []
     config = configuration.load(None, {})
     recorder = open_recorder(folder, config, 0.0, warnings.append)
-    setup = Setup(load_world("room_100"), "room_100", 1, config.sensors)
+    setup = Setup(load_world(SMALL_ROOM), SMALL_ROOM, 1, config.sensors)
     app, _ = fly_in_lockstep(setup, config, nobody_looks, recorder=recorder)
     plan = app.final_floor_plan()
     recorder.close(plan)

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Beam, Pose, RangeReading, RangeState
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.looks import Look
-from companion.pdps.route import find_ground, find_ways
+from companion.pdps.route import Ways, find_ground, find_ways
 from companion.pdps.sight import Sight
 from companion.pdps.ties import (
     AGAIN_WITHIN_M,
@@ -48,6 +48,7 @@ def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) ->
     return KnownWalls(normals, np.array([HALF_M, HALF_M]), reach_m, covariance_m2)
 
 
+@cache
 def yard(*, partition: bool = False) -> Occupancy:
     """What lies between them, seen whole."""
     grid = Occupancy()
@@ -68,6 +69,11 @@ def sight(walls: KnownWalls, here: Vector2 = HERE) -> Sight:
     return Sight(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
 
 
+@cache
+def ways_from(grid: Occupancy, here: Vector2) -> Ways:
+    return find_ways(find_ground(grid, here, 0.5))
+
+
 def found(
     walls: KnownWalls,
     grid: Occupancy,
@@ -77,7 +83,7 @@ def found(
     plan: MissionConfig = PLAN,
     search: Callable[..., tuple[Look, ...]] = ties,
 ) -> tuple[Look, ...]:
-    return search(find_ways(find_ground(grid, here, 0.5)), sight(walls, here), plan, tried)
+    return search(ways_from(grid, here), sight(walls, here), plan, tried)
 
 
 found_again = partial(found, search=again)

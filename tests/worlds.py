@@ -1,0 +1,6 @@
+"""Worlds that tests of several kinds fly in."""
+
+from pathlib import Path
+
+SMALL_ROOM = str(Path(__file__).parent / "missions/worlds/small_room.toml")
+"""Flown in a minute."""
