@@ -75,7 +75,7 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
     sigmas_off = []
     for _ in range(120):
         run, line, wander, tick = WallRun(), None, random.gauss(0, wander_m), 0
-        run.MOST_NORMAL_SIGMA_RAD = math.radians(30)  # type: ignore[misc]
+        run.MOST_NORMAL_SIGMA_RAD = math.radians(30)
         while line is None and tick < 400:
             wander = kept * wander + random.gauss(0, wander_m * math.sqrt(1 - kept**2))
             at = speed_m_s * tick * TICK_S, WALL_M + wander + random.gauss(0, RANGE_SIGMA_M)
