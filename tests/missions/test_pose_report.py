@@ -43,11 +43,15 @@ def drift_m(simulation: Simulation) -> float:
     return math.hypot(north_m, east_m)
 
 
+WANDERS_M = {"ardupilot": 0.0, "px4": 0.1}
+"""What the estimate of each errs besides, however well it is told (`sitl/autopilot/wobble.py`)."""
+
+
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_an_autopilot_that_takes_our_pose_knows_where_it_is(autopilot: str) -> None:
     told = [fly(autopilot, seed, send_pose=True) for seed in (1, 2)]
     for one in told:
-        assert drift_m(one) < 0.15
+        assert drift_m(one) < 0.15 + WANDERS_M[autopilot]
         estimator, truth = one.autopilot.believed, one.autopilot.truth
         off_deg = math.degrees(estimator.yaw_rad - truth.yaw_rad)
         assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
