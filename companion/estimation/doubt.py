@@ -91,20 +91,30 @@ class Doubt:
         """
         estimate = yield from self._shifting(estimate)
         estimate = yield from self._revisiting(estimate)
+        tried: set[bytes] = set()
         for length_s in STRETCHES_S:
-            estimate = yield from self._straining(length_s, estimate)
+            estimate = yield from self._straining(length_s, estimate, tried)
         return estimate
 
-    def _straining(self, length_s: float, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """In the stretches of one length that strain odometry most."""
+    def _straining(
+        self, length_s: float, estimate: Estimate, tried: set[bytes]
+    ) -> Generator[None, None, Estimate]:
+        """In the stretches of one length that strain odometry most.
+
+        `tried` are those without which this estimate is no likelier: in a short flight stretches of
+        several lengths are the same.
+        """
         for _ in range(MOST_RECONSIDERED):
             odometry = self.smoother.models.odometry
-            stretches = strained(estimate.x, self.m, odometry, length_s)
-            others = (self._without(doubted, estimate) for doubted in stretches)
+            worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
+            stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
+            others = (self._without(doubted, estimate) for doubted in stretches.values())
             likelier = yield from self._likelier(others, estimate, LEAST_GAIN)
             if likelier is None:
+                tried |= stretches.keys()
                 break
             estimate = likelier
+            tried.clear()
         return estimate
 
     def _shifting(self, estimate: Estimate) -> Generator[None, None, Estimate]:

@@ -6,9 +6,10 @@ import subprocess
 import pytest
 
 from tests.system.processes import sitl
+from tests.worlds import SMALL_ROOM
 
 SEEDS = 40
-MISSIONS = ("missions", "--worlds", "room_100", "--seeds", str(SEEDS))
+MISSIONS = ("missions", "--worlds", SMALL_ROOM, "--seeds", str(SEEDS))
 ACCURACY = ("accuracy", "--seeds", str(SEEDS))
 ENDS_WITHIN_S = 120
 
