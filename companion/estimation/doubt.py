@@ -24,16 +24,15 @@ from numpy.typing import NDArray
 
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past
-from companion.estimation.factors import Models
+from companion.estimation.factors import Models, wander_steps_m
 from companion.estimation.flight_record import NO_WALL
 from companion.estimation.likelihood import cost
-from companion.estimation.odometry_model import OdometryModel, wander_kept
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.revisits import apart, doubting
 from companion.estimation.shifts import Shift, shifted, shifts
 from companion.estimation.smoother import WHOLE, Smoother
 from companion.estimation.unknowns import (
     BIAS,
-    WANDER_NORTH,
     YAW,
     Array,
     Indices,
@@ -187,10 +186,8 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
     """
     time_s = m.time_s
     walk_m = np.diff(x.tracks, axis=0) - _by_odometry_m(x, m)
-    wander_m = x.poses[:, WANDER_NORTH:]
-    wanders_m = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
     square = (walk_m**2).sum(axis=1) / model.step_sigma_m(m.dt_s) ** 2
-    square += (wanders_m**2).sum(axis=1) / model.wander_step_sigma_m(m.dt_s) ** 2
+    square += (wander_steps_m(x, m) ** 2).sum(axis=1) / model.wander_step_sigma_m(m.dt_s) ** 2
     total = _from_first(square)
     begin_s = np.arange(-length_s / 2, time_s[-1], length_s / 2)
     begin, end = np.searchsorted(time_s, [begin_s, begin_s + length_s])
@@ -212,12 +209,12 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     strain = np.column_stack([strain_m, x.poses[:, BIAS] - _from_first(m.bias_moved_rad_s)])
     walk_m2 = _from_first(models.odometry.step_sigma_m(m.dt_s) ** 2)
     variance = np.column_stack([walk_m2, walk_m2, _from_first(models.bias_variance(m))])
+    wandered_m2 = 2 * models.odometry.wander_m**2
     against = np.zeros(len(time_s), dtype=bool)
     for span_s in SPANS_S:
         begin = np.arange(np.searchsorted(time_s, time_s[-1] - span_s, side="right"))
         end = np.searchsorted(time_s, time_s[begin] + span_s)
         strained = np.abs(strain[end] - strain[begin])
-        wandered_m2 = 2 * models.odometry.wander_m**2
         sigma = np.sqrt(variance[end] - variance[begin] + (wandered_m2, wandered_m2, 0.0))
         known = against.copy()
         for wrong in np.flatnonzero((strained > SIGMAS * sigma).any(axis=1)):

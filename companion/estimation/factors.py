@@ -101,13 +101,19 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
         )
 
 
+def wander_steps_m(x: Unknowns, m: Measured) -> Array:
+    """(k - 1, 2): by how much the wander, north and east, has done more than fade."""
+    wander_m = x.poses[:, WANDER_NORTH:]
+    steps_m: Array = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
+    return steps_m
+
+
 def add_wander(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
     at = POSE_SIZE * np.arange(len(x.poses) - 1)
     kept, sigma_m = wander_kept(m.dt_s), model.wander_step_sigma_m(m.dt_s)
-    for axis in (WANDER_NORTH, WANDER_EAST):
-        wander_m = x.poses[:, axis]
+    for axis, steps_m in zip((WANDER_NORTH, WANDER_EAST), wander_steps_m(x, m).T, strict=True):
         system.add(
-            wander_m[1:] - kept * wander_m[:-1],
+            steps_m,
             sigma_m,
             [(at + axis, -kept), (at + POSE_SIZE + axis, np.ones(len(at)))],
         )

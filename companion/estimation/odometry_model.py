@@ -7,7 +7,6 @@ An autopilot's estimate follows its position source, so that its error does not 
 is flown by it and moves with it. Wheel or flow odometry walks and hardly wanders.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,11 +42,6 @@ class OdometryModel:
         """By how much the wander's change differs from its fading, (n,)."""
         sigma_m: Array = self.wander_m * np.sqrt(1 - wander_kept(dt_s) ** 2) + LEAST_STEP_M
         return sigma_m
-
-    def variance_within_m2(self, dt_s: float) -> float:
-        """Of the whole error between two moments so far apart, on one axis."""
-        faded = 1 - math.exp(-dt_s / WANDER_S)
-        return self.step_variance_m2_per_s * dt_s + 2 * self.wander_m**2 * faded
 
 
 def wander_kept(dt_s: Array) -> Array:
