@@ -97,6 +97,9 @@ def missions(
         str | None,
         typer.Option(help="Its kind, or a mission file; what suits each world if left out."),
     ] = None,
+    autopilot: Annotated[Autopilot, typer.Option(help="Whose vehicle flies.")] = (
+        Autopilot.ARDUPILOT
+    ),
     crop: Crop = None,
     battery_s: Battery = None,
     as_json: AsJson = False,
@@ -119,6 +122,7 @@ def missions(
         seeds,
         profile or [DEFAULT_PROFILE],
         mission,
+        autopilot=autopilot,
         crop_m=crop,
         battery_s=battery_s,
     )

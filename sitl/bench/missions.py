@@ -40,6 +40,7 @@ class Job:
         return {
             "world": Path(self.options.world).stem,
             "profile": self.options.profile,
+            "autopilot": self.options.autopilot,
             "start": self.options.start or "1",
             "seed": self.options.seed,
         }

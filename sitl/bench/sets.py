@@ -29,6 +29,7 @@ def jobs_for(
     profiles: Sequence[str],
     mission: str | None = None,
     *,
+    autopilot: Autopilot = Autopilot.ARDUPILOT,
     crop_m: float | None = None,
     battery_s: float | None = None,
 ) -> list[Job]:
@@ -39,7 +40,6 @@ def jobs_for(
     """
 
     def options(world: str, start: str | None, profile: str, seed: int) -> FlightOptions:
-        autopilot = Autopilot.ARDUPILOT
         return FlightOptions(
             world, seed, profile, autopilot, start, crop_m=crop_m, battery_s=battery_s
         )

@@ -16,7 +16,7 @@ from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
 from sitl.bench.summary import by_world, complaints, summarise
 from sitl.cli import commands
-from sitl.options import FlightOptions
+from sitl.options import Autopilot, FlightOptions
 from sitl.report import Report
 from sitl.world.format import WorldError
 
@@ -67,8 +67,9 @@ def test_jobs_are_seeds_from_every_place_with_every_profile(plans: Path) -> None
     assert {job.options.crop_m for job in jobs} == {20.0}
 
 
-def test_with_a_larger_battery_a_mission_may_take_longer() -> None:
-    (only,) = jobs_for(["office"], 1, ["paper"], battery_s=1800.0)
+def test_a_job_has_the_autopilot_and_the_battery_that_were_asked_for() -> None:
+    (only,) = jobs_for(["office"], 1, ["paper"], autopilot=Autopilot.PX4, battery_s=1800.0)
+    assert only.key["autopilot"] == "px4"
     setup, _ = only.options.setup()
     assert setup.battery_s == 1800
     assert only.options.settings({}).mission.time_limit_s == 1800
