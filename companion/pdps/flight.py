@@ -364,8 +364,7 @@ def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
 
 def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.armed:
-        full = Reserve(battery_at_start=view.vehicle.battery)
-        began = replace(flight, began_s=view.time_s, reserve=full)
+        began = replace(flight, began_s=view.time_s)
         return _go(began, Phase.TAKE_OFF, view), Action(HOLD)
     return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
 

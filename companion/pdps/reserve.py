@@ -30,19 +30,10 @@ ROUGHLY = 1.1
 STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
-BATTERY_TOLD_S = 60.0
-"""Whole per cents are told: so long, and it can be told how quickly they go."""
-
-
-@value
-class Reserve:
-    """What is known of the way home, and of the battery."""
-
-    battery_at_start: float | None = None
-    way_home_s: float = TURNS_S
-    """What it would have taken when it was last asked for,"""
-    asked_s: float = 0.0
-    """so long after the start."""
+RATE_KNOWN_S = 30.0
+"""Whole per cents are told: so long, and it is known how quickly they go, a per cent in 6 s or so."""
+NOTED_S = 5.0
+"""So often the battery is noted."""
 
 
 @value
@@ -54,11 +45,24 @@ class Spent:
     """What is left of it, 0 to 1; None if the autopilot does not tell."""
 
 
+@value
+class Reserve:
+    """What is known of the way home, and of the battery."""
+
+    noted: tuple[Spent, ...] = ()
+    """How the battery went down in the second half of the flight so far, and a note before it."""
+    way_home_s: float = TURNS_S
+    """What it would have taken when it was last asked for,"""
+    asked_s: float = 0.0
+    """so long after the start."""
+
+
 def step(
     reserve: Reserve, spent: Spent, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Reserve, str]:
     """One tick of a mission: why the drone must turn back now; empty if it need not."""
     flown_s = spent.flown_s
+    reserve = _noted(reserve, spent)
     left_s, why = _left_s(reserve, spent, plan)
     since_s = flown_s - reserve.asked_s
     if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
@@ -69,18 +73,32 @@ def step(
     return reserve, "" if left_s > ROUGHLY * reserve.way_home_s else why
 
 
+def _noted(reserve: Reserve, spent: Spent) -> Reserve:
+    noted = reserve.noted
+    if spent.battery is None or (noted and spent.flown_s < noted[-1].flown_s + NOTED_S):
+        return reserve
+    while len(noted) > 1 and noted[1].flown_s < spent.flown_s / 2:
+        noted = noted[1:]
+    return replace(reserve, noted=(*noted, spent))
+
+
 def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float, str]:
-    """Until it must be home, and because of what."""
+    """Until it must be home, and because of what.
+
+    The battery is taken to go on as in the second half of the flight so far: what is told of it by
+    its voltage falls by the load of the take-off, too.
+    """
     flown_s, battery = spent.flown_s, spent.battery
     by_limit_s = plan.time_limit_s - flown_s - plan.reserve_s
     limit = by_limit_s, f"for the limit of {plan.time_limit_s:.0f} s"
-    if battery is None or reserve.battery_at_start is None or flown_s < BATTERY_TOLD_S:
+    if battery is None or flown_s < 2 * RATE_KNOWN_S:
         return limit
-    used = reserve.battery_at_start - battery
-    if used <= 0:
+    then = reserve.noted[0]
+    window_s, used = flown_s - then.flown_s, (then.battery or 0.0) - battery
+    if window_s < RATE_KNOWN_S or used <= 0:
         return limit
     share_left = battery - 0.01 * plan.battery_land_percent
-    by_battery_s = flown_s * share_left / used - plan.reserve_s
+    by_battery_s = window_s * share_left / used - plan.reserve_s
     return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
 
 

@@ -24,7 +24,7 @@ from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight import Action, Flight, Phase, View, step
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.looks import Look
-from companion.pdps.reserve import Reserve
+from companion.pdps.reserve import Reserve, Spent
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.pdps.sight import Sight
 from companion.pdps.travel import Travel, TravelPhase
@@ -292,11 +292,23 @@ def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
     battery: float, phase: Phase
 ) -> None:
     """At one per cent in six seconds; the way home of 2 m and its turns may take 17 s."""
-    began = replace(flying(Phase.ROOM), began_s=0.0, reserve=Reserve(battery_at_start=1.0))
+    began = replace(flying(Phase.ROOM), began_s=0.0, reserve=Reserve((Spent(0.0, 1.0),)))
     seen = view(replace(FLYING, battery=battery), time_s=600.0 * (1 - battery))
     away = replace(seen, sight=replace(seen.sight, pose=replace(seen.sight.pose, north_m=2.0)))
     plan = PLAN.model_copy(update={"time_limit_s": 3600.0, "battery_home_percent": 0.0})
     assert step(began, away, plan)[0].phase is phase
+
+
+def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> None:
+    """PX4's simulated one falls to a half within 30 s of arming and stays there."""
+    flight = replace(flying(Phase.BUILDING), began_s=0.0)
+    plan = PLAN.model_copy(update={"battery_home_percent": 0.0})
+    for second in range(5, 240):
+        battery = max(0.5, 1.0 - second / 60)
+        seen = view(replace(FLYING, battery=battery), time_s=float(second))
+        away = replace(seen, sight=replace(seen.sight, pose=replace(seen.sight.pose, north_m=9.0)))
+        flight, _ = step(flight, away, plan)
+        assert flight.phase is Phase.BUILDING, flight.trouble
 
 
 def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
