@@ -50,9 +50,12 @@ from companion.pdps.standoff import standoff_m
 from companion.values import value
 
 EXPLORING_PHASES = frozenset(
-    {Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME, Phase.HOVER, Phase.HOLD}
+    {
+        *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS),
+        *(Phase.HOME, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+    }
 )
-"""In these the space around is drawn."""
+"""In these walls are looked for, and at the height of a layer the space around is drawn."""
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
 """What is near, floor and ceiling are told on the ground already."""
 END_OF_CLIMB_M = 0.3

@@ -135,8 +135,9 @@ class Vehicle:
         north, east, down = velocity_ned_m_s
         x, y, z = was.position_ned_m
         z += down * STEP_S
-        if z >= self._floor:
+        if z >= self._floor:  # it stands, and does not slide
             z, down = self._floor, min(down, 0.0)
+            north = east = yaw_rate_rad_s = 0.0
         yaw_rad = wrap_rad(was.yaw_rad + yaw_rate_rad_s * STEP_S)
         forward, right = ned_to_frd(*acceleration_ne_m_s2, yaw_rad)
         self._steps += 1

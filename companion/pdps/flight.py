@@ -1,11 +1,12 @@
 """The whole flight, from the first heartbeat to the last.
 
                                                   ┌─► ROOM ─────┐
-    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► LAND ─► DONE
-                                                 │└─► BUILDING ─┘    │        ▲
-                                                 └────────┬──────────┘        │
-                                                fault     ▼                   │ fault lasts, time
-                                                         HOLD ────────────────┘ or battery is up
+    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► DESCEND ─► LAND ─► DONE
+                                                 │└─► BUILDING ─┘    │          │         ▲
+                                                 └────────┬──────────┴──────────┘         │
+                                                fault     ▼           fault lasts, time   │
+                                                         HOLD ────────────────────────────┘
+                                                          │           or battery is up
                                                           │ fault gone: back to where it was
                                                           ▼
     a script orders it step by step: PREPARE waits to be told to take off; TAKE_OFF, the missions
@@ -22,7 +23,7 @@
     before take-off:               no autopilot, no estimate, arming
                                    refused, each for too long           ─► FAILED
 
-Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, HOVER and HOLD, that is
+Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, DESCEND, HOVER and HOLD, that is
 while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
 velocity and show PX4 that a companion is there. From the moment at which the mode is asked for, a
 change of mode that is not the one asked for is the pilot's or the autopilot's: the companion stops
@@ -78,6 +79,11 @@ AT_HEIGHT_M = 0.15
 SETTLES_S, OVER_START_M = 4.0, 0.1
 """Before it lands the drone comes to rest over its start: at most so long, and at least half of
 that, the time that ArduCopter 4.6 needs to stop (docs/autopilot.md)."""
+LAND_FROM_M = 0.5
+"""Height down to which the companion lowers the drone over its start: in LAND PX4 moves sideways
+by up to 0.5 m from 1 m down (docs/autopilot.md). Lower than that flow sensors see little."""
+DESCENT_TIMEOUT_S = 8.0
+"""Three times what it takes from a height of 1.2 m; then it lands from where it is."""
 UP_FOR_S = 2.0
 """ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
 has come to rest by then."""
@@ -95,6 +101,7 @@ class Phase(enum.Enum):
     BUILDING = "exploring the building"
     LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
+    DESCEND = "descending over the start"
     HOVER = "waiting for orders"
     HOLD = "holding"
     LAND = "landing"
@@ -112,7 +119,10 @@ MISSION_PHASES = {
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
 UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD, Phase.ARM})
 FLYING_PHASES = frozenset(
-    {Phase.TAKE_OFF, *MISSION_PHASES.values(), Phase.HOME, Phase.HOVER, Phase.HOLD}
+    {
+        *(Phase.TAKE_OFF, *MISSION_PHASES.values()),
+        *(Phase.HOME, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+    }
 )
 LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
 """In these the height is kept and every velocity is guarded."""
@@ -249,7 +259,9 @@ def _ended(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
 
 def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
     """Down velocity that keeps the height of the layer, and off the ceiling."""
-    down_m_s = climb_to(flight.layers.height_m(plan), view.sight.pose.height_m)
+    descends = flight.phase is Phase.DESCEND
+    height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
+    down_m_s = climb_to(height_m, view.sight.pose.height_m)
     room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
     return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S, CLIMB_LAG_S))
 
@@ -466,7 +478,14 @@ def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
     is_over = math.dist((pose.north_m, pose.east_m), START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
-        return _go(flight, _after(Phase.LAND, view), view), Action(HOLD)
+        return _go(flight, _after(Phase.DESCEND, view), view), Action(stay(START_NE_M, view.sight))
+    return flight, Action(stay(START_NE_M, view.sight))
+
+
+def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    is_low = view.sight.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
+    if is_low or _age_s(flight, view) > DESCENT_TIMEOUT_S:
+        return _go(flight, Phase.LAND, view), Action(HOLD)
     return flight, Action(stay(START_NE_M, view.sight))
 
 
@@ -572,6 +591,7 @@ _STEPS = {
     Phase.BUILDING: _building,
     Phase.LAYERS: _layers,
     Phase.HOME: _home,
+    Phase.DESCEND: _descend,
     Phase.HOVER: _hover,
     Phase.HOLD: _hold,
     Phase.LAND: _land,

@@ -3,6 +3,8 @@
 How it is asked is the protocol's matter, how it answers the personality's.
 """
 
+from random import Random
+
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.control import Control, Manoeuvre
@@ -31,7 +33,8 @@ FAILED: int = mavlink.MAV_RESULT_FAILED
 class Commander:
     """Decides; `control` flies what it has decided."""
 
-    def __init__(self, parts: Parts, vehicle: Vehicle) -> None:
+    def __init__(self, parts: Parts, vehicle: Vehicle, landing: Random) -> None:
+        """`landing` draws how far each landing drifts."""
         self._is = parts.personality
         self._parameters = parts.parameters.values
         self._status = parts.status
@@ -45,7 +48,7 @@ class Commander:
         """The offboard mode that was left for want of setpoints, while nothing else was chosen."""
         self.throttle = Throttle.LOW
         """The pilot's stick; without a transmitter it counts as low."""
-        self.control = Control(self._navigation.estimator, self._is.response)
+        self.control = Control(self._navigation.estimator, self._is.response, landing)
         self.arming_fault = ""
         """A fault for tests: what its own checks complain about."""
 

@@ -12,8 +12,9 @@ in the air, the throttle stick low in a pilot's mode:   SINK, FALL ──on the 
 
 import enum
 import math
+from random import Random
 
-from companion.frames import Vector3, wrap_rad
+from companion.frames import Vector2, Vector3, wrap_rad
 from sitl.autopilot.estimator import Estimator
 from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
 from sitl.autopilot.response import Response
@@ -51,15 +52,18 @@ class Manoeuvre(enum.Enum):
 class Control:
     """The manoeuvre flown now, and the velocity it asks for."""
 
-    def __init__(self, estimator: Estimator, response: Response) -> None:
+    def __init__(self, estimator: Estimator, response: Response, random: Random) -> None:
+        """`random` draws how far each landing drifts."""
         self._estimator = estimator
         self._response = response
+        self._random = random
         self.manoeuvre = Manoeuvre.GROUND
         self._lifts_s = 0.0
         self._height_m = 0.0
         self._hold_at: Vector3 | None = None
         self._target: Target = VelocityTarget((0.0, 0.0, 0.0), 0.0)
         self._on_ground_s = 0.0
+        self._drift_ne_m_s: Vector2 = (0.0, 0.0)
         self._sink_m_s = 0.0
 
     def arm(self, now_s: float) -> None:
@@ -79,6 +83,8 @@ class Control:
         self._begin_hold()
         self.manoeuvre = Manoeuvre.LAND
         self._on_ground_s = 0.0
+        sigma_m_s = self._response.land_drift_m_s
+        self._drift_ne_m_s = self._random.gauss(0, sigma_m_s), self._random.gauss(0, sigma_m_s)
 
     def hold(self) -> None:
         """Brake, then stay: what every mode without a pilot's stick movement does."""
@@ -176,7 +182,7 @@ class Control:
         estimate = self._estimator
         position = estimate.position_ned_m
         if self._hold_at is None:
-            if math.hypot(*estimate.velocity_ned_m_s) > AT_REST_M_S:
+            if math.hypot(*estimate.velocity_ned_m_s[:2]) > AT_REST_M_S:
                 return 0.0, 0.0, 0.0
             self._hold_at = position
         velocity = [
@@ -191,4 +197,9 @@ class Control:
         if self._on_ground_s >= self._response.disarm_delay_s:
             self.manoeuvre = Manoeuvre.GROUND
         north, east, _ = self._stay()
+        if self._hold_at is not None and not on_ground:
+            drift_north, drift_east = self._drift_ne_m_s
+            hold_north, hold_east, down = self._hold_at
+            self._hold_at = hold_north + drift_north * STEP_S, hold_east + drift_east * STEP_S, down
+            north, east = north + drift_north, east + drift_east
         return north, east, self._response.land_m_s

@@ -108,7 +108,7 @@ class Autopilot:
             self._telemetry,
             self._broadcast,
         )
-        self._commander = Commander(parts, self._vehicle)
+        self._commander = Commander(parts, self._vehicle, stream(seed, "landing"))
         self._silent_until_step = 0
         self.system_id = system_id(self._is, values)
         self._protocol = Protocol(self.system_id, parts, self._commander)

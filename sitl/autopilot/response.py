@@ -44,6 +44,8 @@ class Response:
     """And near its height: climb rate by what is left to climb."""
     estimate: EstimateError
     land_m_s: float
+    land_drift_m_s: float
+    """How fast it moves sideways while it lands, on each axis, a sigma; its estimate tells of it."""
     disarm_delay_s: float
     """From touchdown to disarming after a landing."""
 
@@ -63,6 +65,7 @@ ARDUCOPTER = Response(
     take_off_gain_1_s=1.2,
     estimate=EstimateError(0.01, 0.005, math.radians(3.0)),
     land_m_s=0.54,
+    land_drift_m_s=0.03,
     disarm_delay_s=2.5,
 )
 """ArduCopter 4.6.3, quad, in its own SITL."""
@@ -81,6 +84,7 @@ PX4 = Response(
     take_off_gain_1_s=1.0,
     estimate=EstimateError(0.1, 0.06, math.radians(10.0)),
     land_m_s=0.6,
+    land_drift_m_s=0.07,
     disarm_delay_s=5.5,
 )
 """PX4 1.17.0-beta1, quad, SIH."""

@@ -150,7 +150,19 @@ def test_a_closed_room_sends_it_home_and_home_lands_it() -> None:
     arrived, _ = step(flying(Phase.HOME), view(position=(0.05, 0.0)), PLAN)
     assert arrived.phase is Phase.HOME
     over_it = view(position=(0.05, 0.0), time_s=102.5)
-    assert step(arrived, over_it, PLAN)[0].phase is Phase.LAND
+    assert step(arrived, over_it, PLAN)[0].phase is Phase.DESCEND
+
+
+def test_it_lowers_itself_over_its_start_before_the_autopilot_lands_it() -> None:
+    phase, action = after(Phase.DESCEND, view(position=(0.05, 0.0)))
+    assert phase is Phase.DESCEND
+    assert action.setpoint is not None
+    assert action.setpoint.down_m_s > 0.2
+    assert action.setpoint.forward_m_s < 0
+    low = view(position=(0.05, 0.0))
+    low = replace(low, sight=replace(low.sight, pose=replace(low.sight.pose, down_m=-0.6)))
+    assert after(Phase.DESCEND, low)[0] is Phase.LAND
+    assert after(Phase.DESCEND, view(time_s=109.0))[0] is Phase.LAND
 
 
 def test_it_lands_beside_its_start_if_it_does_not_come_to_rest_over_it() -> None:
@@ -158,7 +170,7 @@ def test_it_lands_beside_its_start_if_it_does_not_come_to_rest_over_it() -> None
     beside = view(position=(0.2, 0.0), time_s=102.5)
     assert step(arrived, beside, PLAN)[0].phase is Phase.HOME
     later = view(position=(0.2, 0.0), time_s=104.5)
-    assert step(arrived, later, PLAN)[0].phase is Phase.LAND
+    assert step(arrived, later, PLAN)[0].phase is Phase.DESCEND
 
 
 def test_landed_and_disarmed_is_done() -> None:
