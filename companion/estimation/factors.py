@@ -1,18 +1,15 @@
 """The smoother's residuals, each divided by its sigma, with their gradients.
 
-odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) / (1 + s) - d_k
+odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - d_k - s·mean(d)_k   (`odometry_model.py`)
 wander     w_{k+1} - w_k·exp(-dt/τ)
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyros.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
 square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
-
-The scale stands beside the true motion, not beside the noisy one that was measured: noise times
-scale would be least, and the scale too small, where walls only tell of motion across the path.
 """
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -54,8 +51,10 @@ class Models:
     told: ToldModel = field(default_factory=ToldModel)
 
     def measured(self, record: FlightRecord) -> Measured:
-        """All that was recorded so far, and what two gyros tell that one does not."""
-        return steadied(Measured.of(record, self.ranges), self.gyro, self.told)
+        """All that was recorded so far, its motion averaged, and what two gyros tell."""
+        m = steadied(Measured.of(record, self.ranges), self.gyro, self.told)
+        mean_frd_m = self.odometry.averaged(m.dt_s, m.moved_frd_m, m.turned_rad)
+        return replace(m, averaged_frd_m=mean_frd_m)
 
     def bias_variance(self, m: Measured) -> Array:
         """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².
@@ -79,17 +78,17 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     p = x.poses
     at = POSE_SIZE * np.arange(len(p) - 1)
     after = at + POSE_SIZE
-    scale = 1 + x.odometry_scale
-    cos_yaw, sin_yaw = np.cos(p[:-1, 2]) / scale, np.sin(p[:-1, 2]) / scale
+    cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
     north, east = np.diff(x.tracks, axis=0).T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    told, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
     walk_m = model.step_sigma_m(m.dt_s)
-    for by_pose, moved, to_north, to_east, by_yaw in (
-        (forward, m.moved_frd_m[:, 0], cos_yaw, sin_yaw, right),
-        (right, m.moved_frd_m[:, 1], -sin_yaw, cos_yaw, -forward),
+    for by_pose, axis, to_north, to_east, by_yaw in (
+        (forward, 0, cos_yaw, sin_yaw, right),
+        (right, 1, -sin_yaw, cos_yaw, -forward),
     ):
         system.add(
-            by_pose - moved,
+            by_pose - told[:, axis],
             walk_m,
             [
                 *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
@@ -97,7 +96,7 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
                 *((at + WANDER_NORTH, -to_north), (at + WANDER_EAST, -to_east)),
                 *((after + WANDER_NORTH, to_north), (after + WANDER_EAST, to_east)),
             ],
-            [(ODOMETRY_SCALE, -by_pose / scale)],
+            [(ODOMETRY_SCALE, -mean[:, axis])],
         )
 
 

@@ -109,21 +109,25 @@ class Measured:
     """(n,): from the sensor."""
     mount_m: Array
     """(n,): from the drone's centre to the sensor, along its beam."""
+    averaged_frd_m: Array
+    """(k - 1, 2): displacements averaged over the time around, beside which the scale stands."""
     gap_rad2: Array | None = None
     """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
-        """All that was recorded so far."""
+        """All that was recorded so far; nothing is averaged or steadied yet."""
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
         dt_s = np.diff(time_s)
+        moved_frd_m = frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1]
+        turned_rad = frames[1:, FrameColumn.TURNED_RAD]
         beam = hits[:, HitColumn.BEAM].astype(np.int64)
         return cls(
             dt_s=dt_s,
             age_s=time_s[1:] - time_s[:1],
-            moved_frd_m=frames[1:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1],
-            turned_rad=frames[1:, FrameColumn.TURNED_RAD],
+            moved_frd_m=moved_frd_m,
+            turned_rad=turned_rad,
             told_rad=frames[:, FrameColumn.TOLD_RAD],
             bias_moved_rad_s=np.zeros_like(dt_s),
             is_steadied=np.zeros_like(dt_s, dtype=bool),
@@ -133,6 +137,7 @@ class Measured:
             bearing_rad=hits[:, HitColumn.BEARING_RAD],
             distance_m=hits[:, HitColumn.DISTANCE_M],
             mount_m=units.offset_m[beam],
+            averaged_frd_m=moved_frd_m,
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
         )
 
@@ -163,6 +168,7 @@ class Measured:
             self.bearing_rad[hits],
             self.distance_m[hits],
             self.mount_m[hits],
+            self.averaged_frd_m[motion],
             None if self.gap_rad2 is None else self.gap_rad2[motion],
         )
 

@@ -31,7 +31,7 @@ STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
 RATE_KNOWN_S = 30.0
-"""Whole per cents are told: so long, and it is known how quickly they go, a per cent in 6 s or so."""
+"""Whole per cents are told, one in 6 s or so: after so long it is known how quickly they go."""
 NOTED_S = 5.0
 """So often the battery is noted."""
 
