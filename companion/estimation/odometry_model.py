@@ -12,7 +12,6 @@ An autopilot's estimate follows its position source, so that its error does not 
 is flown by it and moves with it. Wheel or flow odometry walks and hardly wanders.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np

@@ -45,7 +45,7 @@ class Response:
     estimate: EstimateError
     land_m_s: float
     land_drift_m_s: float
-    """How fast it moves sideways while it lands, on each axis, a sigma; its estimate tells of it."""
+    """How fast it moves sideways while it lands, as its estimate tells; a sigma, on each axis."""
     disarm_delay_s: float
     """From touchdown to disarming after a landing."""
 

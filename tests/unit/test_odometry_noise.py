@@ -8,7 +8,7 @@ import pytest
 
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam
-from companion.estimation.odometry_model import LEAST_WANDER_M, WANDER_S, OdometryModel
+from companion.estimation.odometry_model import LEAST_WANDER_M, WANDER_S, Array, OdometryModel
 from companion.estimation.odometry_noise import OdometryNoise
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from sitl.autopilot.wobble import KICK_S, Wobble
@@ -85,3 +85,48 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
             sigmas_off.append((line.normal_rad - math.pi / 2) / line.normal_sigma_rad)
     assert len(sigmas_off) > 80
     assert 0.4 < float(np.std(sigmas_off)) < 1.4
+
+
+def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
+    """Steps of 0.2 s, true and told, (n, 2) in metres: legs of 8 s and stops, ten minutes.
+
+    It is flown by its estimate, so that what that errs moves it the other way, a moment late.
+    """
+    wobble, random = Wobble(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
+    steps_m, yields_m_s = [], 0.0
+    for tick in range(60_000):
+        if tick % round(KICK_S / 0.01) == 0:
+            wobble.kick()
+        wobble.step(0.01)
+        leg = tick // 1000
+        flown_m_s = (0.8 if leg % 2 else -0.8) if tick % 1000 < 800 else 0.0
+        yields_m_s += (wobble.velocity_m_s - yields_m_s) * 0.01 / 0.3
+        true_m_s = (flown_m_s - yields_m_s) / scale
+        steps_m.append((0.01 * true_m_s, 0.01 * (scale * true_m_s + wobble.velocity_m_s)))
+    true_m, told_m = np.array(steps_m).reshape(-1, 20, 2).sum(axis=1).T
+    noise_m = np.array([random.gauss(0, 0.007) for _ in told_m])
+    return np.column_stack([true_m, 0 * true_m]), np.column_stack([told_m + noise_m, 0 * told_m])
+
+
+@pytest.mark.parametrize("wobble_m_s", [0.0, 0.05, 0.1])
+def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
+    wobble_m_s: float,
+) -> None:
+    """Beside the told motion of the moment it would be some per cent off."""
+    true_m, told_m = to_and_fro(wobble_m_s, scale=1.03)
+    still = np.zeros(len(told_m))
+    mean_m = OdometryModel().averaged(np.full(len(told_m), 0.2), told_m, still)
+    assert (mean_m * true_m).sum() / (mean_m * told_m).sum() == pytest.approx(1 / 1.03, rel=0.004)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.05, -0.4])
+def test_averaged_motion_is_that_of_the_time_around_in_the_frames_of_the_steps(
+    turn_rad: float,
+) -> None:
+    """A drone that turns while it flies straight on: its mean motion is that of each step."""
+    steps = 60
+    yaw_rad = turn_rad * np.arange(steps)
+    straight_m = 0.1 * np.column_stack([np.cos(yaw_rad), -np.sin(yaw_rad)])
+    mean_m = OdometryModel().averaged(np.full(steps, 0.2), straight_m, np.full(steps, turn_rad))
+    inner = slice(10, -10)
+    assert mean_m[inner] == pytest.approx(straight_m[inner], abs=1e-9)
