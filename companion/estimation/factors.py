@@ -1,11 +1,13 @@
 """The smoother's residuals, each divided by its sigma, with their gradients.
 
-odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - d_k - s·mean(d)_k   (`odometry_model.py`)
+odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - (1 + s)·d_k
 wander     w_{k+1} - w_k·exp(-dt/τ)
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyros.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
 square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+
+The gradient by s is -mean(d)_k, of the motion averaged over the time around (`odometry_model.py`).
 """
 
 import math

@@ -1,12 +1,12 @@
 """How the autopilot's odometry errs: by a random walk, and by a bounded, correlated wander.
 
-    displacement + w(t₂) - w(t₁) = told + s·mean(told) + walk
+    displacement + w(t₂) - w(t₁) = (1 + s)·told + walk
     dw = -w/τ·dt + noise,   stationary sigma σ_w
 
-The scale s multiplies the told displacement averaged over the time around. Beside that of the
-moment it would come out wrong: the autopilot flies the drone by its estimate, so that what it errs
-moves the drone the other way, and what is told and what is true part by more than their noise. The
-mean keeps the legs, of which scale tells, and neither noise nor those corrections.
+The scale s is solved for with the told displacement averaged over the time around as instrument:
+Σ mean(told)·residual = 0. With that of the moment it would come out wrong: noise would make it too
+small, and the autopilot flies the drone by its estimate, so that what it errs moves the drone the
+other way. The mean keeps the legs, of which scale tells, and neither noise nor those corrections.
 
 An autopilot's estimate follows its position source, so that its error does not grow, but the drone
 is flown by it and moves with it. Wheel or flow odometry walks and hardly wanders.

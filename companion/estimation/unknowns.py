@@ -110,7 +110,7 @@ class Measured:
     mount_m: Array
     """(n,): from the drone's centre to the sensor, along its beam."""
     averaged_frd_m: Array
-    """(k - 1, 2): displacements averaged over the time around, beside which the scale stands."""
+    """(k - 1, 2): displacements averaged over the time around, by which the scale is asked for."""
     gap_rad2: Array | None = None
     """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
 
