@@ -246,7 +246,7 @@ def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
 @pytest.mark.parametrize("plan", [PLAN, OUTSIDE], ids=["in", "outside"])
 def test_unknown_space_amid_known_is_looked_at(plan: MissionConfig) -> None:
     grid = Occupancy()
-    for degree in range(0, 360, 20):
+    for degree in range(0, 360, 40):
         bearing_rad = math.radians(degree)
         look_round(grid, (7 * math.cos(bearing_rad), 7 * math.sin(bearing_rad)), 3.0, hit=False)
     found = looks(ways_from(grid, (7.0, 0.0)), sight((7.0, 0.0)), plan)
