@@ -9,7 +9,7 @@ No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property, partial
 
 from companion.config import Config, SensorsConfig
 from companion.drivers.models import range_models
@@ -142,7 +142,9 @@ class App:
         self._spaces = [Space()]
         """What is known of the space around, of each layer."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
-        self._standoff_m = standoff_m(config.mission.standoff, models[Beam.FRONT], offset_m)
+        wanted, front = config.mission.standoff, models[Beam.FRONT]
+        self._standoff_m = cache(partial(standoff_m, wanted, front, offset_m))
+        """By what the autopilot's estimate wanders."""
         self._heights = Heights(offset_m)
         self._near = Near(self._units)
         self._lag = VelocityLag()
@@ -250,6 +252,7 @@ class App:
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
+        wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -257,7 +260,7 @@ class App:
                 pose,
                 inputs.scan.readings,
                 sensors.mount_offset_m,
-                self._standoff_m,
+                self._standoff_m(round(wander_m, 2)),
                 self._bearings_frd_rad,
                 wall,
                 self.estimator.known_walls if self.estimator else KnownWalls.none,

@@ -113,7 +113,9 @@ class RoomScan:
     turn: tuple[Ray, ...] = ()
     heading_rad: float = 0.0
     standoff_m: float = 0.0
-    """As planned, or as far as the first turn has shown that the drone may back away."""
+    """As planned for the drone as it flies by now, but no more than"""
+    most_standoff_m: float = math.inf
+    """the first turn has shown that it may back away."""
     faced_s: float = math.inf
     """When it began to take that."""
     marks: tuple[Mark, ...] = ()
@@ -148,6 +150,9 @@ def step(
     scan: RoomScan, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     """One tick: the next state and the velocity to fly."""
+    standoff_m = min(sight.standoff_m, scan.most_standoff_m)
+    if standoff_m != scan.standoff_m:
+        scan = replace(scan, standoff_m=standoff_m)
     if scan.phase is ScanPhase.SCAN and (sides := _unknown_sides(scan, sight, space)):
         scan = _begin_sweep(scan, sight, sides)
     scan, setpoint = _MOVES[scan.phase](scan, sight, plan)
@@ -177,7 +182,7 @@ def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     faced = RoomScan(
         phase=ScanPhase.FACE,
         heading_rad=nearest.bearing_rad,
-        standoff_m=min(sight.standoff_m, nearest.distance_m + may_back_m),
+        most_standoff_m=nearest.distance_m + may_back_m,
     )
     return faced, Setpoint()
 

@@ -131,9 +131,16 @@ def test_at_the_stand_off_the_scan_begins() -> None:
     assert scan.phase is ScanPhase.SCAN
 
 
+def test_the_stand_off_follows_how_well_the_drone_is_flown() -> None:
+    """How far its estimate wanders is known once walls are."""
+    seen = replace(sight(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
+    scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
+    assert scan.standoff_m == 1.7
+
+
 def test_it_never_backs_farther_than_its_turn_has_shown_free() -> None:
     boxed_in = turn_once({0: 0.9, 90: 1.1, 180: 1.0, 270: 1.1})
-    assert boxed_in.standoff_m == pytest.approx(0.9 + 0.3, abs=0.05)
+    assert boxed_in.most_standoff_m == pytest.approx(0.9 + 0.3, abs=0.05)
 
 
 SCANNING = RoomScan(ScanPhase.SCAN, standoff_m=1.5)

@@ -34,3 +34,10 @@ def test_it_is_where_the_sensor_can_measure(profile: str, wanted: str) -> None:
     sensor = PROFILES[profile]
     away_m = standoff_m("range" if wanted == "range" else "accurate", sensor, OFFSET_M)
     assert max(sensor.min_m, 0.6) < away_m < sensor.max_m
+
+
+def test_a_drone_whose_estimate_wanders_keeps_farther_off() -> None:
+    steady_m = standoff_m("accurate", GP2Y0A710K0F, OFFSET_M)
+    away_m = standoff_m("accurate", GP2Y0A710K0F, OFFSET_M, wander_m=0.07)
+    assert steady_m + 0.15 < away_m < 2.0
+    assert standoff_m("range", PAPER, OFFSET_M, wander_m=0.07) < PAPER.max_m
