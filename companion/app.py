@@ -191,11 +191,14 @@ class App:
         return replace(inputs, telemetry=telemetry, gyro=gyro, scan=scan)
 
     def _calibrate(self, inputs: Inputs) -> None:
-        """The gyro's bias while the drone stands; origin and heading are where it ends."""
-        if self.estimator is not None or inputs.telemetry.vehicle.armed:
+        """The gyro's bias while the drone stands; origin and heading are where it is armed.
+
+        Until then they are set anew whenever it has stood still: an autopilot may refuse to arm for
+        half a minute, in which the gyro drifts by degrees.
+        """
+        if inputs.telemetry.vehicle.armed:
             return
-        self._rest.add(inputs.gyro)
-        if self._rest.bias_rad_s is not None:
+        if self._rest.add(inputs.gyro) and self._rest.bias_rad_s is not None:
             self.estimator = Estimator(self._rest.bias_rad_s, self._units)
 
     def _predict(self, inputs: Inputs) -> None:

@@ -11,7 +11,7 @@ LEAST_SAMPLES = 20
 
 
 class RestCalibration:
-    """Averages until `rest_s` of stillness has been seen; any movement starts it afresh."""
+    """Averages over `rest_s` of stillness, again and again; any movement starts it afresh."""
 
     def __init__(self, rest_s: float) -> None:
         self._rest_s = rest_s
@@ -19,18 +19,21 @@ class RestCalibration:
         self._sum_rad_s = 0.0
         self._count = 0
         self.bias_rad_s: float | None = None
-        """The bias, once known."""
+        """Of the last such time, once known."""
 
-    def add(self, samples: Sequence[GyroSample]) -> None:
-        for sample in samples:
-            self._add(sample)
+    def add(self, samples: Sequence[GyroSample]) -> bool:
+        """Whether a time of stillness has come to its end."""
+        return any([self._add(sample) for sample in samples])
 
-    def _add(self, sample: GyroSample) -> None:
+    def _add(self, sample: GyroSample) -> bool:
         mean = self._sum_rad_s / self._count if self._count else sample.yaw_rate_rad_s
         if self._count == 0 or abs(sample.yaw_rate_rad_s - mean) > MOST_RATE_SPREAD_RAD_S:
             self._began_s, self._sum_rad_s, self._count = sample.time_s, 0.0, 0
         self._sum_rad_s += sample.yaw_rate_rad_s
         self._count += 1
         still_s = sample.time_s - self._began_s
-        if still_s >= self._rest_s and self._count >= LEAST_SAMPLES:
-            self.bias_rad_s = self._sum_rad_s / self._count
+        if still_s < self._rest_s or self._count < LEAST_SAMPLES:
+            return False
+        self.bias_rad_s = self._sum_rad_s / self._count
+        self._count, self._sum_rad_s = 0, 0.0
+        return True

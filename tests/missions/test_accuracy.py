@@ -1,9 +1,15 @@
-"""The benchmark of accuracy, on one flight."""
+"""How exact map and heading are: the benchmark on one flight, and a gyro that drifts."""
+
+import math
 
 from companion import config as configuration
+from companion.app import App
+from companion.pdps.flight import Phase
 from sitl.bench.accuracy import fly, summary
-from sitl.simulation import Setup
+from sitl.simulation import Setup, Simulation
+from sitl.testing import Action, Event, Sitl, at, refuse_arming
 from sitl.world.loading import load_world
+from tests.worlds import SMALL_ROOM
 
 
 def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
@@ -17,3 +23,18 @@ def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
     assert result.home_m < 0.3
     (row,) = summary([result])
     assert row["lost"] == 0
+
+
+def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(sitl: Sitl) -> None:
+    """ArduCopter told "Gyros inconsistent" for 18 s, and the map was turned by 2.5 deg."""
+    yaw_deg: list[float] = []
+
+    def note(simulation: Simulation, app: App) -> bool:
+        if app.estimator is not None and app.flight.phase is Phase.ARM:
+            yaw_deg.append(math.degrees(app.estimator.heading.yaw_rad))
+        return False
+
+    watch = Event(note, Action(lambda simulation: None))
+    refused = at(0.0, refuse_arming(for_s=25))
+    sitl.fly(SMALL_ROOM, seed=5, script=[refused, watch], settings={"mission.time_limit_s": 5})
+    assert max(map(abs, yaw_deg)) < 0.4

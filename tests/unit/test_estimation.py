@@ -84,6 +84,15 @@ def test_rest_calibration_waits_for_stillness() -> None:
     assert rest.bias_rad_s == pytest.approx(math.radians(0.5), abs=1e-6)
 
 
+def test_rest_calibration_begins_anew_for_as_long_as_the_drone_stands() -> None:
+    """The bias that counts is that of the last seconds: a gyro that warms up drifts."""
+    rest = RestCalibration(2.0)
+    assert not rest.add(gyro(0.5, 1.5))
+    assert rest.add(gyro(0.5, 1.0, start_s=1.5))
+    assert rest.add(gyro(0.8, 4.5, start_s=2.5))
+    assert rest.bias_rad_s == pytest.approx(math.radians(0.8), abs=1e-6)
+
+
 def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, float]:
     """Hits along a wall 1.5 m away; direction error and claimed sigma, degrees."""
     random = Random(seed)
