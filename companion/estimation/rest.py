@@ -23,7 +23,7 @@ class RestCalibration:
 
     def add(self, samples: Sequence[GyroSample]) -> bool:
         """Whether a time of stillness has come to its end."""
-        return any([self._add(sample) for sample in samples])
+        return sum(map(self._add, samples)) > 0
 
     def _add(self, sample: GyroSample) -> bool:
         mean = self._sum_rad_s / self._count if self._count else sample.yaw_rate_rad_s
