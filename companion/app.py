@@ -268,6 +268,7 @@ class App:
                 wall,
                 self.estimator.known_walls if self.estimator else KnownWalls.none,
                 self._lag.lag_s,
+                wander_m,
             ),
             space=self.space.grid,
             around=self._near.surroundings(self._lag.lag_s),

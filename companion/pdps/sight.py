@@ -28,6 +28,8 @@ class Sight:
 
     lag_s: float = FIRST_LAG_S
     """How late it follows a velocity."""
+    wander_m: float = 0.0
+    """How far its autopilot's estimate wanders, one sigma."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam; 0 unless the beam says so."""

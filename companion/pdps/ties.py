@@ -6,16 +6,20 @@ tell it to a few centimetres.
 
 Others are far from the start, as behind a house: odometry alone tells how far. Each way there and
 back tells it anew, of all that it leads along.
+
+Both are extras, and lead through no passage in which the drone might touch something because of
+what its autopilot's estimate wanders.
 """
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
+from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import csr_array
 
 from companion.config import MissionConfig
 from companion.mapping.known_walls import KnownWalls
-from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.looks import ROOM_TO_LOOK_M, Look, seconds
 from companion.pdps.route import Ways
 from companion.pdps.sight import Sight
@@ -34,6 +38,10 @@ TRIED_WITHIN_M = 2.0
 VAGUE_M, AGAIN_WITHIN_M = 0.06, 6.0
 """Sigma of where a wall is, from the start, that is worth another way there; not if one of the
 looks before was so near."""
+PASSES_SIGMAS = 5.0
+"""Wander that a passage must leave beside the hull: what stands there was measured with one, and
+is passed with another, 3.5 sigmas of both."""
+ALL_AROUND = np.ones((3, 3), dtype=bool)
 Array = NDArray[np.float64]
 
 
@@ -85,7 +93,8 @@ def _views(
     """Cells (v, 2) from where nothing was tied before, their places (v, 2), seconds to each."""
     grid = ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
-    views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M))
+    safe = _safely_reached(room_m, sight, grid)
+    views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M) & safe)
     places = centres(grid, views)
     is_new = np.ones(len(places), dtype=bool)
     for look in tried:
@@ -93,6 +102,16 @@ def _views(
             is_new &= np.hypot(*(places - look.from_ne_m).T) > tried_within_m
     views, places = views[is_new], places[is_new]
     return views, places, seconds(views, room_m[tuple(views.T)], ways, sight, plan)
+
+
+def _safely_reached(room_m: Array, sight: Sight, grid: Occupancy) -> Cells:
+    """From here through nothing narrow; all, where the drone is in something narrow itself."""
+    roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * sight.wander_m
+    parts, _ = label(roomy, ALL_AROUND)
+    here = grid.cell((sight.pose.north_m, sight.pose.east_m))
+    part = parts[here] if grid.has(here) else 0
+    safe: Cells = parts == part if part else np.ones_like(roomy)
+    return safe
 
 
 def _faces(walls: KnownWalls, places: Array) -> Which:

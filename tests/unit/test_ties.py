@@ -228,3 +228,22 @@ def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> Non
     """A wall that has just been set right may lie where the grid does not reach yet."""
     start, end = np.array([[0, 0]]), np.array([[row, column]])
     assert is_clear(Occupancy(), start, end, 40.0).all()
+
+
+@pytest.mark.parametrize("search", [ties, again])
+@pytest.mark.parametrize(("wander_m", "goes_through"), [(0.002, True), (0.07, False)])
+def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
+    search: Callable[..., tuple[Look, ...]], wander_m: float, goes_through: bool
+) -> None:
+    """A doorway of 1 m divides the yard."""
+    grid = yard().copy()
+    for decimetre in range(-35, 36):
+        if abs(0.1 * decimetre + 0.05) > 0.5:
+            grid.block((0.1 * decimetre + 0.05, 0.5), 0.01)
+    ways = find_ways(find_ground(grid, HERE, 0.5))
+    seen = replace(sight(two_walls(0.2)), wander_m=wander_m)
+    tried: tuple[Look, ...] = ()
+    while more := search(ways, seen, PLAN, tried):
+        tried = (*tried, *more)
+    assert tried
+    assert any(look.from_ne_m[1] > 0.6 for look in tried) == goes_through
