@@ -43,7 +43,14 @@ from companion.messages import (
     WallSegment,
 )
 from companion.pdps import flight
-from companion.pdps.flight import FINAL_PHASES, Action, Flight, Phase, View
+from companion.pdps.flight import (
+    FINAL_PHASES,
+    UNARMED_PHASES,
+    Action,
+    Flight,
+    Phase,
+    View,
+)
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
@@ -196,7 +203,7 @@ class App:
         Until then they are set anew whenever it has stood still: an autopilot may refuse to arm for
         half a minute, in which the gyro drifts by degrees.
         """
-        if inputs.telemetry.vehicle.armed:
+        if inputs.telemetry.vehicle.armed or self.flight.phase not in UNARMED_PHASES:
             return
         if self._rest.add(inputs.gyro) and self._rest.bias_rad_s is not None:
             self.estimator = Estimator(self._rest.bias_rad_s, self._units)

@@ -2,6 +2,8 @@
 
 import math
 
+import pytest
+
 from companion import config as configuration
 from companion.app import App
 from companion.pdps.flight import Phase
@@ -25,7 +27,10 @@ def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
     assert row["lost"] == 0
 
 
-def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(sitl: Sitl) -> None:
+@pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
+def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(
+    sitl: Sitl, autopilot: str
+) -> None:
     """ArduCopter told "Gyros inconsistent" for 18 s, and the map was turned by 2.5 deg."""
     yaw_deg: list[float] = []
 
@@ -36,5 +41,12 @@ def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(sitl: 
 
     watch = Event(note, Action(lambda simulation: None))
     refused = at(0.0, refuse_arming(for_s=25))
-    sitl.fly(SMALL_ROOM, seed=5, script=[refused, watch], settings={"mission.time_limit_s": 5})
+    flight = sitl.fly(
+        SMALL_ROOM,
+        autopilot=autopilot,
+        seed=5,
+        script=[refused, watch],
+        settings={"mission.time_limit_s": 10},
+    )
+    assert flight.plan.path, "what was flown was forgotten on the ground"
     assert max(map(abs, yaw_deg)) < 0.4
