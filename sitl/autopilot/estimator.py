@@ -95,8 +95,13 @@ class Estimator:
         self._attitude_random = stream(seed, "attitude drift")
         self._noise = noise
         wobble_random = stream(seed, "velocity error")
+        sway_random = stream(seed, "velocity tracking")
         self._wobble_ne = [
             Wobble(wobble_random, noise.estimate * error.velocity_m_s, WOBBLE_S, WOBBLE_RAD_S)
+            for _ in range(2)
+        ]
+        self._sway_ne = [
+            Wobble(sway_random, noise.estimate * error.sway_m_s, WOBBLE_S, WOBBLE_RAD_S)
             for _ in range(2)
         ]
         self._wobble_down = Wobble(
@@ -130,6 +135,10 @@ class Estimator:
         self.velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
 
     @property
+    def _wobbles(self) -> tuple[Wobble, ...]:
+        return (*self._wobble_ne, *self._sway_ne, self._wobble_down)
+
+    @property
     def has_settled(self) -> bool:
         return self._truth.time_s >= self._settles_at_s
 
@@ -156,7 +165,7 @@ class Estimator:
             self.yaw_rate_rad_s = truth.yaw_rate_rad_s * self._gyro_scale + self._gyro_bias
             self.yaw_rad = wrap_rad(self.yaw_rad + self.yaw_rate_rad_s * dt_s)
             self._move_heading(truth.time_s, dt_s)
-            for wobble in (*self._wobble_ne, self._wobble_down):
+            for wobble in self._wobbles:
                 wobble.step(dt_s)
         self._steps += 1
         if self._steps % WALK_STEPS == 0:
@@ -197,7 +206,7 @@ class Estimator:
             x, y, down = self.position_ned_m
             self.position_ned_m = (x + gauss(0, noise.step_m), y + gauss(0, noise.step_m), down)
             self._drift_attitude()
-            for wobble in (*self._wobble_ne, self._wobble_down):
+            for wobble in self._wobbles:
                 wobble.kick()
         fade = WALK_S / HEIGHT_DRIFT_TIME_CONSTANT_S
         kick = noise.height_drift_m * math.sqrt(2 * fade)
@@ -256,10 +265,10 @@ class Estimator:
         self._inertial_error = north + gain * off[0], east + gain * off[1]
 
     def to_true_frame(self, velocity_ned_m_s: Vector3) -> Vector3:
-        """The true velocity that the estimate would call this: what its control loop ends at."""
+        """The true velocity that its control loop ends at, for what it asks for by its estimate."""
         north, east, down = velocity_ned_m_s
-        north -= self._wobble_ne[0].velocity_m_s
-        east -= self._wobble_ne[1].velocity_m_s
+        north += self._sway_ne[0].velocity_m_s
+        east += self._sway_ne[1].velocity_m_s
         down -= self._wobble_down.velocity_m_s
         scale = self._scale
         if not self._sources.flow:

@@ -1,4 +1,4 @@
-"""What a firmware's estimator adds to the errors of its sensors.
+"""What a firmware adds to the errors of its sensors: in its estimate, and in how it follows it.
 
 Its velocity error is correlated, and bounded, as it follows its position source:
 
@@ -19,7 +19,10 @@ class EstimateError:
     """Sigmas, in the air."""
 
     velocity_m_s: float = 0.0
-    """On each level axis, correlated over a second."""
+    """On each level axis, correlated over a second. The control loop does not follow it: what is
+    told errs by it independently of the true motion."""
+    sway_m_s: float = 0.0
+    """So much the true velocity is off what was asked for, likewise; the estimate tells of it."""
     climb_m_s: float = 0.0
     """Correlated over half a second."""
     take_off_heading_rad: float = 0.0

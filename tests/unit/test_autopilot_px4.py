@@ -3,6 +3,7 @@
 import math
 from typing import Any
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -275,3 +276,25 @@ def test_landing_disarms(client: Client) -> None:
     client.waits(10)  # 8 to 10 s, as measured
     beat = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"][-1]
     assert not beat.base_mode & 128
+
+
+def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
+    """Three real flights: told on true gives the flow's scale within 0.4 %, at 0.2 s as at 10 s.
+
+    True on told is 2 to 3 % short of it at 0.2 s.
+    """
+    offboard(client)
+    true_m, told_m = [], []
+    for step in range(600):
+        stream(client, 0.2, vx=0.8 if step // 40 % 2 else -0.8)
+        north, east, _ = client.autopilot.truth.position_ned_m
+        yaw_rad = client.autopilot.believed.yaw_rad - client.autopilot.truth.yaw_rad
+        true_m.append((north + 1j * east) * np.exp(1j * yaw_rad))
+        north, east, _ = client.autopilot.believed.position_ned_m
+        told_m.append(north + 1j * east)
+    true, told = np.diff(true_m), np.diff(told_m)
+    slow_true, slow_told = (np.subtract(way[50:], way[:-50]) for way in (true_m, told_m))
+    scale = abs(np.vdot(slow_true, slow_told)) / np.vdot(slow_true, slow_true).real
+    at_once = abs(np.vdot(true, told)) / np.vdot(true, true).real
+    assert at_once == pytest.approx(scale, rel=0.01)
+    assert np.vdot(told, told).real / abs(np.vdot(told, true)) > 1.015 * scale
