@@ -79,9 +79,9 @@ AT_HEIGHT_M = 0.15
 SETTLES_S, OVER_START_M = 4.0, 0.1
 """Before it lands the drone comes to rest over its start: at most so long, and at least half of
 that, the time that ArduCopter 4.6 needs to stop (docs/autopilot.md)."""
-LAND_FROM_M = 0.5
+LAND_FROM_M = 0.35
 """Height down to which the companion lowers the drone over its start: in LAND PX4 moves sideways
-by up to 0.5 m from 1 m down (docs/autopilot.md). Lower than that flow sensors see little."""
+by up to 0.5 m from 1 m down (docs/autopilot.md). Below 0.2 m flow sensors see little."""
 DESCENT_TIMEOUT_S = 8.0
 """Three times what it takes from a height of 1.2 m; then it lands from where it is."""
 UP_FOR_S = 2.0

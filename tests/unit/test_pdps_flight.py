@@ -160,7 +160,7 @@ def test_it_lowers_itself_over_its_start_before_the_autopilot_lands_it() -> None
     assert action.setpoint.down_m_s > 0.2
     assert action.setpoint.forward_m_s < 0
     low = view(position=(0.05, 0.0))
-    low = replace(low, sight=replace(low.sight, pose=replace(low.sight.pose, down_m=-0.6)))
+    low = replace(low, sight=replace(low.sight, pose=replace(low.sight.pose, down_m=-0.45)))
     assert after(Phase.DESCEND, low)[0] is Phase.LAND
     assert after(Phase.DESCEND, view(time_s=109.0))[0] is Phase.LAND
 
