@@ -8,7 +8,8 @@ at comes nearer by as much as the drone goes there.
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import combinations
 from statistics import median
 
 from companion.health.ranges import Travel
@@ -34,7 +35,9 @@ turns away by a few degrees; the beams to the sides face what the drone moves to
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.5, 3
-"""Nearer by less than this share of the way, so many times on end."""
+"""Nearer by less than this share of the way, so many times on end; or of two beams together."""
+TOGETHER_S = 1.0
+"""Two beams that speak against their places within so long tell of one motion: they are swapped."""
 Seen = dict[int, float]
 """Distance by heading of the drone, in bins."""
 
@@ -65,13 +68,28 @@ class MountingWatch:
                 continue
             if reading.is_distance:
                 self._seen.setdefault(beam, {})[heading] = reading.distance_m
-            if self._ways[beam].is_wrong(reading, travel) and beam not in self.misplaced:
-                self.misplaced += (beam,)
+            self._ways[beam].take(scan.time_s, reading, travel)
+        self._note(self._wrong_way())
         if abs(turned_rad - self._began_rad) > ENOUGH_TURN_RAD:
             told = self._right.union(self.misplaced)
-            self.misplaced += tuple(beam for beam in misplaced(self._seen) if beam not in told)
+            self._note(beam for beam in misplaced(self._seen) if beam not in told)
             self._right.update(placed(self._seen))
             self._begin(place_ne_m, turned_rad)
+
+    def _wrong_way(self) -> list[Beam]:
+        """Beams that read more where the drone comes nearer."""
+        wrong = [beam for beam, way in self._ways.items() if way.against >= AGAINST]
+        for one, other in combinations(self._ways, 2):
+            ways = self._ways[one], self._ways[other]
+            is_one_motion = abs(ways[0].against_s - ways[1].against_s) <= TOGETHER_S
+            if is_one_motion and sum(way.against for way in ways) >= AGAINST:
+                wrong += [one, other]
+        return wrong
+
+    def _note(self, wrong: Iterable[Beam]) -> None:
+        for beam in wrong:
+            if beam not in self.misplaced:
+                self.misplaced += (beam,)
 
     def _begin(self, place_ne_m: tuple[float, float], turned_rad: float) -> None:
         self._began_at_ne_m, self._began_rad = place_ne_m, turned_rad
@@ -87,9 +105,12 @@ class _Way:
         self._most_oblique = GRAZING if beam is Beam.FRONT else OBLIQUELY
         self._from: tuple[float, Travel] | None = None
         self._last_m = math.nan
-        self._against = 0
+        self.against = 0
+        """So many times on end the reading went the wrong way,"""
+        self.against_s = -math.inf
+        """the last time then."""
 
-    def is_wrong(self, reading: RangeReading, travel: Travel) -> bool:
+    def take(self, now_s: float, reading: RangeReading, travel: Travel) -> None:
         """Take in one reading."""
         is_exact = reading.is_distance and reading.variance_m2 < EXACT_M**2
         is_edge = abs(reading.distance_m - self._last_m) > EDGE_M
@@ -99,10 +120,11 @@ class _Way:
         elif self._from is None:
             self._from = reading.distance_m, travel
         else:
-            self._compare(reading.distance_m, travel, *self._from)
-        return self._against >= AGAINST
+            self._compare(now_s, reading.distance_m, travel, *self._from)
 
-    def _compare(self, now_m: float, travel: Travel, then_m: float, then: Travel) -> None:
+    def _compare(
+        self, now_s: float, now_m: float, travel: Travel, then_m: float, then: Travel
+    ) -> None:
         forward_m, right_m, _, turn_rad = (a - b for a, b in zip(travel, then, strict=True))
         x, y = self._axis_frd
         along_m, aside_m = forward_m * x + right_m * y, right_m * x - forward_m * y
@@ -113,9 +135,9 @@ class _Way:
             missing_m = LEAST_SHARE * abs(along_m) - nearer_m
             obliquely_m = self._most_oblique * (abs(aside_m) + now_m * abs(turn_rad))
             if missing_m <= 0:
-                self._against = 0
+                self.against = 0
             elif missing_m > obliquely_m:
-                self._against += 1
+                self.against, self.against_s = self.against + 1, now_s
             self._from = now_m, travel
 
 

@@ -84,8 +84,11 @@ def test_at_mid_stick_and_in_automatic_modes_it_holds(
     client = flying(kind)
     was_m = height_m(client)
     client.autopilot.pilot_mode(NUMBERS[kind][mode], stick)
+    client.waits(1.5)  # it was climbing, and comes to rest
+    rests_at_m = height_m(client)
+    assert was_m - 0.1 < rests_at_m < was_m + 0.4
     client.waits(5.0)
-    assert height_m(client) == pytest.approx(was_m, abs=0.2)
+    assert height_m(client) == pytest.approx(rests_at_m, abs=0.2)
 
 
 def test_the_stick_brought_to_the_middle_stops_the_descent() -> None:

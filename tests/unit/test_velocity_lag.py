@@ -19,11 +19,13 @@ class Flown:
     """An emulated vehicle in still air, whose velocity is told without error."""
 
     def __init__(self, response: Response) -> None:
-        start = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+        start = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
         self.lag = VelocityLag()
         self._shaper = SetpointShaper(response)
         self._vehicle = Vehicle(start, Random(1), response.airframe, Gusts(sigma_m_s=0.0))
         self._steps = 0
+        for _ in range(300):  # off the ground, on which nothing moves
+            self._vehicle.step((0.0, 0.0, -0.5), 0.0)
 
     def flies(self, setpoint: Setpoint, for_s: float) -> float:
         """Metres flown north."""
