@@ -182,9 +182,7 @@ class Control:
         estimate = self._estimator
         position = estimate.position_ned_m
         if self._hold_at is None:
-            goes_down = self.manoeuvre in (Manoeuvre.LAND, Manoeuvre.SINK)
-            axes = 2 if goes_down else 3
-            if math.hypot(*estimate.velocity_ned_m_s[:axes]) > AT_REST_M_S:
+            if math.hypot(*estimate.velocity_ned_m_s[:2]) > AT_REST_M_S:
                 return 0.0, 0.0, 0.0
             self._hold_at = position
         velocity = [
