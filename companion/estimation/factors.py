@@ -11,7 +11,7 @@ The gradient by s is -mean(d)_k, of the motion averaged over the time around (`o
 """
 
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -53,10 +53,8 @@ class Models:
     told: ToldModel = field(default_factory=ToldModel)
 
     def measured(self, record: FlightRecord) -> Measured:
-        """All that was recorded so far, its motion averaged, and what two gyros tell."""
-        m = steadied(Measured.of(record, self.ranges), self.gyro, self.told)
-        mean_frd_m = self.odometry.averaged(m.dt_s, m.moved_frd_m, m.turned_rad)
-        return replace(m, averaged_frd_m=mean_frd_m)
+        """All that was recorded so far, and what two gyros tell that one does not."""
+        return steadied(Measured.of(record, self.ranges), self.gyro, self.told)
 
     def bias_variance(self, m: Measured) -> Array:
         """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².

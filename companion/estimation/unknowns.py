@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
+from companion.estimation.odometry_model import averaged
 from companion.estimation.range_units import BEAMS, RangeUnits
 
 Array = NDArray[np.float64]
@@ -116,7 +117,7 @@ class Measured:
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
-        """All that was recorded so far; nothing is averaged or steadied yet."""
+        """All that was recorded so far."""
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
         dt_s = np.diff(time_s)
@@ -137,7 +138,7 @@ class Measured:
             bearing_rad=hits[:, HitColumn.BEARING_RAD],
             distance_m=hits[:, HitColumn.DISTANCE_M],
             mount_m=units.offset_m[beam],
-            averaged_frd_m=moved_frd_m,
+            averaged_frd_m=averaged(dt_s, moved_frd_m, turned_rad),
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
         )
 

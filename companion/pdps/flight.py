@@ -478,7 +478,7 @@ def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
     is_over = math.dist((pose.north_m, pose.east_m), START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
-        return _go(flight, _after(Phase.DESCEND, view), view), Action(stay(START_NE_M, view.sight))
+        flight = _go(flight, _after(Phase.DESCEND, view), view)
     return flight, Action(stay(START_NE_M, view.sight))
 
 

@@ -1,6 +1,6 @@
-"""What a firmware adds to the errors of its sensors: in its estimate, and in how it follows it.
+"""What a firmware adds to its sensors' errors: in its estimate, and in following its setpoints.
 
-Its velocity error is correlated, and bounded, as it follows its position source:
+Both velocity errors are correlated, and bounded, as the estimate follows its position source:
 
     w' = u,   u' = -u/τ - ω²·w + noise
 

@@ -279,9 +279,9 @@ def test_landing_disarms(client: Client) -> None:
 
 
 def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
-    """Three real flights: told on true gives the flow's scale within 0.4 %, at 0.2 s as at 10 s.
+    """Four real flights: told on true gives one scale over 0.2 s and over 20 s, within 0.5 %.
 
-    True on told is 2 to 3 % short of it at 0.2 s.
+    True on told is 1 to 3 % short of it over 0.2 s.
     """
     offboard(client)
     true_m, told_m = [], []

@@ -8,7 +8,13 @@ import pytest
 
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam
-from companion.estimation.odometry_model import LEAST_WANDER_M, WANDER_S, Array, OdometryModel
+from companion.estimation.odometry_model import (
+    LEAST_WANDER_M,
+    WANDER_S,
+    Array,
+    OdometryModel,
+    averaged,
+)
 from companion.estimation.odometry_noise import OdometryNoise
 from companion.estimation.wall_runs import Line, RunHit, WallRun
 from sitl.autopilot.wobble import KICK_S, Wobble
@@ -115,7 +121,7 @@ def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
     """Beside the told motion of the moment it would be some per cent off."""
     true_m, told_m = to_and_fro(wobble_m_s, scale=1.03)
     still = np.zeros(len(told_m))
-    mean_m = OdometryModel().averaged(np.full(len(told_m), 0.2), told_m, still)
+    mean_m = averaged(np.full(len(told_m), 0.2), told_m, still)
     assert (mean_m * true_m).sum() / (mean_m * told_m).sum() == pytest.approx(1 / 1.03, rel=0.004)
 
 
@@ -127,6 +133,6 @@ def test_averaged_motion_is_that_of_the_time_around_in_the_frames_of_the_steps(
     steps = 60
     yaw_rad = turn_rad * np.arange(steps)
     straight_m = 0.1 * np.column_stack([np.cos(yaw_rad), -np.sin(yaw_rad)])
-    mean_m = OdometryModel().averaged(np.full(steps, 0.2), straight_m, np.full(steps, turn_rad))
+    mean_m = averaged(np.full(steps, 0.2), straight_m, np.full(steps, turn_rad))
     inner = slice(10, -10)
     assert mean_m[inner] == pytest.approx(straight_m[inner], abs=1e-9)

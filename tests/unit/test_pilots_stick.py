@@ -86,7 +86,7 @@ def test_at_mid_stick_and_in_automatic_modes_it_holds(
     client.autopilot.pilot_mode(NUMBERS[kind][mode], stick)
     client.waits(1.5)  # it was climbing, and comes to rest
     rests_at_m = height_m(client)
-    assert was_m - 0.1 < rests_at_m < was_m + 0.4
+    assert was_m - 0.1 < rests_at_m < was_m + 0.3
     client.waits(5.0)
     assert height_m(client) == pytest.approx(rests_at_m, abs=0.2)
 
