@@ -10,7 +10,7 @@ from io import BytesIO
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Browser, Locator, Page, sync_playwright
+from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from benchmarks.browser import DEADLINE_MS, FLAGS
 from companion.view.camera import PANEL_PX
@@ -20,6 +20,7 @@ CHROMIUM = "chromium"
 NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
 """They lie on the scene, such as that of rendering in software; how far depends on the fonts."""
 SIZE = {"width": 1000, "height": 480}
+expect.set_options(timeout=DEADLINE_MS)
 
 
 @contextmanager

@@ -68,7 +68,7 @@ def test_a_flight_on_the_page(browser: Browser, tmp_path: Path) -> None:
         page.get_by_label("hide the truth", exact=True).uncheck()
 
         download = page.get_by_role("button", name="Download map")
-        expect(download).to_be_enabled(timeout=DEADLINE_MS)
+        expect(download).to_be_enabled()
         assert row(page, "doing") == "mission complete"
         until(lambda: number(page, "coverage") >= 95, "coverage", DEADLINE_S)
         assert number(page, "wall error, aligned") < 6
@@ -124,7 +124,7 @@ def test_every_setting_is_at_hand_and_a_flight_can_be_stopped(browser: Browser) 
     with simulator(browser) as page:
         for world in world_names():
             button = page.get_by_role("button", name=world, exact=True)
-            expect(button).to_be_visible(timeout=DEADLINE_MS)
+            expect(button).to_be_visible()
         text_field(page, "file or name").fill("random_17")
         press(page, "Open")
         choose(page, "kind", "building")
@@ -145,7 +145,7 @@ def test_every_setting_is_at_hand_and_a_flight_can_be_stopped(browser: Browser) 
         for plot in ("ranges, m", "heading, °", "gyro bias, °/s"):
             expect(page.get_by_text(plot, exact=True)).to_be_visible()
         press(page, "Stop: land now")
-        expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
+        expect(page.get_by_role("button", name="Download map")).to_be_enabled()
         assert row(page, "doing") == "landed: landing was requested"
 
 
@@ -178,7 +178,7 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
     (recording,) = tmp_path.glob("*.mcap")
     end_s = flight.simulation.time_s
     with simulator(browser, str(recording)) as page:
-        expect(page.get_by_role("button", name="Download map")).to_be_enabled(timeout=DEADLINE_MS)
+        expect(page.get_by_role("button", name="Download map")).to_be_enabled()
         press(page, "Play")
         until(lambda: walls_m(page) > 5, "walls", DEADLINE_S)
         fill(page, "time, s", f"{end_s:.1f}")
@@ -200,7 +200,7 @@ def test_strangers_are_refused_and_the_token_lets_in(browser: Browser, tmp_path:
         assert refused.status == 403
         assert "needs its token" in stranger.content()
         with opened(browser, here) as page:
-            expect(page.get_by_role("button", name="Start")).to_be_visible(timeout=DEADLINE_MS)
+            expect(page.get_by_role("button", name="Start")).to_be_visible()
             assert TOKEN not in page.url
 
 
