@@ -38,7 +38,7 @@ def calibrate_range(
     seconds: Annotated[float, typer.Option(help="How long to look at each.", min=1)] = 30.0,
 ) -> None:
     """Measure one range sensor against a tape measure, at three to five distances."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     models = range_models(settings.sensors)
     if beam not in models:
@@ -73,7 +73,7 @@ def calibrate_gyro(
     turns: Annotated[int, typer.Option(help="How many full turns.", min=1, max=10)] = 3,
 ) -> None:
     """Measure the gyro against full turns by hand; its bias is measured before every flight."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     rig = _rig(settings, console)
     console.input("put the drone down on a mark, take your hands away, then press Enter")

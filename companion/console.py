@@ -43,7 +43,7 @@ class ProgressLine:
             self._live.update(Text(_line(progress)))
         if progress.notice != self._notice:
             self._notice = progress.notice
-            self._console.print(f"[bold]{progress.notice}[/]", soft_wrap=True)
+            self._console.print(Text(progress.notice, style="bold"), soft_wrap=True)
         if progress.activity != self._activity:
             self._activity = progress.activity
             self._console.print(_line(progress))

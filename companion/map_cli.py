@@ -25,7 +25,7 @@ def map_command(
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
     """Make the map of a recorded log: map.png, map.ply, map.json, trajectory.tum, report.json."""
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     sensors = log_sensors.load(config, log)
     with LogProgress(console) as progress:
         result = map_log(read_log(log, progress.show), sensors, progress.show)

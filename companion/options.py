@@ -17,7 +17,7 @@ BusUrl = Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT
 Profile = Annotated[str | None, typer.Option(help="Range sensors, all of one kind.")]
 MissionSet = Annotated[
     list[str] | None,
-    typer.Option("--set", help="KEY=VALUE of [mission], as in speed_m_s=0.6; repeatable."),
+    typer.Option("--set", help=r"KEY=VALUE of \[mission], as in speed_m_s=0.6; repeatable."),
 ]
 
 

@@ -256,7 +256,7 @@ def fly(
     )
     flown = load_mission(mission)
     settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
-    console = Console(highlight=False)
+    console = Console(highlight=False, markup=False)
     if transport is Transport.UDP:
         result = fly_in_two(options, flown, settings, speed, out or Path("out"))
     else:
