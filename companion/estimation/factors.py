@@ -1,11 +1,13 @@
 """The smoother's residuals, each divided by its sigma, with their gradients.
 
-odometry   R(ψ_k)ᵀ((p_{k+1} - p_k) / (1 + s) + w_{k+1} - w_k) - d_k
+odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - (1 + s)·d_k
 wander     w_{k+1} - w_k·exp(-dt/τ)
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
 bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyros.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
 square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+
+The gradient by s is -mean(d)_k, of the motion averaged over the time around (`odometry_model.py`).
 """
 
 import math
@@ -76,35 +78,25 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     p = x.poses
     at = POSE_SIZE * np.arange(len(p) - 1)
     after = at + POSE_SIZE
-    told_of_moved = 1 / (1 + x.odometry_scale)
     cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
-
-    def in_frd(ne: Array) -> tuple[Array, Array]:
-        north, east = ne.T
-        return cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-
-    moved = in_frd(np.diff(p[:, :2], axis=0))
-    wandered = in_frd(np.diff(p[:, WANDER_NORTH:], axis=0))
-    forward, right = (
-        told_of_moved * by_pose + by_wander
-        for by_pose, by_wander in zip(moved, wandered, strict=True)
-    )
+    north, east = np.diff(x.tracks, axis=0).T
+    forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    told, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
     walk_m = model.step_sigma_m(m.dt_s)
-    for expected, axis, to_north, to_east, by_yaw in (
+    for by_pose, axis, to_north, to_east, by_yaw in (
         (forward, 0, cos_yaw, sin_yaw, right),
         (right, 1, -sin_yaw, cos_yaw, -forward),
     ):
         system.add(
-            expected - m.moved_frd_m[:, axis],
+            by_pose - told[:, axis],
             walk_m,
             [
-                *((at, -told_of_moved * to_north), (at + 1, -told_of_moved * to_east)),
-                (at + 2, by_yaw),
-                *((after, told_of_moved * to_north), (after + 1, told_of_moved * to_east)),
+                *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
+                *((after, to_north), (after + 1, to_east)),
                 *((at + WANDER_NORTH, -to_north), (at + WANDER_EAST, -to_east)),
                 *((after + WANDER_NORTH, to_north), (after + WANDER_EAST, to_east)),
             ],
-            [(ODOMETRY_SCALE, -(told_of_moved**2) * moved[axis])],
+            [(ODOMETRY_SCALE, -mean[:, axis])],
         )
 
 

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
+from companion.estimation.odometry_model import averaged
 from companion.estimation.range_units import BEAMS, RangeUnits
 
 Array = NDArray[np.float64]
@@ -109,6 +110,8 @@ class Measured:
     """(n,): from the sensor."""
     mount_m: Array
     """(n,): from the drone's centre to the sensor, along its beam."""
+    averaged_frd_m: Array
+    """(k - 1, 2): displacements averaged over the time around, by which the scale is asked for."""
     gap_rad2: Array | None = None
     """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
 
@@ -135,6 +138,7 @@ class Measured:
             bearing_rad=hits[:, HitColumn.BEARING_RAD],
             distance_m=hits[:, HitColumn.DISTANCE_M],
             mount_m=units.offset_m[beam],
+            averaged_frd_m=averaged(dt_s, moved_frd_m, turned_rad),
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
         )
 
@@ -165,6 +169,7 @@ class Measured:
             self.bearing_rad[hits],
             self.distance_m[hits],
             self.mount_m[hits],
+            self.averaged_frd_m[motion],
             None if self.gap_rad2 is None else self.gap_rad2[motion],
         )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.estimation.odometry_model import averaged
 from companion.estimation.range_units import BEAMS
 from companion.estimation.unknowns import Indices, Measured
 from companion.messages import Beam
@@ -75,6 +76,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
         bearing_rad=bearing,
         distance_m=distance_m,
         mount_m=mount_m,
+        averaged_frd_m=averaged(dt_s, moved[:, :2], moved[:, 2]),
     )
     return Record(measured, rows, hit_row, motion, jumps)
 

@@ -6,28 +6,20 @@ from random import Random
 import numpy as np
 import pytest
 
-from companion.drivers.sharp import PAPER
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import FlightRecord
 from companion.estimation.heading import HeadingFilter
 from companion.estimation.line_slam import LineSlam
 from companion.estimation.odometry_model import (
     LEAST_WANDER_M,
     WANDER_S,
+    Array,
     OdometryModel,
+    averaged,
 )
 from companion.estimation.odometry_noise import OdometryNoise
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.smoother import Smoother
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Measured, Unknowns
 from companion.estimation.wall_runs import Line, RunHit, WallRun
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
 from sitl.autopilot.wobble import KICK_S, Wobble
 
 TICK_S, WALL_M, RANGE_SIGMA_M = 0.05, 2.0, 0.02
-FAR_M = 7.5
-LEVEL = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 
 
 def learnt(wander_m: float, wall: int | None = 0) -> float:
@@ -101,40 +93,46 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
     assert 0.4 < float(np.std(sigmas_off)) < 1.4
 
 
-def flown_to_and_fro(seed: int, scale: float) -> tuple[Unknowns, Measured]:
-    """Four minutes to and fro before a wall, met from 1.5 to 5 m; the estimate wanders by 7 cm.
+def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
+    """Steps of 0.2 s, true and told, (n, 2) in metres: legs of 8 s and stops, ten minutes.
 
-    The poses are as told; the wall is where it is.
+    It is flown by its estimate, so that what that errs moves it the other way, a moment late.
     """
-    wobble, random = Wobble(Random(seed), 0.12, 1.0, 1.5), Random(100 + seed)
-    record = FlightRecord()
-    north_m = walked_m = told_m = 0.0
-    for tick in range(4800):
-        pose = Pose(tick * TICK_S, told_m, 0.0, -1.2, 0.0)
-        record.advance(pose, (told_m, 0.0), 0.0)
-        if (away_m := FAR_M - north_m) < PAPER.max_m:
-            measured_m = away_m + random.gauss(0, RANGE_SIGMA_M)
-            record.add_hit(pose, BEAMS.index(Beam.FRONT), measured_m, ((0.0, 0.0), 0.0), 0)
-        for step in range(5):
-            if (5 * tick + step) % round(KICK_S / 0.01) == 0:
-                wobble.kick()
-            wobble.step(0.01)
-        leg, in_leg = divmod(tick, 200)
-        north_m += (0.0375 if leg % 2 == 0 else -0.0375) if in_leg < 160 else 0.0
-        walked_m += random.gauss(0, 0.003)
-        told_m = north_m * scale + wobble.position_m + walked_m
-    x = Unknowns.at(record.frames[:, 4:7], 0.0)
-    x.add_walls(np.array([(0.0, FAR_M)]), np.array([(-1.0, 1.0)]))
-    return x, Measured.of(record, LEVEL)
+    wobble, random = Wobble(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
+    steps_m, yields_m_s = [], 0.0
+    for tick in range(60_000):
+        if tick % round(KICK_S / 0.01) == 0:
+            wobble.kick()
+        wobble.step(0.01)
+        leg = tick // 1000
+        flown_m_s = (0.8 if leg % 2 else -0.8) if tick % 1000 < 800 else 0.0
+        yields_m_s += (wobble.velocity_m_s - yields_m_s) * 0.01 / 0.3
+        true_m_s = (flown_m_s - yields_m_s) / scale
+        steps_m.append((0.01 * true_m_s, 0.01 * (scale * true_m_s + wobble.velocity_m_s)))
+    true_m, told_m = np.array(steps_m).reshape(-1, 20, 2).sum(axis=1).T
+    noise_m = np.array([random.gauss(0, 0.007) for _ in told_m])
+    return np.column_stack([true_m, 0 * true_m]), np.column_stack([told_m + noise_m, 0 * told_m])
 
 
-def test_what_the_told_motion_errs_does_not_bias_the_scale() -> None:
-    models = Models(LEVEL, odometry=OdometryModel(wander_m=0.07))
-    smoother, off = Smoother(models, Support()), []
-    for seed in range(8):
-        x, m = flown_to_and_fro(seed, scale=1.03)
-        on_the_wall = np.zeros(len(m.frame), dtype=np.int64)
-        for _ in range(5):
-            smoother.step(x, m, on_the_wall, smoother.from_start(np.zeros(3)))
-        off.append((1 + x.odometry_scale) * 1.03 - 1)
-    assert float(np.mean(off)) == pytest.approx(0.0, abs=0.005)
+@pytest.mark.parametrize("wobble_m_s", [0.0, 0.05, 0.1])
+def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
+    wobble_m_s: float,
+) -> None:
+    """Beside the told motion of the moment it would be some per cent off."""
+    true_m, told_m = to_and_fro(wobble_m_s, scale=1.03)
+    still = np.zeros(len(told_m))
+    mean_m = averaged(np.full(len(told_m), 0.2), told_m, still)
+    assert (mean_m * true_m).sum() / (mean_m * told_m).sum() == pytest.approx(1 / 1.03, rel=0.004)
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.05, -0.4])
+def test_averaged_motion_is_that_of_the_time_around_in_the_frames_of_the_steps(
+    turn_rad: float,
+) -> None:
+    """A drone that turns while it flies straight on: its mean motion is that of each step."""
+    steps = 60
+    yaw_rad = turn_rad * np.arange(steps)
+    straight_m = 0.1 * np.column_stack([np.cos(yaw_rad), -np.sin(yaw_rad)])
+    mean_m = averaged(np.full(steps, 0.2), straight_m, np.full(steps, turn_rad))
+    inner = slice(10, -10)
+    assert mean_m[inner] == pytest.approx(straight_m[inner], abs=1e-9)

@@ -38,6 +38,7 @@ def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
         bearing_rad=nothing,
         distance_m=nothing,
         mount_m=nothing,
+        averaged_frd_m=np.zeros((KEYFRAMES - 1, 2)),
     )
 
 
