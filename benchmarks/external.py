@@ -1,0 +1,127 @@
+"""Flights with a real autopilot: `python -m benchmarks.external WORLD:SEED:FOLDER ...`.
+
+A FOLDER has `truth.json` of `sitl run --truth` and, in `out`, what `companion fly` has left
+(docs/external.md). Reprints the rows of docs/external.md; and of docs/autopilot.md how far what the
+autopilot tells of its motion agrees with the true one, and how far LAND moves it.
+"""
+
+import argparse
+import math
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion import config
+from companion.mapping.files import load_json
+from companion.recording.reader import Recording, read
+from companion.values import value
+from sitl.options import Autopilot, FlightOptions
+from sitl.record import TruthRecord
+from sitl.report import make_report
+
+Array = NDArray[np.float64]
+PROFILE = "gp2y0a710k0f"
+LAGS_S = (0.2, 1.0, 3.0, 8.0, 20.0)
+STEP_S = 0.05
+MOST_LATE_S = 0.3
+LATE_OVER_S = 1.0
+"""How late it is told shows in displacements over so long."""
+
+
+@value
+class Scored:
+    """`make_report` asks how the flight ended; the row tells what became of it."""
+
+    completed: bool = True
+    ending: str = ""
+
+
+def row(world: str, seed: int, folder: Path) -> str:
+    options = FlightOptions(world, seed, PROFILE, Autopilot.ARDUPILOT.value)
+    report = make_report(
+        options.setup()[0],
+        config.load(None, {"sensors.profile": PROFILE}),
+        load_json(folder / "out" / "map.json"),
+        TruthRecord.load(folder / "truth.json"),
+        outcome=Scored(),
+        waited_s=math.nan,
+    )
+    percent = round(100 * float(report["coverage"] or 0))
+    return (
+        f"| {world}, {seed} | {report['flight_time_s']:.0f} s "
+        f"| {report['wall_error_aligned_cm']:.1f} cm | {percent} % "
+        f"| {report['ate_cm']:.1f} cm | {report['clearance_m']:.2f} m "
+        f"| {report['return_m']:.2f} m | collisions: {report['collisions']}"
+    )
+
+
+def _displacements(
+    times_s: Array, states: tuple[Array, Array, Array], lag_s: float, late_s: float = 0.0
+) -> Array:
+    """(n, 2): over the lag, in the body's frame at its begin; `states`: times, places, yaws."""
+    at_s, places_m, yaws_rad = states
+    begin, end = (
+        np.column_stack([np.interp(times_s + by_s, at_s, axis) for axis in places_m.T])
+        for by_s in (late_s, late_s + lag_s)
+    )
+    yaw_rad = np.interp(times_s, at_s, yaws_rad)
+    turned = ((end - begin) @ [1, 1j]) * np.exp(-1j * yaw_rad)
+    return np.column_stack([turned.real, turned.imag])
+
+
+def told_on_true(recording: Recording, truth: TruthRecord) -> str:
+    """How late motion is told, how far off it is then, and its scale over several lags."""
+    told = [t.inputs.telemetry.odometry for t in recording.ticks]
+    odometry = [o for o in told if o is not None]
+    told_states = (
+        np.array([o.time_s for o in odometry]),
+        np.array([o.position_ned_m[:2] for o in odometry]),
+        np.unwrap([o.yaw_rad for o in odometry]),
+    )
+    true_states = (
+        np.array([s.time_s for s in truth.path]),
+        np.array([s.position_ned_m[:2] for s in truth.path]),
+        np.unwrap([s.yaw_rad for s in truth.path]),
+    )
+    airborne_s = [s.time_s for s in truth.path if s.position_ned_m[2] < -0.3]
+    times_s = np.arange(airborne_s[0], airborne_s[-1] - LAGS_S[-1], STEP_S)
+
+    def compared(lag_s: float, late_s: float) -> tuple[float, float]:
+        """The scale, and what is left, rms in metres."""
+        true_m = _displacements(times_s, true_states, lag_s)
+        told_m = _displacements(times_s, told_states, lag_s, late_s)
+        scale = float((told_m * true_m).sum() / (true_m**2).sum())
+        return scale, float(np.sqrt(((told_m - scale * true_m) ** 2).sum(axis=1).mean()))
+
+    late_s = min(np.arange(0, MOST_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
+    scales = [f"{lag_s:g} s {compared(lag_s, late_s)[0]:.3f}" for lag_s in LAGS_S]
+    over = f"off by {100 * compared(LATE_OVER_S, late_s)[1]:.1f} cm over {LATE_OVER_S:g} s"
+    return f"told {late_s:.2f} s late, {over}; told / true over {', '.join(scales)}"
+
+
+def landing(recording: Recording, truth: TruthRecord) -> str:
+    """How far it moves sideways from where LAND is asked for to the ground."""
+    asked_s = [phase.time_s for phase in recording.phases if phase.phase == "LAND"]
+    if not asked_s:
+        return "not landed by LAND"
+    begin = min(truth.path, key=lambda s: abs(s.time_s - asked_s[0])).position_ned_m
+    moved_m = math.dist(begin[:2], truth.path[-1].position_ned_m[:2])
+    return f"LAND moved it {moved_m:.2f} m sideways from {-begin[2]:.2f} m up"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("flights", nargs="+", metavar="WORLD:SEED:FOLDER")
+    for flight in parser.parse_args().flights:
+        world, seed, place = flight.split(":", 2)
+        folder = Path(place)
+        recording = read(max((folder / "out").glob("*.mcap")))
+        truth = TruthRecord.load(folder / "truth.json")
+        print(row(world, int(seed), folder))
+        print(f"  {told_on_true(recording, truth)}")
+        print(f"  {landing(recording, truth)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
