@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from companion.messages import FloorPlan, Pose
 from sitl.truth import TrueState
 from sitl.world.format import Segment
+from sitl.world.nearest import NearestWall
 from sitl.world.plan import samples
 
 Points = NDArray[np.float64]
@@ -66,13 +67,13 @@ def score_map(
 
     `seeable` are samples (n, 2) of those surfaces that could be seen; coverage is taken of them.
     """
-    true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    true_walls = NearestWall(np.array(surfaces, dtype=float).reshape(-1, 2, 2))
     mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
     if not len(mapped):
         return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
-    error_m, _ = _nearest(mapped, true_walls)
+    error_m, _ = true_walls.query(mapped)
     aligned = align(mapped, true_walls)
-    aligned_error_m, _ = _nearest(aligned, true_walls)
+    aligned_error_m, _ = true_walls.query(aligned)
     to_mapped_m = _distance_to_points(seeable, aligned)
     return MapScore(
         wall_error_cm=100 * float(error_m.mean()),
@@ -91,9 +92,9 @@ def _mean_sigma_m(plan: FloorPlan) -> float:
     return float(np.average([wall.sigma_m for wall in plan.walls], weights=lengths_m))
 
 
-def _error_in_sigmas(plan: FloorPlan, true_walls: Points, take_off: TrueState) -> float:
+def _error_in_sigmas(plan: FloorPlan, true_walls: NearestWall, take_off: TrueState) -> float:
     middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
-    error_m, _ = _nearest(_to_world(middles, take_off), true_walls)
+    error_m, _ = true_walls.query(_to_world(middles, take_off))
     sigma_m = np.array([wall.sigma_m for wall in plan.walls])
     counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
     return (
@@ -131,13 +132,15 @@ def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: f
     Of the places (n, 2) that it comes to; infinite if all are in one, or nothing stands there.
     """
     walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    if not len(walls) or not len(places):
+        return math.inf
     least_m = math.inf
-    for place in places if len(walls) else ():
+    for place in places[NearestWall(walls).query(places)[0].argsort()]:
         foot = _feet(place[None], walls)[0] - place
         away_m = np.hypot(*foot.T)
         nearest = int(away_m.argmin())
         if away_m[nearest] - radius_m >= least_m:
-            continue
+            break
         towards = foot / np.maximum(away_m, 1e-9)[:, None]
         other_side = foot[towards @ towards[nearest] < EITHER_SIDE_COS]
         across_m = np.hypot(*(other_side - foot[nearest]).T)
@@ -152,10 +155,10 @@ def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: floa
     return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
 
 
-def align(points: Points, walls: Points) -> Points:
-    """Move points (n, 2) rigidly onto wall segments (m, 2, 2): iterated closest points."""
+def align(points: Points, walls: NearestWall) -> Points:
+    """Move points (n, 2) rigidly onto walls: iterated closest points."""
     for _ in range(ALIGNMENT_STEPS):
-        distance_m, nearest = _nearest(points, walls)
+        distance_m, nearest = walls.query(points)
         pull = distance_m < ALIGNMENT_REACH_M
         if pull.sum() < 3:
             return points
@@ -181,15 +184,6 @@ def _to_world(points: Points, take_off: TrueState) -> Points:
     rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
     moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
     return moved
-
-
-def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
-    """Distance (n,) and closest point (n, 2) on any of the segments (m, 2, 2)."""
-    foot = _feet(points, walls)
-    distance = np.linalg.norm(points[:, None] - foot, axis=2)
-    best = distance.argmin(axis=1)
-    rows = np.arange(len(points))
-    return distance[rows, best], foot[rows, best]
 
 
 def _feet(points: Points, walls: Points) -> Points:
