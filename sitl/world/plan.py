@@ -67,7 +67,7 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
     """Samples of the surfaces that a drone which starts there could fly up to and see."""
     surfaces = wall_surfaces(world, height_m)
     reached = cKDTree(_reachable(world, height_m, start))
-    walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    walls = np.array([*surfaces, *world.closed_border], dtype=float).reshape(-1, 2, 2)
     points = samples(surfaces)
     seen = np.zeros(len(points), dtype=bool)
     for block in _blocks(points):
