@@ -3,24 +3,21 @@
 Dark cells are walls, light ones free, those between unknown. As in ROS, x is east and y north, and
 `origin` is x, y and yaw of the picture's lower left corner. Maps have no heights, so walls go to a
 ceiling at 2.6 m. A cell that is partly transparent is unknown, in every mode.
+
+    files ─► cells ─► space: air, rooms ─┬─► starts
+                └───► walls, without marks └─► border to the unknown, closed
 """
 
 import math
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.frames import Vector2
-from sitl.errors import complaint
-from sitl.world.format import LEAST_LENGTH_M, Metres, Segment, World, WorldError
+from sitl.world.format import LEAST_LENGTH_M, Segment, World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
 from sitl.world.importers.contours import (
     borders,
@@ -29,52 +26,20 @@ from sitl.world.importers.contours import (
     roughness,
     straightened,
 )
+from sitl.world.importers.map_files import Grid, read_map
 from sitl.world.importers.pieces import marks_outside, tell_of_pieces
 from sitl.world.importers.space import Space, enclosed, near, reached, space_of
 from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
-from sitl.world.known import Cells, KnownArea, Points, Raster
-from sitl.world.plan import NARROWEST_DOOR_M, OUTSIDE_M
+from sitl.world.known import Cells, KnownArea, Points
+from sitl.world.plan import NARROWEST_DOOR_M
 from sitl.world.polylines import legs
 
-MOST_YAML_BYTES = 65_536
-MOST_CELLS_A_SIDE = 8000
 MOST_EDGES = 400_000
 """Of cells, along walls; a building has some ten thousand, noise has millions."""
 MOST_OUTLINES = 20_000
 SAME_TO_DIGITS = 6
 INTO_WALLS_CELLS = 1.5
 """So far a closed border goes on where a wall ends it, so that no beam finds a slit."""
-
-Share = Annotated[float, Field(ge=0, le=1)]
-
-
-class _Record(BaseModel):
-    """The YAML file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    image: str = Field(min_length=1)
-    resolution: float = Field(gt=0, le=1)
-    origin: tuple[Metres, Metres, Annotated[float, Field(ge=-7, le=7)]]
-    negate: bool
-    occupied_thresh: Share
-    free_thresh: Share
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
-
-    @model_validator(mode="after")
-    def _leaves_no_cell_both(self) -> "_Record":
-        if self.free_thresh > self.occupied_thresh:
-            raise ValueError("free_thresh should not be above occupied_thresh")
-        return self
-
-
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """What the map says of its cells, and where they lie; what is neither is unknown."""
-
-    occupied: Cells
-    free: Cells
-    raster: Raster
 
 
 def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
@@ -83,7 +48,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
     Raises:
         WorldError: nothing can be made of it; one line that says why.
     """
-    grid = _grid(path, _read_record(path))
+    grid = read_map(path)
     lines = _outlines(path, grid)
     space = space_of(grid.free, grid.occupied, grid.raster.cell_m)
     kept = space.kept
@@ -92,6 +57,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
         grid = replace(grid, occupied=grid.occupied & ~marks)
         lines = outlines(grid.occupied)
     tell_of_pieces(marks, kept, grid.occupied, tell)
+    _tell_of_refused(space, tell)
     segments = _walls(path, grid, lines, tell)
     border = _border(path, grid, kept)
     world = World.model_validate(
@@ -106,87 +72,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
     return world.model_copy(update={"known": known})
 
 
-def _read_record(path: Path) -> _Record:
-    try:
-        if path.stat().st_size > MOST_YAML_BYTES:
-            raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
-        content = _parse(path.read_text())
-        if not isinstance(content, dict):
-            raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
-        return _Record.model_validate(content)
-    except (OSError, UnicodeDecodeError) as error:
-        raise WorldError(f"{path}: {error}") from error
-    except yaml.YAMLError as error:
-        raise WorldError(f"{path}: not YAML: {error}") from error
-    except ValidationError as error:
-        raise WorldError(f"{path}: {complaint(error)}") from error
-
-
-def _parse(text: str) -> Any:
-    """YAML; the parser answers a wrong number or tag with any of Python's own errors."""
-    try:
-        return yaml.safe_load(text)
-    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        raise yaml.YAMLError(str(error)) from error
-
-
-def _grid(path: Path, record: _Record) -> _Grid:
-    shade, is_opaque = _read_picture(path, path.parent / record.image)
-    percent = np.arange(256) if record.mode == "raw" else np.arange(256) / 255 * 100
-    if record.mode != "raw" and not record.negate:
-        percent = 100 - percent
-    known = percent <= 100
-    occupied = (known & (percent > 100 * record.occupied_thresh))[shade] & is_opaque
-    free = (known & (percent < 100 * record.free_thresh))[shade] & is_opaque
-    raster = Raster(record.resolution, record.origin)
-    return _cropped(_Grid(np.flipud(occupied), np.flipud(free), raster))
-
-
-def _cropped(grid: _Grid) -> _Grid:
-    """Without the unknown all around, but for as much of it as a drone may go out into."""
-    margin = 1 + math.ceil(OUTSIDE_M / grid.raster.cell_m)
-    known = grid.occupied | grid.free
-    spans = []
-    for axis in (1, 0):
-        at = np.flatnonzero(known.any(axis=axis))
-        spans.append((int(at[0]), int(at[-1]) + 1) if len(at) else (0, 1))
-    (south, north), (west, east) = spans
-    occupied, free = (
-        np.pad(cells[south:north, west:east], margin) for cells in (grid.occupied, grid.free)
-    )
-    return _Grid(occupied, free, replace(grid.raster, first=(west - margin, south - margin)))
-
-
-def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
-    """Shades from 0, black, to 255, and which cells are opaque; rows from the top."""
-    try:
-        with picture.open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(file, formats=("PPM", "PNG"))
-            if max(image.size) > MOST_CELLS_A_SIDE:
-                raise WorldError(
-                    f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
-                    f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
-                )
-            return _shades(image)
-    except WorldError:
-        raise
-    except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
-        raise WorldError(f"{path}: image = {picture.name}: {error}") from error
-
-
-def _shades(image: Image.Image) -> tuple[NDArray[np.uint8], Cells]:
-    if image.mode.startswith("I"):  # 16 bits
-        wide = np.asarray(image)
-        return (wide >> 8).astype(np.uint8), np.ones(wide.shape, dtype=bool)
-    if "transparency" in image.info or "A" in image.getbands():
-        shade, alpha = image.convert("LA").split()
-        return np.asarray(shade), np.asarray(alpha) == 255
-    shade = image.convert("L")
-    return np.asarray(shade), np.ones((image.height, image.width), dtype=bool)
-
-
-def _outlines(path: Path, grid: _Grid) -> list[Points]:
+def _outlines(path: Path, grid: Grid) -> list[Points]:
     """Of the occupied cells; a picture of noise is no building."""
     if not grid.occupied.any():
         raise WorldError(f"{path}: no cell is a wall; see negate, occupied_thresh and mode")
@@ -201,7 +87,7 @@ def _outlines(path: Path, grid: _Grid) -> list[Points]:
 
 
 def _walls(
-    path: Path, grid: _Grid, rough: list[Points], tell: Callable[[str], None]
+    path: Path, grid: Grid, rough: list[Points], tell: Callable[[str], None]
 ) -> list[Segment]:
     """The outlines in metres, straightened, each piece once."""
     segments, repeated = _pieces(grid, [straightened(line) for line in rough])
@@ -215,7 +101,7 @@ def _walls(
     return segments
 
 
-def _pieces(grid: _Grid, lines: list[Points]) -> tuple[list[Segment], int]:
+def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
     """The legs of polylines in metres, each once, and how many were repeated or tiny."""
     placed = [grid.raster.to_plan(line).round(SAME_TO_DIGITS) for line in lines]
     pieces = [leg for line in placed for leg in legs(line)]
@@ -224,7 +110,7 @@ def _pieces(grid: _Grid, lines: list[Points]) -> tuple[list[Segment], int]:
     return segments, len(pieces) - len(segments)
 
 
-def _border(path: Path, grid: _Grid, kept: Cells) -> tuple[Segment, ...]:
+def _border(path: Path, grid: Grid, kept: Cells) -> tuple[Segment, ...]:
     """Where this air goes on into what is not known.
 
     It reaches into the walls that it ends at: straightened outlines are up to a cell off.
@@ -237,7 +123,7 @@ def _border(path: Path, grid: _Grid, kept: Cells) -> tuple[Segment, ...]:
 
 
 def _starts(
-    path: Path, grid: _Grid, space: Space, segments: list[Segment], border: tuple[Segment, ...]
+    path: Path, grid: Grid, space: Space, segments: list[Segment], border: tuple[Segment, ...]
 ) -> list[dict[str, object]]:
     """In the regions where a drone may start, with nothing unknown around."""
     if not space.order:
@@ -258,7 +144,7 @@ def _starts(
     return free_starts(segments, str(path), is_in_a_room, rank, border)
 
 
-def _why(grid: _Grid, space: Space) -> str:
+def _why(grid: Grid, space: Space) -> str:
     if not grid.free.any():
         return "no cell is free; see negate, free_thresh and mode"
     if not space.fits_m2:
@@ -269,7 +155,21 @@ def _why(grid: _Grid, space: Space) -> str:
     )
 
 
-def _known(grid: _Grid, kept: Cells, start: Vector2, border: tuple[Segment, ...]) -> KnownArea:
+def _tell_of_refused(space: Space, tell: Callable[[str], None]) -> None:
+    """Where a drone fits and yet may not start."""
+    fits = f"of {space.fits_m2:.1f} m² where a drone fits"
+    if space.fan_m2 > 0:
+        tell(
+            f"no start on {space.fan_m2:.1f} m² {fits}: they look out on unknown cells, as a fan "
+            "seen through a doorway does"
+        )
+    if space.apart_m2 > 0:
+        tell(
+            f"no start on {space.apart_m2:.1f} m² {fits}: no way leads there from the largest room"
+        )
+
+
+def _known(grid: Grid, kept: Cells, start: Vector2, border: tuple[Segment, ...]) -> KnownArea:
     cell_m = grid.raster.cell_m
     at = grid.raster.to_cells(np.array([start]))[0]
     flown = reached(kept, at, cell_m) & grid.free

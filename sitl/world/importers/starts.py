@@ -58,6 +58,7 @@ def free_starts(
     rank_of = rank(places)
     order = np.lexsort((-np.minimum(roughly, MOST_CLEARANCE_M), rank_of))
     order = order[(rank_of[order] >= 0) & (roughly[order] >= LEAST_CLEARANCE_M)]
+    in_the_way = np.array([*segments, *closed], dtype=float)
     chosen: list[Vector2] = []
     for index in order:
         if len(chosen) == STARTS:
@@ -66,7 +67,7 @@ def free_starts(
         if (
             all(math.dist(place, other) >= APART_M for other in chosen)
             and is_free(place)
-            and _clearance(places[index], walls) >= LEAST_CLEARANCE_M
+            and _clearance(places[index], in_the_way) >= LEAST_CLEARANCE_M
             and _is_enclosed(places[index], walls)
         ):
             chosen.append(place)
