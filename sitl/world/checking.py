@@ -38,8 +38,8 @@ def warnings(world: World) -> list[str]:
     if known.reached_m2 < LEAST_REACHED * known.free_m2:
         found.append(
             f"only {known.reached_m2:.1f} of {known.free_m2:.1f} m² that are known to be free can "
-            "be reached; the rest lies behind openings narrower than a door, or in strips that "
-            "single beams went through"
+            "be reached from start 1; the rest lies behind openings narrower than a door, or in "
+            "strips that single beams went through"
         )
     return found
 
