@@ -61,9 +61,10 @@ def _runs(kind: NDArray[np.int8], step: int) -> NDArray[np.int64]:
     A run ends where its occupied side changes, so that at a corner where two cells touch
     diagonally four runs meet, as they should.
     """
-    side = np.diff(kind, axis=0, prepend=0, append=0)
+    # padded first: np.diff's own prepend would make 64-bit numbers of all cells
+    side = np.diff(np.pad(kind, ((1, 1), (0, 0))), axis=0)
     side[np.abs(side) != step] = 0
-    change = np.diff(side, axis=1, prepend=0, append=0)
+    change = np.diff(np.pad(side, ((0, 0), (1, 1))), axis=1)
     begins = (change != 0) & (np.pad(side, ((0, 0), (0, 1))) != 0)
     ends = (change != 0) & (np.pad(side, ((0, 0), (1, 0))) != 0)
     row, begin = np.nonzero(begins)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy import ndimage
 
 from sitl.world.importers import CEILING_M
-from sitl.world.importers.space import TOUCHING, near
+from sitl.world.importers.space import TOUCHING, near, of_each
 from sitl.world.known import Cells
 
 MARK_M = 3.0
@@ -28,14 +28,13 @@ def marks_outside(kept: Cells, occupied: Cells, cell_m: float) -> Cells:
         return np.zeros_like(occupied)
     piece, count = ndimage.label(occupied, TOUCHING)
     is_mark = np.ones(count + 1, dtype=bool)
-    is_mark[np.unique(piece[near(kept, BESIDE_CELLS)])] = False
-    is_mark[np.unique(piece[_wide(occupied, cell_m)])] = False
+    is_mark[piece[near(kept, BESIDE_CELLS) & occupied]] = False
+    is_mark[piece[_wide(occupied, cell_m)]] = False
     for number, (rows, columns) in enumerate(ndimage.find_objects(piece), start=1):
         most = max(rows.stop - rows.start, columns.stop - columns.start)
         is_mark[number] &= most * cell_m <= MARK_M
     is_mark[0] = False
-    marks: Cells = is_mark[piece]
-    return marks
+    return of_each(piece, is_mark)
 
 
 def _wide(occupied: Cells, cell_m: float) -> Cells:
@@ -49,9 +48,10 @@ def tell_of_pieces(marks: Cells, kept: Cells, occupied: Cells, tell: Callable[[s
     if left_out:
         tell(f"left out {left_out} marks in the unknown or outside: labels, or stray echoes")
     piece, count = ndimage.label(occupied, TOUCHING)
-    size = np.bincount(piece.reshape(-1), minlength=count + 1)
-    inside = np.unique(piece[near(kept, BESIDE_CELLS) & occupied])
-    specks = int(np.count_nonzero(size[inside] < SPECK_CELLS))
+    size = np.bincount(piece[occupied], minlength=count + 1)
+    is_inside = np.zeros(count + 1, dtype=bool)
+    is_inside[piece[near(kept, BESIDE_CELLS) & occupied]] = True
+    specks = int(np.count_nonzero(is_inside & (size < SPECK_CELLS)))
     if specks:
         tell(
             f"kept {specks} specks of fewer than {SPECK_CELLS} cells, legs of chairs or noise, "

@@ -6,8 +6,11 @@ there; the simulated building is closed along that border, but for gaps too narr
 
 import math
 from dataclasses import dataclass
+from itertools import product
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import ndimage
 
 from sitl.world.known import Cells, Numbers
@@ -32,8 +35,9 @@ LATTICE_M = 0.4
 MOST_LOOKED_FROM = 4000
 LEAST_SHARE = 0.5
 """Of the room in the largest region: a smaller one has no starts."""
-BAND_ROWS = 512
-"""Distances are worked out for so many rows at once: of all at once they would take gigabytes."""
+TILE = 256
+"""Distances are worked out for squares of so many cells a side: most squares of a large map hold
+cells of one kind only, and those of all cells at once would take gigabytes."""
 TOUCHING = np.ones((3, 3), dtype=bool)
 """Cells that touch at a corner belong together."""
 
@@ -58,19 +62,16 @@ class Space:
     @property
     def kept(self) -> Cells:
         """The air that hangs together with regions where a drone may start: all that it can see."""
-        patch, _ = ndimage.label(self.air)
-        holds = np.zeros(int(patch.max(initial=0)) + 1, dtype=bool)
-        holds[patch[np.isin(self.region, self.order)]] = True
-        holds[0] = False
-        kept: Cells = holds[patch]
-        return kept
+        patch, count = ndimage.label(self.air)
+        holds = np.zeros(count + 1, dtype=bool)
+        holds[patch[self.rank() >= 0]] = True
+        return of_each(patch, holds)
 
-    def rank(self) -> Numbers:
+    def rank(self) -> NDArray[np.int32]:
         """Of each cell the place of its region in the order, 0 first; -1 where nobody starts."""
-        of_region = np.full(int(self.region.max(initial=0)) + 1, -1)
+        of_region = np.full(int(self.region.max(initial=0)) + 1, -1, dtype=np.int32)
         of_region[self.order] = np.arange(len(self.order))
-        ranks: Numbers = of_region[self.region]
-        return ranks
+        return of_each(self.region, of_region)
 
 
 def space_of(free: Cells, occupied: Cells, cell_m: float) -> Space:
@@ -106,12 +107,24 @@ def near(cells: Cells, radius: float) -> Cells:
         return cells
     found = np.zeros_like(cells)
     margin = math.ceil(radius)
-    for first in range(0, len(cells), BAND_ROWS):
-        low = max(0, first - margin)
-        band = cells[low : first + BAND_ROWS + margin]
-        if band.any():
-            within = ndimage.distance_transform_edt(~band) <= radius
-            found[first : first + BAND_ROWS] = within[first - low : first - low + BAND_ROWS]
+    rows, columns = cells.shape
+    for top, left in product(range(0, rows, TILE), range(0, columns, TILE)):
+        low, west = max(0, top - margin), max(0, left - margin)
+        tile = cells[low : top + TILE + margin, west : left + TILE + margin]
+        here = found[top : top + TILE, left : left + TILE]
+        if tile.all():
+            here[:] = True
+        elif tile.any():
+            within = ndimage.distance_transform_edt(~tile) <= radius
+            here[:] = within[top - low :, left - west :][: len(here), : here.shape[1]]
+    return found
+
+
+def of_each(label: Numbers, table: NDArray[Any]) -> NDArray[Any]:
+    """What a table says of each cell's label; row by row, or the numbers would be copied whole."""
+    found = np.empty(label.shape, dtype=table.dtype)
+    for row, numbers in enumerate(label):
+        found[row] = table[numbers]
     return found
 
 
@@ -126,11 +139,11 @@ def _gaps(free: Cells, occupied: Cells, cell_m: float) -> Cells:
     """The unknown cells that are taken for air."""
     unknown = ~(free | occupied)
     wide = _opened(unknown, GAP_M / cell_m / 2)
-    patch, _ = ndimage.label(unknown)
-    leads_somewhere = np.zeros(int(patch.max(initial=0)) + 1, dtype=bool)
+    patch, count = ndimage.label(unknown)
+    leads_somewhere = np.zeros(count + 1, dtype=bool)
     leads_somewhere[patch[wide]] = True
     at_walls = near(occupied, AT_WALLS_M / cell_m)
-    gaps: Cells = unknown & ~wide & ~(at_walls & leads_somewhere[patch])
+    gaps: Cells = unknown & ~wide & ~(at_walls & of_each(patch, leads_somewhere))
     return gaps
 
 
