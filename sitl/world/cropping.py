@@ -1,5 +1,6 @@
 """A piece of a world that is too large to be flown in one go."""
 
+import math
 from dataclasses import replace
 
 from companion.frames import Vector2
@@ -41,7 +42,8 @@ def _known_within(known: KnownArea | None, low: Vector2, high: Vector2) -> Known
     if known is None:
         return None
     pieces = (_segment_within(segment, low, high) for segment in known.border)
-    return replace(known, border=tuple(piece for piece in pieces if piece))
+    border = tuple(piece for piece in pieces if piece)
+    return replace(known, border=border, border_m=sum(math.dist(*piece) for piece in border))
 
 
 def _is_in(start: Start, low: Vector2, high: Vector2) -> bool:

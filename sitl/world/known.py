@@ -56,6 +56,8 @@ class KnownArea:
     border: tuple[tuple[Vector2, Vector2], ...] = ()
     """Where what can be flown in would go on into the unknown, (north, east) in metres. The
     simulated world has a wall there, from floor to ceiling, that no score knows."""
+    border_m: float = 0.0
+    """Its length, without what of it is inside the walls that it ends at."""
     reached_m2: float = 0.0
     """Of what is known to be free, the part that can be reached from the first start."""
     unknown_share: float = 0.0
@@ -64,8 +66,3 @@ class KnownArea:
     @property
     def free_m2(self) -> float:
         return float(np.count_nonzero(self.free)) * self.raster.cell_m**2
-
-    @property
-    def border_m(self) -> float:
-        """Length of the border that was closed."""
-        return sum(math.dist(*piece) for piece in self.border)

@@ -115,7 +115,7 @@ def test_nobody_leaves_through_a_window_that_gave_no_returns(tmp_path: Path) -> 
     world, _ = loaded(tmp_path, window_room())
     assert range_m(world, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
     assert WorldModel(world).body_clearance_m((3.0, 5.9, -HEIGHT_M)) <= 0
-    assert border_m(world) == pytest.approx(2.5, abs=0.2)
+    assert border_m(world) == pytest.approx(2.5, abs=0.01)
 
 
 def test_a_closed_building_has_no_border_whatever_is_unknown_around_it(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
     tell_of_pieces(marks, kept, grid.occupied, tell)
     _tell_of_refused(space, tell)
     segments = _walls(path, grid, lines, tell)
-    border = _border(path, grid, kept)
+    border, border_m = _border(path, grid, kept)
     world = World.model_validate(
         {
             "name": path.stem,
@@ -68,7 +68,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
             "starts": _starts(path, grid, space, segments, border),
         }
     )
-    known = _known(grid, kept, world.starts[0].position, border)
+    known = replace(_known(grid, kept, world.starts[0].position), border=border, border_m=border_m)
     return world.model_copy(update={"known": known})
 
 
@@ -110,16 +110,17 @@ def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
     return segments, len(pieces) - len(segments)
 
 
-def _border(path: Path, grid: Grid, kept: Cells) -> tuple[Segment, ...]:
-    """Where this air goes on into what is not known.
+def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], float]:
+    """Where this air goes on into what is not known, and how long that is in metres.
 
     It reaches into the walls that it ends at: straightened outlines are up to a cell off.
     """
     lines = [straightened(line) for line in borders(kept, ~(kept | grid.occupied))]
+    seen, _ = _pieces(grid, lines)
     pieces, _ = _pieces(grid, [lengthened(line, INTO_WALLS_CELLS) for line in lines])
     if len(pieces) > MOST_WALLS:
         raise WorldError(f"{path}: {len(pieces)} pieces of border to unknown cells are too many")
-    return tuple(pieces)
+    return tuple(pieces), sum(math.dist(*piece) for piece in seen)
 
 
 def _starts(
@@ -169,7 +170,8 @@ def _tell_of_refused(space: Space, tell: Callable[[str], None]) -> None:
         )
 
 
-def _known(grid: Grid, kept: Cells, start: Vector2, border: tuple[Segment, ...]) -> KnownArea:
+def _known(grid: Grid, kept: Cells, start: Vector2) -> KnownArea:
+    """What the map knows, and what of it can be reached from a start."""
     cell_m = grid.raster.cell_m
     at = grid.raster.to_cells(np.array([start]))[0]
     flown = reached(kept, at, cell_m) & grid.free
@@ -179,7 +181,6 @@ def _known(grid: Grid, kept: Cells, start: Vector2, border: tuple[Segment, ...])
         grid.raster,
         grid.free,
         grid.occupied,
-        border,
         reached_m2=float(np.count_nonzero(flown)) * cell_m**2,
         unknown_share=unknown / max(1, all_cells),
     )
