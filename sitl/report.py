@@ -18,7 +18,7 @@ from companion.pdps.standoff import standoff_m
 from sitl.record import AIRBORNE_M, TruthRecord
 from sitl.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
 from sitl.simulation import Setup
-from sitl.world.format import World
+from sitl.world.format import Segment, World
 from sitl.world.model import BODY_RADIUS_M
 from sitl.world.plan import seeable_points, wall_surfaces
 
@@ -64,7 +64,8 @@ def make_report(
         "completed": outcome.completed and truth.collisions == 0,
         "ending": outcome.ending,
     }
-    report |= asdict(score_map(plan, surfaces, seeable, truth.take_off))
+    closed = setup.world.closed_border
+    report |= asdict(score_map(plan, surfaces, seeable, truth.take_off, closed))
     report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))
     report |= {
         "collisions": truth.collisions,
@@ -87,10 +88,15 @@ def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
         if -down > AIRBORNE_M:
             places[round(-down, 1)].append((north, east))
     clear_m = (
-        clear_in_the_open_m(wall_surfaces(world, height_m), np.array(at), BODY_RADIUS_M)
+        clear_in_the_open_m(_standing(world, height_m), np.array(at), BODY_RADIUS_M)
         for height_m, at in places.items()
     )
     return min(clear_m, default=math.inf)
+
+
+def _standing(world: World, height_m: float) -> list[Segment]:
+    """What can be bumped into: also the walls where the unknown begins."""
+    return [*wall_surfaces(world, height_m), *world.closed_border]
 
 
 def _rounded(value: object) -> float | int | bool | str | None:

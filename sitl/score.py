@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from companion.messages import FloorPlan, Pose
 from sitl.truth import TrueState
 from sitl.world.format import Segment
+from sitl.world.nearest import NearestWall
 from sitl.world.plan import samples
 
 Points = NDArray[np.float64]
@@ -51,6 +52,10 @@ class MapScore:
     about 1 if the map knows how exact it is. False walls do not count."""
 
 
+NOTHING_MAPPED = MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
+"""The score of a map without a wall that counts."""
+
+
 @dataclass(frozen=True, slots=True)
 class TrajectoryScore:
     """Absolute trajectory error, RMSE in cm: rigidly aligned, as ATE is defined, and as it is."""
@@ -60,30 +65,67 @@ class TrajectoryScore:
 
 
 def score_map(
-    plan: FloorPlan, surfaces: Sequence[Segment], seeable: Points, take_off: TrueState
+    plan: FloorPlan,
+    surfaces: Sequence[Segment],
+    seeable: Points,
+    take_off: TrueState,
+    closed: Sequence[Segment] = (),
 ) -> MapScore:
     """Compare the mapped walls with the true ones (world frame, north and east).
 
     `seeable` are samples (n, 2) of those surfaces that could be seen; coverage is taken of them.
+    `closed` are walls that the simulator made up where the unknown begins: a mapped wall there is
+    neither right nor wrong.
     """
-    true_walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    truth = _Truth(surfaces, closed)
     mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
-    if not len(mapped):
-        return MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
-    error_m, _ = _nearest(mapped, true_walls)
-    aligned = align(mapped, true_walls)
-    aligned_error_m, _ = _nearest(aligned, true_walls)
-    to_mapped_m = _distance_to_points(seeable, aligned)
+    error_m = _those_that_count(truth.errors_m(mapped))
+    if not len(error_m):
+        return NOTHING_MAPPED
+    aligned = align(mapped, truth.standing)
+    aligned_error_m = _those_that_count(truth.errors_m(aligned))
+    if not len(aligned_error_m):
+        return NOTHING_MAPPED
+    covered = _distance_to_points(seeable, aligned) <= COVERED_WITHIN_M
     return MapScore(
         wall_error_cm=100 * float(error_m.mean()),
         wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),
         wall_error_aligned_cm=100 * float(aligned_error_m.mean()),
         wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
-        coverage=float((to_mapped_m <= COVERED_WITHIN_M).mean()),
+        coverage=float(covered.mean()) if len(covered) else 0.0,
         false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
         wall_sigma_cm=100 * _mean_sigma_m(plan),
-        wall_error_sigmas=_error_in_sigmas(plan, true_walls, take_off),
+        wall_error_sigmas=_error_in_sigmas(plan, truth, take_off),
     )
+
+
+class _Truth:
+    """The true walls, and those that stand in the simulated world where the unknown begins."""
+
+    def __init__(self, surfaces: Sequence[Segment], closed: Sequence[Segment]) -> None:
+        self._walls = _nearest_of(surfaces)
+        self._closed = _nearest_of(closed) if closed else None
+        self.standing = _nearest_of([*surfaces, *closed]) if closed else self._walls
+        """All that a beam could meet: the map is aligned to it."""
+
+    def errors_m(self, points: Points) -> Points:
+        """Distance of each point (n, 2) to the true walls; NaN where it does not count.
+
+        That is what is mapped where the border was closed: nearer to it than to a true wall.
+        """
+        error_m, _ = self._walls.query(points)
+        if self._closed is None:
+            return error_m
+        closed_m, _ = self._closed.query(points)
+        return np.where((closed_m <= FALSE_BEYOND_M) & (closed_m < error_m), math.nan, error_m)
+
+
+def _those_that_count(errors_m: Points) -> Points:
+    return errors_m[~np.isnan(errors_m)]
+
+
+def _nearest_of(segments: Sequence[Segment]) -> NearestWall:
+    return NearestWall(np.array(segments, dtype=float).reshape(-1, 2, 2))
 
 
 def _mean_sigma_m(plan: FloorPlan) -> float:
@@ -91,9 +133,9 @@ def _mean_sigma_m(plan: FloorPlan) -> float:
     return float(np.average([wall.sigma_m for wall in plan.walls], weights=lengths_m))
 
 
-def _error_in_sigmas(plan: FloorPlan, true_walls: Points, take_off: TrueState) -> float:
+def _error_in_sigmas(plan: FloorPlan, truth: _Truth, take_off: TrueState) -> float:
     middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
-    error_m, _ = _nearest(_to_world(middles, take_off), true_walls)
+    error_m = truth.errors_m(_to_world(middles, take_off))
     sigma_m = np.array([wall.sigma_m for wall in plan.walls])
     counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
     return (
@@ -131,13 +173,15 @@ def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: f
     Of the places (n, 2) that it comes to; infinite if all are in one, or nothing stands there.
     """
     walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    if not len(walls) or not len(places):
+        return math.inf
     least_m = math.inf
-    for place in places if len(walls) else ():
+    for place in places[NearestWall(walls).query(places)[0].argsort()]:
         foot = _feet(place[None], walls)[0] - place
         away_m = np.hypot(*foot.T)
         nearest = int(away_m.argmin())
         if away_m[nearest] - radius_m >= least_m:
-            continue
+            break
         towards = foot / np.maximum(away_m, 1e-9)[:, None]
         other_side = foot[towards @ towards[nearest] < EITHER_SIDE_COS]
         across_m = np.hypot(*(other_side - foot[nearest]).T)
@@ -152,10 +196,10 @@ def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: floa
     return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
 
 
-def align(points: Points, walls: Points) -> Points:
-    """Move points (n, 2) rigidly onto wall segments (m, 2, 2): iterated closest points."""
+def align(points: Points, walls: NearestWall) -> Points:
+    """Move points (n, 2) rigidly onto walls: iterated closest points."""
     for _ in range(ALIGNMENT_STEPS):
-        distance_m, nearest = _nearest(points, walls)
+        distance_m, nearest = walls.query(points)
         pull = distance_m < ALIGNMENT_REACH_M
         if pull.sum() < 3:
             return points
@@ -181,15 +225,6 @@ def _to_world(points: Points, take_off: TrueState) -> Points:
     rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
     moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
     return moved
-
-
-def _nearest(points: Points, walls: Points) -> tuple[Points, Points]:
-    """Distance (n,) and closest point (n, 2) on any of the segments (m, 2, 2)."""
-    foot = _feet(points, walls)
-    distance = np.linalg.norm(points[:, None] - foot, axis=2)
-    best = distance.argmin(axis=1)
-    rows = np.arange(len(points))
-    return distance[rows, best], foot[rows, best]
 
 
 def _feet(points: Points, walls: Points) -> Points:

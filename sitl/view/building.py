@@ -13,6 +13,9 @@ from sitl.truth import TrueState
 from sitl.world.format import Segment, World
 
 WALL_COLOUR = (108, 117, 125)
+BORDER_COLOUR = (200, 85, 61)
+BORDER_OPACITY = 0.3
+"""A wall where the unknown begins is none that anybody has seen."""
 BOX_COLOUR = (176, 164, 148)
 PATH_COLOUR = (231, 111, 81)
 DRONE_COLOUR = (61, 64, 91)
@@ -27,6 +30,7 @@ class TrueSide:
         self._name = name
         self._frame = scene.add_frame(name, show_axes=False)
         self._walls = Upright(scene, f"{name}/walls")
+        self._border = Upright(scene, f"{name}/border", opacity=BORDER_OPACITY)
         self._boxes = Upright(scene, f"{name}/boxes")
         self._mesh: MeshHandle | None = None
         self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
@@ -46,6 +50,8 @@ class TrueSide:
             WALL_COLOUR,
             overlap_m=LEAST_THICKNESS_M,
         )
+        top_m = min(world.height_m, SHOWN_HEIGHT_M)
+        self._border.show(world.closed_border, 0.0, top_m, LEAST_THICKNESS_M, BORDER_COLOUR)
         boxes = [box for box in world.boxes if box.bottom_m < SHOWN_HEIGHT_M]
         self._boxes.show(
             [_middle_line(box.corner, box.size) for box in boxes],

@@ -44,9 +44,10 @@ class LiveScore:
         surfaces = wall_surfaces(self._world, self._height_m)
         north, east, _ = self._take_off.position_ned_m
         seeable = seeable_points(self._world, self._height_m, (north, east))
+        closed = self._world.closed_border
         while (walls := self._next()) is not None:
             began_s = time.monotonic()
-            score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off)
+            score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off, closed)
             if not self._is_over:
                 self._tell(score)
             self._rest(max(LEAST_REST_S, REST_SHARE * (time.monotonic() - began_s)))

@@ -7,14 +7,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from sitl.world.checking import extent, facts, warnings
 from sitl.world.drawing import draw_plan
-from sitl.world.format import World, WorldError
 from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.mesh import visible_mesh
-from sitl.world.model import WorldModel
 
-LEAST_START_CLEARANCE_M = 0.6
-START_HEIGHT_M = 1.2
 WORLD_HELP = "A built-in world, random_SEED, or a world file."
 
 commands = typer.Typer(no_args_is_help=True, help="The worlds to fly in.")
@@ -26,7 +23,7 @@ def list_worlds() -> None:
     table = Table("world", "extent", "ceiling", "starts", "triangles")
     for name in world_names():
         world = load_world(name)
-        north_m, east_m = _extent(world)
+        north_m, east_m = extent(world)
         table.add_row(
             name,
             f"{north_m:g} × {east_m:g} m",
@@ -54,22 +51,15 @@ def show(
 def check(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
 ) -> None:
-    """Load a world, tell what had to be mended, and see that every start is free."""
+    """Load a world, tell what had to be mended, what is known of it, and where drones may start."""
     loaded = load_world(world, typer.echo)
-    model = WorldModel(loaded)
-    for start in loaded.starts:
-        clearance_m = model.clearance_m((*start.position, -START_HEIGHT_M))
-        if clearance_m < LEAST_START_CLEARANCE_M:
-            raise WorldError(
-                f"{world}: start {start.name!r} has {clearance_m:.2f} m around it; "
-                f"{LEAST_START_CLEARANCE_M} m are needed, move it"
-            )
+    for fact in facts(loaded):
+        typer.echo(fact)
+    beware = warnings(loaded)
+    for warning in beware:
+        typer.echo(f"warning: {warning}")
     parts = f"{len(loaded.panels)} walls, {len(loaded.boxes)} boxes"
     if loaded.mesh is not None:
         parts = f"{len(loaded.mesh.faces)} triangles"
-    typer.echo(f"{loaded.name}: {parts}, {len(loaded.starts)} starts, good")
-
-
-def _extent(world: World) -> tuple[float, float]:
-    (south, west), (north, east) = world.bounds
-    return north - south, east - west
+    verdict = "see the warnings" if beware else "good"
+    typer.echo(f"{loaded.name}: {parts}, {len(loaded.starts)} starts, {verdict}")

@@ -1,7 +1,11 @@
 """A piece of a world that is too large to be flown in one go."""
 
+import math
+from dataclasses import replace
+
 from companion.frames import Vector2
 from sitl.world.format import LEAST_LENGTH_M, Box, Panel, Segment, Start, Walls, World, WorldError
+from sitl.world.known import KnownArea
 
 LEAST_TO_BORDER_M = 0.6
 """Starts nearer to the border are left out."""
@@ -29,7 +33,17 @@ def cropped(world: World, side_m: float, start: int) -> World:
         walls=(border, *_walls_within(world.panels, low, high)),
         boxes=tuple(box for whole in world.boxes if (box := _box_within(whole, low, high))),
         starts=(centre, *(s for s in world.starts if s is not centre and _is_in(s, low, high))),
+        known=_known_within(world.known, low, high),
     )
+
+
+def _known_within(known: KnownArea | None, low: Vector2, high: Vector2) -> KnownArea | None:
+    """What was closed ends at the square's border; what is known stays as it is."""
+    if known is None:
+        return None
+    pieces = (_segment_within(segment, low, high) for segment in known.border)
+    border = tuple(piece for piece in pieces if piece)
+    return replace(known, border=border, border_m=sum(math.dist(*piece) for piece in border))
 
 
 def _is_in(start: Start, low: Vector2, high: Vector2) -> bool:

@@ -31,6 +31,7 @@ from pydantic import BaseModel, ConfigDict, Field, InstanceOf, ValidationError, 
 
 from companion.frames import Vector2
 from sitl.errors import SitlError, complaint
+from sitl.world.known import KnownArea
 from sitl.world.triangles import Mesh
 
 LEAST_LENGTH_M = 0.01
@@ -202,6 +203,8 @@ class World(_Part):
     starts: tuple[Start, ...] = Field(min_length=1)
     mesh: InstanceOf[Mesh] | None = Field(None, repr=False)
     """Whatever else stands there, from an importer; not part of the text format."""
+    known: InstanceOf[KnownArea] | None = Field(None, repr=False)
+    """How far an importer's map goes; None if it is known everywhere what stands there."""
 
     @property
     def panels(self) -> list[Panel]:
@@ -209,8 +212,13 @@ class World(_Part):
         return [panel for walls in self.walls for panel in walls.panels(self.height_m)]
 
     @property
+    def closed_border(self) -> tuple[Segment, ...]:
+        """Walls that nobody has seen: there the simulated world ends, and so does the score."""
+        return () if self.known is None else self.known.border
+
+    @property
     def bounds(self) -> tuple[Vector2, Vector2]:
-        """Least and greatest north and east of all that stands here."""
+        """Least and greatest north and east of all that is known to stand here."""
         points = [point for panel in self.panels for point in (panel.start, panel.end)]
         points += [point for box in self.boxes for segment in box.segments for point in segment]
         if self.mesh is not None:

@@ -30,8 +30,8 @@ def visible_mesh(world: World) -> Mesh:
 
 
 def _built(world: World) -> Mesh:
-    """Walls, boxes and ceiling."""
-    quads = []
+    """Walls, boxes and ceiling, and walls where the unknown begins."""
+    quads = [_upright(*segment, 0.0, world.height_m) for segment in world.closed_border]
     for panel in world.panels:
         sides = panel.outline
         quads += [_upright(start, end, panel.bottom_m, panel.top_m) for start, end in sides]
@@ -63,7 +63,8 @@ def _level(corners: list[Vector2], height_m: float) -> tuple[Vector3, Vector3, V
 
 
 def _bounds(world: World) -> list[Vector2]:
-    (south, west), (north, east) = world.bounds
+    corners = [*world.bounds, *(point for segment in world.closed_border for point in segment)]
+    (south, west), (north, east) = np.min(corners, axis=0), np.max(corners, axis=0)
     south, west = south - MARGIN_M, west - MARGIN_M
     north, east = north + MARGIN_M, east + MARGIN_M
     return [(south, west), (north, west), (north, east), (south, east)]

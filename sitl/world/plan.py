@@ -2,7 +2,6 @@
 
 import math
 from collections import deque
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +12,8 @@ from sitl.world.format import Segment, World
 from sitl.world.model import WorldModel
 
 Points = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+Which = NDArray[np.bool_]
 
 SAMPLE_M = 0.05
 CELL_M = 0.15
@@ -25,6 +26,12 @@ SEEN_FROM_M = 1.5
 """A wall counts as one that could be seen if the drone can hover this near, facing it."""
 CLEAR_OF_SAMPLE_M = 0.03
 MOST_VIEWPOINTS = 60
+VIEWPOINTS_AT_ONCE = slice(4), slice(4, 16), slice(16, MOST_VIEWPOINTS)
+"""Nearest first: most points are seen from one of them, and the others need not be tried."""
+BLOCK_M = 0.5
+"""Side of the squares whose samples are looked at together."""
+MOST_PAIRS = 100_000
+"""Of a line of sight and a wall, at once; some ten MB."""
 
 
 def wall_surfaces(world: World, height_m: float) -> list[Segment]:
@@ -43,27 +50,29 @@ def wall_surfaces(world: World, height_m: float) -> list[Segment]:
 
 def samples(segments: list[Segment]) -> Points:
     """Points every 5 cm along the segments, (n, 2)."""
-    pieces = []
-    for start, end in segments:
-        count = max(1, round(math.dist(start, end) / SAMPLE_M))
-        share = ((np.arange(count) + 0.5) / count)[:, None]
-        pieces.append((1 - share) * np.array(start) + share * np.array(end))
-    return np.concatenate(pieces) if pieces else np.empty((0, 2))
+    return spread(np.array(segments, dtype=float).reshape(-1, 2, 2))[0]
+
+
+def spread(segments: Points) -> tuple[Points, Numbers]:
+    """Points (n, 2) every 5 cm along segments (m, 2, 2), and the number of each point's segment."""
+    length_m = [math.dist(start, end) for start, end in segments.tolist()]
+    count = np.maximum(1, np.round(np.array(length_m) / SAMPLE_M)).astype(np.int64)
+    segment = np.repeat(np.arange(len(segments)), count)
+    first = np.repeat(count.cumsum() - count, count)
+    share = ((np.arange(len(segment)) - first + 0.5) / count[segment])[:, None]
+    return (1 - share) * segments[segment, 0] + share * segments[segment, 1], segment
 
 
 def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
     """Samples of the surfaces that a drone which starts there could fly up to and see."""
     surfaces = wall_surfaces(world, height_m)
-    reached = _reachable(world, height_m, start)
-    walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    reached = cKDTree(_reachable(world, height_m, start))
+    walls = np.array([*surfaces, *world.closed_border], dtype=float).reshape(-1, 2, 2)
     points = samples(surfaces)
-    tree = cKDTree(reached)
-    low, high = walls.min(axis=1), walls.max(axis=1)
-    seen = []
-    for point in points:
-        is_near = ((low <= point + SEEN_FROM_M) & (high >= point - SEEN_FROM_M)).all(axis=1)
-        seen.append(_is_seen(point, reached[_near(tree, point)], walls[is_near]))
-    visible: Points = points[np.array(seen, dtype=bool)]
+    seen = np.zeros(len(points), dtype=bool)
+    for block in _blocks(points):
+        seen[block] = _are_seen(points[block], reached, walls)
+    visible: Points = points[seen]
     return visible
 
 
@@ -96,33 +105,59 @@ def _bounds_with(world: World, start: Vector2) -> tuple[Vector2, Vector2]:
     )
 
 
-def _near(tree: cKDTree, point: Points) -> NDArray[np.int64]:
-    """The nearest reachable places, few enough to look from each."""
-    distance, index = tree.query(point, k=MOST_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
-    found: NDArray[np.int64] = index[np.isfinite(distance)]
-    return found
+def _blocks(points: Points) -> list[Numbers]:
+    """Numbers of the points, those of one square together: the same few walls are near them."""
+    square = np.floor(points / BLOCK_M).astype(np.int64)
+    _, block = np.unique(square, axis=0, return_inverse=True)
+    order = np.argsort(block.reshape(-1), kind="stable")
+    return np.split(order, np.bincount(block.reshape(-1)).cumsum()[:-1])
 
 
-def _is_seen(point: Points, eyes: Points, walls: Points) -> bool:
-    """From one of these places there is a clear line to the point."""
-    if not len(eyes):
-        return False
-    ray = point - eyes
+def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
+    """From one of the nearest reachable places there is a clear line to each of the points."""
+    walls = walls[_are_near(walls, points.min(axis=0), points.max(axis=0))]
+    near = _are_near(walls, points[:, None], points[:, None])
+    distance, place = tree.query(points, k=MOST_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
+    seen = np.zeros(len(points), dtype=bool)
+    for few in VIEWPOINTS_AT_ONCE:
+        point, eye = np.nonzero(np.isfinite(distance[:, few]) & ~seen[:, None])
+        eyes = tree.data[place[:, few][point, eye]]
+        for rows in _parts(len(eyes), len(walls)):
+            clear = _has_sight(points[point[rows]], eyes[rows], walls, near[point[rows]])
+            seen[point[rows][clear]] = True
+    return seen
+
+
+def _are_near(walls: Points, low: Points, high: Points) -> Which:
+    """Which of the walls (m, 2, 2) come within sight of what lies between two corners."""
+    reach = (walls.min(axis=1) <= high + SEEN_FROM_M) & (walls.max(axis=1) >= low - SEEN_FROM_M)
+    near: Which = reach.all(axis=-1)
+    return near
+
+
+def _parts(lines: int, walls: int) -> list[slice]:
+    """As many lines of sight at once as memory is fine with."""
+    step = max(1, MOST_PAIRS // max(1, walls))
+    return [slice(first, first + step) for first in range(0, lines, step)]
+
+
+def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Which:
+    """Whether none of the walls that are near (n, m) cuts the line from each eye to its point."""
+    ray = points - eyes
     distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), CLEAR_OF_SAMPLE_M)
-    ends = point - CLEAR_OF_SAMPLE_M * ray / distance
-    return bool((~_crosses(eyes, ends, walls)).any())
-
-
-def _crosses(starts: Points, ends: Points, walls: Points) -> Any:
-    """For each line of sight whether any wall cuts it; booleans (n,)."""
-    a, b = starts[:, None], ends[:, None]
-    c, d = walls[None, :, 0], walls[None, :, 1]
-    cuts = (_side(a, b, c) * _side(a, b, d) <= 0) & (_side(c, d, a) * _side(c, d, b) <= 0)
-    return cuts.any(axis=1)
+    ends = points - CLEAR_OF_SAMPLE_M * ray / distance
+    c, d = walls[:, 0], walls[:, 1]
+    on_both_sides = _side(eyes[:, None], ends[:, None], c) * _side(eyes[:, None], ends[:, None], d)
+    line, wall = np.nonzero(near & (on_both_sides <= 0))
+    a, b, c, d = eyes[line], ends[line], c[wall], d[wall]
+    sight: Which = np.ones(len(points), dtype=bool)
+    sight[line[_side(c, d, a) * _side(c, d, b) <= 0]] = False
+    return sight
 
 
 def _side(a: Points, b: Points, p: Points) -> Points:
     """On which side of the line from a to b the point p is."""
-    along, to = b - a, p - a
-    side: Points = along[..., 0] * to[..., 1] - along[..., 1] * to[..., 0]
+    along_north, along_east = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
+    to_north, to_east = p[..., 0] - a[..., 0], p[..., 1] - a[..., 1]
+    side: Points = along_north * to_east - along_east * to_north
     return side

@@ -26,9 +26,21 @@ def roughness(occupied: Cells) -> int:
 
 def outlines(occupied: Cells) -> list[Points]:
     """Polylines between occupied cells and others, as stepped as they are."""
-    level = _runs(occupied)
-    upright = _runs(occupied.T)[..., ::-1]
-    return join(np.concatenate([level, upright]).astype(float), SAME_WITHIN_CELLS)
+    return _joined(occupied.astype(np.int8), 1)
+
+
+def borders(inside: Cells, beyond: Cells) -> list[Points]:
+    """Polylines where cells of one kind meet cells of another; what is neither ends them."""
+    return _joined(inside.astype(np.int8) - beyond.astype(np.int8), 2)
+
+
+def lengthened(line: Points, by_cells: float) -> Points:
+    """A polyline with ends, at both of them; a loop as it is."""
+    if is_loop(line):
+        return line
+    out = np.stack([line[0] - line[1], line[-1] - line[-2]])
+    out *= by_cells / np.linalg.norm(out, axis=1, keepdims=True)
+    return np.concatenate([line[:1] + out[0], line[1:-1], line[-1:] + out[1]])
 
 
 def straightened(outline: Points) -> Points:
@@ -36,14 +48,23 @@ def straightened(outline: Points) -> Points:
     return simplify(_without_jogs(outline), TOLERANCE_CELLS)
 
 
-def _runs(occupied: Cells) -> NDArray[np.int64]:
+def _joined(kind: NDArray[np.int8], step: int) -> list[Points]:
+    """Polylines along which the kind of the cells changes by this much, up or down."""
+    level = _runs(kind, step)
+    upright = _runs(kind.T, step)[..., ::-1]
+    return join(np.concatenate([level, upright]).astype(float), SAME_WITHIN_CELLS)
+
+
+def _runs(kind: NDArray[np.int8], step: int) -> NDArray[np.int64]:
     """The edges along the rows, joined to straight runs: (n, 2, 2).
 
     A run ends where its occupied side changes, so that at a corner where two cells touch
     diagonally four runs meet, as they should.
     """
-    side = np.diff(occupied.astype(np.int8), axis=0, prepend=0, append=0)
-    change = np.diff(side, axis=1, prepend=0, append=0)
+    # padded first: np.diff's own prepend would make 64-bit numbers of all cells
+    side = np.diff(np.pad(kind, ((1, 1), (0, 0))), axis=0)
+    side[np.abs(side) != step] = 0
+    change = np.diff(np.pad(side, ((0, 0), (1, 1))), axis=1)
     begins = (change != 0) & (np.pad(side, ((0, 0), (0, 1))) != 0)
     ends = (change != 0) & (np.pad(side, ((0, 0), (1, 0))) != 0)
     row, begin = np.nonzero(begins)

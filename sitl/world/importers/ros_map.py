@@ -3,84 +3,43 @@
 Dark cells are walls, light ones free, those between unknown. As in ROS, x is east and y north, and
 `origin` is x, y and yaw of the picture's lower left corner. Maps have no heights, so walls go to a
 ceiling at 2.6 m. A cell that is partly transparent is unknown, in every mode.
+
+    files ─► cells ─► space: air, rooms ─┬─► starts
+                └───► walls, without marks └─► border to the unknown, closed
 """
 
 import math
-import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
-from PIL import Image
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.frames import Vector2
-from sitl.errors import complaint
-from sitl.world.format import LEAST_LENGTH_M, Metres, Segment, World, WorldError
+from sitl.world.format import LEAST_LENGTH_M, Segment, World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
-from sitl.world.importers.contours import Cells, outlines, roughness, straightened
-from sitl.world.importers.starts import free_starts
-from sitl.world.polylines import Points, legs
+from sitl.world.importers.contours import (
+    borders,
+    lengthened,
+    outlines,
+    roughness,
+    straightened,
+)
+from sitl.world.importers.map_files import Grid, read_map
+from sitl.world.importers.pieces import marks_outside, tell_of_pieces
+from sitl.world.importers.space import Space, enclosed, near, reached, space_of
+from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
+from sitl.world.known import Cells, KnownArea, Points
+from sitl.world.plan import NARROWEST_DOOR_M
+from sitl.world.polylines import legs
 
-MOST_YAML_BYTES = 65_536
-MOST_CELLS_A_SIDE = 8000
 MOST_EDGES = 400_000
 """Of cells, along walls; a building has some ten thousand, noise has millions."""
 MOST_OUTLINES = 20_000
 SAME_TO_DIGITS = 6
-
-Share = Annotated[float, Field(ge=0, le=1)]
-
-
-class _Record(BaseModel):
-    """The YAML file."""
-
-    model_config = ConfigDict(frozen=True, extra="forbid")
-
-    image: str = Field(min_length=1)
-    resolution: float = Field(gt=0, le=1)
-    origin: tuple[Metres, Metres, Annotated[float, Field(ge=-7, le=7)]]
-    negate: bool
-    occupied_thresh: Share
-    free_thresh: Share
-    mode: Literal["trinary", "scale", "raw"] = "trinary"
-
-    @model_validator(mode="after")
-    def _leaves_no_cell_both(self) -> "_Record":
-        if self.free_thresh > self.occupied_thresh:
-            raise ValueError("free_thresh should not be above occupied_thresh")
-        return self
-
-
-@dataclass(frozen=True, slots=True)
-class _Grid:
-    """Cells by row, northwards, and column, eastwards, and where they lie."""
-
-    occupied: Cells
-    free: Cells
-    record: _Record
-
-    def to_plan(self, corners: Points) -> Points:
-        """(column, row) of cells' corners to (north, east) in metres."""
-        x_m, y_m, yaw_rad = self.record.origin
-        right, up = self.record.resolution * corners.T
-        east = x_m + math.cos(yaw_rad) * right - math.sin(yaw_rad) * up
-        north = y_m + math.sin(yaw_rad) * right + math.cos(yaw_rad) * up
-        return np.column_stack([north, east])
-
-    def is_free(self, place: Vector2) -> bool:
-        """The cell at a place (north, east) is known to be free."""
-        x_m, y_m, yaw_rad = self.record.origin
-        north, east = place[0] - y_m, place[1] - x_m
-        right = math.cos(yaw_rad) * east + math.sin(yaw_rad) * north
-        up = math.cos(yaw_rad) * north - math.sin(yaw_rad) * east
-        row, column = (math.floor(along / self.record.resolution) for along in (up, right))
-        rows, columns = self.free.shape
-        return 0 <= row < rows and 0 <= column < columns and bool(self.free[row, column])
+INTO_WALLS_CELLS = 1.5
+"""So far a closed border goes on where a wall ends it, so that no beam finds a slit."""
 
 
 def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
@@ -89,85 +48,32 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
     Raises:
         WorldError: nothing can be made of it; one line that says why.
     """
-    record = _read_record(path)
-    grid = _grid(path, record)
-    segments = _walls(path, grid, tell)
-    return World.model_validate(
+    grid = read_map(path)
+    lines = _outlines(path, grid)
+    space = space_of(grid.free, grid.occupied, grid.raster.cell_m)
+    kept = space.kept
+    marks = marks_outside(kept, grid.occupied, grid.raster.cell_m)
+    if marks.any():
+        grid = replace(grid, occupied=grid.occupied & ~marks)
+        lines = outlines(grid.occupied)
+    tell_of_pieces(marks, kept, grid.occupied, tell)
+    _tell_of_refused(space, tell)
+    segments = _walls(path, grid, lines, tell)
+    border, border_m = _border(path, grid, kept)
+    world = World.model_validate(
         {
             "name": path.stem,
             "height_m": CEILING_M,
             "walls": [{"points": segment} for segment in segments],
-            "starts": free_starts(segments, str(path), grid.is_free),
+            "starts": _starts(path, grid, space, segments, border),
         }
     )
+    known = replace(_known(grid, kept, world.starts[0].position), border=border, border_m=border_m)
+    return world.model_copy(update={"known": known})
 
 
-def _read_record(path: Path) -> _Record:
-    try:
-        if path.stat().st_size > MOST_YAML_BYTES:
-            raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
-        content = _parse(path.read_text())
-        if not isinstance(content, dict):
-            raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
-        return _Record.model_validate(content)
-    except (OSError, UnicodeDecodeError) as error:
-        raise WorldError(f"{path}: {error}") from error
-    except yaml.YAMLError as error:
-        raise WorldError(f"{path}: not YAML: {error}") from error
-    except ValidationError as error:
-        raise WorldError(f"{path}: {complaint(error)}") from error
-
-
-def _parse(text: str) -> Any:
-    """YAML; the parser answers a wrong number or tag with any of Python's own errors."""
-    try:
-        return yaml.safe_load(text)
-    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
-        raise yaml.YAMLError(str(error)) from error
-
-
-def _grid(path: Path, record: _Record) -> _Grid:
-    shade, is_opaque = _read_picture(path, path.parent / record.image)
-    percent = np.arange(256) if record.mode == "raw" else np.arange(256) / 255 * 100
-    if record.mode != "raw" and not record.negate:
-        percent = 100 - percent
-    known = percent <= 100
-    occupied = (known & (percent > 100 * record.occupied_thresh))[shade] & is_opaque
-    free = (known & (percent < 100 * record.free_thresh))[shade] & is_opaque
-    return _Grid(np.flipud(occupied), np.flipud(free), record)
-
-
-def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
-    """Shades from 0, black, to 255, and which cells are opaque; rows from the top."""
-    try:
-        with picture.open("rb") as file, warnings.catch_warnings():
-            warnings.simplefilter("error", Image.DecompressionBombWarning)
-            image = Image.open(file, formats=("PPM", "PNG"))
-            if max(image.size) > MOST_CELLS_A_SIDE:
-                raise WorldError(
-                    f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
-                    f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
-                )
-            return _shades(image)
-    except WorldError:
-        raise
-    except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
-        raise WorldError(f"{path}: image = {picture.name}: {error}") from error
-
-
-def _shades(image: Image.Image) -> tuple[NDArray[np.uint8], Cells]:
-    if image.mode.startswith("I"):  # 16 bits
-        wide = np.asarray(image)
-        return (wide >> 8).astype(np.uint8), np.ones(wide.shape, dtype=bool)
-    if "transparency" in image.info or "A" in image.getbands():
-        shade, alpha = image.convert("LA").split()
-        return np.asarray(shade), np.asarray(alpha) == 255
-    shade = image.convert("L")
-    return np.asarray(shade), np.ones((image.height, image.width), dtype=bool)
-
-
-def _walls(path: Path, grid: _Grid, tell: Callable[[str], None]) -> list[Segment]:
-    """The outlines of the occupied cells in metres, each piece once."""
+def _outlines(path: Path, grid: Grid) -> list[Points]:
+    """Of the occupied cells; a picture of noise is no building."""
     if not grid.occupied.any():
         raise WorldError(f"{path}: no cell is a wall; see negate, occupied_thresh and mode")
     is_noise = roughness(grid.occupied) > MOST_EDGES
@@ -177,15 +83,104 @@ def _walls(path: Path, grid: _Grid, tell: Callable[[str], None]) -> list[Segment
             f"{path}: more than {MOST_OUTLINES} separate walls, or {MOST_EDGES} edges of cells; "
             "take out single cells, or see occupied_thresh"
         )
-    lines = [grid.to_plan(straightened(line)).round(SAME_TO_DIGITS) for line in rough]
-    pieces = [leg for line in lines for leg in legs(line)]
-    long = [piece for piece in pieces if math.dist(*piece) > LEAST_LENGTH_M]
-    segments = list({frozenset(piece): piece for piece in long}.values())
-    if len(segments) < len(pieces):
-        tell(f"left out {len(pieces) - len(segments)} of {len(pieces)} walls: repeated or tiny")
+    return rough
+
+
+def _walls(
+    path: Path, grid: Grid, rough: list[Points], tell: Callable[[str], None]
+) -> list[Segment]:
+    """The outlines in metres, straightened, each piece once."""
+    segments, repeated = _pieces(grid, [straightened(line) for line in rough])
+    if repeated:
+        tell(f"left out {repeated} of {repeated + len(segments)} walls: repeated or tiny")
     farthest_m = max((abs(x) for piece in segments for point in piece for x in point), default=0)
     if farthest_m > FARTHEST_M:
         raise WorldError(f"{path}: reaches {farthest_m:.0f} m; {FARTHEST_M:g} m at most")
     if not 0 < len(segments) <= MOST_WALLS:
         raise WorldError(f"{path}: {len(segments)} walls; there must be 1 to {MOST_WALLS}")
     return segments
+
+
+def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
+    """The legs of polylines in metres, each once, and how many were repeated or tiny."""
+    placed = [grid.raster.to_plan(line).round(SAME_TO_DIGITS) for line in lines]
+    pieces = [leg for line in placed for leg in legs(line)]
+    long = [piece for piece in pieces if math.dist(*piece) > LEAST_LENGTH_M]
+    segments = list({frozenset(piece): piece for piece in long}.values())
+    return segments, len(pieces) - len(segments)
+
+
+def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], float]:
+    """Where this air goes on into what is not known, and how long that is in metres.
+
+    It reaches into the walls that it ends at: straightened outlines are up to a cell off.
+    """
+    lines = [straightened(line) for line in borders(kept, ~(kept | grid.occupied))]
+    seen, _ = _pieces(grid, lines)
+    pieces, _ = _pieces(grid, [lengthened(line, INTO_WALLS_CELLS) for line in lines])
+    if len(pieces) > MOST_WALLS:
+        raise WorldError(f"{path}: {len(pieces)} pieces of border to unknown cells are too many")
+    return tuple(pieces), sum(math.dist(*piece) for piece in seen)
+
+
+def _starts(
+    path: Path, grid: Grid, space: Space, segments: list[Segment], border: tuple[Segment, ...]
+) -> list[dict[str, object]]:
+    """In the regions where a drone may start, with nothing unknown around."""
+    if not space.order:
+        raise WorldError(f"{path}: no enclosed place is known to be free: {_why(grid, space)}")
+    rank_of = space.rank()
+    rank_of[near(~grid.free, LEAST_CLEARANCE_M / grid.raster.cell_m - 0.5)] = -1
+
+    def rank(places: Points) -> NDArray[np.int64]:
+        row, column = grid.raster.to_cells(places).T
+        rows, columns = rank_of.shape
+        inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+        return np.where(inside, rank_of[np.where(inside, row, 0), np.where(inside, column, 0)], -1)
+
+    def is_in_a_room(place: Vector2) -> bool:
+        cell = grid.raster.to_cells(np.array([place]))
+        return bool(enclosed(cell, space.air, grid.occupied)[0])
+
+    return free_starts(segments, str(path), is_in_a_room, rank, border)
+
+
+def _why(grid: Grid, space: Space) -> str:
+    if not grid.free.any():
+        return "no cell is free; see negate, free_thresh and mode"
+    if not space.fits_m2:
+        return f"nowhere are free cells as wide as a door, {NARROWEST_DOOR_M} m"
+    return (
+        f"all {space.fits_m2:.1f} m² where a drone fits look out on unknown cells, as a fan seen "
+        "through a doorway does; map more of the building"
+    )
+
+
+def _tell_of_refused(space: Space, tell: Callable[[str], None]) -> None:
+    """Where a drone fits and yet may not start."""
+    fits = f"of {space.fits_m2:.1f} m² where a drone fits"
+    if space.fan_m2 > 0:
+        tell(
+            f"no start on {space.fan_m2:.1f} m² {fits}: they look out on unknown cells, as a fan "
+            "seen through a doorway does"
+        )
+    if space.apart_m2 > 0:
+        tell(
+            f"no start on {space.apart_m2:.1f} m² {fits}: no way leads there from the largest room"
+        )
+
+
+def _known(grid: Grid, kept: Cells, start: Vector2) -> KnownArea:
+    """What the map knows, and what of it can be reached from a start."""
+    cell_m = grid.raster.cell_m
+    at = grid.raster.to_cells(np.array([start]))[0]
+    flown = reached(kept, at, cell_m) & grid.free
+    as_air = reached(~grid.occupied, at, cell_m)
+    unknown, all_cells = (int(np.count_nonzero(x)) for x in (as_air & ~grid.free, as_air))
+    return KnownArea(
+        grid.raster,
+        grid.free,
+        grid.occupied,
+        reached_m2=float(np.count_nonzero(flown)) * cell_m**2,
+        unknown_share=unknown / max(1, all_cells),
+    )

@@ -1,7 +1,7 @@
 """Where a drone may start in a plan that does not say."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,29 +29,45 @@ def anywhere(place: Vector2) -> bool:
     return True
 
 
+def all_alike(places: Points) -> NDArray[np.int64]:
+    """For plans whose areas are not told apart."""
+    return np.zeros(len(places), dtype=np.int64)
+
+
 def free_starts(
-    segments: list[Segment], source: str, is_free: Callable[[Vector2], bool] = anywhere
+    segments: list[Segment],
+    source: str,
+    is_free: Callable[[Vector2], bool] = anywhere,
+    rank: Callable[[Points], NDArray[np.int64]] = all_alike,
+    closed: Sequence[Segment] = (),
 ) -> list[dict[str, object]]:
     """Up to three enclosed places with room around them, apart from each other, best first.
 
-    `is_free` may refuse a place for what the plan's walls do not show.
+    `is_free` may refuse a place for what the plan's walls do not show. `rank` (n,) of places
+    (n, 2) says which areas come first, whatever room there is; a place of rank -1 is refused.
+    `closed` is where nobody can go, though no wall is there.
 
     Raises:
         WorldError: there is none.
     """
     walls = np.array(segments, dtype=float)
     places = _grid(walls)
-    roughly, _ = cKDTree(samples(segments)).query(places, distance_upper_bound=MOST_CLEARANCE_M)
-    order = np.argsort(-np.minimum(roughly, MOST_CLEARANCE_M), kind="stable")
+    roughly, _ = cKDTree(samples([*segments, *closed])).query(
+        places, distance_upper_bound=MOST_CLEARANCE_M
+    )
+    rank_of = rank(places)
+    order = np.lexsort((-np.minimum(roughly, MOST_CLEARANCE_M), rank_of))
+    order = order[(rank_of[order] >= 0) & (roughly[order] >= LEAST_CLEARANCE_M)]
+    in_the_way = np.array([*segments, *closed], dtype=float)
     chosen: list[Vector2] = []
     for index in order:
-        if roughly[index] < LEAST_CLEARANCE_M or len(chosen) == STARTS:
+        if len(chosen) == STARTS:
             break
         place = float(places[index, 0]), float(places[index, 1])
         if (
             all(math.dist(place, other) >= APART_M for other in chosen)
             and is_free(place)
-            and _clearance(places[index], walls) >= LEAST_CLEARANCE_M
+            and _clearance(places[index], in_the_way) >= LEAST_CLEARANCE_M
             and _is_enclosed(places[index], walls)
         ):
             chosen.append(place)

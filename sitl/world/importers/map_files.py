@@ -1,0 +1,141 @@
+"""The files of a ROS map, a YAML file and a picture, as cells."""
+
+import math
+import warnings
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from sitl.errors import complaint
+from sitl.world.format import Metres, WorldError
+from sitl.world.known import Cells, Raster
+from sitl.world.plan import OUTSIDE_M
+
+MOST_YAML_BYTES = 65_536
+MOST_CELLS_A_SIDE = 8000
+
+Share = Annotated[float, Field(ge=0, le=1)]
+
+
+class _Record(BaseModel):
+    """The YAML file."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid")
+
+    image: str = Field(min_length=1)
+    resolution: float = Field(gt=0, le=1)
+    origin: tuple[Metres, Metres, Annotated[float, Field(ge=-7, le=7)]]
+    negate: bool
+    occupied_thresh: Share
+    free_thresh: Share
+    mode: Literal["trinary", "scale", "raw"] = "trinary"
+
+    @model_validator(mode="after")
+    def _leaves_no_cell_both(self) -> "_Record":
+        if self.free_thresh > self.occupied_thresh:
+            raise ValueError("free_thresh should not be above occupied_thresh")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Grid:
+    """What the map says of its cells, and where they lie; what is neither is unknown."""
+
+    occupied: Cells
+    free: Cells
+    raster: Raster
+
+
+def read_map(path: Path) -> Grid:
+    """The cells that a map's files tell of.
+
+    Raises:
+        WorldError: they cannot be used; one line that says why.
+    """
+    return _grid(path, _read_record(path))
+
+
+def _read_record(path: Path) -> _Record:
+    try:
+        if path.stat().st_size > MOST_YAML_BYTES:
+            raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
+        content = _parse(path.read_text())
+        if not isinstance(content, dict):
+            raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
+        return _Record.model_validate(content)
+    except (OSError, UnicodeDecodeError) as error:
+        raise WorldError(f"{path}: {error}") from error
+    except yaml.YAMLError as error:
+        raise WorldError(f"{path}: not YAML: {error}") from error
+    except ValidationError as error:
+        raise WorldError(f"{path}: {complaint(error)}") from error
+
+
+def _parse(text: str) -> Any:
+    """YAML; the parser answers a wrong number or tag with any of Python's own errors."""
+    try:
+        return yaml.safe_load(text)
+    except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
+        raise yaml.YAMLError(str(error)) from error
+
+
+def _grid(path: Path, record: _Record) -> Grid:
+    shade, is_opaque = _read_picture(path, path.parent / record.image)
+    percent = np.arange(256) if record.mode == "raw" else np.arange(256) / 255 * 100
+    if record.mode != "raw" and not record.negate:
+        percent = 100 - percent
+    known = percent <= 100
+    occupied = (known & (percent > 100 * record.occupied_thresh))[shade] & is_opaque
+    free = (known & (percent < 100 * record.free_thresh))[shade] & is_opaque
+    raster = Raster(record.resolution, record.origin)
+    return _cropped(Grid(np.flipud(occupied), np.flipud(free), raster))
+
+
+def _cropped(grid: Grid) -> Grid:
+    """Without the unknown all around, but for as much of it as a drone may go out into."""
+    margin = 1 + math.ceil(OUTSIDE_M / grid.raster.cell_m)
+    known = grid.occupied | grid.free
+    spans = []
+    for axis in (1, 0):
+        at = np.flatnonzero(known.any(axis=axis))
+        spans.append((int(at[0]), int(at[-1]) + 1) if len(at) else (0, 1))
+    (south, north), (west, east) = spans
+    occupied, free = (
+        np.pad(cells[south:north, west:east], margin) for cells in (grid.occupied, grid.free)
+    )
+    return Grid(occupied, free, replace(grid.raster, first=(west - margin, south - margin)))
+
+
+def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
+    """Shades from 0, black, to 255, and which cells are opaque; rows from the top."""
+    try:
+        with picture.open("rb") as file, warnings.catch_warnings():
+            warnings.simplefilter("error", Image.DecompressionBombWarning)
+            image = Image.open(file, formats=("PPM", "PNG"))
+            if max(image.size) > MOST_CELLS_A_SIDE:
+                raise WorldError(
+                    f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
+                    f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
+                )
+            return _shades(image)
+    except WorldError:
+        raise
+    except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
+        raise WorldError(f"{path}: image = {picture.name}: {error}") from error
+
+
+def _shades(image: Image.Image) -> tuple[NDArray[np.uint8], Cells]:
+    if image.mode.startswith("I"):  # 16 bits
+        wide = np.asarray(image)
+        return (wide >> 8).astype(np.uint8), np.ones(wide.shape, dtype=bool)
+    if "transparency" in image.info or "A" in image.getbands():
+        shade, alpha = image.convert("LA").split()
+        return np.asarray(shade), np.asarray(alpha) == 255
+    shade = image.convert("L")
+    return np.asarray(shade), np.ones((image.height, image.width), dtype=bool)

@@ -1,0 +1,60 @@
+"""The nearest of thousands of walls, for thousands of points, without a table of all pairs."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from sitl.world.plan import spread
+
+Points = NDArray[np.float64]
+Numbers = NDArray[np.int64]
+
+ROUNDING_M = 1e-9
+SAMPLES_AT_FIRST = 8
+"""Of walls, looked at for all points at once; few points have more within reach."""
+
+
+class NearestWall:
+    """Answers to the bit what the least of all distances would be.
+
+    A sample of the nearest wall is at most half a spacing farther from a point than that wall, so
+    that all walls with a sample within the nearest sample's distance and half a spacing are tried.
+    """
+
+    def __init__(self, walls: Points) -> None:
+        self._start, self._along = walls[:, 0], walls[:, 1] - walls[:, 0]
+        self._length2 = np.maximum((self._along**2).sum(axis=1), 1e-12)
+        points, self._wall_of = spread(walls)
+        self._tree = cKDTree(points)
+        count = np.bincount(self._wall_of, minlength=len(walls))
+        spacing_m = np.linalg.norm(self._along, axis=1) / count
+        self._reach_m = float(spacing_m.max()) / 2 + ROUNDING_M
+
+    def query(self, points: Points) -> tuple[Points, Points]:
+        """Distance (n,) and closest point (n, 2) on any wall, of points (n, 2)."""
+        if not len(points):
+            return np.empty(0), np.empty((0, 2))
+        distance_m, sample = self._tree.query(points, k=SAMPLES_AT_FIRST)
+        reach_m = distance_m[:, 0] + self._reach_m
+        row, column = np.nonzero(distance_m <= reach_m[:, None])
+        pairs = [np.column_stack([row, self._wall_of[sample[row, column]]])]
+        for crowded in np.flatnonzero(distance_m[:, -1] <= reach_m).tolist():
+            wall = self._wall_of[self._tree.query_ball_point(points[crowded], reach_m[crowded])]
+            pairs.append(np.column_stack([np.full(len(wall), crowded), wall]))
+        return self._best(points, np.concatenate(pairs))
+
+    def _best(self, points: Points, pairs: Numbers) -> tuple[Points, Points]:
+        """Of each point's walls (k, 2) of numbers; the first wall, where two are as near."""
+        row, wall = pairs.T
+        foot = self._feet(points[row], wall)
+        distance = np.linalg.norm(points[row] - foot, axis=1)
+        order = np.lexsort((wall, distance, row))
+        first = order[np.unique(row[order], return_index=True)[1]]
+        return distance[first], foot[first]
+
+    def _feet(self, points: Points, wall: Numbers) -> Points:
+        """The closest points (n, 2), each on its own wall."""
+        start, along = self._start[wall], self._along[wall]
+        share = ((points - start) * along).sum(axis=1) / self._length2[wall]
+        feet: Points = start + np.clip(share, 0, 1)[:, None] * along
+        return feet

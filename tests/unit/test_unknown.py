@@ -1,0 +1,403 @@
+"""Worlds from maps that do not know everything: what is unknown is neither air nor wall."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+from typer.testing import CliRunner
+
+from companion.messages import FloorPlan, WallSegment
+from sitl.score import MapScore, score_map
+from sitl.truth import TrueState
+from sitl.world.cli import commands
+from sitl.world.cropping import cropped
+from sitl.world.format import Segment, World, WorldError
+from sitl.world.loading import load_world
+from sitl.world.model import WorldModel
+from sitl.world.plan import seeable_points, wall_surfaces
+
+CELL_M = 0.05
+FREE, UNKNOWN, WALL = 254, 205, 0
+HEIGHT_M = 1.2
+FAR_M = 60.0
+Shades = NDArray[np.uint8]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """One for all examples of hypothesis; each overwrites the files of the last."""
+    return tmp_path_factory.mktemp("unknown")
+
+
+def cells(length_m: float) -> int:
+    return round(length_m / CELL_M)
+
+
+def nothing(north_m: float, east_m: float) -> Shades:
+    """A map that knows nothing, its rows northwards."""
+    return np.full((cells(north_m), cells(east_m)), UNKNOWN, dtype=np.uint8)
+
+
+def fill(  # noqa: PLR0917 - four sides, as on a drawing
+    shades: Shades, south_m: float, west_m: float, north_m: float, east_m: float, shade: int
+) -> None:
+    shades[cells(south_m) : cells(north_m), cells(west_m) : cells(east_m)] = shade
+
+
+def room(shades: Shades, south_m: float, west_m: float, north_m: float, east_m: float) -> None:
+    """Free within these sides, with walls of 10 cm around."""
+    fill(shades, south_m - 0.1, west_m - 0.1, north_m + 0.1, east_m + 0.1, WALL)
+    fill(shades, south_m, west_m, north_m, east_m, FREE)
+
+
+def write(folder: Path, shades: Shades, yaw_rad: float = 0.0) -> str:
+    Image.fromarray(np.flipud(shades)).save(folder / "house.pgm")
+    record = {
+        "image": "house.pgm",
+        "resolution": CELL_M,
+        "origin": [0.0, 0.0, yaw_rad],
+        "negate": 0,
+        "occupied_thresh": 0.65,
+        "free_thresh": 0.196,
+    }
+    path = folder / "house.yaml"
+    path.write_text(yaml.safe_dump(record))
+    return str(path)
+
+
+def loaded(folder: Path, shades: Shades) -> tuple[World, list[str]]:
+    """The world, and what the importer has told."""
+    told: list[str] = []
+    return load_world(write(folder, shades), told.append), told
+
+
+def range_m(world: World, place: tuple[float, float], bearing_deg: float) -> float | None:
+    bearing_rad = math.radians(bearing_deg)
+    ray = math.cos(bearing_rad), math.sin(bearing_rad), 0.0
+    return WorldModel(world).range_m((*place, -HEIGHT_M), ray, FAR_M)
+
+
+def border_m(world: World) -> float:
+    assert world.known is not None
+    return world.known.border_m
+
+
+def window_room() -> Shades:
+    """5 × 5 m; of the wall in the east, 2.5 m gave no returns."""
+    shades = nothing(8, 8)
+    room(shades, 1, 1, 6, 6)
+    fill(shades, 2, 6, 4.5, 6.1, UNKNOWN)
+    return shades
+
+
+def fan_room() -> Shades:
+    """9 × 2.6 m, and what was seen of a corridor through its doorway in the east, 1 m wide."""
+    shades = nothing(12, 12)
+    room(shades, 1, 1, 10, 3.6)
+    fill(shades, 5, 3.6, 6, 3.7, FREE)
+    for column in range(cells(3.7), cells(7.6)):
+        half_m = 0.5 + 0.8 * (column * CELL_M - 3.7)
+        fill(shades, 5.5 - half_m, column * CELL_M, 5.5 + half_m, (column + 1) * CELL_M, FREE)
+    fill(shades, 1.9, 7.6, 9.1, 7.7, WALL)
+    return shades
+
+
+# The border to the unknown
+
+
+def test_nobody_leaves_through_a_window_that_gave_no_returns(tmp_path: Path) -> None:
+    world, _ = loaded(tmp_path, window_room())
+    assert range_m(world, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
+    assert WorldModel(world).body_clearance_m((3.0, 5.9, -HEIGHT_M)) <= 0
+    assert border_m(world) == pytest.approx(2.5, abs=0.01)
+
+
+def test_a_closed_building_has_no_border_whatever_is_unknown_around_it(tmp_path: Path) -> None:
+    shades = nothing(8, 8)
+    room(shades, 1, 1, 6, 6)
+    world, told = loaded(tmp_path, shades)
+    assert world.closed_border == ()
+    assert told == []
+    assert world.known is not None
+    assert world.known.unknown_share == 0
+    assert world.known.free_m2 == pytest.approx(25)
+    assert world.known.reached_m2 == pytest.approx(25, abs=0.5)
+
+
+def test_the_edge_of_the_picture_is_a_border_too(tmp_path: Path) -> None:
+    shades = nothing(8, 8)
+    room(shades, 1, 1, 6, 6)
+    world, _ = loaded(tmp_path, shades[:, : cells(5)])
+    assert range_m(world, (3.0, 3.0), 90) == pytest.approx(2.0, abs=CELL_M)
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    st.floats(0, math.tau),
+    st.lists(st.tuples(st.floats(0, 1), st.floats(0.05, 0.6)), min_size=1, max_size=5),
+    st.integers(0, 2**32 - 1),
+)
+def test_no_beam_finds_a_way_out(
+    folder: Path, angle_rad: float, openings: list[tuple[float, float]], seed: int
+) -> None:
+    """A square room, turned, with pieces of its walls missing, and some cells never seen."""
+    north, east = (np.indices((cells(9), cells(9))) + 0.5) * CELL_M - 4.5
+    along = math.cos(angle_rad) * north + math.sin(angle_rad) * east
+    across = math.cos(angle_rad) * east - math.sin(angle_rad) * north
+    away = np.maximum(abs(along), abs(across))
+    around = np.arctan2(across, along) / math.tau + 0.5
+    shades = np.where(away < 2.5, FREE, np.where(away < 2.6, WALL, UNKNOWN)).astype(np.uint8)
+    for at, width in openings:
+        shades[(away >= 2.5) & (abs(around - at) < width / 8)] = UNKNOWN
+    unseen = np.random.default_rng(seed).random(shades.shape) < 0.01
+    shades[unseen & (away > 1) & (away < 2.5)] = UNKNOWN
+    try:
+        world, _ = loaded(folder, shades)
+    except WorldError:  # too much is missing: no enclosed place
+        return
+    model = WorldModel(world)
+    place = world.starts[0].position
+    for bearing_rad in np.arange(90) * math.tau / 90:
+        ray = math.cos(bearing_rad), math.sin(bearing_rad)
+        reach_m = model.range_m((*place, -HEIGHT_M), (*ray, 0.0), FAR_M)
+        assert reach_m is not None
+        end = np.add(place, np.multiply(reach_m, ray)) - 4.5
+        assert np.hypot(*end) < 2.6 * math.sqrt(2) + 2 * CELL_M
+
+
+@pytest.mark.parametrize("yaw_rad", [0.7, -2.0])
+def test_the_border_turns_with_the_map(tmp_path: Path, yaw_rad: float) -> None:
+    plain = load_world(write(tmp_path, window_room()))
+    turned = load_world(write(tmp_path, window_room(), yaw_rad))
+    assert border_m(turned) == pytest.approx(border_m(plain), abs=1e-4)
+    north, east = 3.0, 3.0
+    place = (
+        math.cos(yaw_rad) * north + math.sin(yaw_rad) * east,
+        math.cos(yaw_rad) * east - math.sin(yaw_rad) * north,
+    )
+    expected = range_m(plain, (north, east), 90)
+    assert range_m(turned, place, 90 - math.degrees(yaw_rad)) == pytest.approx(expected)
+
+
+def test_gaps_between_beams_are_no_walls_but_a_patch_that_nobody_saw_is(tmp_path: Path) -> None:
+    shades = nothing(9, 9)
+    room(shades, 1, 1, 8, 8)
+    for east_m in np.arange(1.5, 7.5, 0.5):
+        fill(shades, 6.0, east_m, 6.2, east_m + 0.05, UNKNOWN)
+    gaps, _ = loaded(tmp_path, shades)
+    assert gaps.closed_border == ()
+    assert range_m(gaps, (3.0, 3.03), 0) == pytest.approx(5.0)
+    fill(shades, 5.0, 4.0, 5.5, 4.5, UNKNOWN)
+    patch, _ = loaded(tmp_path, shades)
+    assert 1.5 < border_m(patch) <= 2.0  # its corners are as narrow as gaps
+    assert range_m(patch, (3.0, 4.25), 0) == pytest.approx(2.0, abs=CELL_M)
+    for start in gaps.starts:
+        away_m = math.hypot(max(6.0 - start.position[0], start.position[0] - 6.2, 0.0))
+        assert away_m > 0.5
+
+
+def test_the_border_runs_across_strips_that_only_single_beams_went_through(
+    tmp_path: Path,
+) -> None:
+    shades = nothing(8, 14)
+    room(shades, 1, 1, 6, 6)
+    fill(shades, 2, 6, 4.5, 6.1, UNKNOWN)
+    for north_m in (2.5, 3.0, 3.5, 4.0):
+        fill(shades, north_m, 6, north_m + 0.2, 12, FREE)
+    world, _ = loaded(tmp_path, shades)
+    assert range_m(world, (3.1, 3.0), 90) == pytest.approx(3.0, abs=0.3)
+    assert border_m(world) < 5
+
+
+def test_a_piece_of_the_world_keeps_its_border(tmp_path: Path) -> None:
+    world, _ = loaded(tmp_path, window_room())
+    piece = cropped(world, 7.0, 0)
+    assert range_m(piece, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
+    small = cropped(world, 4.0, 0)
+    assert small.closed_border == ()
+
+
+# Starts
+
+
+def test_starts_are_in_the_room_and_not_in_the_fan_seen_through_its_door(tmp_path: Path) -> None:
+    world, told = loaded(tmp_path, fan_room())
+    assert all(1 < start.position[1] < 3.6 for start in world.starts)
+    assert any("fan" in line and line.startswith("no start on") for line in told)
+
+
+def test_the_largest_room_comes_first_and_a_small_one_has_no_starts(tmp_path: Path) -> None:
+    shades = nothing(8, 14)
+    room(shades, 1, 1, 3.4, 3.4)
+    room(shades, 1, 4, 7, 12)
+    world, told = loaded(tmp_path, shades)
+    assert all(start.position[1] > 4 for start in world.starts)
+    assert any("no way leads there" in line for line in told)
+
+
+def test_a_map_of_nothing_but_fans_is_refused_with_the_reason(tmp_path: Path) -> None:
+    shades = nothing(10, 10)
+    fill(shades, 2, 2, 8, 8, FREE)
+    fill(shades, 2, 8, 8, 8.1, WALL)
+    with pytest.raises(WorldError, match="look out on unknown cells") as refused:
+        loaded(tmp_path, shades)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_map_without_room_for_a_drone_is_refused_with_the_reason(tmp_path: Path) -> None:
+    shades = nothing(4, 8)
+    room(shades, 1, 1, 1.7, 6)
+    with pytest.raises(WorldError, match="as wide as a door"):
+        loaded(tmp_path, shades)
+    fill(shades, 1, 1, 1.7, 6, UNKNOWN)
+    with pytest.raises(WorldError, match="no cell is free"):
+        loaded(tmp_path, shades)
+
+
+# The score
+
+
+def scored(world: World, walls: list[Segment]) -> MapScore:
+    start = world.starts[0].position
+    take_off = TrueState(0.0, (*start, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+
+    def local(point: tuple[float, float]) -> tuple[float, float]:
+        return point[0] - start[0], point[1] - start[1]
+
+    plan = FloorPlan(tuple(WallSegment(local(a), local(b), 0.01, 10) for a, b in walls))
+    seeable = seeable_points(world, HEIGHT_M, start)
+    surfaces = wall_surfaces(world, HEIGHT_M)
+    return score_map(plan, surfaces, seeable, take_off, world.closed_border)
+
+
+def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Path) -> None:
+    world, _ = loaded(tmp_path, window_room())
+    seen: list[Segment] = [
+        ((2.0, 6.0), (1.0, 6.0)),
+        ((1.0, 6.0), (1.0, 1.0)),
+        ((1.0, 1.0), (6.0, 1.0)),
+        ((6.0, 1.0), (6.0, 6.0)),
+        ((6.0, 6.0), (4.5, 6.0)),
+    ]
+    window: Segment = ((2.0, 6.0), (4.5, 6.0))
+    for walls in (seen, [*seen, window]):
+        score = scored(world, walls)
+        assert score.coverage == pytest.approx(1.0, abs=0.01)
+        assert score.false_walls == 0
+        assert score.wall_error_cm == pytest.approx(0, abs=0.1)
+    invented = scored(world, [*seen, window, ((3.0, 2.0), (3.0, 4.0))])
+    assert invented.false_walls == pytest.approx(2 / (17.5 + 2), abs=0.01)
+    assert scored(world, [window]).coverage < 0.03
+
+
+def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None:
+    """A wall was seen through the window, but only as echoes: what lies between is unknown."""
+    shades = window_room()
+    fill(shades, 2, 7, 4.5, 7.1, WALL)
+    world, _ = loaded(tmp_path, shades)
+    points = seeable_points(world, HEIGHT_M, world.starts[0].position)
+    assert points[:, 1].max() < 6.2
+
+
+# Specks and labels
+
+
+def test_labels_in_the_unknown_and_on_white_paper_are_left_out_and_told(tmp_path: Path) -> None:
+    for paper in (UNKNOWN, FREE):
+        shades = np.full((cells(10), cells(10)), paper, dtype=np.uint8)
+        room(shades, 1, 1, 6, 6)
+        for east_m in (2.0, 2.6, 3.2):  # letters above the building
+            fill(shades, 8.0, east_m, 8.6, east_m + 0.1, WALL)
+            fill(shades, 8.0, east_m, 8.1, east_m + 0.4, WALL)
+        world, told = loaded(tmp_path, shades)
+        assert world.bounds[1][0] == pytest.approx(6.1)
+        assert any("left out 3 marks" in line for line in told)
+
+
+def test_the_walls_of_another_house_are_no_label(tmp_path: Path) -> None:
+    shades = nothing(8, 20)
+    room(shades, 1, 1, 6, 6)
+    room(shades, 1, 10, 6, 13)
+    world, _ = loaded(tmp_path, shades)
+    assert world.bounds[1][1] == pytest.approx(13.1)
+
+
+def test_legs_of_chairs_stay_as_pillars_and_are_told(tmp_path: Path) -> None:
+    shades = nothing(8, 8)
+    room(shades, 1, 1, 7, 7)
+    for north_m, east_m in ((3.0, 3.0), (3.0, 3.4), (3.4, 3.0), (3.4, 3.4)):
+        fill(shades, north_m, east_m, north_m + 0.05, east_m + 0.05, WALL)
+    world, told = loaded(tmp_path, shades)
+    assert any("kept 4 specks" in line and "ceiling at 2.6 m" in line for line in told)
+    assert WorldModel(world).clearance_m((3.02, 2.5, -2.4)) == pytest.approx(0.2, abs=0.06)
+    assert range_m(world, (3.02, 2.0), 90) == pytest.approx(1.0, abs=CELL_M)
+
+
+# What the commands say
+
+
+def says(path: str, command: str = "check", *more: str) -> str:
+    result = CliRunner().invoke(commands, [command, path, *more])
+    if result.exception is not None:
+        raise result.exception
+    assert result.exit_code == 0
+    return result.output
+
+
+def test_check_tells_size_and_what_is_known(tmp_path: Path) -> None:
+    shades = nothing(8, 9)
+    room(shades, 1, 1, 6, 7)
+    output = says(write(tmp_path, shades))
+    assert "house: 5.2 × 6.2 m, 2.6 m high" in output
+    assert "no heights" in output
+    assert "known to be free: 30.0 m²" in output
+    assert "unknown: 0%" in output
+    assert "start 1: " in output
+    assert output.rstrip().endswith("starts, good")
+    assert "warning" not in output
+
+
+def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: Path) -> None:
+    output = says(write(tmp_path, fan_room()))
+    assert "border to the unknown closed: " in output
+    assert "warning: " in output
+    assert "of what could be reached is unknown" in output
+    assert output.rstrip().endswith("see the warnings")
+
+
+def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path: Path) -> None:
+    shades = nothing(8, 14)
+    room(shades, 1, 1, 6, 5)
+    room(shades, 1, 5.1, 6, 9)
+    room(shades, 1, 9.1, 6, 13)
+    output = says(write(tmp_path, shades))
+    assert "warning: only 19.8 of 59.0 m² that are known to be free can be reached" in output
+
+
+def test_check_of_a_world_without_a_map_tells_of_no_unknown() -> None:
+    output = says("room_100")
+    assert "room_100: 10 × 10 m, 2.6 m high" in output
+    assert "unknown" not in output
+    assert "good" in output
+
+
+def shaded(path: Path) -> int:
+    """Pixels of a picture in the colour of the unknown."""
+    pixels = np.asarray(Image.open(path).convert("RGB"))
+    return int(np.count_nonzero((pixels == (0xD9, 0xD5, 0xCB)).all(axis=2)))
+
+
+def test_show_shades_what_is_unknown(tmp_path: Path) -> None:
+    picture = tmp_path / "plan.png"
+    says("room_100", "show", "--out", str(picture))
+    assert shaded(picture) == 0
+    says(write(tmp_path, window_room()), "show", "--out", str(picture))
+    assert shaded(picture) > 10_000
+    says(write(tmp_path, window_room(), 0.5), "show", "--out", str(picture))
+    assert shaded(picture) > 10_000
