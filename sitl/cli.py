@@ -8,8 +8,10 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from companion import terminal
 from companion.config import mission_settings
 from companion.errors import CompanionError
+from companion.extras import needs_extra
 from companion.options import MissionSet
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
@@ -271,8 +273,10 @@ def fly(
 
 def main() -> None:
     """Run a command; anything refused is one line on stderr and exit status 2."""
+    terminal.set_up()
     try:
-        commands()
+        with needs_extra("sitl"):
+            commands()
     except (SitlError, WorldError, CompanionError) as error:
         # what stands in a file may look like the console's markup
         console = Console(stderr=True, highlight=False, markup=False)

@@ -102,7 +102,7 @@ def _rounded(value: object) -> float | int | bool | str | None:
 
 def save_report(report: Report, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(report, indent=2) + "\n")
+    path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 
 _ROWS = (

@@ -9,14 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Polygon
-from matplotlib.path import Path as Outline
-
 from companion.export.dimensions import LEAST_LENGTH_M, OFF_M, dimension_side_ne
 from companion.export.survey import Opening, Room, Survey
+from companion.figures import Axes, Figure, Outline, PathPatch, Polygon, rc_context
 from companion.frames import Vector2
 from companion.messages import WallSegment
 

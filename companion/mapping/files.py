@@ -17,6 +17,7 @@ from companion.errors import OutputError
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
 from companion.messages import FloorPlan, Pose, Surface, WallSegment
+from companion.textfile import read_text
 
 _T = TypeVar("_T")
 
@@ -80,7 +81,8 @@ def save_json(plan: FloorPlan, path: Path) -> None:
                 "path": [_pose_record(pose) for pose in plan.path],
             },
             indent=1,
-        )
+        ),
+        encoding="utf-8",
     )
 
 
@@ -114,7 +116,7 @@ def _pose_record(pose: Pose) -> dict[str, float]:
 
 def load_json(path: Path) -> FloorPlan:
     """The map of `save_json`; hits are not kept there."""
-    record = json.loads(path.read_text())
+    record = json.loads(read_text(path))
     return FloorPlan(
         walls=tuple(
             WallSegment(

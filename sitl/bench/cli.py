@@ -145,7 +145,7 @@ def missions(
 
 
 def _save_json(result: "Summary", path: Path) -> None:
-    path.write_text(json.dumps(result, indent=1) + "\n")
+    path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
 @commands.command()

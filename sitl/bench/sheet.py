@@ -4,10 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-
+from companion.figures import Axes, Figure, LineCollection
 from companion.frames import Vector2
 from sitl.bench.missions import Flown
 

@@ -22,6 +22,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator, validate_call
 
+from companion.textfile import read_text
 from sitl.errors import SitlError, complaint
 from sitl.testing.script import ACTIONS, Action, Event, at, when
 
@@ -106,7 +107,7 @@ def load_mission(mission: str) -> MissionFile:
 
 
 def _toml(path: Path) -> MissionFile:
-    file = _File.model_validate(tomllib.loads(path.read_text()))
+    file = _File.model_validate(tomllib.loads(read_text(path)))
     try:
         events = tuple(event.event() for event in file.events)
     except ValidationError as error:

@@ -13,7 +13,7 @@ START = "#3a86c8"
 
 def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
     """PNG: what stands at a height dark, the rest of the boxes light, starts as dots; north up."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load, and seldom needed
+    from companion.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot(aspect="equal", facecolor=PAPER)

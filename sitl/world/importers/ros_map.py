@@ -19,6 +19,7 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.frames import Vector2
+from companion.textfile import NotTextError, read_text
 from sitl.errors import complaint
 from sitl.world.format import LEAST_LENGTH_M, Metres, Segment, World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
@@ -106,11 +107,11 @@ def _read_record(path: Path) -> _Record:
     try:
         if path.stat().st_size > MOST_YAML_BYTES:
             raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
-        content = _parse(path.read_text())
+        content = _parse(read_text(path))
         if not isinstance(content, dict):
             raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
         return _Record.model_validate(content)
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, NotTextError) as error:
         raise WorldError(f"{path}: {error}") from error
     except yaml.YAMLError as error:
         raise WorldError(f"{path}: not YAML: {error}") from error
