@@ -33,6 +33,8 @@ MOST_EDGES = 400_000
 """Of cells, along walls; a building has some ten thousand, noise has millions."""
 MOST_OUTLINES = 20_000
 SAME_TO_DIGITS = 6
+MOST_SUM = 3 * 255
+"""Of a white cell's red, green and blue."""
 
 Share = Annotated[float, Field(ge=0, le=1)]
 
@@ -128,18 +130,19 @@ def _parse(text: str) -> Any:
 
 
 def _grid(path: Path, record: _Record) -> _Grid:
-    shade, is_opaque = _read_picture(path, path.parent / record.image)
-    percent = np.arange(256) if record.mode == "raw" else np.arange(256) / 255 * 100
+    sums, is_opaque = _read_picture(path, path.parent / record.image)
+    every = np.arange(MOST_SUM + 1)
+    percent = every // 3 if record.mode == "raw" else every / MOST_SUM * 100
     if record.mode != "raw" and not record.negate:
         percent = 100 - percent
     known = percent <= 100
-    occupied = (known & (percent > 100 * record.occupied_thresh))[shade] & is_opaque
-    free = (known & (percent < 100 * record.free_thresh))[shade] & is_opaque
+    occupied = (known & (percent > 100 * record.occupied_thresh))[sums] & is_opaque
+    free = (known & (percent < 100 * record.free_thresh))[sums] & is_opaque
     return _Grid(np.flipud(occupied), np.flipud(free), record)
 
 
-def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
-    """Shades from 0, black, to 255, and which cells are opaque; rows from the top."""
+def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint16], Cells]:
+    """Sums of each cell's colours, black is 0, and which cells are opaque; rows from the top."""
     try:
         with picture.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -149,22 +152,28 @@ def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
                     f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
                     f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
                 )
-            return _shades(image)
+            return _sums(image)
     except WorldError:
         raise
     except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
         raise WorldError(f"{path}: image = {picture.name}: {error}") from error
 
 
-def _shades(image: Image.Image) -> tuple[NDArray[np.uint8], Cells]:
+def _sums(image: Image.Image) -> tuple[NDArray[np.uint16], Cells]:
+    """Red, green and blue added up: Pillow's own greys weigh them as the eye does."""
+    hidden = image.info.get("transparency")
     if image.mode.startswith("I"):  # 16 bits
         wide = np.asarray(image)
-        return (wide >> 8).astype(np.uint8), np.ones(wide.shape, dtype=bool)
-    if "transparency" in image.info or "A" in image.getbands():
-        shade, alpha = image.convert("LA").split()
-        return np.asarray(shade), np.asarray(alpha) == 255
-    shade = image.convert("L")
-    return np.asarray(shade), np.ones((image.height, image.width), dtype=bool)
+        is_opaque = wide != hidden if isinstance(hidden, int) else np.ones(wide.shape, dtype=bool)
+        return 3 * (wide >> 8).astype(np.uint16), is_opaque
+    if hidden is not None or "A" in image.getbands() or image.mode == "P":
+        *colours, alpha = (np.asarray(band) for band in image.convert("RGBA").split())
+        return np.sum(colours, axis=0, dtype=np.uint16), alpha == 255
+    bands = image.convert("RGB" if image.mode == "RGB" else "L").split()
+    colours = [np.asarray(band) for band in bands]
+    scale = 3 // len(colours)
+    sums = np.sum(colours, axis=0, dtype=np.uint16) * np.uint16(scale)
+    return sums, np.ones(sums.shape, dtype=bool)
 
 
 def _walls(path: Path, grid: _Grid, tell: Callable[[str], None]) -> list[Segment]:
