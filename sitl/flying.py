@@ -7,7 +7,7 @@ from rich.console import Console
 
 from companion.config import Config
 from companion.console import ProgressLine
-from companion.mapping.files import save
+from companion.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
@@ -26,8 +26,8 @@ def fly_in_one_process(
     *,
     out: Path | None,
     console: Console,
-) -> Report:
-    """By lockstep, on virtual time."""
+) -> tuple[Report, FloorPlan]:
+    """By lockstep, on virtual time; the recording is left in `out`, the map is not yet."""
     began_s = time.monotonic()
     setup, watch = options.setup()
     recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
@@ -44,9 +44,7 @@ def fly_in_one_process(
     waited_s = time.monotonic() - began_s
     plan = app.final_floor_plan()
     recorder.close(plan)
-    if out is not None:
-        save(plan, out)
-    return make_report(
+    scores = make_report(
         setup,
         settings,
         plan,
@@ -54,6 +52,7 @@ def fly_in_one_process(
         outcome=app.flight,
         waited_s=waited_s,
     )
+    return scores, plan
 
 
 def fly_in_two(

@@ -6,6 +6,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from companion.mapping.files import save_as
 from companion.textfile import read_text
 from sitl.truth import TrueState
 
@@ -42,6 +43,14 @@ class TruthRecord:
         return hit
 
     def save(self, path: Path) -> None:
+        """As JSON.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        save_as(TruthRecord._write, self, path)
+
+    def _write(self, path: Path) -> None:
         path.write_text(
             json.dumps(
                 {

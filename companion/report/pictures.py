@@ -39,6 +39,7 @@ PHASE_COLOURS = {
 STYLE: Any = {
     "svg.hashsalt": "report",
     "svg.fonttype": "none",
+    "text.parse_math": False,
     "font.size": 9,
     "font.family": "sans-serif",
     "axes.edgecolor": FAINT,

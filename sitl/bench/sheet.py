@@ -51,6 +51,7 @@ def _draw(flown: Flown, axes: Axes) -> None:
     axes.set_title(
         "\n".join(line[:MOST_LETTERS] for line in title.splitlines()),
         fontsize=6,
+        parse_math=False,
         color=GOOD if row["completed"] else BAD,
     )
 
