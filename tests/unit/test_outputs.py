@@ -3,10 +3,13 @@
 import json
 from itertools import pairwise
 from pathlib import Path
+from typing import cast
 
 import ezdxf.filemanagement
 import pytest
 import yaml
+from ezdxf.document import Drawing
+from ezdxf.entities.vport import VPort
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
@@ -73,6 +76,11 @@ def test_names_with_dollars_are_no_formulas(tmp_path: Path) -> None:
 # DXF
 
 
+def active_view(document: Drawing) -> VPort:
+    (view,) = cast(list[VPort], document.viewports.get("*Active"))
+    return view
+
+
 @given(
     north_m=st.floats(1, 60),
     east_m=st.floats(1, 60),
@@ -90,7 +98,7 @@ def test_a_cad_program_shows_the_whole_plan_at_first(
     assert high[0] >= east - 0.01
     assert low[1] <= south + 0.01
     assert high[1] >= north - 0.01
-    (view,) = document.viewports.get("*Active")
+    view = active_view(document)
     middle_x, middle_y, *_ = view.dxf.center
     assert abs(middle_y - (south + north) / 2) + north_m / 2 <= view.dxf.height / 2 + 0.01
     assert abs(middle_x - (west + east) / 2) + east_m / 2 <= view.dxf.height * 2 / 3 + 0.01
@@ -100,7 +108,7 @@ def test_a_cad_program_shows_the_whole_plan_at_first(
 
 def test_an_empty_dxf_shows_some_metres(tmp_path: Path) -> None:
     write_dxf(survey(FloorPlan()), tmp_path / "plan.dxf")
-    (view,) = ezdxf.filemanagement.readfile(tmp_path / "plan.dxf").viewports.get("*Active")
+    view = active_view(ezdxf.filemanagement.readfile(tmp_path / "plan.dxf"))
     assert 5 < view.dxf.height < 50
 
 
@@ -115,7 +123,7 @@ def broken(*_: object) -> None:
 def test_a_map_file_that_fails_does_not_take_the_others_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, victim: str
 ) -> None:
-    monkeypatch.setitem(files.MAP_WRITERS, victim, broken)  # type: ignore[arg-type]
+    monkeypatch.setitem(files.MAP_WRITERS, victim, broken)
     with pytest.raises(OutputError, match=rf"^\S+{victim}: .*a library's own trouble"):
         save(room(), tmp_path)
     left = {"map.json", "map.png", "map.ply"} - {victim}

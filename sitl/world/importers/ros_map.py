@@ -36,6 +36,7 @@ SAME_TO_DIGITS = 6
 MOST_SUM = 3 * 255
 """Of a white cell's red, green and blue."""
 
+Sums = NDArray[np.uint16]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -141,7 +142,7 @@ def _grid(path: Path, record: _Record) -> _Grid:
     return _Grid(np.flipud(occupied), np.flipud(free), record)
 
 
-def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint16], Cells]:
+def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
     """Sums of each cell's colours, black is 0, and which cells are opaque; rows from the top."""
     try:
         with picture.open("rb") as file, warnings.catch_warnings():
@@ -159,20 +160,20 @@ def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint16], Cells]
         raise WorldError(f"{path}: image = {picture.name}: {error}") from error
 
 
-def _sums(image: Image.Image) -> tuple[NDArray[np.uint16], Cells]:
+def _sums(image: Image.Image) -> tuple[Sums, Cells]:
     """Red, green and blue added up: Pillow's own greys weigh them as the eye does."""
     hidden = image.info.get("transparency")
     if image.mode.startswith("I"):  # 16 bits
-        wide = np.asarray(image)
-        is_opaque = wide != hidden if isinstance(hidden, int) else np.ones(wide.shape, dtype=bool)
-        return 3 * (wide >> 8).astype(np.uint16), is_opaque
+        wide: NDArray[np.int32] = np.asarray(image).astype(np.int32)
+        is_opaque: Cells = wide != (hidden if isinstance(hidden, int) else -1)
+        return np.uint16(3) * (wide >> 8).astype(np.uint16), is_opaque
     if hidden is not None or "A" in image.getbands() or image.mode == "P":
         *colours, alpha = (np.asarray(band) for band in image.convert("RGBA").split())
         return np.sum(colours, axis=0, dtype=np.uint16), alpha == 255
     bands = image.convert("RGB" if image.mode == "RGB" else "L").split()
-    colours = [np.asarray(band) for band in bands]
-    scale = 3 // len(colours)
-    sums = np.sum(colours, axis=0, dtype=np.uint16) * np.uint16(scale)
+    sums: Sums = np.zeros((image.height, image.width), dtype=np.uint16)
+    for band in bands:
+        sums += np.asarray(band) * np.uint16(3 // len(bands))
     return sums, np.ones(sums.shape, dtype=bool)
 
 
