@@ -263,10 +263,11 @@ def fly(
     settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
+    missed = ""
     if transport is Transport.UDP:
         result = fly_in_two(options, flown, settings, speed, out or Path("out"))
     else:
-        result, plan = fly_in_one_process(
+        result, plan, missed = fly_in_one_process(
             options, flown, settings, transport.value, out=out, console=console
         )
         outputs += [partial(save, plan, out)] if out else []
@@ -274,6 +275,8 @@ def fly(
     for path in filter(None, (report, out / "report.json" if out else None)):
         outputs.append(partial(save_report, result, path))
     each_by_itself(outputs)
+    if missed:
+        raise SitlError(f"{mission}: the flight ended before these events: {missed}")
     raise typer.Exit(0 if result["completed"] else EXIT_NOT_COMPLETED)
 
 

@@ -15,7 +15,7 @@ from sitl.options import FlightOptions
 from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report
 from sitl.testing.mission_file import MissionFile
-from sitl.testing.script import play
+from sitl.testing.script import Play
 
 
 def fly_in_one_process(
@@ -26,10 +26,14 @@ def fly_in_one_process(
     *,
     out: Path | None,
     console: Console,
-) -> tuple[Report, FloorPlan]:
-    """By lockstep, on virtual time; the recording is left in `out`, the map is not yet."""
+) -> tuple[Report, FloorPlan, str]:
+    """By lockstep, on virtual time: scores, the map, and which events have never happened.
+
+    The recording is left in `out`, the map is not yet.
+    """
     began_s = time.monotonic()
     setup, watch = options.setup()
+    script = Play(mission.events)
     recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(
@@ -37,7 +41,7 @@ def fly_in_one_process(
             settings,
             progress.show,
             transport,
-            play(mission.events),
+            script,
             parameter_watch=watch,
             recorder=recorder,
         )
@@ -52,7 +56,7 @@ def fly_in_one_process(
         outcome=app.flight,
         waited_s=waited_s,
     )
-    return scores, plan
+    return scores, plan, script.missed
 
 
 def fly_in_two(
