@@ -52,7 +52,8 @@ def fly_in_two_processes(
     command = [sys.executable, "-m", "sitl", "run", *sitl_arguments, *SERVE_LOCKSTEP]
     if settings.link.signing_key is not None:
         command.append(f"--signing-key={settings.link.signing_key}")
-    sitl = subprocess.Popen([*command, f"--truth={truth_path}"], stdout=subprocess.PIPE, text=True)
+    command.append(f"--truth={truth_path}")
+    sitl = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, errors="replace")
     try:
         assert sitl.stdout is not None
         mavlink_port, bus_port = ports(sitl.stdout)
