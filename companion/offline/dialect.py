@@ -103,18 +103,27 @@ class Numbers:
         """What the first broken number had; another is none."""
 
     def read(self, cell: str) -> float:
-        has_comma = "," in cell
-        if has_comma and (self._mark == "." or "." in cell):
+        if "," in cell:
+            if self._mark == "." or "." in cell:
+                return math.nan
+            value = _number(cell.replace(",", ".", 1))
+            self._mark = self._mark or ("," if not math.isnan(value) else "")
+            return value
+        if self._mark == "." or "." not in cell:
+            return _number(cell)
+        if self._mark == ",":
             return math.nan
-        if self._mark == "," and "." in cell:
-            return math.nan
-        try:  # Python's own digit separators are none either
-            value = float(cell.replace(",", ".", 1)) if "_" not in cell else math.nan
-        except ValueError:
-            return math.nan
-        if not self._mark and (has_comma or "." in cell):
-            self._mark = "," if has_comma else "."
+        value = _number(cell)
+        self._mark = "." if not math.isnan(value) else ""
         return value
+
+
+def _number(cell: str) -> float:
+    """NaN for what is none; Python's own digit separators are none either."""
+    try:
+        return float(cell) if "_" not in cell else math.nan
+    except ValueError:
+        return math.nan
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """Mesh files are read as they are meant, all of them, or refused with the remedy."""
 
 import base64
+import codecs
 import json
 import math
 import struct
@@ -105,6 +106,13 @@ def test_obj_as_other_programs_write_it(tmp_path: Path) -> None:
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
     faces_first = sorted(ABSOLUTE.splitlines(), key=lambda line: line[0])
     (tmp_path / "room.obj").write_text("\n".join(faces_first))
+    assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_obj_as_windows_editors_save_it(tmp_path: Path, encoding: str) -> None:
+    """The first vertex stands behind the mark; without it all faces are of others."""
+    (tmp_path / "room.obj").write_text(ABSOLUTE, encoding=encoding)
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
 
 
@@ -399,7 +407,12 @@ def stl_text(name: str = "room") -> str:
 
 def test_stl_is_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:
     path = tmp_path / "room.stl"
-    for data in (stl(), stl_text().encode(), stl_text("a vertex 1 2 3 facet").upper().encode()):
+    for data in (
+        stl(),
+        stl_text().encode(),
+        stl_text().encode("utf-8-sig"),
+        stl_text("a vertex 1 2 3 facet").upper().encode(),
+    ):
         path.write_bytes(data)
         assert plan(load_world(str(path))) == truth
 
@@ -449,6 +462,8 @@ def test_ply_is_the_same_room(
 ) -> None:
     path = tmp_path / "room.ply"
     path.write_bytes(ply(form, polygons))
+    assert plan(load_world(str(path))) == truth
+    path.write_bytes(codecs.BOM_UTF8 + ply(form, polygons).replace(b"\n", b"\r\n", 9))
     assert plan(load_world(str(path))) == truth
 
 

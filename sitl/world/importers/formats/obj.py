@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from companion.textfile import encoding_of
 from sitl.world.importers.formats import MeshError, Part, part
 from sitl.world.importers.formats.polygons import triangles
 
@@ -26,7 +27,7 @@ def read_obj(data: bytes, path: Path) -> Iterator[Part]:
     vertices: list[tuple[float, float, float]] = []
     polygons: list[list[int]] = []
     # comments and names may be in any encoding, and do not matter
-    text = data.decode(errors="replace").replace("\r\n", "\n").replace("\r", "\n")
+    text = data.decode(encoding_of(data), "replace").replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), start=1):
         keyword, *words = line.partition("#")[0].split() or ("",)
         try:

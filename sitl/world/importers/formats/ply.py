@@ -1,5 +1,6 @@
 """PLY: vertices, and faces or strips of triangles, as text or binary; all else is passed over."""
 
+import codecs
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -78,6 +79,7 @@ def read_ply(data: bytes, path: Path) -> Iterator[Part]:
 
 def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
     begin, end, body = data.partition(b"end_header")
+    begin = begin.removeprefix(codecs.BOM_UTF8)
     if begin[:3] != b"ply" or not end:
         raise MeshError("begins like no PLY: it is damaged, or of another format")
     lines = [line.split() for line in begin.decode(errors="replace").splitlines()]

@@ -1,5 +1,6 @@
 """STL: binary if its size is that of the triangles that it tells, else text."""
 
+import codecs
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,6 +22,7 @@ def read_stl(data: bytes, path: Path) -> Iterator[Part]:
     Raises:
         MeshError: they are not as many as the file tells.
     """
+    data = data.removeprefix(codecs.BOM_UTF8)
     told = int.from_bytes(data[80:HEADER_BYTES], "little")
     if len(data) >= HEADER_BYTES and len(data) == HEADER_BYTES + told * FACET.itemsize:
         corners = np.frombuffer(data, FACET, offset=HEADER_BYTES)["corners"].astype(float)
