@@ -26,6 +26,7 @@ from companion.mapping import files
 from companion.mapping.files import save
 from companion.messages import FloorPlan, WallSegment
 from sitl.cli import commands as sitl
+from sitl.errors import SitlError
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
@@ -171,6 +172,16 @@ def test_a_simulated_flight_is_scored_though_its_map_cannot_be_written(tmp_path:
     assert "coverage" in result.output
     assert json.loads((tmp_path / "report.json").read_text())["completed"]
     assert json.loads((tmp_path / "map.json").read_text())["walls"]
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"walls": [1]}'])
+def test_what_is_no_map_or_truth_is_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "map.json").write_text(text)
+    files = [str(tmp_path / "map.json")] * 2
+    result = CliRunner().invoke(sitl, ["score", SMALL_ROOM, *files])
+    assert isinstance(result.exception, SitlError)
+    assert str(result.exception).startswith(files[0])
+    assert "\n" not in str(result.exception)
 
 
 def test_a_plan_that_cannot_be_drawn_there_is_one_line(tmp_path: Path) -> None:
