@@ -87,8 +87,7 @@ def export_command(
 
         labels = Labels(_title(recording), place)
         names = [name.value for name in format_]
-        for path in export(survey(_plan(recording)), names, out, flight.stem, labels):
-            print(path)
+        export(survey(_plan(recording)), names, out, flight.stem, labels, tell=print)
 
 
 @commands.command("report")

@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from companion import terminal
 from companion.errors import CompanionError
 
 EXIT_REFUSED = 2
@@ -54,6 +55,7 @@ def companion() -> None:
 
 def main() -> None:
     """Run a command; anything refused is one line on stderr and exit status 2."""
+    terminal.set_up()
     try:
         commands()
     except CompanionError as error:

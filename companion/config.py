@@ -27,6 +27,7 @@ from companion.range_config import (
     usual_sensors,
 )
 from companion.range_places import check_places
+from companion.textfile import NotTextError, read_text, reason
 
 _G = TypeVar("_G", bound=Group)
 
@@ -245,7 +246,7 @@ def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
     text = tomlkit.dumps(document)
     try:
         Config.model_validate(tomllib.loads(text))
-        path.write_text(text)
+        path.write_text(text, encoding="utf-8")
     except ValidationError as error:
         raise ConfigError(f"{path}: {_first_complaint(Config, error)}") from error
     except OSError as error:
@@ -263,8 +264,9 @@ def _item(value: Mapping[str, object] | float) -> Any:
 
 def read_toml(path: Path) -> dict[str, Any]:
     """What a file says, not yet checked."""
+    text = _text(path)
     try:
-        return tomllib.loads(_text(path))
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # also of numbers and lists without end
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
@@ -279,9 +281,9 @@ def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text()
-    except OSError as error:
-        raise ConfigError(f"{path}: {error.strerror}") from error
+        return read_text(path)
+    except (OSError, NotTextError) as error:
+        raise ConfigError(f"{path}: {reason(error)}") from error
 
 
 def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:

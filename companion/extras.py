@@ -5,10 +5,19 @@ from contextlib import contextmanager
 
 from companion.errors import MissingExtraError
 
+BRINGS = {
+    "sitl": ("fcl", "evo", "PIL", "yaml"),
+    "export": ("ezdxf", "shapely", "pyoctomap"),
+    "viewer": ("viser", "websockets"),
+}
+"""Packages that an extra of pyproject.toml installs, by the name that they are imported by."""
+
 
 @contextmanager
 def needs_extra(extra: str) -> Iterator[None]:
     """Whatever is missing inside is told of in one line, with the remedy.
+
+    A package that another extra is known to bring along is told with that one.
 
     Raises:
         MissingExtraError: in place of ModuleNotFoundError.
@@ -16,7 +25,8 @@ def needs_extra(extra: str) -> Iterator[None]:
     try:
         yield
     except ModuleNotFoundError as error:
+        package = (error.name or "").partition(".")[0]
+        its = next((name for name, packages in BRINGS.items() if package in packages), extra)
         raise MissingExtraError(
-            f"this needs {error.name}, which is not installed: "
-            f"pip install 'pdps-companion[{extra}]'"
+            f"this needs {error.name}, which is not installed: pip install 'pdps-companion[{its}]'"
         ) from error

@@ -31,6 +31,7 @@ def map_command(
         result = map_log(read_log(log, progress.show), sensors, progress.show)
     try:
         files = save_results(result, out)
-    except OSError as error:
-        raise OutputError(f"{error.filename or out}: {error.strerror}") from error
+    except OutputError:  # what is known of the log is told, whatever becomes of its files
+        console.print(log_summary(result, []))
+        raise
     console.print(log_summary(result, files))

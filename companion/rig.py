@@ -19,6 +19,7 @@ from companion.link.reports import Reports
 from companion.link.transport import Transport
 from companion.link_budget import refuse_too_much
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
+from companion.recording.room import refuse_no_room
 
 
 def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -> Rig:
@@ -43,12 +44,14 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
 def open_rig(
     config: Config, out: Path | None, warn: Callable[[str], None]
 ) -> Iterator[tuple[Rig, Recorder]]:
-    """As the configuration says where everything is; recorded into `out`.
+    """As the configuration says where everything is; recorded into `out`, which must have room.
 
     Raises:
         CompanionError: something is missing or is not what it should be.
     """
     refuse_too_much(config)
+    if out is not None:
+        refuse_no_room(out, config)
     transport = open_transport(config.link, warn)
     with (
         closing(transport),

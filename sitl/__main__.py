@@ -1,5 +1,25 @@
-"""`python -m sitl` is the command `sitl`."""
+"""The command `sitl`, also as `python -m sitl`; it tells if what it needs is not installed."""
 
-from sitl.cli import main
+import sys
 
-main()
+from companion import terminal
+from companion.errors import MissingExtraError
+from companion.extras import needs_extra
+
+EXIT_REFUSED = 2
+
+
+def main() -> None:
+    """Run a command; without the extra `sitl` that is one line on stderr and exit status 2."""
+    terminal.set_up()
+    try:
+        with needs_extra("sitl"):
+            from sitl import cli  # noqa: PLC0415 - an extra
+    except MissingExtraError as missing:
+        print(f"sitl: {missing}", file=sys.stderr)  # noqa: T201 - a command
+        raise SystemExit(EXIT_REFUSED) from None
+    cli.main()
+
+
+if __name__ == "__main__":
+    main()

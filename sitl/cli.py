@@ -1,15 +1,20 @@
 """The simulator's commands."""
 
 import signal
+from collections.abc import Callable
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
+from companion import terminal
 from companion.config import mission_settings
 from companion.errors import CompanionError
+from companion.extras import needs_extra
+from companion.mapping.files import each_by_itself, save
 from companion.options import MissionSet
 from sitl.bare import fly_bare
 from sitl.bench.cli import commands as bench_commands
@@ -181,8 +186,8 @@ def _save_truth(records: list[TruthRecord], path: Path | None) -> None:
     """One file for each vehicle; those after the first are numbered."""
     if path is None:
         return
-    for number, record in enumerate(records):
-        record.save(path if number == 0 else path.with_stem(f"{path.stem}_{number + 1}"))
+    paths = [path, *(path.with_stem(f"{path.stem}_{n + 2}") for n in range(len(records) - 1))]
+    each_by_itself(partial(record.save, to) for record, to in zip(records, paths, strict=True))
 
 
 @commands.command()
@@ -257,22 +262,30 @@ def fly(
     flown = load_mission(mission)
     settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
     console = Console(highlight=False, markup=False)
+    outputs: list[Callable[[], object]] = []
+    missed = ""
     if transport is Transport.UDP:
         result = fly_in_two(options, flown, settings, speed, out or Path("out"))
     else:
-        result = fly_in_one_process(
+        result, plan, missed = fly_in_one_process(
             options, flown, settings, transport.value, out=out, console=console
         )
+        outputs += [partial(save, plan, out)] if out else []
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
-        save_report(result, path)
+        outputs.append(partial(save_report, result, path))
+    each_by_itself(outputs)
+    if missed:
+        raise SitlError(f"{mission}: the flight ended before these events: {missed}")
     raise typer.Exit(0 if result["completed"] else EXIT_NOT_COMPLETED)
 
 
 def main() -> None:
     """Run a command; anything refused is one line on stderr and exit status 2."""
+    terminal.set_up()
     try:
-        commands()
+        with needs_extra("sitl"):
+            commands()
     except (SitlError, WorldError, CompanionError) as error:
         # what stands in a file may look like the console's markup
         console = Console(stderr=True, highlight=False, markup=False)

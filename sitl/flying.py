@@ -7,7 +7,7 @@ from rich.console import Console
 
 from companion.config import Config
 from companion.console import ProgressLine
-from companion.mapping.files import save
+from companion.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.errors import SitlError
 from sitl.lockstep import fly_in_lockstep
@@ -15,7 +15,7 @@ from sitl.options import FlightOptions
 from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report
 from sitl.testing.mission_file import MissionFile
-from sitl.testing.script import play
+from sitl.testing.script import Play
 
 
 def fly_in_one_process(
@@ -26,10 +26,14 @@ def fly_in_one_process(
     *,
     out: Path | None,
     console: Console,
-) -> Report:
-    """By lockstep, on virtual time."""
+) -> tuple[Report, FloorPlan, str]:
+    """By lockstep, on virtual time: scores, the map, and which events have never happened.
+
+    The recording is left in `out`, the map is not yet.
+    """
     began_s = time.monotonic()
     setup, watch = options.setup()
+    script = Play(mission.events)
     recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
     with ProgressLine(console) as progress:
         app, simulation = fly_in_lockstep(
@@ -37,16 +41,14 @@ def fly_in_one_process(
             settings,
             progress.show,
             transport,
-            play(mission.events),
+            script,
             parameter_watch=watch,
             recorder=recorder,
         )
     waited_s = time.monotonic() - began_s
     plan = app.final_floor_plan()
     recorder.close(plan)
-    if out is not None:
-        save(plan, out)
-    return make_report(
+    scores = make_report(
         setup,
         settings,
         plan,
@@ -54,6 +56,7 @@ def fly_in_one_process(
         outcome=app.flight,
         waited_s=waited_s,
     )
+    return scores, plan, script.missed
 
 
 def fly_in_two(

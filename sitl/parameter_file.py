@@ -16,6 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.textfile import NotTextError, read_text
 from sitl.autopilot.parameters.table import ParameterError, Table, named
 
 LINE = re.compile(r"(\s*(?:\d+\s+\d+\s+)?(\w+)(?:\s*,\s*|\s+))([^\s,#]+)((?:\s+\d+)?\s*(?:#.*)?)")
@@ -54,8 +55,8 @@ class ParameterFile:
     def _read(self) -> list[str]:
         try:
             if self._path.exists():
-                return self._path.read_text().splitlines()
-        except (OSError, UnicodeDecodeError) as error:
+                return read_text(self._path).splitlines()
+        except (OSError, NotTextError) as error:
             raise ParameterError(f"{self._path}: {error}") from error
         if not os.access(self._path.parent, os.W_OK):
             raise ParameterError(f"{self._path}: cannot be written there; choose another --params")
@@ -75,7 +76,7 @@ class ParameterFile:
         """Whole or not at all: a new file takes the old one's place once it is on the disk."""
         new = self._path.with_name(f"{self._path.name}.new")
         try:
-            with new.open("w") as file:
+            with new.open("w", encoding="utf-8") as file:
                 file.write("".join(f"{line}\n" for line in self._lines))
                 file.flush()
                 os.fsync(file.fileno())

@@ -48,11 +48,12 @@ def fly_in_two_processes(
     """Fly; the companion's effective configuration is left in `out`, too."""
     out.mkdir(parents=True, exist_ok=True)
     truth_path, config_path = out / TRUTH_FILE, out / CONFIG_FILE
-    config_path.write_text(configuration.to_toml(settings))
+    config_path.write_text(configuration.to_toml(settings), encoding="utf-8")
     command = [sys.executable, "-m", "sitl", "run", *sitl_arguments, *SERVE_LOCKSTEP]
     if settings.link.signing_key is not None:
         command.append(f"--signing-key={settings.link.signing_key}")
-    sitl = subprocess.Popen([*command, f"--truth={truth_path}"], stdout=subprocess.PIPE, text=True)
+    command.append(f"--truth={truth_path}")
+    sitl = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, errors="replace")
     try:
         assert sitl.stdout is not None
         mavlink_port, bus_port = ports(sitl.stdout)

@@ -6,6 +6,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from companion.mapping.files import save_as
+from companion.textfile import read_text
 from sitl.truth import TrueState
 
 PERIOD_S = 0.1
@@ -41,6 +43,14 @@ class TruthRecord:
         return hit
 
     def save(self, path: Path) -> None:
+        """As JSON.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        save_as(TruthRecord._write, self, path)
+
+    def _write(self, path: Path) -> None:
         path.write_text(
             json.dumps(
                 {
@@ -49,12 +59,13 @@ class TruthRecord:
                     "collisions": self.collisions,
                     "air_time_s": self.air_time_s,
                 }
-            )
+            ),
+            encoding="utf-8",
         )
 
     @classmethod
     def load(cls, path: Path) -> "TruthRecord":
-        record = json.loads(path.read_text())
+        record = json.loads(read_text(path))
         states = [_state(state) for state in record["path"]]
         truth = cls(states[0])
         truth.path = states

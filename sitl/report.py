@@ -13,6 +13,7 @@ from rich.table import Table
 from companion.config import Config
 from companion.drivers.models import range_models
 from companion.frames import Vector2
+from companion.mapping.files import save_as
 from companion.messages import Beam, FloorPlan
 from companion.pdps.standoff import standoff_m
 from sitl.record import AIRBORNE_M, TruthRecord
@@ -107,8 +108,16 @@ def _rounded(value: object) -> float | int | bool | str | None:
 
 
 def save_report(report: Report, path: Path) -> None:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps(report, indent=2) + "\n")
+    """As JSON.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    save_as(_write_report, report, path)
+
+
+def _write_report(report: Report, path: Path) -> None:
+    path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 
 _ROWS = (

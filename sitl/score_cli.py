@@ -1,8 +1,9 @@
 """`sitl score`: a map that a companion left, against the true flight that `sitl run` wrote."""
 
 import math
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 from rich.console import Console
@@ -12,6 +13,8 @@ from companion.values import value
 from sitl.errors import SitlError
 from sitl.options import Autopilot, ConfigFile, Crop, FlightOptions, Profile, Seed, Start, WorldName
 from sitl.record import TruthRecord
+
+T = TypeVar("T")
 
 
 @value
@@ -52,8 +55,8 @@ def score(
     result = make_report(
         options.setup()[0],
         options.settings({}),
-        load_json(map_file),
-        TruthRecord.load(truth),
+        _loaded(load_json, map_file),
+        _loaded(TruthRecord.load, truth),
         outcome=_Flown(),
         waited_s=math.nan,
     )
@@ -61,3 +64,12 @@ def score(
     Console(highlight=False).print(report_table(result))
     if report is not None:
         save_report(result, report)
+
+
+def _loaded(load: Callable[[Path], T], path: Path) -> T:
+    try:
+        return load(path)
+    except (ValueError, LookupError, TypeError, OSError, RecursionError) as error:
+        raise SitlError(
+            f"{path}: cannot be used: {error!r}; MAP is of companion fly, TRUTH of sitl run"
+        ) from error

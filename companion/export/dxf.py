@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+from ezdxf.bbox import extents
 from ezdxf.document import Drawing
 from ezdxf.enums import TextEntityAlignment
 from ezdxf.filemanagement import new
 from ezdxf.layouts.layout import Modelspace
-from ezdxf.math import Vec2
+from ezdxf.math import Vec2, Vec3
 from ezdxf.units import M
 
 from companion.export.dimensions import LEAST_LENGTH_M, OFF_M, dimension_side_ne
@@ -16,6 +17,11 @@ from companion.frames import Vector2
 LAYERS = {"WALLS": 7, "OPENINGS": 5, "ROOMS": 8, "LABELS": 7, "DIMENSIONS": 3, "PATH": 4}
 """With their AutoCAD colours."""
 TEXT_M = 0.18
+WINDOW_ASPECT = 4 / 3
+"""Of what is seen; most windows are wider."""
+AROUND = 1.1
+NOTHING_M = Vec3(5.0, 5.0, 0.0)
+"""Half of what is seen of an empty map."""
 
 
 def write_dxf(survey: Survey, path: Path) -> None:
@@ -39,7 +45,21 @@ def write_dxf(survey: Survey, path: Path) -> None:
     flown = [Vec2(pose.east_m, pose.north_m) for pose in survey.plan.path]
     if len(flown) > 1:
         space.add_lwpolyline(flown, dxfattribs={"layer": "PATH"})
+    _show(document)
     document.saveas(path)
+
+
+def _show(document: Drawing) -> None:
+    """What a CAD program shows first is all that is drawn: its own first view is 1000 m high."""
+    space = document.modelspace()
+    drawn = extents(space, fast=True)
+    low, high = (drawn.extmin, drawn.extmax) if drawn.has_data else (-NOTHING_M, NOTHING_M)
+    space.reset_extents(low, high)
+    space.reset_limits(low.vec2, high.vec2)
+    height_m = max(high.y - low.y, (high.x - low.x) / WINDOW_ASPECT)
+    document.set_modelspace_vport(
+        AROUND * height_m, low.lerp(high).vec2, dxfattribs={"aspect_ratio": WINDOW_ASPECT}
+    )
 
 
 def _document() -> Drawing:

@@ -7,9 +7,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from companion.errors import OutputError
+from companion.errors import CompanionError, OutputError
 from companion.export.survey import Survey
+from companion.extras import needs_extra
 from companion.frames import Place
+from companion.mapping.files import each_by_itself
 
 WRITERS = {
     "dxf": ("dxf", "write_dxf"),
@@ -35,26 +37,42 @@ class Labels:
 
 
 def export(
-    survey: Survey, formats: Sequence[str], folder: Path, stem: str, labels: Labels
+    survey: Survey,
+    formats: Sequence[str],
+    folder: Path,
+    stem: str,
+    labels: Labels,
+    *,
+    tell: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
-    """Write the map in each format as `stem`.format; the paths.
+    """Write the map in each format as `stem`.format, as far as the others allow; the paths.
+
+    `tell` hears of each file that is written.
 
     Raises:
-        ModuleNotFoundError: the library that a format needs is not installed.
-        OutputError: a file cannot be written.
+        OutputError: some cannot be written, as for want of a library; names all of them.
     """
-    paths = []
-    for name in formats:
-        path = folder / f"{stem}.{name}"
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-            _writer(name, labels)(survey, path)
-        except OutputError:
-            raise
-        except OSError as error:
-            raise OutputError(f"{path}: {error.strerror or error}") from error
-        paths.append(path)
+    paths = [folder / f"{stem}.{name}" for name in formats]
+
+    def write(path: Path, name: str) -> None:
+        _write(survey, path, name, labels)
+        tell(path)
+
+    each_by_itself(partial(write, *both) for both in zip(paths, formats, strict=True))
     return paths
+
+
+def _write(survey: Survey, path: Path, name: str, labels: Labels) -> None:
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with needs_extra("export"):
+            _writer(name, labels)(survey, path)
+    except CompanionError:
+        raise
+    except OSError as error:
+        raise OutputError(f"{path}: {error.strerror or error}") from error
+    except Exception as error:  # whatever a library makes of it, the next one may work
+        raise OutputError(f"{path}: {error!r}") from error
 
 
 def _writer(name: str, labels: Labels) -> Callable[[Survey, Path], None]:

@@ -53,7 +53,9 @@ def write_geojson(survey: Survey, path: Path, place: Place) -> None:
     ]
     if len(plan.path) > 1:
         features.append(line([(pose.north_m, pose.east_m) for pose in plan.path], "path"))
-    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}) + "\n")
+    path.write_text(
+        json.dumps({"type": "FeatureCollection", "features": features}) + "\n", encoding="utf-8"
+    )
 
 
 def _feature(geometry: object, kind: str, properties: dict[str, object]) -> dict[str, object]:

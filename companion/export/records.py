@@ -40,7 +40,7 @@ def write_json(survey: Survey, path: Path) -> None:
             for pose in plan.path
         ],
     }
-    path.write_text(json.dumps(record, indent=1) + "\n")
+    path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
 
 
 def _wall(wall: WallSegment) -> dict[str, object]:

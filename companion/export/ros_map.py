@@ -22,10 +22,24 @@ def write_ros_map(survey: Survey, path: Path) -> None:
     path.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + picture.tobytes())
     x_m, y_m = drawn.corner_enu_m
     path.with_suffix(".yaml").write_text(
-        f"image: {path.name}\n"
+        f"image: {_quoted(path.name)}\n"
         f"resolution: {CELL_M}\n"
         f"origin: [{x_m:.3f}, {y_m:.3f}, 0.0]\n"
         "negate: 0\n"
         "occupied_thresh: 0.65\n"
-        "free_thresh: 0.196\n"
+        "free_thresh: 0.196\n",
+        encoding="utf-8",
     )
+
+
+def _quoted(text: str) -> str:
+    """As a YAML string, whatever is in it: a file's name may have #, colons, or quotes."""
+    return '"' + "".join(_escaped(letter) for letter in text) + '"'
+
+
+def _escaped(letter: str) -> str:
+    if letter in '"\\':
+        return f"\\{letter}"
+    if " " <= letter <= "~":
+        return letter
+    return f"\\U{ord(letter):08x}" if ord(letter) > 0xFFFF else f"\\u{ord(letter):04x}"

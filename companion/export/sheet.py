@@ -9,14 +9,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.patches import PathPatch, Polygon
-from matplotlib.path import Path as Outline
-
 from companion.export.dimensions import LEAST_LENGTH_M, OFF_M, dimension_side_ne
 from companion.export.survey import Opening, Room, Survey
+from companion.figures import Axes, Figure, Outline, PathPatch, Polygon, rc_context
 from companion.frames import Vector2
 from companion.messages import WallSegment
 
@@ -37,8 +32,8 @@ SCALES = (20, 25, 50, 100, 200, 250, 500, 1000, 2000)
 PAPERS_MM = (("A4", 297.0, 210.0), ("A3", 420.0, 297.0))
 LARGEST_SCALE_ON_A4 = 100
 """Smaller drawings than 1:100 go to the larger paper."""
-SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none"}
-"""The same map gives the same file, and its texts stay texts."""
+SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none", "text.parse_math": False}
+"""The same map gives the same file, and its texts stay texts: a $ begins no formula."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -23,6 +23,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.aside import Aside
 from companion.errors import LinkError
+from companion.textfile import NotTextError, read_text
 
 EPOCH_S = 1_420_070_400
 """2015-01-01, by the Unix clock."""
@@ -194,8 +195,8 @@ def read_key(key_file: Path) -> bytes:
     """
     try:
         mode = stat.S_IMODE(key_file.stat().st_mode)
-        text = key_file.read_text()
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(key_file)
+    except (OSError, NotTextError) as error:
         raise LinkError(f"link.signing_key = {key_file}: {error}; is it this user's?") from error
     if mode & MORE_THAN_OWNER:
         raise LinkError(

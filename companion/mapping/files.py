@@ -6,17 +6,19 @@ file is written beside its place and then moved there, so that a crash never lea
 
 import contextlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from companion.aside import Aside
-from companion.errors import OutputError
+from companion.errors import CompanionError, OutputError
 from companion.frames import Vector2, ned_to_enu
 from companion.mapping.picture import draw
 from companion.messages import FloorPlan, Pose, Surface, WallSegment
+from companion.textfile import read_text
 
 _T = TypeVar("_T")
 
@@ -32,22 +34,25 @@ def save(plan: FloorPlan, folder: Path) -> list[Path]:
     Raises:
         OutputError: one cannot be written; names all of them.
     """
-    writers: dict[str, Callable[[FloorPlan, Path], None]] = {
-        "map.json": save_json,
-        "map.png": draw,
-        "map.ply": save_ply,
-    }
+    paths = [folder / name for name in MAP_WRITERS]
+    each_by_itself(partial(save_as, MAP_WRITERS[path.name], plan, path) for path in paths)
+    return paths
+
+
+def each_by_itself(writings: Iterable[Callable[[], object]]) -> None:
+    """Write files, each as far as the others allow.
+
+    Raises:
+        OutputError: some cannot be written; names all of them.
+    """
     complaints = []
-    for name, write in writers.items():
+    for write in writings:
         try:
-            save_as(write, plan, folder / name)
-        except Exception as error:  # whatever a library makes of it, the next one may work
-            complaints.append(
-                str(error) if isinstance(error, OutputError) else f"{name}: {error!r}"
-            )
+            write()
+        except CompanionError as error:
+            complaints.append(str(error))
     if complaints:
         raise OutputError("; ".join(complaints))
-    return [folder / name for name in writers]
 
 
 def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> None:
@@ -61,10 +66,13 @@ def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> Non
         path.parent.mkdir(parents=True, exist_ok=True)
         write(content, unfinished)
         unfinished.replace(path)
-    except OSError as error:
+    except Exception as error:  # also whatever a library makes of it
         with contextlib.suppress(OSError):
             unfinished.unlink(missing_ok=True)
-        raise OutputError(f"{path}: {error.strerror or error}") from error
+        if isinstance(error, CompanionError):
+            raise
+        reason = (error.strerror or error) if isinstance(error, OSError) else repr(error)
+        raise OutputError(f"{path}: {reason}") from error
 
 
 def save_json(plan: FloorPlan, path: Path) -> None:
@@ -80,7 +88,8 @@ def save_json(plan: FloorPlan, path: Path) -> None:
                 "path": [_pose_record(pose) for pose in plan.path],
             },
             indent=1,
-        )
+        ),
+        encoding="utf-8",
     )
 
 
@@ -114,7 +123,7 @@ def _pose_record(pose: Pose) -> dict[str, float]:
 
 def load_json(path: Path) -> FloorPlan:
     """The map of `save_json`; hits are not kept there."""
-    record = json.loads(path.read_text())
+    record = json.loads(read_text(path))
     return FloorPlan(
         walls=tuple(
             WallSegment(
@@ -170,6 +179,13 @@ def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, floa
         corner(end, ceiling_m),
         corner(start, ceiling_m),
     ]
+
+
+MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path], None]] = {
+    "map.json": save_json,
+    "map.png": draw,
+    "map.ply": save_ply,
+}
 
 
 class AutoSave:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from companion.messages import FloorPlan
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+    from companion.figures import Axes
 
 PAPER = "#fbfaf7"
 WALL = "#22333b"
@@ -17,7 +17,7 @@ PATH = "#3a86c8"
 
 def draw(plan: FloorPlan, path: Path) -> None:
     """PNG of walls with lengths, hits, path and scale bar; east right, north up, metres."""
-    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
+    from companion.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot(aspect="equal", facecolor=PAPER)

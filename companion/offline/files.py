@@ -2,12 +2,14 @@
 
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from companion.mapping.files import save, save_as
+from companion.mapping.files import each_by_itself, save, save_as
 from companion.messages import FloorPlan, WallSegment
 from companion.offline.log import Array, Reading
 from companion.offline.mapper import LogMap
@@ -17,15 +19,28 @@ Report = dict[str, object]
 
 
 def save_results(result: LogMap, folder: Path) -> list[Path]:
-    """Write map.json, map.png, map.ply, trajectory.tum and report.json; their paths."""
-    files = save(result.plan, folder)
-    for name, text in (
-        ("trajectory.tum", trajectory_tum(result)),
-        ("report.json", json.dumps(report(result), indent=1, allow_nan=False)),
-    ):
-        save_as(lambda text, path: path.write_text(text), text, folder / name)
-        files.append(folder / name)
-    return files
+    """Write map.json, map.png, map.ply, trajectory.tum and report.json; their paths.
+
+    Raises:
+        OutputError: some cannot be written, and all others are; names them.
+    """
+    texts = {"trajectory.tum": trajectory_tum, "report.json": report_json}
+    files: list[Path] = []
+    each_by_itself(
+        (
+            lambda: files.extend(save(result.plan, folder)),
+            *(partial(_save_text, text, result, folder / name) for name, text in texts.items()),
+        )
+    )
+    return files + [folder / name for name in texts]
+
+
+def _save_text(text: Callable[[LogMap], str], result: LogMap, path: Path) -> None:
+    save_as(lambda result, path: path.write_text(text(result), encoding="utf-8"), result, path)
+
+
+def report_json(result: LogMap) -> str:
+    return json.dumps(report(result), indent=1, allow_nan=False)
 
 
 def trajectory_tum(result: LogMap) -> str:

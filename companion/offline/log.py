@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from companion.errors import LogError
 from companion.messages import Beam
+from companion.offline.plausible import check_clock, check_units
 
 Array = NDArray[np.float64]
 Watch = Callable[[str, float], None]
@@ -77,10 +78,11 @@ class Log:
         """Rows of any order: sorted, and of those of one time only the first kept.
 
         Raises:
-            LogError: there is no row at all.
+            LogError: there is no row at all, or the clock or the units cannot be right.
         """
         if not len(time_s):
             raise LogError("no row that can be used" + _told(reading.rows_skipped))
+        check_clock(time_s)
         reading.rows_sorted = int((np.diff(time_s) < 0).sum())
         order = np.argsort(time_s, kind="stable")
         is_new = np.diff(time_s[order], prepend=-np.inf) > 0
@@ -90,12 +92,14 @@ class Log:
             reading.rows_skipped["time repeated"] = Skipped(repeated, f"time_s = {at_s:g}")
         kept = order[is_new]
         odometry = odometry[kept]
+        gyro_rad_s = gyro_rad_s[kept] if gyro_rad_s is not None else None
+        check_units(time_s[kept], odometry, gyro_rad_s)
         odometry[:, 2] = np.unwrap(odometry[:, 2])
         return Log(
             time_s[kept],
             odometry,
             {beam: values[kept] for beam, values in ranges_m.items()},
-            gyro_rad_s[kept] if gyro_rad_s is not None else None,
+            gyro_rad_s,
             reading,
         )
 

@@ -7,7 +7,9 @@ from companion.errors import LogError
 from companion.offline.csv_log import read_csv
 from companion.offline.log import Log, Watch
 
-READERS: Mapping[str, Callable[[Path, Watch], Log]] = {".csv": read_csv}
+READERS: Mapping[str, Callable[[Path, Watch], Log]] = dict.fromkeys(
+    (".csv", ".csv.gz", ".tsv", ".tsv.gz"), read_csv
+)
 
 
 def read_log(path: Path, watch: Watch) -> Log:
@@ -16,7 +18,7 @@ def read_log(path: Path, watch: Watch) -> Log:
     Raises:
         LogError: one line that says why there is none.
     """
-    reader = READERS.get(path.suffix.lower())
-    if reader is None:
-        raise LogError(f"{path}: not a kind of log that can be read: {', '.join(READERS)}")
-    return reader(path, watch)
+    for end, reader in READERS.items():
+        if path.name.lower().endswith(end):
+            return reader(path, watch)
+    raise LogError(f"{path}: not a kind of log that can be read: {', '.join(READERS)}")

@@ -89,7 +89,8 @@ def load(config: Path | None, log: Path) -> SensorsConfig:
     Raises:
         ConfigError: one line that says what to mend.
     """
-    path = config or log.with_suffix(".toml")
+    plain = log.with_suffix("") if log.suffix.lower() == ".gz" else log
+    path = config or plain.with_suffix(".toml")
     if config is None and not path.is_file():
         return SensorsConfig()
     return validated(LogConfig, read_toml(path), str(path)).sensors

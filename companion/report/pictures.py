@@ -5,11 +5,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from companion.export.survey import Survey
+from companion.figures import Axes, Figure, rc_context
 from companion.messages import Beam, FloorPlan
 from companion.recording.reader import Fault, Recording
 from companion.report.numbers import Span, walls_over_time
@@ -41,6 +39,7 @@ PHASE_COLOURS = {
 STYLE: Any = {
     "svg.hashsalt": "report",
     "svg.fonttype": "none",
+    "text.parse_math": False,
     "font.size": 9,
     "font.family": "sans-serif",
     "axes.edgecolor": FAINT,

@@ -19,8 +19,24 @@ from companion.view.secret import is_loopback
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 
-NOT_FROM_HERE = "This page is only for the machine that it runs on."
+TWICE = "A request must have one Host and at most one Origin: what stands between makes them more."
+OTHER_SITE = (
+    "This request has Host {host!r} and Origin {origin!r}, which differ: another site has made it, "
+    "or a proxy stands between. A proxy must pass Host as the browser sends it, with its port; "
+    "for nginx: proxy_set_header Host $http_host;"
+)
+NOT_FROM_HERE = (
+    "This page is only for the machine that it runs on, and the request has Host {host!r}: open "
+    "127.0.0.1 or localhost, or let others in with --token-file, and --host if no proxy does."
+)
 NO_TOKEN = "This page needs its token: open the address with ?token=... that was printed."
+WRONG_TOKEN = (
+    "The token in {place} is not this page's: open the address with ?token=... that was printed "
+    "when the page was last started."
+)
+USUAL_PORTS = {"http": 80, "https": 443}
+SHOWN = 100
+"""Letters of a header that a refusal repeats."""
 
 
 class Guard:
@@ -43,17 +59,25 @@ class Guard:
         # get_all: a header that stands there twice is not to be read in two ways
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or len(origins) > 1:
-            return _refuse(NOT_FROM_HERE)
-        if origins and urlsplit(origins[0]).netloc.lower() != hosts[0].lower():
-            return _refuse(NOT_FROM_HERE)
+            return _refuse(TWICE)
+        host = hosts[0]
+        if origins and not _is_at(origins[0], host):
+            return _refuse(OTHER_SITE.format(host=host[:SHOWN], origin=origins[0][:SHOWN]))
         if self._token is None:
-            is_ours = is_loopback(urlsplit(f"//{hosts[0]}").hostname or "")
-            return None if is_ours else _refuse(NOT_FROM_HERE)
-        if self._is_token(self._in_cookie(request)):
+            is_ours = is_loopback(_host_name(host))
+            return None if is_ours else _refuse(NOT_FROM_HERE.format(host=host[:SHOWN]))
+        return self._without_token(request)
+
+    def _without_token(self, request: Request) -> Response | None:
+        """What a request gets that has not the token; None if it has."""
+        in_cookie, in_address = self._in_cookie(request), _in_address(request)
+        if self._is_token(in_cookie):
             return None
-        if self._is_token(_in_address(request)):
+        if self._is_token(in_address):
             return self._let_in()
-        return _refuse(NO_TOKEN)
+        if in_address:
+            return _refuse(WRONG_TOKEN.format(place="the address"))
+        return _refuse(WRONG_TOKEN.format(place="the browser's cookie") if in_cookie else NO_TOKEN)
 
     def _is_token(self, told: str) -> bool:
         return hmac.compare_digest(told.encode(), (self._token or "").encode())
@@ -68,8 +92,28 @@ class Guard:
     def _let_in(self) -> Response:
         """The page once more, without the token in the address bar."""
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
-        headers = Headers({"Location": "/", "Set-Cookie": cookie, "Content-Length": "0"})
+        # relative, since a proxy may have the page below a path
+        headers = Headers({"Location": "./", "Set-Cookie": cookie, "Content-Length": "0"})
         return Response(HTTPStatus.SEE_OTHER, "See Other", headers)
+
+
+def _is_at(origin: str, host: str) -> bool:
+    """Whether a page of this origin is at this host; a port that its scheme implies may be told."""
+    try:
+        site = urlsplit(origin)
+        port = USUAL_PORTS.get(site.scheme)
+        there = urlsplit(f"//{host}")
+        ours, its = (there.hostname, there.port or port), (site.hostname, site.port or port)
+        return bool(site.hostname) and its == ours
+    except ValueError:  # no host, or no port
+        return False
+
+
+def _host_name(host: str) -> str:
+    try:
+        return urlsplit(f"//{host}").hostname or ""
+    except ValueError:
+        return ""
 
 
 def _in_address(request: Request) -> str:

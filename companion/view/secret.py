@@ -7,6 +7,7 @@ import stat
 from pathlib import Path
 
 from companion.errors import ViewError
+from companion.textfile import NotTextError, read_text, reason
 
 LEAST_LETTERS = 16
 MORE_THAN_OWNER = 0o077
@@ -40,10 +41,9 @@ def read_token(file: Path, key: str) -> str:
     """
     try:
         mode = stat.S_IMODE(file.stat().st_mode)
-        token = file.read_text().strip()
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise ViewError(f"{key} {file}: {reason}; {MAKE_ONE.format(file=file)}") from error
+        token = read_text(file).strip()
+    except (OSError, NotTextError) as error:
+        raise ViewError(f"{key} {file}: {reason(error)}; {MAKE_ONE.format(file=file)}") from error
     if mode & MORE_THAN_OWNER:
         raise ViewError(
             f"{key} {file}: mode {mode:o}, others can read it; chmod 600 {file}, and take a new one"

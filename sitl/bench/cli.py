@@ -2,7 +2,9 @@
 
 import json
 import signal
+from contextlib import suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -10,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from companion.errors import OutputError
 from sitl.options import Autopilot, Battery, Crop, FlightOptions, Profile, Seed
 
 if TYPE_CHECKING:
@@ -111,7 +114,7 @@ def missions(
     ] = None,
 ) -> None:
     """Many missions on all cores: how many are completed, and how well."""
-    from companion.mapping.files import save_as  # noqa: PLC0415 - slow to load
+    from companion.mapping.files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
     from sitl.bench.lanes import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
@@ -130,22 +133,27 @@ def missions(
 
     def keep(flown: "Flown") -> None:
         ended.append(flown.row)
-        if out is not None:  # hours of flights, if it is broken off
-            save_as(_save_json, sum_up(ended), out / "missions.json")
+        if out is not None:  # hours of flights, if it is broken off, but also if the disk is full
+            with suppress(OutputError):
+                save_as(_save_json, sum_up(ended), out / "missions.json")
 
     flights = fly_and_show(jobs, keep)
     result = sum_up([flown.row for flown in flights])
-    if out is not None:
-        save_as(_save_json, result, out / "missions.json")
-        save_as(draw_sheet, flights, out / "missions.png")
     if as_json:
         print(json.dumps(result, indent=1))
     else:
         show(result, Console(highlight=False))
+    if out is not None:
+        each_by_itself(
+            (
+                partial(save_as, _save_json, result, out / "missions.json"),
+                partial(save_as, draw_sheet, flights, out / "missions.png"),
+            )
+        )
 
 
 def _save_json(result: "Summary", path: Path) -> None:
-    path.write_text(json.dumps(result, indent=1) + "\n")
+    path.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
 
 
 @commands.command()

@@ -18,7 +18,7 @@ from sitl.bench.fault_cases import Case, draw_case
 from sitl.lockstep import fly_in_lockstep
 from sitl.report import Report
 from sitl.simulation import Setup, Simulation
-from sitl.testing.script import play
+from sitl.testing.script import Play
 
 TIME_LIMIT_S = 150.0
 MOST_TIME_S = 400.0
@@ -120,7 +120,7 @@ def _fly(case: Case, folder: Path) -> Report:
         None, {"sensors.profile": case.profile, "mission.time_limit_s": TIME_LIMIT_S}
     )
     setup = Setup(case.world, case.world.name, case.number, settings.sensors, case.autopilot)
-    inject, judge = play([fault.event() for fault in case.faults]), Judge()
+    inject, judge = Play([fault.event() for fault in case.faults]), Judge()
     savers: list[AutoSave] = []
 
     def script(simulation: Simulation, app: App) -> None:

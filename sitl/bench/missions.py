@@ -16,7 +16,7 @@ from sitl.record import TruthRecord
 from sitl.report import Report, make_report
 from sitl.simulation import Simulation
 from sitl.testing.mission_file import load_mission
-from sitl.testing.script import play
+from sitl.testing.script import Play
 from sitl.world.format import Segment
 from sitl.world.plan import wall_surfaces
 
@@ -81,7 +81,7 @@ def _fly(job: Job) -> Flown:
     began_s = time.monotonic()
     setup, _ = job.options.setup()
     mission = load_mission(job.mission)
-    settings, script = job.options.settings(mission.settings), play(mission.events)
+    settings, script = job.options.settings(mission.settings), Play(mission.events)
     traced_ticks = 0
 
     def watch_trace(simulation: Simulation, app: App) -> None:

@@ -4,10 +4,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-
+from companion.figures import Axes, Figure, LineCollection
 from companion.frames import Vector2
 from sitl.bench.missions import Flown
 
@@ -54,6 +51,7 @@ def _draw(flown: Flown, axes: Axes) -> None:
     axes.set_title(
         "\n".join(line[:MOST_LETTERS] for line in title.splitlines()),
         fontsize=6,
+        parse_math=False,
         color=GOOD if row["completed"] else BAD,
     )
 

@@ -16,6 +16,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from companion.frames import Vector3
+from companion.textfile import read_text
 from sitl.errors import SitlError, complaint
 from sitl.noise import stream
 from sitl.world.model import Hit
@@ -76,10 +77,10 @@ def load_beam_physics(path: Path) -> BeamPhysics:
         BeamError: one line that says what to mend.
     """
     try:
-        return beam_physics(tomllib.loads(path.read_text()), str(path))
+        return beam_physics(tomllib.loads(read_text(path)), str(path))
     except OSError as error:
         raise BeamError(f"{path}: {error.strerror}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
         raise BeamError(f"{path}: not TOML: {error}") from error
 
 

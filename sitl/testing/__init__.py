@@ -22,6 +22,7 @@ from sitl.testing.script import (
     lose_flow,
     mute,
     noisy,
+    optional,
     other_rates,
     pilot_arms,
     pilot_mode,
@@ -35,6 +36,7 @@ from sitl.testing.script import (
     stick,
     swap,
     unplug,
+    watch,
     when,
 )
 
@@ -61,6 +63,7 @@ __all__ = [
     "lose_flow",
     "mute",
     "noisy",
+    "optional",
     "other_rates",
     "pilot_arms",
     "pilot_mode",
@@ -74,5 +77,6 @@ __all__ = [
     "stick",
     "swap",
     "unplug",
+    "watch",
     "when",
 ]

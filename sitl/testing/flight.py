@@ -19,12 +19,16 @@ from sitl.report import Report, make_report
 from sitl.sensors.beam import beam_physics
 from sitl.simulation import Setup, Simulation
 from sitl.testing.mission_file import load_mission
-from sitl.testing.script import Event, play
+from sitl.testing.script import Event, Play
 from sitl.world.loading import load_world, world_names
 
 
 def _fail(warning: str) -> None:
     raise AssertionError(warning)
+
+
+class MissedError(AssertionError):
+    """Something that a script says has not happened in the flight, so nothing is tested by it."""
 
 
 class ReportView:
@@ -117,6 +121,7 @@ class Sitl:
         Raises:
             WorldError, ConfigError, MissionError, ParameterError, BeamError: one line that says
                 what to mend.
+            MissedError: the flight ended before an event of `script`, or of the mission's file.
         """
         flown = load_mission(str(self._path(mission)))
         overrides = {"sensors.profile": profile, **flown.settings, **(settings or {})}
@@ -129,18 +134,24 @@ class Sitl:
         def watch(progress: Progress) -> None:
             """Nobody looks."""
 
+        events = Play([*flown.events, *script])
         recorder = open_recorder(record, loaded, time.time(), _fail) if record else NOT_RECORDED
         app, simulation = fly_in_lockstep(
             setup,
             loaded,
             watch,
             transport,
-            play([*flown.events, *script]),
+            events,
             recorder=recorder,
         )
         flight = Flight(app, simulation, setup, loaded, time.monotonic() - began_s)
         if record:
             recorder.close(flight.plan)
+        if events.missed:
+            raise MissedError(
+                f"the flight ended after {simulation.time_s:.1f} s, {flight.ending!r}, before "
+                f"these events: {events.missed}; those that need not happen are optional(...)"
+            )
         return flight
 
     def _path(self, name: str) -> Path:

@@ -9,6 +9,7 @@
     do = "link_down"     # or any other action
     for_s = 5            # for good if left out
     # with = "LOITER"    # what the action takes: one value, a list, or a table of names
+    # optional = true    # the flight may end before it; else it fails then
 
 A Python file defines the same as `mission`, a dict, and `events`, a list of `sitl.testing` events.
 """
@@ -22,8 +23,9 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator, validate_call
 
+from companion.textfile import read_text
 from sitl.errors import SitlError, complaint
-from sitl.testing.script import ACTIONS, Action, Event, at, when
+from sitl.testing.script import ACTIONS, Action, Event, at, optional, when
 
 SUFFIXES = (".toml", ".py")
 
@@ -48,6 +50,7 @@ class _Event(BaseModel):
     do: str
     for_s: float | None = Field(None, gt=0)
     given: Any = Field(None, alias="with")
+    optional: bool = False
 
     @model_validator(mode="after")
     def _begins_once(self) -> "_Event":
@@ -59,7 +62,8 @@ class _Event(BaseModel):
 
     def event(self) -> Event:
         action = self._action()
-        return at(self.at_s, action) if self.at_s is not None else when(self.when or "", action)
+        event = at(self.at_s, action) if self.at_s is not None else when(self.when or "", action)
+        return optional(event) if self.optional else event
 
     def _action(self) -> Action:
         values: list[object] = []
@@ -106,7 +110,7 @@ def load_mission(mission: str) -> MissionFile:
 
 
 def _toml(path: Path) -> MissionFile:
-    file = _File.model_validate(tomllib.loads(path.read_text()))
+    file = _File.model_validate(tomllib.loads(read_text(path)))
     try:
         events = tuple(event.event() for event in file.events)
     except ValidationError as error:

@@ -5,7 +5,7 @@ script=[at(30, link_down(for_s=5)), when("scanning", pilot_mode("LOITER"))]
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -16,7 +16,6 @@ from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from companion.messages import Beam
 from sitl.autopilot.personality import Throttle
 from sitl.errors import SitlError
-from sitl.lockstep import Script
 from sitl.radio import NO_TROUBLES, Troubles
 from sitl.sensors.sharp import USUAL_MEMORY
 from sitl.simulation import Simulation
@@ -41,20 +40,45 @@ class Action:
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An action and the condition on which it begins, once."""
+    """An action and the condition on which it begins, once.
+
+    A flight in which it never begins has not tested what it should, unless it is optional.
+    """
 
     is_due: Callable[[Simulation, App], bool]
     action: Action
+    is_optional: bool = False
+    name: str = "an Event of its own"
+    """As it is told when it never happened."""
 
 
 def at(time_s: float, action: Action) -> Event:
     """At a time of the flight, seconds since the start."""
-    return Event(lambda simulation, app: simulation.time_s >= time_s, action)
+    return Event(
+        lambda simulation, app: simulation.time_s >= time_s, action, name=f"at {time_s:g} s"
+    )
 
 
 def when(activity: str, action: Action) -> Event:
     """When the companion first says that it does something, such as "scanning"."""
-    return Event(lambda simulation, app: activity in app.flight.activity, action)
+    return Event(
+        lambda simulation, app: activity in app.flight.activity, action, name=f"when {activity!r}"
+    )
+
+
+def optional(event: Event) -> Event:
+    """The same, in a flight that may end before it happens."""
+    return replace(event, is_optional=True)
+
+
+def watch(look: Callable[[Simulation, App], object]) -> Event:
+    """Nothing happens, but `look` is called at every tick."""
+
+    def is_due(simulation: Simulation, app: App) -> bool:
+        look(simulation, app)
+        return False
+
+    return Event(is_due, Action(lambda simulation: None), is_optional=True)
 
 
 # The link
@@ -445,19 +469,25 @@ def _check(beam: str) -> None:
         raise ValueError(f"no beam {beam!r}; known: {', '.join(Beam)}")
 
 
-def play(events: Sequence[Event]) -> Script:
+class Play:
     """The script that carries out the events, each once, and undoes them when their time is up."""
-    waiting = list(events)
-    running: list[tuple[float, Action]] = []
 
-    def script(simulation: Simulation, app: App) -> None:
-        for event in [event for event in waiting if event.is_due(simulation, app)]:
-            waiting.remove(event)
+    def __init__(self, events: Sequence[Event]) -> None:
+        self._waiting = list(events)
+        self._running: list[tuple[float, Action]] = []
+
+    def __call__(self, simulation: Simulation, app: App) -> None:
+        """One tick."""
+        for event in [event for event in self._waiting if event.is_due(simulation, app)]:
+            self._waiting.remove(event)
             event.action.begin(simulation)
             if event.action.for_s is not None:
-                running.append((simulation.time_s + event.action.for_s, event.action))
-        for until_s, action in [r for r in running if simulation.time_s >= r[0]]:
-            running.remove((until_s, action))
+                self._running.append((simulation.time_s + event.action.for_s, event.action))
+        for until_s, action in [r for r in self._running if simulation.time_s >= r[0]]:
+            self._running.remove((until_s, action))
             action.undo(simulation)
 
-    return script
+    @property
+    def missed(self) -> str:
+        """What should have happened and has not; nothing if all has."""
+        return ", ".join(event.name for event in self._waiting if not event.is_optional)

@@ -13,7 +13,7 @@ from sitl.errors import SitlError
 from sitl.lockstep import Script, fly_in_lockstep
 from sitl.report import make_report
 from sitl.simulation import Simulation
-from sitl.testing.script import Event, pilot_mode, play
+from sitl.testing.script import Event, Play, pilot_mode
 from sitl.view.faults import FAULTS
 from sitl.view.news import (
     Begin,
@@ -145,10 +145,10 @@ class PacedFlight:
             case Land():
                 self.is_to_land = True
             case TakeOver(mode, throttle):
-                self._scripts.append(play([Event(_at_once, pilot_mode(mode, throttle))]))
+                self._scripts.append(Play([Event(_at_once, pilot_mode(mode, throttle))]))
             case Inject(fault, beam, for_s):
                 action = FAULTS[fault](simulation, beam, for_s)
-                self._scripts.append(play([Event(_at_once, action)]))
+                self._scripts.append(Play([Event(_at_once, action)]))
 
     # After each tick: a recorder as `recording` has them.
 

@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from companion.mapping.files import save_as
 from sitl.world.checking import extent, facts, warnings
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import RANDOM, load_world, world_names
@@ -43,7 +44,7 @@ def show(
     """Draw the plan with its start poses."""
     loaded = load_world(world)
     path = out or Path(f"{loaded.name}.png")
-    draw_plan(loaded, path)
+    save_as(draw_plan, loaded, path)
     typer.echo(str(path))
 
 

@@ -25,7 +25,7 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
 
     What is unknown is shaded, and the border that was closed before it dashed.
     """
-    from matplotlib.figure import Figure  # noqa: PLC0415 - slow to load, and seldom needed
+    from companion.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot(aspect="equal", facecolor=PAPER)
@@ -42,10 +42,19 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
     for start in world.starts:
         north, east = start.position
         axes.plot(east, north, marker="o", color=START)
-        axes.annotate(start.name, (east, north), (6, 6), textcoords="offset points", color=START)
+        axes.annotate(
+            start.name,
+            (east, north),
+            (6, 6),
+            textcoords="offset points",
+            color=START,
+            parse_math=False,
+        )
     axes.set_xlabel("east, m")
     axes.set_ylabel("north, m")
-    axes.set_title(f"{world.name}, walls at {height_m:g} m of {world.height_m:g} m")
+    axes.set_title(
+        f"{world.name}, walls at {height_m:g} m of {world.height_m:g} m", parse_math=False
+    )
     figure.savefig(path, format="png")
 
 

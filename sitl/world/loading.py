@@ -4,6 +4,7 @@ from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
+from companion.textfile import NotTextError, read_text
 from sitl.world.format import World, WorldError, parse_world
 from sitl.world.generator import random_world, seed_of
 from sitl.world.importers.ros_map import load_ros_map
@@ -45,15 +46,15 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
     """
     if name_or_path in world_names():
         room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
-        return parse_world(room.read_text(), name_or_path)
+        return parse_world(room.read_text(encoding="utf-8"), name_or_path)
     if (seed := seed_of(name_or_path)) is not None:
         return random_world(seed)
     path = Path(name_or_path)
     suffix = path.suffix.lower()
     if suffix == ".toml":
         try:
-            return parse_world(path.read_text(), name_or_path)
-        except (OSError, UnicodeDecodeError) as error:
+            return parse_world(read_text(path), name_or_path)
+        except (OSError, NotTextError) as error:
             raise WorldError(f"{name_or_path}: {error}") from error
     if suffix in IMPORTERS:
         return IMPORTERS[suffix](path, tell)

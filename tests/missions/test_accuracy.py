@@ -9,7 +9,7 @@ from companion.app import App
 from companion.pdps.flight import Phase
 from sitl.bench.accuracy import fly, summary
 from sitl.simulation import Setup, Simulation
-from sitl.testing import Action, Event, Sitl, at, refuse_arming
+from sitl.testing import Sitl, at, refuse_arming, watch
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
 
@@ -34,18 +34,16 @@ def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(
     """ArduCopter told "Gyros inconsistent" for 18 s, and the map was turned by 2.5 deg."""
     yaw_deg: list[float] = []
 
-    def note(simulation: Simulation, app: App) -> bool:
+    def note(simulation: Simulation, app: App) -> None:
         if app.estimator is not None and app.flight.phase is Phase.ARM:
             yaw_deg.append(math.degrees(app.estimator.heading.yaw_rad))
-        return False
 
-    watch = Event(note, Action(lambda simulation: None))
     refused = at(0.0, refuse_arming(for_s=25))
     flight = sitl.fly(
         SMALL_ROOM,
         autopilot=autopilot,
         seed=5,
-        script=[refused, watch],
+        script=[refused, watch(note)],
         settings={"mission.time_limit_s": 10},
     )
     assert flight.plan.path, "what was flown was forgotten on the ground"

@@ -9,7 +9,7 @@ from companion.app import App
 from companion.export.survey import survey
 from companion.frames import ned_to_frd, wrap_rad
 from sitl.simulation import Simulation
-from sitl.testing import Action, Event, Sitl, somebody, when
+from sitl.testing import Event, Sitl, somebody, watch, when
 
 ROOMS = "worlds/two_small_rooms.toml"
 """Two rooms of 4 × 4 m with a doorway between them, at 4.05 m east of the first's far wall.
@@ -24,12 +24,11 @@ class PoseErrors:
     def __init__(self) -> None:
         self.position_m: list[float] = []
         self.heading_deg: list[float] = []
-        self.script = [Event(self._note, Action(lambda simulation: None))]
+        self.script = [watch(self._note)]
 
-    def _note(self, simulation: Simulation, app: App) -> bool:
-        """An event that never happens."""
+    def _note(self, simulation: Simulation, app: App) -> None:
         if app.estimator is None:
-            return False
+            return
         take_off, truth = simulation.record.take_off, simulation.autopilot.truth
         north_m, east_m = (
             truth.position_ned_m[axis] - take_off.position_ned_m[axis] for axis in (0, 1)
@@ -39,7 +38,6 @@ class PoseErrors:
         self.position_m.append(math.dist(true_ne_m, (pose.north_m, pose.east_m)))
         off_rad = wrap_rad(pose.yaw_rad - (truth.yaw_rad - take_off.yaw_rad))
         self.heading_deg.append(abs(math.degrees(off_rad)))
-        return False
 
 
 @pytest.mark.parametrize("seed", [1, 2])

@@ -42,6 +42,7 @@ from sitl.testing import (
     stick,
     swap,
     unplug,
+    watch,
     when,
 )
 
@@ -183,11 +184,8 @@ def test_a_bus_that_hangs_lands_the_drone_while_setpoints_keep_their_pace(
 ) -> None:
     ticks_s: list[float] = []
 
-    def note(simulation: Simulation, app: App) -> bool:
-        ticks_s.append(simulation.time_s)
-        return False
-
-    script = [at(30, hang_bus(transfer_s)), Event(note, Action(lambda simulation: None))]
+    noted = watch(lambda simulation, app: ticks_s.append(simulation.time_s))
+    script = [at(30, hang_bus(transfer_s)), noted]
     flight = sitl.fly("room_100", profile=profile, autopilot=autopilot, script=script)
     assert phase(flight) is Phase.DONE
     assert flight.ending == FAILED + "front, left, right"
@@ -336,12 +334,11 @@ STARVED = "the computer is starved: ticks "
 def troubles(flown: list[str]) -> Event:
     """Writes down what the companion says is wrong, tick by tick."""
 
-    def note(simulation: Simulation, app: App) -> bool:
+    def note(simulation: Simulation, app: App) -> None:
         if app.flight.trouble:
             flown.append(app.flight.trouble)
-        return False
 
-    return Event(note, hang(0.0))
+    return watch(note)
 
 
 @pytest.mark.parametrize(

@@ -25,6 +25,7 @@ from sitl.testing import (
     refuse_arming,
     stay_taking_off,
 )
+from sitl.testing import watch as each_tick
 from sitl.testing.script import MODE_NAMES
 
 MODE, ARM, TAKE_OFF, INTERVAL = 176, 400, 22, 511
@@ -58,11 +59,7 @@ class Watch:
         return Counter(command for when_s, command, _ in self.asked if when_s > time_s)
 
     def event(self) -> Event:
-        def is_due(simulation: Simulation, app: object) -> bool:
-            self.note(simulation)
-            return False
-
-        return Event(is_due, Action(lambda simulation: None))
+        return each_tick(lambda simulation, app: self.note(simulation))
 
 
 @pytest.fixture

@@ -7,11 +7,14 @@ from http.client import HTTPConnection
 from pathlib import Path
 
 import pytest
+from websockets import Headers
 from websockets.exceptions import InvalidStatus
+from websockets.http11 import Request
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
 from companion.errors import ViewError
+from companion.view.guard import Guard
 from companion.view.secret import answer, is_loopback, read_token
 from companion.view.server import PageServer, open_page
 
@@ -41,6 +44,12 @@ def public(token_file: Path) -> Iterator[PageServer]:
     server, _ = open_page("0.0.0.0", 0, token_file, "test")
     yield server
     server.stop()
+
+
+def refusal(headers: Mapping[str, str], path: str = "/", token: str | None = TOKEN) -> str:
+    """What a request is told; nothing if it is let in."""
+    refused = Guard(token, 8080).refusal(Request(path, Headers(headers)))
+    return refused.body.decode() if refused and refused.status_code == 403 else ""
 
 
 def get(
@@ -95,7 +104,7 @@ def test_a_stranger_is_refused_page_files_and_socket(public: PageServer) -> None
 
 def test_the_token_lets_in_and_leaves_the_address(public: PageServer) -> None:
     status, headers = get(public, f"/?token={TOKEN}")
-    assert (status, headers["Location"]) == (303, "/")
+    assert (status, headers["Location"]) == (303, "./")
     cookie = headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
@@ -103,6 +112,58 @@ def test_the_token_lets_in_and_leaves_the_address(public: PageServer) -> None:
     assert get(public, headers=told)[0] == 200
     assert open_socket(public, headers=told) == 101
     assert open_socket(public, origin="http://evil.example", headers=told) == 403
+
+
+COOKIE = f"pdps_view_8080={TOKEN}"
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("maps.example", "https://maps.example:8443"),
+        ("maps.example:8443", "https://maps.example"),
+        ("127.0.0.1:8080", "https://maps.example"),
+        ("maps.example:8080", "https://maps.example"),
+    ],
+)
+def test_a_proxy_that_changes_the_host_is_told_so(host: str, origin: str) -> None:
+    for token in (TOKEN, None):
+        told = refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}, token=token)
+        assert repr(host) in told
+        assert repr(origin) in told
+        assert "proxy must pass Host" in told
+        assert "only for the machine" not in told
+
+
+@pytest.mark.parametrize(
+    ("host", "origin"),
+    [
+        ("maps.example:8443", "https://maps.example:8443"),
+        ("maps.example", "https://maps.example"),
+        ("maps.example:443", "https://maps.example"),
+        ("Maps.example", "http://maps.example:80"),
+        ("[::1]:8080", "http://[::1]:8080"),
+    ],
+)
+def test_a_proxy_that_passes_the_host_is_let_in(host: str, origin: str) -> None:
+    assert refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}) == ""
+
+
+def test_no_token_and_a_wrong_one_are_told_apart() -> None:
+    host = {"Host": "maps.example"}
+    assert "needs its token" in refusal(host)
+    assert "token in the address is not" in refusal(host, "/?token=0123456789abcdeF")
+    of_before = {**host, "Cookie": "pdps_view_8080=fedcba9876543210"}
+    assert "token in the browser's cookie is not" in refusal(of_before)
+    assert refusal(of_before, f"/?token={TOKEN}") == ""
+
+
+def test_another_host_and_headers_that_stand_twice_are_told_apart() -> None:
+    assert "Host 'evil.example'" in refusal({"Host": "evil.example"}, token=None)
+    assert "machine that it runs on" in refusal({"Host": "evil.example"}, token=None)
+    assert "one Host" in refusal({}, token=None)
+    assert "differ" in refusal({"Host": "", "Origin": "null"}, token=None)
+    assert "differ" in refusal({"Host": "127.0.0.1:x", "Origin": "http://[::"}, token=None)
 
 
 def test_nobody_can_have_it_shared_with_the_world(local: PageServer) -> None:

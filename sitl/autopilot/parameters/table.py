@@ -58,7 +58,7 @@ Table = Mapping[str, Parameter]
 def load_table(firmware: str) -> Table:
     """Those of "ardupilot" or "px4"."""
     file = resources.files("sitl.autopilot.parameters") / f"{firmware}.csv"
-    rows = csv.DictReader(file.read_text().splitlines())
+    rows = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
     return {row["name"]: _parameter(row) for row in rows}
 
 

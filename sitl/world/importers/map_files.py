@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from companion.textfile import NotTextError, read_text
 from sitl.errors import complaint
 from sitl.world.format import Metres, WorldError
 from sitl.world.known import Cells, Raster
@@ -19,7 +20,10 @@ from sitl.world.plan import OUTSIDE_M
 
 MOST_YAML_BYTES = 65_536
 MOST_CELLS_A_SIDE = 8000
+MOST_SUM = 3 * 255
+"""Of a white cell's red, green and blue."""
 
+Sums = NDArray[np.uint16]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
@@ -65,11 +69,11 @@ def _read_record(path: Path) -> _Record:
     try:
         if path.stat().st_size > MOST_YAML_BYTES:
             raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
-        content = _parse(path.read_text())
+        content = _parse(read_text(path))
         if not isinstance(content, dict):
             raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
         return _Record.model_validate(content)
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, NotTextError) as error:
         raise WorldError(f"{path}: {error}") from error
     except yaml.YAMLError as error:
         raise WorldError(f"{path}: not YAML: {error}") from error
@@ -86,13 +90,14 @@ def _parse(text: str) -> Any:
 
 
 def _grid(path: Path, record: _Record) -> Grid:
-    shade, is_opaque = _read_picture(path, path.parent / record.image)
-    percent = np.arange(256) if record.mode == "raw" else np.arange(256) / 255 * 100
+    sums, is_opaque = _read_picture(path, path.parent / record.image)
+    every = np.arange(MOST_SUM + 1)
+    percent = every // 3 if record.mode == "raw" else every / MOST_SUM * 100
     if record.mode != "raw" and not record.negate:
         percent = 100 - percent
     known = percent <= 100
-    occupied = (known & (percent > 100 * record.occupied_thresh))[shade] & is_opaque
-    free = (known & (percent < 100 * record.free_thresh))[shade] & is_opaque
+    occupied = (known & (percent > 100 * record.occupied_thresh))[sums] & is_opaque
+    free = (known & (percent < 100 * record.free_thresh))[sums] & is_opaque
     raster = Raster(record.resolution, record.origin)
     return _cropped(Grid(np.flipud(occupied), np.flipud(free), raster))
 
@@ -112,8 +117,8 @@ def _cropped(grid: Grid) -> Grid:
     return Grid(occupied, free, replace(grid.raster, first=(west - margin, south - margin)))
 
 
-def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
-    """Shades from 0, black, to 255, and which cells are opaque; rows from the top."""
+def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
+    """Sums of each cell's colours, black is 0, and which cells are opaque; rows from the top."""
     try:
         with picture.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -123,19 +128,25 @@ def _read_picture(path: Path, picture: Path) -> tuple[NDArray[np.uint8], Cells]:
                     f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
                     f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
                 )
-            return _shades(image)
+            return _sums(image)
     except WorldError:
         raise
     except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
         raise WorldError(f"{path}: image = {picture.name}: {error}") from error
 
 
-def _shades(image: Image.Image) -> tuple[NDArray[np.uint8], Cells]:
+def _sums(image: Image.Image) -> tuple[Sums, Cells]:
+    """Red, green and blue added up: Pillow's own greys weigh them as the eye does."""
+    hidden = image.info.get("transparency")
     if image.mode.startswith("I"):  # 16 bits
-        wide = np.asarray(image)
-        return (wide >> 8).astype(np.uint8), np.ones(wide.shape, dtype=bool)
-    if "transparency" in image.info or "A" in image.getbands():
-        shade, alpha = image.convert("LA").split()
-        return np.asarray(shade), np.asarray(alpha) == 255
-    shade = image.convert("L")
-    return np.asarray(shade), np.ones((image.height, image.width), dtype=bool)
+        wide: NDArray[np.int32] = np.asarray(image).astype(np.int32)
+        is_opaque: Cells = wide != (hidden if isinstance(hidden, int) else -1)
+        return np.uint16(3) * (wide >> 8).astype(np.uint16), is_opaque
+    if hidden is not None or "A" in image.getbands() or image.mode == "P":
+        *colours, alpha = (np.asarray(band) for band in image.convert("RGBA").split())
+        return np.sum(colours, axis=0, dtype=np.uint16), alpha == 255
+    bands = image.convert("RGB" if image.mode == "RGB" else "L").split()
+    sums: Sums = np.zeros((image.height, image.width), dtype=np.uint16)
+    for band in bands:
+        sums += np.asarray(band) * np.uint16(3 // len(bands))
+    return sums, np.ones(sums.shape, dtype=bool)

@@ -5,17 +5,18 @@ by definition; x is east there and z is south. Transforms of nodes are applied, 
 looked at. Starts are places with room around them at 1.2 m and nothing in the way up.
 """
 
-import io
-import logging
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
 import numpy as np
-import trimesh
-from trimesh.resolvers import FilePathResolver
 
 from companion.frames import Vector2
 from sitl.world.format import World, WorldError
+from sitl.world.importers.formats import MeshError, Part
+from sitl.world.importers.formats.gltf import read_gltf
+from sitl.world.importers.formats.obj import read_obj
+from sitl.world.importers.formats.ply import read_ply
+from sitl.world.importers.formats.stl import read_stl
 from sitl.world.importers.mending import Triangles, mended, numbered
 from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
 from sitl.world.model import WorldModel
@@ -30,7 +31,13 @@ WAY_UP_CLEARANCE_M = 0.3
 Y_UP_SUFFIXES = (".glb", ".gltf")
 ENU_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
-NOBODY = logging.NullHandler()
+READERS: Mapping[str, Callable[[bytes, Path], Iterable[Part]]] = {
+    ".stl": read_stl,
+    ".obj": read_obj,
+    ".ply": read_ply,
+    ".glb": read_gltf,
+    ".gltf": read_gltf,
+}
 
 
 def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
@@ -47,56 +54,40 @@ def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
 
 
 def _read(path: Path, tell: Callable[[str], None]) -> Triangles:
-    """The triangles of all nodes, east, north and up, with all that is wrong about them."""
+    """The triangles of all parts, east, north and up, with all that is wrong about them."""
+    suffix = path.suffix.lower()
+    placed: list[Triangles] = []
+    count = 0
     try:
         if path.stat().st_size > MOST_BYTES:
             raise WorldError(f"{path}: larger than {MOST_BYTES // 10**6} MB; decimate the mesh")
         with np.errstate(all="ignore"):  # what is not finite is left out later, and told
-            scene = _load(path)
-            nodes = [scene.graph[node] for node in scene.graph.nodes_geometry]
-            placed = [(scene.geometry[name], transform) for transform, name in nodes]
-            meshes = [(mesh, t) for mesh, t in placed if isinstance(mesh, trimesh.Trimesh)]
-            count = sum(len(mesh.faces) for mesh, _ in meshes)
-            if not 0 < count <= MOST_TRIANGLES:
-                raise WorldError(f"{path}: {count} triangles; there must be 1 to {MOST_TRIANGLES}")
-            triangles = np.concatenate([_corners(mesh, t) for mesh, t in meshes])
-            if path.suffix.lower() in Y_UP_SUFFIXES:
-                triangles = triangles @ ENU_FROM_Y_UP.T
+            for part in READERS[suffix](path.read_bytes(), path):
+                count += len(part.faces)
+                if count > MOST_TRIANGLES:
+                    break
+                placed.append(_corners(part))
     except WorldError:
         raise
-    except ImportError as error:
-        raise WorldError(
-            f"{path}: cannot be read without {error.name}; is it damaged, or of another format "
-            "than its name tells?"
-        ) from error
+    except MeshError as error:
+        raise WorldError(f"{path}: {error}") from error
     except Exception as error:  # on a damaged file the readers raise whatever comes to hand
         raise WorldError(f"{path}: cannot be read: {error or type(error).__name__}") from error
+    if not 0 < count <= MOST_TRIANGLES:
+        raise WorldError(f"{path}: {count} triangles; there must be 1 to {MOST_TRIANGLES}")
+    triangles = np.concatenate(placed)
+    if suffix in Y_UP_SUFFIXES:
+        triangles = triangles @ ENU_FROM_Y_UP.T
     if len(triangles) < count:
         tell(f"left out {count - len(triangles)} of {count} triangles: corners that do not exist")
     return triangles
 
 
-def _load(path: Path) -> trimesh.Scene:
-    logging.getLogger("trimesh").addHandler(NOBODY)  # its warnings say nothing to a user
-    kind = path.suffix.lower().removeprefix(".")
-    data = path.read_bytes()
-    if kind == "obj":  # its names and comments may be in any encoding, and do not matter
-        data = data.decode(errors="replace").encode()
-    return trimesh.load_scene(
-        io.BytesIO(data),
-        file_type=kind,
-        resolver=FilePathResolver(str(path)),
-        process=False,
-        skip_materials=True,
-    )
-
-
-def _corners(mesh: trimesh.Trimesh, transform: Triangles) -> Triangles:
-    """The triangles of one node, without those that name vertices which it has not."""
-    faces, vertices = np.asarray(mesh.faces), np.asarray(mesh.vertices, dtype=float)
+def _corners(part: Part) -> Triangles:
+    """The triangles of one part, without those that name vertices which it has not."""
+    vertices, faces = part
     exists = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
-    moved = vertices @ transform[:3, :3].T + transform[:3, 3]
-    corners: Triangles = moved[faces[exists]]
+    corners: Triangles = vertices[faces[exists]]
     return corners
 
 

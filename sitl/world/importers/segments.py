@@ -13,6 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from companion.textfile import read_text
 from sitl.world.format import World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
 from sitl.world.importers.starts import free_starts
@@ -53,7 +54,7 @@ def load_segments(path: Path, tell: Callable[[str], None]) -> World:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        record = json.loads(path.read_text())
+        record = json.loads(read_text(path))
     except (OSError, ValueError, RecursionError) as error:
         raise WorldError(f"{path}: {error}") from error
     if not isinstance(record, dict):

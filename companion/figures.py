@@ -1,0 +1,29 @@
+"""matplotlib's figures, which are drawn without a backend, whichever one the environment names.
+
+matplotlib refuses to be loaded where MPLBACKEND names a backend that is not installed, as in a
+process that a notebook has started. A program whose own backend is there keeps it.
+"""
+
+import os
+import sys
+from contextlib import suppress
+
+VARIABLE = "MPLBACKEND"
+
+_is_first = "matplotlib" not in sys.modules
+_named = os.environ.pop(VARIABLE, "") if _is_first else ""
+try:
+    from matplotlib import rc_context, rcParams
+    from matplotlib.axes import Axes
+    from matplotlib.collections import LineCollection
+    from matplotlib.figure import Figure
+    from matplotlib.patches import PathPatch, Polygon
+    from matplotlib.path import Path as Outline
+finally:
+    if _named:
+        os.environ[VARIABLE] = _named
+if _named:
+    with suppress(ValueError):  # not installed here, and no figure of ours needs it
+        rcParams["backend"] = _named
+
+__all__ = ["Axes", "Figure", "LineCollection", "Outline", "PathPatch", "Polygon", "rc_context"]

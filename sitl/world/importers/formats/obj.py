@@ -1,0 +1,52 @@
+"""Wavefront OBJ: vertices and faces; names, normals, textures and lines are not looked at."""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from companion.textfile import encoding_of
+from sitl.world.importers.formats import MeshError, Part, part
+from sitl.world.importers.formats.polygons import triangles
+
+NOT_READ = {
+    "surf": "free-form surfaces",
+    "bsp": "free-form surfaces",
+    "bzp": "free-form surfaces",
+    "cdp": "free-form surfaces",
+    "call": "parts in other files",
+}
+"""Statements that would bring more faces."""
+NOWHERE = -1
+
+
+def read_obj(data: bytes, path: Path) -> Iterator[Part]:
+    """The triangles.
+
+    Raises:
+        MeshError: a line that cannot be read, or one that would bring faces of another kind.
+    """
+    vertices: list[tuple[float, float, float]] = []
+    polygons: list[list[int]] = []
+    # comments and names may be in any encoding, and do not matter
+    text = data.decode(encoding_of(data), "replace").replace("\r\n", "\n").replace("\r", "\n")
+    for number, line in enumerate(text.replace("\\\n", " ").split("\n"), start=1):
+        keyword, *words = line.partition("#")[0].split() or ("",)
+        try:
+            if keyword == "v":
+                x, y, z = map(float, words[:3])
+                vertices.append((x, y, z))
+            elif keyword in {"f", "fo"}:
+                polygons.append(_corners(words, len(vertices)))
+        except ValueError as error:
+            raise MeshError(f"line {number}: {line.strip()[:40]!r} is no {keyword}") from error
+        if keyword in NOT_READ:
+            kind = NOT_READ[keyword]
+            raise MeshError(f"line {number}: {kind} ({keyword}) are not read; export triangles")
+    yield part(vertices, (face for corners in polygons for face in triangles(corners, vertices)))
+
+
+def _corners(words: Sequence[str], vertices: int) -> list[int]:
+    """Numbers from 0; the file counts from 1, or back from the latest vertex before the face."""
+    numbers = [int(word.partition("/")[0]) for word in words]
+    if not numbers:
+        raise ValueError("no corners")
+    return [n - 1 if n > 0 else max(vertices + n, NOWHERE) if n < 0 else NOWHERE for n in numbers]
