@@ -88,14 +88,12 @@ def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sit
     assert flight.report.wall_error_aligned_cm < 2
 
 
-def test_walls_with_pilasters_are_mapped_where_they_are(sitl: Sitl) -> None:
-    """A wall that steps by 15 cm, taken for one, turns the heading for a while; not the map."""
+def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
+    """A wall that steps by 15 cm, taken for one, turned the heading by up to 11°."""
     errors = PoseErrors()
     flight = sitl.fly("worlds/facade.toml", mission="exterior", seed=2, script=errors.script)
     assert flight.completed, flight.ending
-    assert np.median(errors.heading_deg) < 3
-    assert flight.report.wall_error_aligned_cm < 6
-    assert flight.report.coverage >= 0.95
+    assert np.quantile(errors.heading_deg, 0.95) < 5
     assert flight.truth.collisions == 0
 
 

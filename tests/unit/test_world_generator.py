@@ -173,10 +173,14 @@ def is_slanted(walls: Walls) -> bool:
     return north != to_north and east != to_east
 
 
+def _as_json(world: World) -> str:
+    """What is drawn by chance: all but what a map knows, for such a building has none."""
+    return world.model_dump_json(exclude={"known"})
+
+
 def test_a_seed_is_the_same_building_on_every_machine() -> None:
     digests = [
-        hashlib.sha256(random_world(seed).model_dump_json().encode()).hexdigest()[:8]
-        for seed in (1, 17)
+        hashlib.sha256(_as_json(random_world(seed)).encode()).hexdigest()[:8] for seed in (1, 17)
     ]
     assert digests == ["d0939978", "09d3e4af"]
 
