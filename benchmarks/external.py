@@ -12,13 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from companion import config
-from companion.mapping.files import load_json
 from companion.recording.reader import Recording, read
-from companion.values import value
 from sitl.options import Autopilot, FlightOptions
 from sitl.record import TruthRecord
-from sitl.report import make_report
+from sitl.score_cli import scored
 
 Array = NDArray[np.float64]
 PROFILE = "gp2y0a710k0f"
@@ -29,24 +26,9 @@ LATE_OVER_S = 1.0
 """How late it is told shows in displacements over so long."""
 
 
-@value
-class Scored:
-    """`make_report` asks how the flight ended; the row tells what became of it."""
-
-    completed: bool = True
-    ending: str = ""
-
-
 def row(world: str, seed: int, folder: Path) -> str:
     options = FlightOptions(world, seed, PROFILE, Autopilot.ARDUPILOT.value)
-    report = make_report(
-        options.setup()[0],
-        config.load(None, {"sensors.profile": PROFILE}),
-        load_json(folder / "out" / "map.json"),
-        TruthRecord.load(folder / "truth.json"),
-        outcome=Scored(),
-        waited_s=math.nan,
-    )
+    report = scored(options, folder / "out" / "map.json", folder / "truth.json")
     percent = round(100 * float(report["coverage"] or 0))
     return (
         f"| {world}, {seed} | {report['flight_time_s']:.0f} s "

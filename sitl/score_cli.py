@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 from rich.console import Console
@@ -13,6 +13,9 @@ from companion.values import value
 from sitl.errors import SitlError
 from sitl.options import Autopilot, ConfigFile, Crop, FlightOptions, Profile, Seed, Start, WorldName
 from sitl.record import TruthRecord
+
+if TYPE_CHECKING:
+    from sitl.report import Report
 
 T = TypeVar("T")
 
@@ -37,12 +40,9 @@ def score(
     report: Annotated[Path | None, typer.Option(help="Write the scores here as JSON.")] = None,
 ) -> None:
     """Score a flight of `sitl run` and `companion fly`, given the same options as `run`."""
-    # They load the scorer, which a mere server does without.
-    from sitl.report import make_report, report_table, save_report  # noqa: PLC0415
+    # It loads the scorer, which a mere server does without.
+    from sitl.report import report_table, save_report  # noqa: PLC0415
 
-    for path in (map_file, truth):
-        if not path.is_file():
-            raise SitlError(f"{path}: no such file; MAP is of companion fly, TRUTH of sitl run")
     options = FlightOptions(
         world,
         seed,
@@ -52,7 +52,25 @@ def score(
         crop_m=crop,
         config=config,
     )
-    result = make_report(
+    result = scored(options, map_file, truth)
+    del result["completed"]
+    Console(highlight=False).print(report_table(result))
+    if report is not None:
+        save_report(result, report)
+
+
+def scored(options: FlightOptions, map_file: Path, truth: Path) -> "Report":
+    """All scores of a flight, from the files that it has left.
+
+    Raises:
+        SitlError: a file is not there, or is none of those.
+    """
+    from sitl.report import make_report  # noqa: PLC0415 - likewise
+
+    for path in (map_file, truth):
+        if not path.is_file():
+            raise SitlError(f"{path}: no such file; MAP is of companion fly, TRUTH of sitl run")
+    return make_report(
         options.setup()[0],
         options.settings({}),
         _loaded(load_json, map_file),
@@ -60,10 +78,6 @@ def score(
         outcome=_Flown(),
         waited_s=math.nan,
     )
-    del result["completed"]
-    Console(highlight=False).print(report_table(result))
-    if report is not None:
-        save_report(result, report)
 
 
 def _loaded(load: Callable[[Path], T], path: Path) -> T:
