@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, frd_to_ned, ned_to_frd
+from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.folds import ALIAS_M, Folds
 from companion.messages import (
     BEARING_FRD_RAD,
@@ -30,18 +30,23 @@ from companion.messages import (
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 """After that the frame may have drifted by as much as the drone keeps off."""
-WITHIN_M = 2.5
-MOST_SIGMA_M = 0.06
+WITHIN_M, MOST_SIGMA_M = 2.5, 0.06
+"""What is met so near, and so exactly, is known in place of what was met before."""
+VAGUE_SIGMAS = 2.0
+"""What was met from farther off may be so far before or behind where it was met. A thin pole may
+not be met again: between two readings of a beam that swings, it moves on by 5 to 10 cm there."""
 SAME_M = 0.04
 """A point that is met again is one point, the old one: new ones in its stead would be drawn along
 by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
 OLD_S, SAME_OLD_M = 4.0, 0.10
 """After so long it may have drifted by as much, and a new one stands for all that are so near."""
-BESIDE_BEAM_M = 0.03
+STRIPS, STRIP_M = 5, 0.02
 SEEN_THROUGH_M = 0.30
-"""A beam that goes on so far beyond a point has shown that nothing is there any more,"""
-PASSES, TOGETHER_M = 2, 0.20
-"""if it did so often, and likewise for all points that are so near to it: a beam that leaves a jamb
+"""A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
+many strips around it. Only when it did in all of them is the point gone: a thin pole, and what has
+drifted by some centimetres, is missed by most beams that pass close by."""
+TOGETHER_M = 0.20
+"""It did so likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
 ALIAS_ASIDE_M = 0.12
 SURELY_M = 0.30
@@ -50,7 +55,8 @@ if it has drifted. Somebody who has gone would stand in the way until all is for
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
-_MET_S, _KNOWN, _PASSED = 2, 3, 4
+NOT_PASSED = (0.0,) * STRIPS
+_MET_S, _KNOWN, _SIGMA_M, _PASSED = 2, 3, 4, 5
 _GUESSED, _TOO_STRONG, _MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
@@ -65,26 +71,32 @@ class Surroundings:
     velocity_frd_m_s: Vector2 = (0.0, 0.0)
     lag_s: float = FIRST_LAG_S
     """How long the drone goes on at that when it is stopped."""
+    sigma_m: Points = field(default_factory=lambda: np.zeros(1))
+    """(n,), or (1,) for all: of how far away they were when they were met, where that was vague."""
 
 
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 5): north, east, when it was met, how well it is known, and how often a beam has gone
-    through since.
+    (n, 5 + STRIPS): north, east, when it was met, how well it is known, the sigma of its distance
+    where that was vague, and through which strips around it a beam has gone since.
     """
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
-        self._points: Points = np.empty((0, 5))
+        self._points: Points = np.empty((0, _PASSED + STRIPS))
         self._folds = Folds(units)
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
+        self._seen: tuple[float, float] | None = None
+        """When it was looked last, and the heading then."""
 
     def surroundings(self, lag_s: float) -> Surroundings:
-        return Surroundings(self._relative(), self._velocity_frd_m_s, lag_s)
+        return Surroundings(
+            self._relative(), self._velocity_frd_m_s, lag_s, self._points[:, _SIGMA_M]
+        )
 
     def turn_to(self, heading_rad: float) -> None:
         """By the gyro alone, which never makes a step.
@@ -114,35 +126,49 @@ class Near:
         """Take in a sweep; the same with readings that have folded back called too near."""
         self._forget(scan.time_s)
         self._folds.move_to(self._ne_m, self._yaw_rad)
-        relative = self._relative()
+        relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
         readings = dict(scan.readings)
-        passed, met = np.zeros(len(relative), dtype=bool), []
+        met = []
         for beam in BEARING_FRD_RAD:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
                 continue
-            cos_b, sin_b = math.cos(unit.bearing_frd_rad), math.sin(unit.bearing_frd_rad)
-            along_m = relative @ (cos_b, sin_b)
-            aside_m = np.abs(relative @ (-sin_b, cos_b))
-            known_m = self._known_m(along_m, aside_m) - unit.offset_m
+            age_s = unit.model.mean_age_s
+            bearing_frd_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
+            cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
+            eye_frd_m = -age_s * np.array(self._velocity_frd_m_s)
+            along_m = (relative - eye_frd_m) @ (cos_b, sin_b)
+            aside_m = (relative - eye_frd_m) @ (-sin_b, cos_b)
+            known_m = self._known_m(along_m, np.abs(aside_m)) - unit.offset_m
             unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
             from_m, to_m = _seen_through_m(unfolded, unit)
             beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
-            passed |= (aside_m < BESIDE_BEAM_M) & beyond & (along_m < to_m)
-            end_m = _end_m(unfolded, known_m, unit.offset_m)
-            if end_m is not None:
-                met.append((end_m * cos_b, end_m * sin_b, _how_known(reading, unfolded)))
-        self._points[passed, _PASSED] += 1
+            farthest_m = along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
+            strip = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(int)
+            passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
+            self._points[passed, _PASSED + strip[passed]] = True
+            end = _end_m(unfolded, known_m, unit.offset_m)
+            if end is not None:
+                end_m, sigma_m = end
+                place = eye_frd_m[0] + end_m * cos_b, eye_frd_m[1] + end_m * sin_b
+                met.append((*place, _how_known(reading, unfolded), sigma_m))
         self._points = self._points[~self._gone()]
-        for forward_m, right_m, known in met:
-            self._put(forward_m, right_m, scan.time_s, known)
+        for forward_m, right_m, known, sigma_m in met:
+            self._put((forward_m, right_m), scan.time_s, known, sigma_m)
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
+    def _turns_rad_s(self, time_s: float) -> float:
+        """By the headings now and when it was looked last."""
+        last, self._seen = self._seen, (time_s, self._yaw_rad)
+        if last is None or time_s <= last[0]:
+            return 0.0
+        return wrap_rad(self._yaw_rad - last[1]) / (time_s - last[0])
+
     def _gone(self) -> NDArray[np.bool_]:
         """(n,): through which beams went, and through all that is close by."""
-        doubted = self._points[:, _PASSED] >= PASSES
+        doubted = self._points[:, _PASSED:].all(axis=1)
         if not doubted.any():
             return doubted
         gone = doubted.copy()
@@ -162,24 +188,27 @@ class Near:
 
     def _known_m(self, along_m: Points, aside_m: Points) -> float:
         """To the nearest thing measured along a beam; infinite without any."""
-        is_measured = self._points[:, _KNOWN] == _MEASURED
+        is_measured = (self._points[:, _KNOWN] == _MEASURED) & (self._points[:, _SIGMA_M] == 0)
         known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & is_measured
         return float(along_m[known].min(initial=math.inf))
 
-    def _put(self, forward_m: float, right_m: float, time_s: float, known: float) -> None:
-        north_m, east_m = frd_to_ned(forward_m, right_m, self._yaw_rad)
+    def _put(self, at_frd_m: Vector2, time_s: float, known: float, sigma_m: float) -> None:
+        north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
         place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
         off_m = self._points[:, :2] - place
         off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _MET_S] > OLD_S
         no_better = self._points[:, _KNOWN] <= known
-        stays = ~is_old & (off_m2 < SAME_M**2) & (self._points[:, _KNOWN] >= known)
+        vague_m = VAGUE_SIGMAS * np.maximum(self._points[:, _SIGMA_M], sigma_m)
+        is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
+        stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
-            self._points[stays, _PASSED] = 0
+            self._points[stays, _PASSED:] = False
             return
-        same_m = np.where(is_old, SAME_OLD_M, SAME_M)
+        same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
-        self._points = np.vstack([self._points[~again], (*place, time_s, known, 0)])
+        again &= self._points[:, _SIGMA_M] >= sigma_m
+        self._points = np.vstack([self._points[~again], (*place, time_s, known, sigma_m, *NOT_PASSED)])
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
@@ -213,13 +242,16 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
     return _TOO_STRONG if raw.state is RangeState.TOO_NEAR else _GUESSED
 
 
-def _end_m(reading: RangeReading, known_m: float, offset_m: float) -> float | None:
-    """Where there is something near, from the drone's centre, if that is new."""
+def _end_m(
+    reading: RangeReading, known_m: float, offset_m: float
+) -> tuple[float, float] | None:
+    """How far from the drone's centre something is, and its sigma where that is vague."""
     if reading.state is RangeState.TOO_NEAR:
         is_guessed = not math.isnan(reading.distance_m)
         guess_m = reading.distance_m if is_guessed else UNMEASURED_M - offset_m
-        return None if abs(known_m - guess_m) <= ALIAS_M else guess_m + offset_m
-    if not reading.is_distance or math.sqrt(reading.variance_m2) >= MOST_SIGMA_M:
+        return None if abs(known_m - guess_m) <= ALIAS_M else (guess_m + offset_m, 0.0)
+    if not reading.is_distance:
         return None
-    end_m = reading.distance_m + offset_m
-    return end_m if end_m < WITHIN_M else None
+    sigma_m, end_m = math.sqrt(reading.variance_m2), reading.distance_m + offset_m
+    is_exact = sigma_m < MOST_SIGMA_M and end_m < WITHIN_M
+    return (end_m, 0.0 if is_exact else sigma_m) if end_m < KEPT_WITHIN_M else None

@@ -17,7 +17,7 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.near import Points, Surroundings
+from companion.mapping.near import VAGUE_SIGMAS, Points, Surroundings
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -56,10 +56,12 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     if not len(points):
         return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
-    passage = _passage(points, wanted)
+    sigma_m = np.broadcast_to(around.sigma_m, len(points))
+    passage = _passage(points[sigma_m == 0], wanted)
     wanted = _to_the_middle(wanted, passage)
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
-    towards, distance_m = points / away_m[:, None], away_m - POINT_M
+    towards = points / away_m[:, None]
+    distance_m = away_m - POINT_M - VAGUE_SIGMAS * sigma_m
     if passage:
         keep_off_m = np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
     else:
