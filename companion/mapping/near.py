@@ -208,7 +208,9 @@ class Near:
         same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
-        self._points = np.vstack([self._points[~again], (*place, time_s, known, sigma_m, *NOT_PASSED)])
+        self._points = np.vstack(
+            [self._points[~again], (*place, time_s, known, sigma_m, *NOT_PASSED)]
+        )
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
@@ -242,9 +244,7 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
     return _TOO_STRONG if raw.state is RangeState.TOO_NEAR else _GUESSED
 
 
-def _end_m(
-    reading: RangeReading, known_m: float, offset_m: float
-) -> tuple[float, float] | None:
+def _end_m(reading: RangeReading, known_m: float, offset_m: float) -> tuple[float, float] | None:
     """How far from the drone's centre something is, and its sigma where that is vague."""
     if reading.state is RangeState.TOO_NEAR:
         is_guessed = not math.isnan(reading.distance_m)
