@@ -133,7 +133,7 @@ class Near:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
                 continue
-            age_s = unit.model.mean_age_s
+            age_s = unit.model.mean_age_s  # where the drone was, and turned to, when it measured
             bearing_frd_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
             cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
             eye_frd_m = -age_s * np.array(self._velocity_frd_m_s)
@@ -142,12 +142,7 @@ class Near:
             known_m = self._known_m(along_m, np.abs(aside_m)) - unit.offset_m
             unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
-            from_m, to_m = _seen_through_m(unfolded, unit)
-            beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
-            farthest_m = along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
-            strip = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(int)
-            passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
-            self._points[passed, _PASSED + strip[passed]] = True
+            self._pass_through(along_m, aside_m, _seen_through_m(unfolded, unit))
             end = _end_m(unfolded, known_m, unit.offset_m)
             if end is not None:
                 end_m, sigma_m = end
@@ -159,6 +154,15 @@ class Near:
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
+    def _pass_through(self, along_m: Points, aside_m: Points, free_m: Vector2) -> None:
+        """A beam has shown that it is free from and to so far; points are (n,) along and aside."""
+        from_m, to_m = free_m
+        beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
+        farthest_m = along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
+        strip = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(int)
+        passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
+        self._points[passed, _PASSED + strip[passed]] = True
+
     def _turns_rad_s(self, time_s: float) -> float:
         """By the headings now and when it was looked last."""
         last, self._seen = self._seen, (time_s, self._yaw_rad)
@@ -168,7 +172,7 @@ class Near:
 
     def _gone(self) -> NDArray[np.bool_]:
         """(n,): through which beams went, and through all that is close by."""
-        doubted = self._points[:, _PASSED:].all(axis=1)
+        doubted: NDArray[np.bool_] = self._points[:, _PASSED:].min(axis=1) > 0
         if not doubted.any():
             return doubted
         gone = doubted.copy()
