@@ -26,7 +26,8 @@ CLEARLY = 0.5
 """The other direction explains what was seen with so much less error, or better."""
 QUARTER = BINS // 4
 WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(20)
-"""Along a beam, and so far, before what it reads is compared; the nose may swing meanwhile."""
+"""Along a beam, and so far, before what it reads is compared, when the nose, which may swing
+meanwhile, points there again by so much."""
 OBLIQUELY = math.tan(math.radians(20))
 """On a wall that is met so, what the drone moves aside and turns changes the reading besides."""
 GRAZING = math.tan(math.radians(75))
@@ -128,9 +129,9 @@ class _Way:
         forward_m, right_m, _, turn_rad = (a - b for a, b in zip(travel, then, strict=True))
         x, y = self._axis_frd
         along_m, aside_m = forward_m * x + right_m * y, right_m * x - forward_m * y
-        if abs(aside_m) > MOST_ASIDE_M or abs(turn_rad) > MOST_TURN_RAD:
+        if abs(aside_m) > MOST_ASIDE_M:
             self._from = now_m, travel
-        elif abs(along_m) > WAY_M:
+        elif abs(along_m) > WAY_M and abs(turn_rad) < MOST_TURN_RAD:
             nearer_m = (then_m - now_m) * math.copysign(1.0, along_m)
             missing_m = LEAST_SHARE * abs(along_m) - nearer_m
             obliquely_m = self._most_oblique * (abs(aside_m) + now_m * abs(turn_rad))
