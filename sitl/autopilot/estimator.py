@@ -179,6 +179,9 @@ class Estimator:
         down += self._wobble_down.position_m
         self.position_ned_m = (x + north * dt_s, y + east * dt_s, down)
         sinking = truth.velocity_ned_m_s[2] + (self._wobble_down.velocity_m_s if moving else 0.0)
+        if moving:
+            north -= self._sway_ne[0].velocity_m_s
+            east -= self._sway_ne[1].velocity_m_s
         self.velocity_ned_m_s = (north, east, sinking)
         if pose is not None:
             self._correct(pose)
