@@ -1,11 +1,11 @@
 """Range sensors that answer, but not with what is there: stuck, noisy and unplugged ones."""
 
 import math
-from collections import deque
 from dataclasses import replace
 
 from companion.frames import Vector3, ned_to_frd
 from companion.health.coupling import CouplingWatch
+from companion.health.scatter import Scatter
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -23,11 +23,6 @@ NUMB_M, NUMB_WAY_SIGMAS, NUMB_RAD, NUMB_ROUND_M = 0.6, 8.0, math.radians(60), 0.
 """A distance that has kept within so many sigma for so long at most, while the drone went so far
 along the beam, or turned so far and went no farther, is of nothing that stands there. A round wall
 that is traced stays as far away, but its way is longer."""
-ROUGH_SIGMAS, ROUGH_OF, ROUGH = 6.0, 20, 12
-"""Of the last readings, so many are this far off the middle of those before and after,"""
-KNOWN_SIGMAS, KNOWN_BY = 2.0, 4
-"""and agree with fewer than so many of the others: along an edge the beam meets now what is before
-it, now what is behind it, but each again and again."""
 PAUSED_S = 0.2
 """Readings that are farther apart are no neighbours: the drone has flown on meanwhile."""
 FAILED = RangeReading(RangeState.FAILED)
@@ -98,20 +93,19 @@ class _BeamWatch:
         self._seen_s = -math.inf
         self._numb_since: tuple[float, Travel] | None = None
         self._numb_between_m = (math.inf, -math.inf)
-        self._last: tuple[float, float] = (math.nan, math.nan)
-        """The two distances before."""
-        self._rough: deque[bool] = deque(maxlen=ROUGH_OF)
-        self._lately_m: deque[float] = deque(maxlen=ROUGH_OF)
+        self._last_at: Travel = (0.0, 0.0, 0.0, 0.0)
+        self._scatter = Scatter()
 
     def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         if time_s - self._seen_s > PAUSED_S:
-            self._last = (math.nan, math.nan)
-        self._seen_s = time_s
+            self._scatter.pause()
+        self._scatter.take(reading, self._aside_m(reading, travel))
+        self._seen_s, self._last_at = time_s, travel
         if not reading.is_alive:
             self._value = math.nan
             return False
-        is_noisy, is_numb = self._is_noisy(reading), self._is_numb(time_s, reading, travel)
-        return self._is_stuck(time_s, reading, travel) or is_noisy or is_numb
+        is_numb = self._is_numb(time_s, reading, travel)
+        return self._is_stuck(time_s, reading, travel) or is_numb or self._scatter.is_too_much
 
     def _is_stuck(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         value = reading.distance_m if math.isnan(reading.raw) else reading.raw
@@ -149,14 +143,10 @@ class _BeamWatch:
         turned_rad = turned_rad if self._is_level else 0.0
         return abs(along_m), abs(turned_rad), math.hypot(forward_m, right_m)
 
-    def _is_noisy(self, reading: RangeReading) -> bool:
-        before_m, middle_m = self._last
-        after_m = reading.distance_m if reading.is_distance else math.nan
-        self._last = middle_m, after_m
-        off_m = abs(before_m - 2 * middle_m + after_m)
-        sigma_m = math.sqrt(reading.variance_m2)
-        known_by = sum(abs(m - after_m) < KNOWN_SIGMAS * sigma_m for m in self._lately_m)
-        is_rough = off_m > ROUGH_SIGMAS * sigma_m and known_by < KNOWN_BY
-        self._lately_m.append(after_m)
-        self._rough.append(is_rough)
-        return is_rough + sum(self._rough) > ROUGH
+    def _aside_m(self, reading: RangeReading, travel: Travel) -> float:
+        """How far the beam's end has moved aside since the last reading."""
+        along_m, turned_rad, level_m = self._moved(self._last_at, travel)
+        if not self._is_level:
+            return level_m
+        across_m = math.sqrt(max(0.0, level_m**2 - along_m**2))
+        return across_m + turned_rad * (reading.distance_m if reading.is_distance else 0.0)
