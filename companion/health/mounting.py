@@ -25,7 +25,7 @@ LEAST_OFF_M = 0.4
 CLEARLY = 0.5
 """The other direction explains what was seen with so much less error, or better."""
 QUARTER = BINS // 4
-WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(20)
+WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(5)
 """Along a beam, and so far, before what it reads is compared, when the nose, which may swing
 meanwhile, points there again by so much."""
 OBLIQUELY = math.tan(math.radians(20))
