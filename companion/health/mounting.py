@@ -36,7 +36,8 @@ turns away by a few degrees; the beams to the sides face what the drone moves to
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.5, 3
-"""Nearer by less than this share of the way, so many times on end; or of two beams together."""
+"""Nearer by less than this share of the way, so many times on end; or of two beams together. One
+that reads more by as much, as the beam on the other side should, counts twice."""
 TOGETHER_S = 1.0
 """Two beams that speak against their places within so long tell of one motion: they are swapped."""
 Seen = dict[int, float]
@@ -107,7 +108,7 @@ class _Way:
         self._from: tuple[float, Travel] | None = None
         self._last_m = math.nan
         self.against = 0
-        """So many times on end the reading went the wrong way,"""
+        """So often on end, or twice as often, the reading went the wrong way,"""
         self.against_s = -math.inf
         """the last time then."""
 
@@ -135,10 +136,14 @@ class _Way:
             nearer_m = (then_m - now_m) * math.copysign(1.0, along_m)
             missing_m = LEAST_SHARE * abs(along_m) - nearer_m
             obliquely_m = self._most_oblique * (abs(aside_m) + now_m * abs(turn_rad))
+            if 0 < missing_m <= obliquely_m:
+                return  # farther on it will show
             if missing_m <= 0:
                 self.against = 0
-            elif missing_m > obliquely_m:
-                self.against, self.against_s = self.against + 1, now_s
+            else:
+                is_opposite = nearer_m < -LEAST_SHARE * abs(along_m)
+                self.against += 2 if is_opposite else 1
+                self.against_s = now_s
             self._from = now_m, travel
 
 
