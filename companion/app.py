@@ -16,6 +16,7 @@ from companion.drivers.models import range_models
 from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
 from companion.estimation.velocity_lag import VelocityLag
@@ -262,7 +263,8 @@ class App:
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
-        wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
+        odometry = self.estimator.models.odometry if self.estimator else OdometryModel()
+        wander_m = odometry.wander_m
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -278,7 +280,9 @@ class App:
                 wander_m,
             ),
             space=self.space.grid,
-            around=self._near.surroundings(self._lag.lag_s),
+            around=self._near.surroundings(
+                self._lag.lag_s, odometry.step_variance_m2_per_s, wander_m
+            ),
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),

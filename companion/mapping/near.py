@@ -73,6 +73,8 @@ class Surroundings:
     """How long the drone goes on at that when it is stopped."""
     sigma_m: Points = field(default_factory=lambda: np.zeros(1))
     """(n,), or (1,) for all: of how far away they were when they were met, where that was vague."""
+    drift_m: Points = field(default_factory=lambda: np.zeros(1))
+    """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
 
 
 class Near:
@@ -93,9 +95,19 @@ class Near:
         self._seen: tuple[float, float] | None = None
         """When it was looked last, and the heading then."""
 
-    def surroundings(self, lag_s: float) -> Surroundings:
+    def surroundings(
+        self, lag_s: float, walk_m2_per_s: float = 0.0, wander_m: float = 0.0
+    ) -> Surroundings:
+        """`walk_m2_per_s` and `wander_m` tell how odometry drifts (`odometry_model.py`)."""
+        now_s = self._seen[0] if self._seen else 0.0
+        age_s = np.maximum(now_s - self._points[:, _MET_S], 0.0)
+        drift_m = np.sqrt(walk_m2_per_s * age_s + np.where(age_s > 0, 2 * wander_m**2, 0.0))
         return Surroundings(
-            self._relative(), self._velocity_frd_m_s, lag_s, self._points[:, _SIGMA_M]
+            self._relative(),
+            self._velocity_frd_m_s,
+            lag_s,
+            self._points[:, _SIGMA_M],
+            drift_m,
         )
 
     def turn_to(self, heading_rad: float) -> None:

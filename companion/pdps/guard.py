@@ -4,6 +4,9 @@ Each point near the drone bounds the speed towards it, so that the drone can sto
 its lag; nearer than it may be, the bound is below zero and the drone gives way. What the map
 says does not matter here.
 
+What is nearer than the sensors measure is not met again, and the drone drifts against it. The bound
+moves out with that, as far as the least clearance does not cover it: nobody lingers there.
+
 In a passage, with something on both sides of where it moves and nothing between, the drone may come
 nearer to both than elsewhere, but to neither nearer than to the other. It is led to the middle of a
 narrow one by what was met a moment ago: the map's cells are too coarse for that. Askew in one, with
@@ -66,6 +69,8 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
         keep_off_m = np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
     else:
         keep_off_m = _keep_off_askew_m(towards, away_m, clearance_m)
+    drifted_m = VAGUE_SIGMAS * np.broadcast_to(around.drift_m, len(points))
+    keep_off_m = keep_off_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     left_m = distance_m - keep_off_m - around.lag_s * closing_m_s
     may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
