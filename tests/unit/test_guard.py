@@ -233,6 +233,22 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
     assert len(drone.near.surroundings(0.5).points_frd_m) == 1
 
 
+def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=at(1.2))
+    drone.move(0.7)
+
+    def speed_m_s() -> float:
+        around = drone.near.surroundings(0.5, walk_m2_per_s=0.016**2)
+        return guarded(Setpoint(), around, CLEARANCE_M).forward_m_s
+
+    assert speed_m_s() == 0
+    for _ in range(2000):  # 100 s; nothing nearer than a metre is measured
+        drone.move(0.0)
+        drone.see(front=RangeReading(RangeState.TOO_NEAR))
+    assert -0.15 <= speed_m_s() < -0.05
+
+
 def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(5):
