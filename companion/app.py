@@ -16,7 +16,6 @@ from companion.drivers.models import range_models
 from companion.drivers.mounts import Mounts
 from companion.estimation.ceiling import Ceiling
 from companion.estimation.estimator import Estimator
-from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.rest import RestCalibration
 from companion.estimation.traced import Traced
 from companion.estimation.velocity_lag import VelocityLag
@@ -25,7 +24,7 @@ from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.known_walls import KnownWalls
-from companion.mapping.near import Near
+from companion.mapping.near import Drift, Near
 from companion.mapping.overhead import Overhead
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
@@ -217,7 +216,10 @@ class App:
         self._near.turn_to(self.estimator.turned_rad)
         if inputs.telemetry.odometry is not None:
             self.estimator.move(inputs.telemetry.odometry)
-            self._near.move(inputs.telemetry.odometry, self.estimator.slam.scale_error)
+            model = self.estimator.models.odometry
+            walk_m2_per_s = model.step_variance_m2_per_s
+            drift = Drift(self.estimator.slam.scale_error, walk_m2_per_s, model.wander_m)
+            self._near.move(inputs.telemetry.odometry, drift)
             self._lag.take(inputs.telemetry.odometry)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
@@ -263,8 +265,7 @@ class App:
     def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
-        odometry = self.estimator.models.odometry if self.estimator else OdometryModel()
-        wander_m = odometry.wander_m
+        wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -280,9 +281,7 @@ class App:
                 wander_m,
             ),
             space=self.space.grid,
-            around=self._near.surroundings(
-                self._lag.lag_s, odometry.step_variance_m2_per_s, wander_m
-            ),
+            around=self._near.surroundings(self._lag.lag_s),
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),

@@ -27,6 +27,7 @@ from companion.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.values import value
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 """After that the frame may have drifted by as much as the drone keeps off."""
@@ -40,11 +41,12 @@ SAME_M = 0.04
 by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
 OLD_S, SAME_OLD_M = 4.0, 0.10
 """After so long it may have drifted by as much, and a new one stands for all that are so near."""
-STRIPS, STRIP_M = 5, 0.02
+STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
 SEEN_THROUGH_M = 0.30
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
-many strips around it. Only when it did in all of them is the point gone: a thin pole, and what has
-drifted by some centimetres, is missed by most beams that pass close by."""
+many strips around it. Only when it did in all of them to this distance, and as far as the drone may
+have drifted, is the point gone: a thin pole is missed by most beams that pass close by."""
+DRIFT_SIGMAS = 2.0
 TOGETHER_M = 0.20
 """It did so likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
@@ -60,6 +62,26 @@ _MET_S, _KNOWN, _SIGMA_M, _PASSED = 2, 3, 4, 5
 _GUESSED, _TOO_STRONG, _MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
+
+
+@value
+class Drift:
+    """How odometry errs, as far as that is known."""
+
+    scale_error: float = 0.0
+    walk_m2_per_s: float = 0.0
+    """On each axis,"""
+    wander_m: float = 0.0
+    """and the sigma of an error that comes and goes."""
+
+    def sigma_m(self, age_s: Points) -> Points:
+        """(n,): of how far the drone has drifted in so long."""
+        wandered_m2 = np.where(age_s > 0, 2 * self.wander_m**2, 0.0)
+        sigma_m: Points = np.sqrt(self.walk_m2_per_s * age_s + wandered_m2)
+        return sigma_m
+
+
+NO_DRIFT = Drift()
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,23 +114,23 @@ class Near:
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
+        self._drift = NO_DRIFT
         self._seen: tuple[float, float] | None = None
         """When it was looked last, and the heading then."""
 
-    def surroundings(
-        self, lag_s: float, walk_m2_per_s: float = 0.0, wander_m: float = 0.0
-    ) -> Surroundings:
-        """`walk_m2_per_s` and `wander_m` tell how odometry drifts (`odometry_model.py`)."""
-        now_s = self._seen[0] if self._seen else 0.0
-        age_s = np.maximum(now_s - self._points[:, _MET_S], 0.0)
-        drift_m = np.sqrt(walk_m2_per_s * age_s + np.where(age_s > 0, 2 * wander_m**2, 0.0))
+    def surroundings(self, lag_s: float) -> Surroundings:
         return Surroundings(
             self._relative(),
             self._velocity_frd_m_s,
             lag_s,
             self._points[:, _SIGMA_M],
-            drift_m,
+            self._drift_m(),
         )
+
+    def _drift_m(self) -> Points:
+        """(n,): sigma of how far the drone has drifted since each was met."""
+        now_s = self._seen[0] if self._seen else 0.0
+        return self._drift.sigma_m(np.maximum(now_s - self._points[:, _MET_S], 0.0))
 
     def turn_to(self, heading_rad: float) -> None:
         """By the gyro alone, which never makes a step.
@@ -118,18 +140,19 @@ class Near:
         """
         self._yaw_rad = heading_rad
 
-    def move(self, odometry: Odometry, scale_error: float = 0.0) -> None:
+    def move(self, odometry: Odometry, drift: Drift = NO_DRIFT) -> None:
         """The drone has moved on as odometry says, its scale corrected.
 
         Not as its pose: far ranges, and walls taken for others, pull that by decimetres in some
         seconds, odometry wanders by centimetres.
         """
         last, self._odometry = self._odometry, odometry
+        self._drift = drift
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         if last is None:
             return
         (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
-        scale = 1 + scale_error
+        scale = 1 + drift.scale_error
         body_m = ned_to_frd(scale * (x - last_x), scale * (y - last_y), odometry.yaw_rad)
         north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
         self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
@@ -184,7 +207,10 @@ class Near:
 
     def _gone(self) -> NDArray[np.bool_]:
         """(n,): through which beams went, and through all that is close by."""
-        doubted: NDArray[np.bool_] = self._points[:, _PASSED:].min(axis=1) > 0
+        aside_m = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
+        within_m = LEAST_STRIPS_M + DRIFT_SIGMAS * self._drift_m()
+        passed = (self._points[:, _PASSED:] > 0) | (aside_m > within_m[:, None])
+        doubted = np.asarray(passed.all(axis=1))
         if not doubted.any():
             return doubted
         gone = doubted.copy()

@@ -20,7 +20,7 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.near import VAGUE_SIGMAS, Points, Surroundings
+from companion.mapping.near import DRIFT_SIGMAS, VAGUE_SIGMAS, Points, Surroundings
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -69,7 +69,7 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
         keep_off_m = np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
     else:
         keep_off_m = _keep_off_askew_m(towards, away_m, clearance_m)
-    drifted_m = VAGUE_SIGMAS * np.broadcast_to(around.drift_m, len(points))
+    drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(points))
     keep_off_m = keep_off_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     left_m = distance_m - keep_off_m - around.lag_s * closing_m_s

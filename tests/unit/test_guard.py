@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.mapping.near import Near, Surroundings
+from companion.mapping.near import NO_DRIFT, Drift, Near, Surroundings
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -161,8 +161,8 @@ def at(distance_m: float) -> RangeReading:
 class Drone:
     """It moves north with its nose to the north, and looks."""
 
-    def __init__(self, near: Near) -> None:
-        self.near = near
+    def __init__(self, near: Near, drift: Drift = NO_DRIFT) -> None:
+        self.near, self._drift = near, drift
         self._north_m = self._time_s = 0.0
         self.move(0.0)
 
@@ -171,7 +171,7 @@ class Drone:
         self._north_m += north_m
         position = self._north_m, 0.0, -1.2
         odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
-        self.near.move(odometry)
+        self.near.move(odometry, self._drift)
 
     def turn_to(self, heading_rad: float) -> None:
         self.near.turn_to(heading_rad)
@@ -222,6 +222,20 @@ def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> Non
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
+def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stands() -> None:
+    """It stands 9 cm beside where odometry by now has it."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
+    drone.see(front=at(1.2))
+    drone.move(0.0, in_s=20.0)
+    for _ in range(10):
+        for heading_rad in np.linspace(-0.15, 0.15, 61):
+            if not 0.065 < 1.28 * heading_rad < 0.115:
+                drone.turn_to(float(heading_rad))
+                drone.see(front=at(3.5))
+    drone.turn_to(0.0)
+    assert drone.points == [pytest.approx((1.28, 0.0))]
+
+
 def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exactly() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
@@ -234,12 +248,12 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
 
 
 def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
-    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
     drone.move(0.7)
 
     def speed_m_s() -> float:
-        around = drone.near.surroundings(0.5, walk_m2_per_s=0.016**2)
+        around = drone.near.surroundings(0.5)
         return guarded(Setpoint(), around, CLEARANCE_M).forward_m_s
 
     assert speed_m_s() == 0
