@@ -21,7 +21,7 @@ BORDER = "#c8553d"
 
 
 def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
-    """PNG: what stands at a height dark, the rest of the boxes light, starts as dots; north up.
+    """PNG: what stands at a height dark, the rest but lintels light, starts as dots; north up.
 
     What is unknown is shaded, and the border that was closed before it dashed.
     """
@@ -35,6 +35,10 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
     for box in world.boxes:
         for (north_a, east_a), (north_b, east_b) in box.segments:
             axes.plot([east_a, east_b], [north_a, north_b], color=FURNITURE, linewidth=1)
+    for panel in world.panels:
+        if panel.top_m < height_m:
+            for (north_a, east_a), (north_b, east_b) in panel.outline:
+                axes.plot([east_a, east_b], [north_a, north_b], color=FURNITURE, linewidth=1)
     for (north_a, east_a), (north_b, east_b) in wall_surfaces(world, height_m):
         axes.plot([east_a, east_b], [north_a, north_b], color=WALL, linewidth=1.8)
     for (north_a, east_a), (north_b, east_b) in world.closed_border:
