@@ -9,15 +9,6 @@ A piece that would stand on another, within the free circle of a start, or in th
 place is left out. Places are drawn only by +, -, ×, ÷ and √ and rounded to millimetres.
 """
 
-from collections.abc import Iterable
-
-from sitl.noise import stream
-from sitl.world.clutter.along_walls import curtains, jags
-from sitl.world.clutter.free_floor import FreeFloor
-from sitl.world.clutter.furniture import furniture
-from sitl.world.clutter.leaves import leaves
-from sitl.world.clutter.pieces import Piece
-from sitl.world.clutter.standing import faces_of
 from sitl.world.format import World, WorldError
 
 
@@ -33,18 +24,6 @@ def cluttered(world: World, difficulty: float, seed: int) -> World:
         raise WorldError(f"clutter {difficulty:g}: from 0 to 1")
     if difficulty == 0:
         return world
-    floor = FreeFloor(world)
-    faces = faces_of(world, floor)
-    pieces = [
-        *leaves(world, floor, difficulty, stream(seed, "clutter doors")),
-        *curtains(faces, floor, difficulty, stream(seed, "clutter curtains")),
-        *jags(faces, floor, difficulty, stream(seed, "clutter jags")),
-        *furniture(world, faces, floor, difficulty, stream(seed, "clutter furniture")),
-    ]
-    return _with(world, pieces, f"{world.name}_clutter_{difficulty:g}")
+    from sitl.world.clutter.filling import filled  # noqa: PLC0415 - slow to load, seldom needed
 
-
-def _with(world: World, pieces: Iterable[Piece], name: str) -> World:
-    """The pieces after what the world has already."""
-    walls = tuple(wall for piece in pieces for wall in piece.walls)
-    return world.model_copy(update={"name": name, "walls": (*world.walls, *walls)})
+    return filled(world, difficulty, seed)
