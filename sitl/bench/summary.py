@@ -18,6 +18,8 @@ FIGURES: tuple[tuple[str, str, Callable[[Iterable[float]], float]], ...] = (
     ("coverage_mean", "coverage", mean),
     ("coverage_median", "coverage", median),
     ("coverage_min", "coverage", min),
+    ("false_walls_mean", "false_walls", mean),
+    ("false_walls_max", "false_walls", max),
     ("clearance_min_m", "clearance_m", min),
     ("clearance_open_min_m", "clearance_open_m", min),
     ("return_mean_m", "return_m", mean),
@@ -37,11 +39,19 @@ def summarise(rows: Sequence[Report]) -> Summary:
         "lost": sum(bool(row["lost"]) for row in rows),
         "collisions": sum(int(row.get("collisions") or 0) for row in rows),
     }
+    summary["false_alarms_per_h"] = _per_hour(rows, "false_alarms")
     for key, source, how in FIGURES:
         values = [float(value) for row in rows if (value := row.get(source)) is not None]
         summary[key] = round(how(values), 4) if values else None
     endings = Counter(_ending(row) for row in rows if not row["completed"])
     return {**summary, "endings": dict(endings.most_common())}
+
+
+def _per_hour(rows: Sequence[Report], key: str) -> float | None:
+    """Of time in the air; rows without a value do not count."""
+    counted = [row for row in rows if row.get(key) is not None]
+    hours = sum(float(row.get("flight_time_s") or 0.0) for row in counted) / 3600
+    return round(sum(int(row[key] or 0) for row in counted) / hours, 1) if hours else None
 
 
 def sum_up(rows: Sequence[Report]) -> Summary:
@@ -57,17 +67,17 @@ def show(result: Summary, console: Console) -> None:
 
 
 def by_world(rows: Sequence[Report]) -> list[Summary]:
-    """A summary for each world and profile, in the order of the rows."""
+    """A summary for each world, profile and clutter, in the order of the rows."""
     names = list(dict.fromkeys(map(_group, rows)))
     ordered = sorted(rows, key=lambda row: names.index(_group(row)))
     return [
-        {"world": world, "profile": profile, **summarise(list(group))}
-        for (world, profile), group in groupby(ordered, _group)
+        {"world": world, "profile": profile, "clutter": clutter, **summarise(list(group))}
+        for (world, profile, clutter), group in groupby(ordered, _group)
     ]
 
 
-def _group(row: Report) -> tuple[str, str]:
-    return str(row["world"]), str(row["profile"])
+def _group(row: Report) -> tuple[str, str, float]:
+    return str(row["world"]), str(row["profile"]), float(row.get("clutter") or 0.0)
 
 
 def _ending(row: Report) -> str:
@@ -78,8 +88,11 @@ def _ending(row: Report) -> str:
 
 
 _COLUMNS = (
+    ("clut-\nter", "{clutter:g}"),
     ("done", "{completed}/{flights}"),
     ("hits", "{collisions}"),
+    ("alarms\n/h", "{false_alarms_per_h:.0f}"),
+    ("false\nwalls", "{false_walls_mean:.1%}"),
     ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
     ("least\nclear", "{clearance_min_m:.2f}"),
     ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
