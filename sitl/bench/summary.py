@@ -87,12 +87,18 @@ def _ending(row: Report) -> str:
     return str(row["ending"])
 
 
-_COLUMNS = (
-    ("clut-\nter", "{clutter:g}"),
+UNKNOWN = "–"
+Column = tuple[str, str]
+"""Heading, and how a summary's figures are told."""
+SELDOM = ("clutter", "trace\n×bound")
+"""Columns that are left out if they have nothing but zeros and unknowns."""
+
+_COLUMNS: tuple[Column, ...] = (
+    ("clutter", "{clutter:g}"),
     ("done", "{completed}/{flights}"),
     ("hits", "{collisions}"),
     ("alarms\n/h", "{false_alarms_per_h:.0f}"),
-    ("false\nwalls", "{false_walls_mean:.1%}"),
+    ("false\nwalls", "{false_walls_mean:.0%}"),
     ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
     ("least\nclear", "{clearance_min_m:.2f}"),
     ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
@@ -103,36 +109,50 @@ _COLUMNS = (
 
 
 def summary_table(groups: Sequence[Summary], totals: Summary) -> Table:
-    """For the terminal, totals last; lengths in metres unless said."""
-    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    for heading, _ in _COLUMNS:
+    """For the terminal, totals last; lengths in metres unless said.
+
+    A column of `SELDOM` without a value is left out.
+    """
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("world", no_wrap=True)
+    columns = [column for column in _COLUMNS if _says_something(column, groups)]
+    for heading, _ in columns:
         table.add_column(heading, justify="right", no_wrap=True)
     for profile, group in groupby(groups, lambda group: group["profile"]):
         table.add_row(f"[bold]{profile}[/]")
         for summary in group:
-            table.add_row(summary["world"], *_cells(summary))
+            table.add_row(summary["world"], *_cells(summary, columns))
         table.add_section()
-    table.add_row("all", *_cells(totals))
+    table.add_row("all", *_cells(totals, columns))
     return table
 
 
-def _cells(summary: Summary) -> list[str]:
+def _says_something(column: Column, groups: Sequence[Summary]) -> bool:
+    cells = (cell for summary in groups for cell in _cells(summary, [column]))
+    return column[0] not in SELDOM or any(cell not in {UNKNOWN, "0"} for cell in cells)
+
+
+def _cells(summary: Summary, columns: Sequence[Column]) -> list[str]:
     known = {key: value for key, value in summary.items() if value is not None}
-    return [_cell(form, known) for _, form in _COLUMNS]
+    return [_cell(form, known) for _, form in columns]
 
 
 def _cell(form: str, known: Summary) -> str:
     try:
         return form.format_map(known)
     except KeyError:
-        return "–"
+        return UNKNOWN
 
 
 def complaints(rows: Sequence[Report]) -> list[str]:
     """A line for every flight that was not completed."""
     return [
-        f"{row['world']}, {row['profile']}, start {row['start']}, seed {row['seed']}: "
-        f"{_ending(row)}"
+        f"{row['world']}{_clutter(row)}, {row['profile']}, start {row['start']}, "
+        f"seed {row['seed']}: {_ending(row)}"
         for row in rows
         if not row["completed"]
     ]
+
+
+def _clutter(row: Report) -> str:
+    return f", clutter {row['clutter']:g}" if row.get("clutter") else ""

@@ -18,6 +18,7 @@ FURNITURE = "#9aa5ad"
 START = "#3a86c8"
 UNKNOWN = "#d9d5cb"
 BORDER = "#c8553d"
+GLASS = "#5fb3d4"
 
 
 def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
@@ -41,6 +42,10 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
                 axes.plot([east_a, east_b], [north_a, north_b], color=FURNITURE, linewidth=1)
     for (north_a, east_a), (north_b, east_b) in wall_surfaces(world, height_m):
         axes.plot([east_a, east_b], [north_a, north_b], color=WALL, linewidth=1.8)
+    for panel in world.panels:
+        if panel.glass and panel.bottom_m <= height_m <= panel.top_m:
+            (north_a, east_a), (north_b, east_b) = panel.start, panel.end
+            axes.plot([east_a, east_b], [north_a, north_b], color=GLASS, linewidth=1.2)
     for (north_a, east_a), (north_b, east_b) in world.closed_border:
         axes.plot([east_a, east_b], [north_a, north_b], color=BORDER, linewidth=1.2, dashes=(3, 2))
     for start in world.starts:

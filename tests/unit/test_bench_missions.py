@@ -158,7 +158,7 @@ def test_worlds_and_profiles_are_summed_up_apart() -> None:
 def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
     draw_sheet([lost(job("room"), "nothing to draw")] * 5, tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as image:
-        assert image.size[0] == 3 * 220
+        assert image.size[0] == 3 * 360
 
 
 def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(

@@ -6,9 +6,10 @@ from sitl.noise import stream
 from sitl.world.clutter.along_walls import curtains, jags
 from sitl.world.clutter.free_floor import FreeFloor
 from sitl.world.clutter.furniture import furniture
-from sitl.world.clutter.leaves import leaves
+from sitl.world.clutter.leaves import doorways_of, leaves
 from sitl.world.clutter.pieces import Piece
 from sitl.world.clutter.standing import faces_of
+from sitl.world.clutter.windows import with_windows
 from sitl.world.format import World
 
 
@@ -19,9 +20,11 @@ def filled(world: World, difficulty: float, seed: int) -> World:
         WorldError: a start has no room to take off.
     """
     floor = FreeFloor(world)
+    doorways = doorways_of(world)
+    world = with_windows(world, floor, difficulty, stream(seed, "clutter windows"))
     faces = faces_of(world, floor)
     pieces = [
-        *leaves(world, floor, difficulty, stream(seed, "clutter doors")),
+        *leaves(doorways, floor, difficulty, stream(seed, "clutter doors")),
         *curtains(faces, floor, difficulty, stream(seed, "clutter curtains")),
         *jags(faces, floor, difficulty, stream(seed, "clutter jags")),
         *furniture(world, faces, floor, difficulty, stream(seed, "clutter furniture")),

@@ -79,8 +79,12 @@ class FreeFloor:
 
     def is_open(self, near: Vector2, far: Vector2) -> bool:
         """The far one of two places is inside, and nothing stands between them."""
+        return self.is_inside(far) and self.is_clear(near, far)
+
+    def is_clear(self, near: Vector2, far: Vector2) -> bool:
+        """Nothing that was there already stands between two places."""
         line = shapely.LineString([near, far])
-        return self.is_inside(far) and not len(self._tree.query(line, predicate="intersects"))
+        return not len(self._tree.query(line, predicate="intersects"))
 
     def take(self, piece: Piece) -> bool:
         """Let it stand there, if that is free and every place can still be got to."""

@@ -9,7 +9,7 @@ from the doorway.
 """
 
 import random
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from sitl.world.clutter.free_floor import FreeFloor
@@ -45,7 +45,7 @@ TRIES = 6
 
 
 @dataclass(frozen=True, slots=True)
-class _Doorway:
+class Doorway:
     """`spot` is the middle of it, along the wall."""
 
     spot: Spot
@@ -55,12 +55,12 @@ class _Doorway:
 
 
 def leaves(
-    world: World, floor: FreeFloor, difficulty: float, rng: random.Random
+    doorways: Iterable[Doorway], floor: FreeFloor, difficulty: float, rng: random.Random
 ) -> Iterator[Piece]:
-    """For the doorways that have a lintel; a map's openings up to the ceiling have none."""
+    """For most of the doorways, from difficulty 0.5 on."""
     with_leaf = WITH_LEAF_SHARE * min(1.0, 2 * difficulty)
     shut = SHUT_SHARE * max(0.0, 2 * difficulty - 1)
-    for doorway in _doorways(world):
+    for doorway in doorways:
         if rng.random() >= with_leaf:
             continue
         is_shut = rng.random() < shut
@@ -77,20 +77,20 @@ def leaves(
                 break
 
 
-def _doorways(world: World) -> Iterator[_Doorway]:
-    for panel in world.panels:
-        doorway = _below(panel)
-        if panel.bottom_m >= LINTEL_M and DOOR_WIDTHS_M[0] <= doorway.width_m <= DOOR_WIDTHS_M[1]:
-            yield doorway
+def doorways_of(world: World) -> list[Doorway]:
+    """Those that have a lintel; a map's openings up to the ceiling have none."""
+    under = [_below(panel) for panel in world.panels if panel.bottom_m >= LINTEL_M]
+    least_m, most_m = DOOR_WIDTHS_M
+    return [doorway for doorway in under if least_m <= doorway.width_m <= most_m]
 
 
-def _below(panel: Panel) -> _Doorway:
+def _below(panel: Panel) -> Doorway:
     """A lintel."""
     (north, east), (to_north, to_east) = panel.start, panel.end
     length_m = ((to_north - north) ** 2 + (to_east - east) ** 2) ** 0.5
     along = (to_north - north) / length_m, (to_east - east) / length_m
     middle = (north + to_north) / 2, (east + to_east) / 2
-    return _Doorway(Spot(middle, along), length_m, panel.thickness_m, panel.bottom_m)
+    return Doorway(Spot(middle, along), length_m, panel.thickness_m, panel.bottom_m)
 
 
 def _is_wide_enough(width_m: float, half_tangent: float) -> bool:
@@ -101,7 +101,7 @@ def _is_wide_enough(width_m: float, half_tangent: float) -> bool:
     return free_m >= min(needed_m, width_m)
 
 
-def _leaf(doorway: _Doorway, half_tangent: float, rng: random.Random) -> Piece:
+def _leaf(doorway: Doorway, half_tangent: float, rng: random.Random) -> Piece:
     """Hinged at either jamb, to either side."""
     cos, sin = turned(half_tangent)
     spot = doorway.spot

@@ -83,7 +83,7 @@ def _walls(world: World) -> Iterator[tuple[Segment, float, float]]:
 
 
 def _is_at_flight(panel: Panel) -> bool:
-    return panel.bottom_m <= FACE_HEIGHT_M <= panel.top_m
+    return panel.bottom_m <= FACE_HEIGHT_M <= panel.top_m and not panel.glass
 
 
 def _sides(segment: Segment, bottom_m: float, top_m: float) -> Iterator[Face]:
