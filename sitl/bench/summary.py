@@ -90,18 +90,18 @@ def _ending(row: Report) -> str:
 UNKNOWN = "–"
 Column = tuple[str, str]
 """Heading, and how a summary's figures are told."""
-SELDOM = ("clutter", "trace\n×bound")
+SELDOM = ("clut-\nter", "trace\n×bound")
 """Columns that are left out if they have nothing but zeros and unknowns."""
 
 _COLUMNS: tuple[Column, ...] = (
-    ("clutter", "{clutter:g}"),
+    ("clut-\nter", "{clutter:g}"),
     ("done", "{completed}/{flights}"),
     ("hits", "{collisions}"),
-    ("alarms\n/h", "{false_alarms_per_h:.0f}"),
+    ("alarm\n/h", "{false_alarms_per_h:.0f}"),
     ("false\nwalls", "{false_walls_mean:.0%}"),
-    ("coverage\nmean/least", "{coverage_mean:.0%}/{coverage_min:.0%}"),
+    ("coverage\nmean/min", "{coverage_mean:.0%}/{coverage_min:.0%}"),
     ("least\nclear", "{clearance_min_m:.2f}"),
-    ("off start\nmean/most", "{return_mean_m:.2f}/{return_max_m:.2f}"),
+    ("off start\nmean/max", "{return_mean_m:.2f}/{return_max_m:.2f}"),
     ("trace\n×bound", "{trace_over_least_mean:.2f}"),
     ("walls\ncm", "{wall_error_aligned_mean_cm:.1f}"),
     ("air\ns", "{flight_time_mean_s:.0f}"),
@@ -113,7 +113,7 @@ def summary_table(groups: Sequence[Summary], totals: Summary) -> Table:
 
     A column of `SELDOM` without a value is left out.
     """
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0)
     table.add_column("world", no_wrap=True)
     columns = [column for column in _COLUMNS if _says_something(column, groups)]
     for heading, _ in columns:
