@@ -1,5 +1,6 @@
 """Clutter: what it may not take from a world, and what it is made of."""
 
+import hashlib
 import math
 import random
 from pathlib import Path
@@ -68,6 +69,11 @@ def test_a_seed_makes_the_same_clutter_and_another_seed_another(
         assert (old.points, old.thickness_m) == (new.points, new.thickness_m)
         assert new.doors[: len(old.doors)] == old.doors
     assert (once.boxes, once.starts) == (world.boxes, world.starts)
+
+
+def test_a_seed_makes_the_same_clutter_on_every_machine() -> None:
+    written = to_toml(cluttered(load_world("office"), LIVED_IN, 1))
+    assert hashlib.sha256(written.encode()).hexdigest()[:8] == "3c4cc5c8"
 
 
 def test_more_difficulty_is_more_clutter() -> None:

@@ -91,10 +91,12 @@ class FreeFloor:
         if not self._has_room(piece):
             return False
         window, near = self._near(piece.footprint)
-        if not self._leaves_ways(window, near):
+        pockets = self._pockets(window, near)
+        if pockets is not None and pockets.sum() * GRID_M**2 > POCKET_M2:
             return False
         self._add(piece, window, near)
-        self._reached &= self._get(self._starts)
+        if pockets is not None:
+            self._reached &= ~pockets
         return True
 
     def shut(self, piece: Piece) -> bool:
@@ -138,17 +140,17 @@ class FreeFloor:
         points = shapely.points(self._places[window])
         return window, np.asarray(shapely.dwithin(points, footprint, WAY_M))
 
-    def _leaves_ways(self, window: Window, near: Cells) -> bool:
-        """No more than a pocket is shut off. Nothing is if it is not even within the window."""
+    def _pockets(self, window: Window, near: Cells) -> Cells | None:
+        """What a piece would shut off; None if nothing, as where it does not even in the window."""
         here = self._reached[window]
         before, _ = ndimage.label(here)
         after, parts = ndimage.label(here & ~near)
         if len(np.unique(before[after > 0])) == parts:
-            return True
+            return None
         free = self._reached.copy()
         free[window] &= ~near
-        lost = free & ~_joined(free, self._roots())
-        return float(lost.sum()) * GRID_M**2 <= POCKET_M2
+        shut_off: Cells = free & ~_joined(free, self._roots())
+        return shut_off
 
     def _roots(self) -> Numbers:
         """The first start of each space: all of it must be got to from there."""
@@ -160,6 +162,7 @@ class FreeFloor:
 
     def _add(self, piece: Piece, window: Window, near: Cells) -> None:
         self._free[window] &= ~near
+        self._reached[window] &= ~near
         self._pieces.append(piece.footprint)
 
     def _get(self, starts: list[Vector2]) -> Cells:

@@ -27,7 +27,9 @@ SILL_M, LINTEL_M = 0.9, 2.1
 LEAST_ABOVE_M = 0.1
 """Of wall over a window."""
 WINDOWED_SHARE = 0.15
-"""Of the outer walls' length, at difficulty 1; chosen."""
+"""Of the outer walls' length, at difficulty 1; none up to `FROM`. Chosen."""
+FROM = 0.5
+"""Difficulty: glass is harder than all else, since no sensor tells of it; chosen."""
 BESIDE_M = 0.15
 """Of wall on either side at least; chosen."""
 FAR_M = 1000.0
@@ -93,7 +95,8 @@ def with_windows(world: World, floor: FreeFloor, difficulty: float, rng: random.
     mean_m = sum(PANES) / 2 * (sum(PANE_M) / 2 + POST_M)
     windows: dict[int, list[_Window]] = defaultdict(list)
     parts: list[Walls] = []
-    for _ in range(round(WINDOWED_SHARE * difficulty * sum(lengths_m) / mean_m)):
+    share = WINDOWED_SHARE * max(0.0, difficulty - FROM) / (1 - FROM)
+    for _ in range(round(share * sum(lengths_m) / mean_m)):
         [stretch] = rng.choices(stretches, lengths_m)
         beside = windows[stretch.number]
         window = _drawn(stretch, floor, rng)
