@@ -18,8 +18,9 @@ from typer.testing import CliRunner
 from companion.frames import Vector2
 from sitl.cli import commands
 from sitl.options import FlightOptions
+from sitl.testing import Sitl
 from sitl.world.clutter import cluttered, leaves
-from sitl.world.clutter.free_floor import START_CLEAR_M
+from sitl.world.clutter.free_floor import START_CLEAR_M, FreeFloor
 from sitl.world.clutter.furniture import KINDS
 from sitl.world.clutter.pieces import Spot, any_direction
 from sitl.world.format import Panel, Walls, World, WorldError, parse_world
@@ -28,6 +29,7 @@ from sitl.world.loading import load_world
 from sitl.world.model import BODY_RADIUS_M, WorldModel
 from sitl.world.plan import samples, seeable_points, wall_surfaces
 from sitl.world.writing import to_toml
+from tests.worlds import SMALL_ROOM
 
 BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterior")
 FLIGHT_M = 1.2
@@ -186,7 +188,7 @@ def test_an_open_door_leaves_its_doorway_wide_enough(seed: int, width_m: float) 
     world = a_doorway(width_m)
     rng = random.Random(seed)
     floor = TakesAll()
-    doorways = leaves.doorways_of(world)
+    doorways = leaves.doorways_of(world, floor)  # type: ignore[arg-type]
     assert len(doorways) == 1
     for leaf in leaves.leaves(doorways, floor, LIVED_IN, rng):  # type: ignore[arg-type]
         [panel] = leaf.walls[0].panels(2.5)
@@ -207,6 +209,9 @@ class TakesAll:
         return True
 
     shut = take
+
+    def is_clear(self, near: Vector2, far: Vector2) -> bool:
+        return True
 
 
 def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
@@ -258,6 +263,12 @@ def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
     assert len(seen) > 300
 
 
+def test_windows_get_no_leaves_when_clutter_is_added_again() -> None:
+    once = cluttered(load_world("room_100"), 1.0, 1)
+    assert any(walls.glass for walls in once.walls)
+    assert leaves.doorways_of(once, FreeFloor(once)) == []
+
+
 def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
     world = cluttered(a_doorway(1.0), 1.0, 1)
@@ -287,6 +298,13 @@ def test_a_cropped_world_is_cluttered_within_its_border() -> None:
     world = options.setup()[0].world
     (south, west), (north, east) = world.bounds
     assert (north - south, east - west) == pytest.approx((8, 8), abs=0.01)
+
+
+def test_a_test_flies_in_clutter() -> None:
+    flight = Sitl(Path()).fly(SMALL_ROOM, clutter=0.25, clutter_seed=4, seed=2)
+    assert flight.setup.world == cluttered(load_world(SMALL_ROOM), 0.25, 4)
+    assert flight.report.coverage > 0.3
+    assert flight.plan.walls
 
 
 def test_two_processes_are_told() -> None:

@@ -1,9 +1,10 @@
 """A clean world made lived-in: the same walls, with doors, furniture and curtains before them.
 
     World ─► standing ─► FreeFloor ◄─ take? ─┬─ leaves: doors that stand open
-                             │               ├─ along_walls: jagged walls, curtains
-                             │               └─ furniture: on legs, on poles, on end
-    World with the pieces ◄──┘
+      │                                      ├─ along_walls: jagged walls, curtains
+      ▼                                      └─ furniture: on legs, on poles, on end
+    windows: glass in outer walls                     │
+      └─────► World with the pieces ◄─────────────────┘
 
 A piece that would stand on another, within the free circle of a start, or in the only way to a
 place is left out. Places are drawn only by +, -, ×, ÷ and √ and rounded to millimetres.

@@ -20,7 +20,7 @@ def filled(world: World, difficulty: float, seed: int) -> World:
         WorldError: a start has no room to take off.
     """
     floor = FreeFloor(world)
-    doorways = doorways_of(world)
+    doorways = doorways_of(world, floor)
     world = with_windows(world, floor, difficulty, stream(seed, "clutter windows"))
     faces = faces_of(world, floor)
     pieces = [

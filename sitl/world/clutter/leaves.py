@@ -11,6 +11,7 @@ from the doorway.
 import random
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from math import dist
 
 from sitl.world.clutter.free_floor import FreeFloor
 from sitl.world.clutter.pieces import Piece, Spot, slab, turned
@@ -39,7 +40,10 @@ PARTLY = 0.364, 0.577
 """From 40 to 60 degrees."""
 SHUT = 0.044, 0.176
 """From 5 to 20 degrees: a slit to see through."""
+STEP_M = 0.3
+"""From a doorway's middle to either side: so far at least nothing stands in it; chosen."""
 PARTLY_SHARE = 0.25
+"""Of the leaves, where the doorway is wide enough; chosen."""
 TRIES = 6
 """Of angles and hinges, for one leaf."""
 
@@ -77,17 +81,22 @@ def leaves(
                 break
 
 
-def doorways_of(world: World) -> list[Doorway]:
-    """Those that have a lintel; a map's openings up to the ceiling have none."""
+def doorways_of(world: World, floor: FreeFloor) -> list[Doorway]:
+    """Those that have a lintel and no sill; a map's openings up to the ceiling have none."""
     under = [_below(panel) for panel in world.panels if panel.bottom_m >= LINTEL_M]
     least_m, most_m = DOOR_WIDTHS_M
-    return [doorway for doorway in under if least_m <= doorway.width_m <= most_m]
+    return [
+        doorway
+        for doorway in under
+        if least_m <= doorway.width_m <= most_m
+        and floor.is_clear(doorway.spot.at(0.0, -STEP_M), doorway.spot.at(0.0, STEP_M))
+    ]
 
 
 def _below(panel: Panel) -> Doorway:
     """A lintel."""
     (north, east), (to_north, to_east) = panel.start, panel.end
-    length_m = ((to_north - north) ** 2 + (to_east - east) ** 2) ** 0.5
+    length_m = dist(panel.start, panel.end)
     along = (to_north - north) / length_m, (to_east - east) / length_m
     middle = (north + to_north) / 2, (east + to_east) / 2
     return Doorway(Spot(middle, along), length_m, panel.thickness_m, panel.bottom_m)
@@ -105,11 +114,10 @@ def _leaf(doorway: Doorway, half_tangent: float, rng: random.Random) -> Piece:
     """Hinged at either jamb, to either side."""
     cos, sin = turned(half_tangent)
     spot = doorway.spot
-    if rng.random() < 0.5:  # seen from the other room, the other jamb is on the left
+    if rng.random() < 0.5:  # into the other room
         spot = Spot(spot.place, (-spot.along[0], -spot.along[1]))
-    mirrored = rng.random() < 0.5
-    hand = -1.0 if mirrored else 1.0
-    # from the jamb at -W/2: the leaf's direction, and that of its outer face, in x and y
+    hand = -1.0 if rng.random() < 0.5 else 1.0
+    # in x and y: hinge (∓W/2, T/2), the leaf's direction (±cos, sin), its outer side (∓sin, cos)
     hinge = spot.at(hand * -doorway.width_m / 2, doorway.thickness_m / 2)
     (u_n, u_e), (v_n, v_e) = spot.along, spot.across
     along = hand * cos * u_n + sin * v_n, hand * cos * u_e + sin * v_e
