@@ -2,6 +2,9 @@
 
 A piece is built about its spot: its width along x, its back to negative y. Heights are above the
 floor. What is lower than the usual flight at 1.2 m is there as in every room, and harms nobody.
+
+Nothing ends just below or above the level beams, where the hull would meet what no beam does: a
+piece is lower than the hull, or stands at the beams' height within 0.4 m of all that it has there.
 """
 
 import random
@@ -27,6 +30,10 @@ LEG_M = 0.03, 0.06
 POLE_M = 0.03, 0.08
 BOARD_M = 0.03
 """Thickness of tops, seats and shelves."""
+LOW_M, HIGH_M = 0.9, 1.35
+"""Pieces are lower or higher; the hull is from 1.0 to 1.4 m, and drifts by 0.1 m."""
+BOARDLESS_M = LOW_M, 1.5
+"""Between these a rack has no board: it would reach out between two posts."""
 LEAST_ABOVE_M = 0.1
 """Below the ceiling, whatever it is."""
 
@@ -97,8 +104,8 @@ def _table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 def _high_table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """A bar's, or one to work at standing: its legs reach up to the flight."""
-    width_m, depth_m = rng.uniform(0.6, 1.4), rng.uniform(0.5, 0.7)
-    walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(1.1, 1.4))
+    width_m, depth_m = rng.uniform(0.5, 0.7), rng.uniform(0.5, 0.7)
+    walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(HIGH_M, 1.45))
     return Piece(walls, spot.rectangle(width_m, depth_m))
 
 
@@ -106,8 +113,8 @@ def _chair(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """Its back may be as high as a bar stool's, with two posts and a board."""
     side_m, leg_m = rng.uniform(0.38, 0.5), rng.uniform(0.03, 0.05)
     is_high = rng.random() < 0.4
-    seat_m = rng.uniform(0.7, 0.85) if is_high else rng.uniform(0.43, 0.48)
-    back_m = seat_m + rng.uniform(0.45, 0.6)
+    seat_m = rng.uniform(0.75, 0.85) if is_high else rng.uniform(0.43, 0.48)
+    back_m = rng.uniform(HIGH_M, 1.45) if is_high else rng.uniform(0.8, LOW_M)
     y = (leg_m - side_m) / 2
     posts = tuple(
         slab(spot.moved(x * (side_m - leg_m) / 2, y), leg_m, leg_m, seat_m, back_m) for x in (-1, 1)
@@ -120,12 +127,14 @@ def _chair(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 def _rack(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """Shelves on four posts, open on all sides; at a wall."""
     width_m, depth_m, post_m = rng.uniform(0.8, 1.6), rng.uniform(0.3, 0.45), rng.uniform(*LEG_M)
-    top_m = min(rng.uniform(1.4, 2.0), ceiling_m)
+    top_m = min(rng.uniform(1.55, 2.0), ceiling_m)
     middle = spot.moved(0.0, depth_m / 2)
     count = rng.randint(3, 5)
+    heights_m = (top_m * (n + 1) / count for n in range(count))
     boards = tuple(
         slab(middle, width_m, depth_m, height_m - BOARD_M, height_m)
-        for height_m in (top_m * (n + 1) / count for n in range(count))
+        for height_m in heights_m
+        if not BOARDLESS_M[0] < height_m < BOARDLESS_M[1]
     )
     posts = _legs(middle, width_m, depth_m, post_m, top_m)
     return Piece((*posts, *boards), middle.rectangle(width_m, depth_m))
@@ -134,7 +143,7 @@ def _rack(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 def _rail(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """A clothes rail: two poles and a bar between, at a wall or not."""
     width_m, pole_m = rng.uniform(0.9, 1.5), rng.uniform(0.03, 0.04)
-    top_m = min(rng.uniform(1.5, 1.8), ceiling_m)
+    top_m = min(rng.uniform(1.6, 1.9), ceiling_m)
     middle = spot.moved(0.0, 0.25)
     poles = tuple(
         slab(middle.moved(x * (width_m - pole_m) / 2, 0.0), pole_m, pole_m, 0.0, top_m)
@@ -167,7 +176,8 @@ def _pole(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 def _plant(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """A ragged bush of 0.3 to 0.6 m with a core that a beam cannot pass, up to 2 m high."""
     radius_m, corners = rng.uniform(0.15, 0.3), rng.randint(7, 10)
-    top_m = min(rng.uniform(0.6, 2.0), ceiling_m)
+    top_m = rng.uniform(0.6, LOW_M) if rng.random() < 0.4 else rng.uniform(HIGH_M, 2.0)
+    top_m = min(top_m, ceiling_m)
     points = []
     for number in range(corners):
         # half a turn for each unit of this; the tangent of half an angle is nearly even in it
