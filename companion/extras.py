@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from companion.errors import MissingExtraError
 
 BRINGS = {
-    "sitl": ("fcl", "evo", "PIL", "yaml"),
-    "export": ("ezdxf", "shapely", "pyoctomap"),
+    "sitl": ("fcl", "evo", "PIL", "shapely", "yaml"),
+    "export": ("ezdxf", "pyoctomap"),
     "viewer": ("viser", "websockets"),
 }
 """Packages that an extra of pyproject.toml installs, by the name that they are imported by."""

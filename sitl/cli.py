@@ -24,6 +24,8 @@ from sitl.options import (
     Autopilot,
     Battery,
     BeamFile,
+    Clutter,
+    ClutterSeed,
     ConfigFile,
     Crop,
     FlightOptions,
@@ -98,6 +100,8 @@ def run(
     beam: BeamFile = None,
     crop: Crop = None,
     battery_s: Battery = None,
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = None,
     config: ConfigFile = None,
     vehicles: Annotated[
         int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
@@ -137,6 +141,8 @@ def run(
         crop,
         config,
         battery_s,
+        clutter,
+        clutter_seed,
     )
     if external:
         _run_external(options, connect, bus_port, truth)
@@ -223,6 +229,8 @@ def fly(
     beam: BeamFile = None,
     crop: Crop = None,
     battery_s: Battery = None,
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = None,
     mission: Annotated[
         str,
         typer.Option(
@@ -258,6 +266,8 @@ def fly(
         crop,
         config,
         battery_s,
+        clutter,
+        clutter_seed,
     )
     flown = load_mission(mission)
     settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})

@@ -17,6 +17,7 @@ from sitl.errors import SitlError
 from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
 from sitl.sensors.beam import RAY, load_beam_physics
 from sitl.simulation import Setup
+from sitl.world.clutter import cluttered
 from sitl.world.cropping import cropped
 from sitl.world.format import World
 from sitl.world.loading import load_world
@@ -54,6 +55,13 @@ Crop = Annotated[
     float | None,
     typer.Option(help="Only the square of so many metres about the start, walled in.", min=4),
 ]
+Clutter = Annotated[
+    float,
+    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 crammed.", min=0, max=1),
+]
+ClutterSeed = Annotated[
+    int | None, typer.Option(help="The same makes the same clutter; the seed if left out.")
+]
 Battery = Annotated[
     float | None,
     typer.Option(
@@ -79,6 +87,10 @@ class FlightOptions:
     crop_m: float | None = None
     config: Path | None = None
     battery_s: float | None = None
+    clutter: float = 0.0
+    """0 to 1."""
+    clutter_seed: int | None = None
+    """None: the flight's."""
 
     def settings(self, mission: Mapping[str, object]) -> Config:
         """The companion's: its file's, and above them those of the mission.
@@ -103,6 +115,8 @@ class FlightOptions:
         start = _start_number(world, self.start)
         if self.crop_m is not None:
             world, start = cropped(world, self.crop_m, start), 0
+        clutter_seed = self.seed if self.clutter_seed is None else self.clutter_seed
+        world = cluttered(world, self.clutter, clutter_seed)
         sensors = configuration.load(self.config, {"sensors.profile": self.profile}).sensors
         parameters, watch = read_parameters(self.autopilot, self.params, self.param)
         setup = Setup(
@@ -130,6 +144,8 @@ class FlightOptions:
             "crop": self.crop_m,
             "config": self.config,
             "battery-s": self.battery_s,
+            "clutter": self.clutter or None,
+            "clutter-seed": self.clutter_seed,
         }
         options = [f"--{name}={value}" for name, value in given.items() if value is not None]
         return [self.world, *options, *(f"--param={assignment}" for assignment in self.param)]

@@ -96,8 +96,8 @@ def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
 
 
 def _standing(world: World, height_m: float) -> list[Segment]:
-    """What can be bumped into: also the walls where the unknown begins."""
-    return [*wall_surfaces(world, height_m), *world.closed_border]
+    """What can be bumped into: also glass, and the walls where the unknown begins."""
+    return [*wall_surfaces(world, height_m, with_glass=True), *world.closed_border]
 
 
 def _rounded(value: object) -> float | int | bool | str | None:

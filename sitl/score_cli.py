@@ -11,7 +11,18 @@ from rich.console import Console
 from companion.mapping.files import load_json
 from companion.values import value
 from sitl.errors import SitlError
-from sitl.options import Autopilot, ConfigFile, Crop, FlightOptions, Profile, Seed, Start, WorldName
+from sitl.options import (
+    Autopilot,
+    Clutter,
+    ClutterSeed,
+    ConfigFile,
+    Crop,
+    FlightOptions,
+    Profile,
+    Seed,
+    Start,
+    WorldName,
+)
 from sitl.record import TruthRecord
 
 if TYPE_CHECKING:
@@ -36,6 +47,8 @@ def score(
     profile: Profile = "gp2y0a710k0f",
     start: Start = None,
     crop: Crop = None,
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = None,
     config: ConfigFile = None,
     report: Annotated[Path | None, typer.Option(help="Write the scores here as JSON.")] = None,
 ) -> None:
@@ -51,6 +64,8 @@ def score(
         start,
         crop_m=crop,
         config=config,
+        clutter=clutter,
+        clutter_seed=clutter_seed,
     )
     result = scored(options, map_file, truth)
     del result["completed"]

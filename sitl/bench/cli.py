@@ -2,6 +2,7 @@
 
 import json
 import signal
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
@@ -13,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.errors import OutputError
-from sitl.options import Autopilot, Battery, Crop, FlightOptions, Profile, Seed
+from sitl.options import Autopilot, Battery, ClutterSeed, Crop, FlightOptions, Profile, Seed
 
 if TYPE_CHECKING:
     from sitl.bench.missions import Flown
@@ -105,7 +106,13 @@ def missions(
     ),
     crop: Crop = None,
     battery_s: Battery = None,
+    clutter: Annotated[
+        list[float] | None,
+        typer.Option(help="Of every world, 0 to 1; none if left out. Repeatable.", min=0, max=1),
+    ] = None,
+    clutter_seed: ClutterSeed = None,
     as_json: AsJson = False,
+    sheet: Annotated[Path | None, typer.Option(help="PNG of all plans and paths.")] = None,
     out: Annotated[
         Path | None,
         typer.Option(
@@ -128,6 +135,8 @@ def missions(
         autopilot=autopilot,
         crop_m=crop,
         battery_s=battery_s,
+        clutters=clutter or [0.0],
+        clutter_seed=clutter_seed,
     )
     ended: list[Report] = []
 
@@ -143,13 +152,12 @@ def missions(
         print(json.dumps(result, indent=1))
     else:
         show(result, Console(highlight=False))
+    outputs: list[Callable[[], object]] = []
     if out is not None:
-        each_by_itself(
-            (
-                partial(save_as, _save_json, result, out / "missions.json"),
-                partial(save_as, draw_sheet, flights, out / "missions.png"),
-            )
-        )
+        outputs.append(partial(save_as, _save_json, result, out / "missions.json"))
+    sheets = [path for path in (out and out / "missions.png", sheet) if path and flights]
+    outputs += [partial(save_as, draw_sheet, flights, path) for path in sheets]
+    each_by_itself(outputs)
 
 
 def _save_json(result: "Summary", path: Path) -> None:

@@ -23,6 +23,8 @@ from sitl.world.plan import wall_surfaces
 TRACING = ScanPhase.SCAN.value
 """What the companion says that it does while it traces walls; not while it turns, nor when it goes
 round once more."""
+ALARM = "range sensor failed"
+"""So begins the trouble that the companion tells; `companion/health/watch.py`."""
 WALLS_OF_A_ROOM = 4
 """And nothing else: then the bound (P - 8·d) / v applies."""
 
@@ -43,6 +45,7 @@ class Job:
             "autopilot": self.options.autopilot,
             "start": self.options.start or "1",
             "seed": self.options.seed,
+            "clutter": self.options.clutter,
         }
 
 
@@ -82,14 +85,13 @@ def _fly(job: Job) -> Flown:
     setup, _ = job.options.setup()
     mission = load_mission(job.mission)
     settings, script = job.options.settings(mission.settings), Play(mission.events)
-    traced_ticks = 0
+    watched = Watch()
 
-    def watch_trace(simulation: Simulation, app: App) -> None:
-        nonlocal traced_ticks
+    def happens(simulation: Simulation, app: App) -> None:
         script(simulation, app)
-        traced_ticks += TRACING in app.flight.activity
+        watched.tick(app.flight.activity, app.flight.trouble)
 
-    app, simulation = fly_in_lockstep(setup, settings, _nobody_looks, script=watch_trace)
+    app, simulation = fly_in_lockstep(setup, settings, _nobody_looks, script=happens)
     plan = app.final_floor_plan()
     report = make_report(
         setup,
@@ -100,10 +102,35 @@ def _fly(job: Job) -> Flown:
         waited_s=time.monotonic() - began_s,
     )
     truth = wall_surfaces(setup.world, settings.mission.height_m)
-    trace_s = round(TICK_S * traced_ticks, 2) if traced_ticks else None
-    trace = {"trace_time_s": trace_s, "trace_over_least": _over_least(trace_s, report, truth)}
-    row = {**report, **job.key, "lost": False, **trace}
+    trace_s = watched.trace_s
+    seen: Report = {
+        "trace_time_s": trace_s,
+        "trace_over_least": _over_least(trace_s, report, truth),
+        "false_alarms": None if mission.events else watched.alarms,
+    }
+    row = {**report, **job.key, "lost": False, **seen}
     return Flown(row, _sketch(truth, plan, simulation.record))
+
+
+class Watch:
+    """What a flight tells, tick by tick."""
+
+    def __init__(self) -> None:
+        self._traced_ticks = 0
+        self.alarms = 0
+        """How often it held for a range sensor; each is false where none was broken."""
+        self._is_alarmed = False
+
+    @property
+    def trace_s(self) -> float | None:
+        """Time along walls, if there was any."""
+        return round(TICK_S * self._traced_ticks, 2) if self._traced_ticks else None
+
+    def tick(self, activity: str, trouble: str) -> None:
+        self._traced_ticks += TRACING in activity
+        is_alarmed = trouble.startswith(ALARM)
+        self.alarms += is_alarmed and not self._is_alarmed
+        self._is_alarmed = is_alarmed
 
 
 def _nobody_looks(progress: Progress) -> None:

@@ -32,26 +32,44 @@ def jobs_for(
     autopilot: Autopilot = Autopilot.ARDUPILOT,
     crop_m: float | None = None,
     battery_s: float | None = None,
+    clutters: Sequence[float] = (0.0,),
+    clutter_seed: int | None = None,
 ) -> list[Job]:
-    """Flights of every seed from every place with every profile; without a mission, what suits.
+    """Flights of every seed from every place with every profile and clutter, 0 to 1.
+
+    Without a mission, what suits the world.
 
     Raises:
         WorldError, ConfigError, MissionError: what is wrong for all, before anything is flown.
     """
 
-    def options(world: str, start: str | None, profile: str, seed: int) -> FlightOptions:
+    def options(
+        world: str, start: str | None, profile: str, seed: int, clutter: float = 0.0
+    ) -> FlightOptions:
         return FlightOptions(
-            world, seed, profile, autopilot, start, crop_m=crop_m, battery_s=battery_s
+            world,
+            seed,
+            profile,
+            autopilot,
+            start,
+            crop_m=crop_m,
+            battery_s=battery_s,
+            clutter=clutter,
+            clutter_seed=clutter_seed,
         )
 
     settings = load_mission(mission or "building").settings
     for profile in profiles:
         options("", None, profile, 1).settings(settings)
     return [
-        Job(options(world, start, profile, seed), mission or MISSIONS.get(world, "building"))
+        Job(
+            options(world, start, profile, seed, clutter),
+            mission or MISSIONS.get(world, "building"),
+        )
         for profile in profiles
         for name in worlds
         for world, start in places(name)
+        for clutter in clutters
         for seed in range(1, seeds + 1)
     ]
 

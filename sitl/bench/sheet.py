@@ -7,28 +7,44 @@ from pathlib import Path
 from companion.figures import Axes, Figure, LineCollection
 from companion.frames import Vector2
 from sitl.bench.missions import Flown
+from sitl.report import Report
 
-PAPER = "#fbfaf7"
-TRUTH, MAPPED, PATH = "#9aa5ad", "#d1495b", "#3a86c8"
+PAPER, INK = "#fbfaf7", "#22333b"
+TRUTH, MAPPED, PATH = "#7d8a93", "#e0425a", "#2f7fc1"
 GOOD, BAD = "#2a7f4f", "#c1121f"
-CELL_INCHES, TITLE_INCHES = 2.2, 0.42
+CELL_INCHES, TITLE_INCHES, HEAD_INCHES = 3.0, 0.5, 0.35
+DPI = 120
 MOST_COLUMNS = 10
-MOST_LETTERS = 45
+MOST_LETTERS = 66
+HEAD = (
+    "grey: what stands there   red: the map   blue: the true path, ● from, × where it ended badly"
+)
+FIGURES = (
+    ("coverage", "coverage {:.0%}"),
+    ("false_walls", "false walls {:.1%}"),
+    ("clearance_m", "clearance {:.2f} m"),
+    ("false_alarms", "alarms {:.0f}"),
+)
+"""Keys of rows, and how they are told, if they are known."""
 
 
 def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
     """PNG: for every flight the true walls grey, the mapped ones red, the true path blue."""
     columns = min(MOST_COLUMNS, math.ceil(math.sqrt(len(flights))))
     rows = math.ceil(len(flights) / columns)
-    cell_inches = CELL_INCHES + TITLE_INCHES
-    figure = Figure((columns * CELL_INCHES, rows * cell_inches), dpi=100, facecolor=PAPER)
+    row_inches = CELL_INCHES + TITLE_INCHES
+    width_inches, height_inches = columns * CELL_INCHES, rows * row_inches + HEAD_INCHES
+    figure = Figure((width_inches, height_inches), dpi=DPI, facecolor=PAPER)
+    top = 1 - 0.1 / height_inches
+    figure.text(0.1 / width_inches, top, HEAD, fontsize=7, color=INK, va="top", wrap=True)
     for number, flown in enumerate(flights):
         row, column = divmod(number, columns)
-        bottom = 1 - (row + 1) / rows
-        height = CELL_INCHES / cell_inches / rows
-        axes = figure.add_axes((column / columns, bottom, 0.96 / columns, height))
+        left = (column + 0.03) * CELL_INCHES / width_inches
+        bottom = (rows - row - 1) * row_inches / height_inches
+        size = 0.94 * CELL_INCHES / width_inches, 0.97 * CELL_INCHES / height_inches
+        axes = figure.add_axes((left, bottom, *size))
         axes.set_axis_off()
-        axes.set_aspect("equal")
+        axes.set_aspect("equal", anchor="N")
         _draw(flown, axes)
     figure.savefig(path, format="png")
 
@@ -36,24 +52,34 @@ def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
 def _draw(flown: Flown, axes: Axes) -> None:
     sketch, row = flown.sketch, flown.row
     for lines, colour, width in (
-        (sketch.truth, TRUTH, 1.6),
-        (sketch.mapped, MAPPED, 1.0),
-        ([sketch.path] if sketch.path else [], PATH, 0.7),
+        (sketch.truth, TRUTH, 1.0),
+        (sketch.mapped, MAPPED, 1.4),
+        ([sketch.path] if sketch.path else [], PATH, 0.8),
     ):
         flat = [[_east_north(point) for point in line] for line in lines]
         axes.add_collection(LineCollection(flat, colors=colour, linewidths=width))
     axes.autoscale_view()
+    colour = GOOD if row["completed"] else BAD
+    if sketch.path:
+        axes.plot(*_east_north(sketch.path[0]), marker="o", markersize=4, color=PATH)
+        if not row["completed"]:
+            axes.plot(*_east_north(sketch.path[-1]), marker="x", markersize=8, color=BAD, mew=2)
+    axes.set_title(_title(row), fontsize=6, parse_math=False, color=colour)
+
+
+def _title(row: Report) -> str:
+    """What flew, how it ended, and how well."""
+    clutter = f", clutter {row['clutter']:g}" if row.get("clutter") else ""
     verdict = "completed" if row["completed"] else str(row["ending"])
     if row.get("collisions"):
         verdict = f"collisions: {row['collisions']}"
-    flight = f"{row['world']}, start {row['start']}, seed {row['seed']}"
-    title = f"{flight}\n{row['profile']}: {verdict}"
-    axes.set_title(
-        "\n".join(line[:MOST_LETTERS] for line in title.splitlines()),
-        fontsize=6,
-        parse_math=False,
-        color=GOOD if row["completed"] else BAD,
+    told = [form.format(row[key]) for key, form in FIGURES if row.get(key) is not None]
+    lines = (
+        f"{row['world']}{clutter}, start {row['start']}, seed {row['seed']}",
+        f"{row['profile']}: {verdict}",
+        ", ".join(told),
     )
+    return "\n".join(line[:MOST_LETTERS] for line in lines)
 
 
 def _east_north(point: Vector2) -> Vector2:

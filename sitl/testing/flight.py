@@ -20,6 +20,7 @@ from sitl.sensors.beam import beam_physics
 from sitl.simulation import Setup, Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, Play
+from sitl.world.clutter import cluttered
 from sitl.world.loading import load_world, world_names
 
 
@@ -108,6 +109,8 @@ class Sitl:
         settings: Mapping[str, object] | None = None,
         parameters: Mapping[str, float] = NO_PARAMETERS,
         beam: Mapping[str, object] | None = None,
+        clutter: float = 0.0,
+        clutter_seed: int | None = None,
         script: Sequence[Event] = (),
         record: Path | None = None,
     ) -> Flight:
@@ -116,7 +119,8 @@ class Sitl:
         `mission` is its kind or a mission file; `config` is the companion's TOML file, `settings`
         single values above it, such as {"mission.speed_m_s": 0.5}; `parameters` are the
         autopilot's, such as {"GUID_TIMEOUT": 1}; `beam` are the keys of docs/sensors.md, such as
-        {"width_deg": 2}; `record` is a folder for the flight's recording.
+        {"width_deg": 2}; `clutter` from 0 to 1 is put into the world, by `clutter_seed` or else the
+        flight's; `record` is a folder for the flight's recording.
 
         Raises:
             WorldError, ConfigError, MissionError, ParameterError, BeamError: one line that says
@@ -128,7 +132,9 @@ class Sitl:
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
         physics = beam_physics(beam or {}, "beam")
-        setup = Setup(load_world(name), name, seed, loaded.sensors, autopilot, parameters, physics)
+        grown_from = seed if clutter_seed is None else clutter_seed
+        place = cluttered(load_world(name), clutter, grown_from)
+        setup = Setup(place, name, seed, loaded.sensors, autopilot, parameters, physics)
         began_s = time.monotonic()
 
         def watch(progress: Progress) -> None:

@@ -9,11 +9,18 @@ from rich.table import Table
 
 from companion.mapping.files import save_as
 from sitl.world.checking import extent, facts, warnings
+from sitl.world.clutter import cluttered
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import RANDOM, load_world, world_names
 from sitl.world.mesh import visible_mesh
+from sitl.world.writing import write_world
 
 WORLD_HELP = "A built-in world, random_SEED, or a world file."
+Clutter = Annotated[
+    float,
+    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 crammed.", min=0, max=1),
+]
+ClutterSeed = Annotated[int, typer.Option(help="The same makes the same clutter.")]
 
 commands = typer.Typer(no_args_is_help=True, help="The worlds to fly in.")
 
@@ -39,10 +46,12 @@ def list_worlds() -> None:
 @commands.command()
 def show(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = 1,
     out: Annotated[Path | None, typer.Option(help="PNG to write; NAME.png if left out.")] = None,
 ) -> None:
     """Draw the plan with its start poses."""
-    loaded = load_world(world)
+    loaded = cluttered(load_world(world), clutter, clutter_seed)
     path = out or Path(f"{loaded.name}.png")
     save_as(draw_plan, loaded, path)
     typer.echo(str(path))
@@ -51,9 +60,11 @@ def show(
 @commands.command()
 def check(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = 1,
 ) -> None:
     """Load a world, tell what had to be mended, what is known of it, and where drones may start."""
-    loaded = load_world(world, typer.echo)
+    loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
     for fact in facts(loaded):
         typer.echo(fact)
     beware = warnings(loaded)
@@ -64,3 +75,19 @@ def check(
         parts = f"{len(loaded.mesh.faces)} triangles"
     verdict = "see the warnings" if beware else "good"
     typer.echo(f"{loaded.name}: {parts}, {len(loaded.starts)} starts, {verdict}")
+
+
+@commands.command()
+def export(
+    world: Annotated[str, typer.Argument(help=WORLD_HELP)],
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = 1,
+    out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml if left out.")] = None,
+) -> None:
+    """Write a world as TOML, with its clutter, to fly it again or to change it by hand."""
+    loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
+    if loaded.closed_border:
+        typer.echo("the closed border is written as walls, which scores count")
+    path = out or Path(f"{loaded.name}.toml")
+    save_as(write_world, loaded, path)
+    typer.echo(str(path))

@@ -61,6 +61,7 @@ def _walls_within(panels: list[Panel], low: Vector2, high: Vector2) -> list[Wall
             thickness_m=panel.thickness_m,
             bottom_m=panel.bottom_m,
             top_m=panel.top_m,
+            glass=panel.glass,
         )
         for panel in panels
         if (segment := _segment_within((panel.start, panel.end), low, high))

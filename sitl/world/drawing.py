@@ -18,10 +18,11 @@ FURNITURE = "#9aa5ad"
 START = "#3a86c8"
 UNKNOWN = "#d9d5cb"
 BORDER = "#c8553d"
+GLASS = "#5fb3d4"
 
 
 def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
-    """PNG: what stands at a height dark, the rest of the boxes light, starts as dots; north up.
+    """PNG: what stands at a height dark, the rest but lintels light, starts as dots; north up.
 
     What is unknown is shaded, and the border that was closed before it dashed.
     """
@@ -35,8 +36,16 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
     for box in world.boxes:
         for (north_a, east_a), (north_b, east_b) in box.segments:
             axes.plot([east_a, east_b], [north_a, north_b], color=FURNITURE, linewidth=1)
+    for panel in world.panels:
+        if panel.top_m < height_m:
+            for (north_a, east_a), (north_b, east_b) in panel.outline:
+                axes.plot([east_a, east_b], [north_a, north_b], color=FURNITURE, linewidth=1)
     for (north_a, east_a), (north_b, east_b) in wall_surfaces(world, height_m):
         axes.plot([east_a, east_b], [north_a, north_b], color=WALL, linewidth=1.8)
+    for panel in world.panels:
+        if panel.glass and panel.bottom_m <= height_m <= panel.top_m:
+            (north_a, east_a), (north_b, east_b) = panel.start, panel.end
+            axes.plot([east_a, east_b], [north_a, north_b], color=GLASS, linewidth=1.2)
     for (north_a, east_a), (north_b, east_b) in world.closed_border:
         axes.plot([east_a, east_b], [north_a, north_b], color=BORDER, linewidth=1.2, dashes=(3, 2))
     for start in world.starts:

@@ -8,6 +8,7 @@ points = [[0, 0], [4, 0], [4, 3]]
 closed = false              # true joins the last point to the first
 bottom_m = 0                # heights above the floor; top_m is the ceiling if left out
 top_m = 2.6
+glass = false               # true: light goes through, a drone does not
 
 [[boxes]]                   # a solid: furniture, a pillar
 corner = [1, 1]             # least north and east
@@ -76,6 +77,7 @@ class Panel:
     bottom_m: float
     top_m: float
     thickness_m: float = 0.0
+    glass: bool = False
 
     @property
     def outline(self) -> list[Segment]:
@@ -101,6 +103,8 @@ class Walls(_Part):
     thickness_m: float = Field(0.0, ge=0, le=2)
     bottom_m: Height = 0.0
     top_m: Height | None = None
+    glass: bool = False
+    """Light goes through, a drone does not: no beam meets it, and no map is expected to have it."""
     doors: tuple[Door, ...] = ()
 
     @property
@@ -122,7 +126,9 @@ class Walls(_Part):
                 at_m = to_m
             panels.append((start, end, at_m, length_m, self.bottom_m))
         return [
-            Panel(_between(s, e, a), _between(s, e, b), bottom_m, top_m, self.thickness_m)
+            Panel(
+                _between(s, e, a), _between(s, e, b), bottom_m, top_m, self.thickness_m, self.glass
+            )
             for s, e, a, b, bottom_m in panels
             if b - a > LEAST_LENGTH_M and top_m - bottom_m > LEAST_LENGTH_M
         ]

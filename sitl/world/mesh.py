@@ -3,7 +3,7 @@
 import numpy as np
 
 from companion.frames import Vector2, Vector3
-from sitl.world.format import World
+from sitl.world.format import Panel, World
 from sitl.world.triangles import Mesh
 
 MARGIN_M = 2.0
@@ -21,18 +21,20 @@ def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
 def obstacle_mesh(world: World) -> Mesh:
     """Walls, boxes, ceiling and what an imported mesh has above its floor: not to be touched."""
     imported = world.mesh.above(FLOOR_M) if world.mesh is not None else None
-    return _built(world) if imported is None else _built(world) + imported
+    built = _built(world, world.panels)
+    return built if imported is None else built + imported
 
 
 def visible_mesh(world: World) -> Mesh:
-    """All that a beam can meet but the floor, which is a plane: also carpets and doorsteps."""
-    return _built(world) if world.mesh is None else _built(world) + world.mesh
+    """All that a beam can meet but the floor, which is a plane: also carpets, but no glass."""
+    built = _built(world, [panel for panel in world.panels if not panel.glass])
+    return built if world.mesh is None else built + world.mesh
 
 
-def _built(world: World) -> Mesh:
+def _built(world: World, panels: list[Panel]) -> Mesh:
     """Walls, boxes and ceiling, and walls where the unknown begins."""
     quads = [_upright(*segment, 0.0, world.height_m) for segment in world.closed_border]
-    for panel in world.panels:
+    for panel in panels:
         sides = panel.outline
         quads += [_upright(start, end, panel.bottom_m, panel.top_m) for start, end in sides]
         if len(sides) > 1:

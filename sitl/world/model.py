@@ -40,7 +40,7 @@ class WorldModel:
         self._boxes = world.boxes
         self._visible = _collision_object(visible)
         self._triangles = triangles_of(visible)
-        same = world.mesh is None
+        same = world.mesh is None and not any(walls.glass for walls in world.walls)
         self._obstacles = self._visible if same else _collision_object(obstacle_mesh(world))
         self._body = fcl.CollisionObject(fcl.Sphere(BODY_RADIUS_M))
         self._request = fcl.CollisionRequest(num_max_contacts=len(self._triangles))

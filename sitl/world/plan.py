@@ -34,11 +34,11 @@ MOST_PAIRS = 100_000
 """Of a line of sight and a wall, at once; some ten MB."""
 
 
-def wall_surfaces(world: World, height_m: float) -> list[Segment]:
-    """Segments, (north, east) in metres, of all that stands at this height."""
+def wall_surfaces(world: World, height_m: float, *, with_glass: bool = False) -> list[Segment]:
+    """Segments, (north, east) in metres, of all that stands at this height and can be seen."""
     surfaces: list[Segment] = []
     for panel in world.panels:
-        if panel.bottom_m <= height_m <= panel.top_m:
+        if panel.bottom_m <= height_m <= panel.top_m and (with_glass or not panel.glass):
             surfaces += panel.outline
     for box in world.boxes:
         if box.bottom_m <= height_m <= box.top_m:

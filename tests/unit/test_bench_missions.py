@@ -7,14 +7,15 @@ from pathlib import Path
 
 import pytest
 from PIL import Image
+from rich.console import Console
 from typer.testing import CliRunner
 
 from companion.errors import ConfigError
 from sitl.bench import lanes
-from sitl.bench.missions import Flown, Job, fly, lost
+from sitl.bench.missions import Flown, Job, Sketch, Watch, fly, lost
 from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
-from sitl.bench.summary import by_world, complaints, summarise
+from sitl.bench.summary import by_world, complaints, show, sum_up, summarise
 from sitl.cli import commands
 from sitl.options import Autopilot, FlightOptions
 from sitl.report import Report
@@ -76,6 +77,14 @@ def test_a_job_has_the_autopilot_and_the_battery_that_were_asked_for() -> None:
     assert only.options.settings({"mission.time_limit_s": 90.0}).mission.time_limit_s == 90
 
 
+def test_every_world_is_flown_with_every_clutter() -> None:
+    jobs = jobs_for(["office", "room_100"], 2, ["paper"], clutters=[0.0, 0.5], clutter_seed=9)
+    assert [job.key["clutter"] for job in jobs] == 2 * [0.0, 0.0, 0.5, 0.5]
+    worlds = {job.options.setup()[0].world.name for job in jobs}
+    assert worlds == {"office", "office_clutter_0.5", "room_100", "room_100_clutter_0.5"}
+    assert {job.options.clutter_seed for job in jobs} == {9}
+
+
 def test_each_world_is_flown_as_suits_it() -> None:
     jobs = jobs_for(["room_200", "complex", "exterior"], 1, ["paper"])
     assert [job.mission for job in jobs] == ["room", "building", "exterior"]
@@ -102,6 +111,16 @@ def test_a_flight_is_its_report_its_job_and_the_trace() -> None:
         for north, east in line:
             assert -0.5 < north < 10.5
             assert -0.5 < east < 10.5
+
+
+def test_an_alarm_counts_once_for_as_long_as_it_lasts() -> None:
+    watched = Watch()
+    for trouble in ("", "range sensor failed: left", "range sensor failed: left, front", ""):
+        watched.tick("scanning", trouble)
+    assert watched.alarms == 1
+    for trouble in ("the gyro is silent", "range sensor failed: right", "mode changed"):
+        watched.tick("holding", trouble)
+    assert watched.alarms == 2
 
 
 def test_an_error_is_a_row_with_its_reason() -> None:
@@ -155,10 +174,46 @@ def test_worlds_and_profiles_are_summed_up_apart() -> None:
     assert groups == [("room", "paper", 2), ("hall", "paper", 1), ("room", "gp2y0a710k0f", 1)]
 
 
+def test_clutters_are_summed_up_apart_with_alarms_by_the_hour() -> None:
+    rows = [
+        row(clutter=0.0, false_alarms=0, false_walls=0.0),
+        row(clutter=0.5, false_alarms=1, false_walls=0.02, flight_time_s=90.0),
+        row(clutter=0.5, false_alarms=2, false_walls=0.04, flight_time_s=90.0),
+        row(clutter=0.5, false_alarms=None, flight_time_s=900.0),
+        {**lost(job("room"), "a reason").row, "profile": "paper", "clutter": 0.5},
+    ]
+    clean, cluttered = by_world(rows)
+    assert (clean["clutter"], clean["false_alarms_per_h"]) == (0.0, 0.0)
+    assert (cluttered["clutter"], cluttered["flights"]) == (0.5, 4)
+    assert cluttered["false_alarms_per_h"] == 60
+    assert cluttered["false_walls_mean"] == pytest.approx(0.03)
+
+
+def test_the_table_fits_a_terminal_and_tells_of_clutter_only_if_there_is_any() -> None:
+    def shown(*rows: Report) -> str:
+        console = Console(width=80)
+        with console.capture() as capture:
+            show(sum_up(rows), console)
+        return capture.get()
+
+    clean = row(world="three_room_450", false_alarms=0, false_walls=0.0)
+    cluttered = {**clean, "clutter": 0.25, "false_alarms": 3, "false_walls": 0.1}
+    assert "clut-" not in shown(clean)
+    text = shown(cluttered)
+    assert "clut-" in text
+    assert "…" not in text
+    assert " 180 " in text
+    assert " 10% " in text
+
+
 def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
-    draw_sheet([lost(job("room"), "nothing to draw")] * 5, tmp_path / "sheet.png")
+    crashed = row(clutter=0.5, completed=False, collisions=1, false_alarms=2)
+    room = [((0.0, 0.0), (4.0, 0.0)), ((4.0, 0.0), (4.0, 3.0))]
+    flown = Flown(crashed, Sketch(room, room, [(1.0, 1.0), (2.0, 1.0)]))
+    lost_ones = [lost(job("room"), "nothing to draw")] * 4
+    draw_sheet([flown, *lost_ones], tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as image:
-        assert image.size[0] == 3 * 220
+        assert image.size[0] == 3 * 360
 
 
 def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
@@ -168,12 +223,18 @@ def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     (plans / "a_room.json").unlink()
     out = tmp_path / "out"
     done = CliRunner().invoke(
-        commands, ["bench", "missions", f"--worlds={plans}", "--json", f"--out={out}"]
+        commands,
+        [
+            *("bench", "missions", f"--worlds={plans}", "--json", f"--out={out}"),
+            *("--clutter=0", "--clutter=0.5", f"--sheet={tmp_path / 'own.png'}"),
+        ],
     )
     printed = json.loads(done.stdout)
-    assert printed["totals"]["flights"] == printed["totals"]["lost"] == 1
+    assert printed["totals"]["flights"] == printed["totals"]["lost"] == 2
+    assert [group["clutter"] for group in printed["groups"]] == [0, 0.5]
     assert printed == json.loads((out / "missions.json").read_text())
     assert (out / "missions.png").exists()
+    assert (tmp_path / "own.png").exists()
 
 
 def test_a_campaign_that_is_broken_off_leaves_what_was_flown(

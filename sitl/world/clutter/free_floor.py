@@ -1,0 +1,218 @@
+"""The floor that is free: where a piece may stand, and the ways that it must leave.
+
+A grid of places 10 cm apart, in a frame of the world's own north and east.
+"""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from companion.frames import Vector2
+from sitl.world.clutter.pieces import Piece
+from sitl.world.clutter.standing import standing
+from sitl.world.format import World, WorldError
+from sitl.world.model import BODY_RADIUS_M
+from sitl.world.nearest import NearestWall
+from sitl.world.plan import NARROWEST_DOOR_M
+
+Cells = NDArray[np.bool_]
+Numbers = NDArray[np.int64]
+Window = tuple[slice, slice]
+
+GRID_M = 0.1
+WAY_M = NARROWEST_DOOR_M / 2 - GRID_M / 2
+"""From a way's middle to what stands beside it: a grid's place in a doorway of 0.9 m, the narrowest
+that the score counts, is at most half a step off the middle."""
+FLIGHT_M = 0.85, 1.55
+"""Heights between which the drone's body may be, about 1.2 m: its radius and its drift; chosen."""
+STANDING_M = 0.05, 1.9
+"""Heights between which furniture meets what stands there; above are lintels. Chosen."""
+INSIDE_M = GRID_M
+"""Two neighbours on the grid with more around them have no wall between."""
+START_CLEAR_M = 0.6 + BODY_RADIUS_M
+"""Around a start, from its centre: 0.6 m about the hull, as `sitl world check` asks for."""
+APART_M = 0.01
+"""Between two pieces at least, so that none stands in another; chosen."""
+POCKET_M2 = 0.25
+"""So much of where the drone's centre could get may be shut off by a piece: a corner; chosen."""
+AROUND_M = 2.0
+"""Ways about a piece are looked at first within this; chosen, it saves time only."""
+MOST_SHUT = 1 / 3
+"""Of where the drone could get from the first start, behind doors that are shut; chosen."""
+
+
+class FreeFloor:
+    """Of one world, with what has been taken already."""
+
+    def __init__(self, world: World) -> None:
+        self._starts = [start.position for start in world.starts]
+        self._origin, shape = _grid(world)
+        axes = (self._origin[axis] + GRID_M * np.arange(shape[axis]) for axis in (0, 1))
+        self._places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
+        away_m = self._away_m(world)
+        self._inside = _joined(away_m > INSIDE_M, self._cells(self._starts))
+        self._free: Cells = away_m > WAY_M
+        self._taken: list[shapely.Geometry] = _solids(world)
+        self._tree = shapely.STRtree(self._taken)
+        self._pieces: list[shapely.Polygon] = []
+        self._reached = self._get(self._starts)
+        if not self._get(self._starts[:1]).any():
+            raise WorldError(f"{world.name}: too little room about start 1 for clutter")
+        self._at_first = int(self._get(self._starts[:1]).sum())
+
+    @property
+    def area_m2(self) -> float:
+        """Of the floor inside."""
+        return float(self._inside.sum()) * GRID_M**2
+
+    @property
+    def places(self) -> NDArray[np.float64]:
+        """Where somebody could stand inside, (n, 2)."""
+        inside: NDArray[np.float64] = self._places[self._inside]
+        return inside
+
+    def is_inside(self, place: Vector2) -> bool:
+        """In the same open space as a start, at the height of flight."""
+        cell = self._cell(place)
+        return self._is_on_grid(cell) and bool(self._inside[cell])
+
+    def is_open(self, near: Vector2, far: Vector2) -> bool:
+        """The far one of two places is inside, and nothing stands between them."""
+        return self.is_inside(far) and self.is_clear(near, far)
+
+    def is_clear(self, near: Vector2, far: Vector2) -> bool:
+        """Nothing that was there already stands between two places."""
+        line = shapely.LineString([near, far])
+        return not len(self._tree.query(line, predicate="intersects"))
+
+    def take(self, piece: Piece) -> bool:
+        """Let it stand there, if that is free and every place can still be got to."""
+        if not self._has_room(piece):
+            return False
+        window, near = self._near(piece.footprint)
+        pockets = self._pockets(window, near)
+        if pockets is not None and pockets.sum() * GRID_M**2 > POCKET_M2:
+            return False
+        self._add(piece, window, near)
+        if pockets is not None:
+            self._reached &= ~pockets
+        return True
+
+    def shut(self, piece: Piece) -> bool:
+        """The same of a door that shuts off what is behind it, unless that is too much."""
+        if not self._has_room(piece):
+            return False
+        window, near = self._near(piece.footprint)
+        before = self._free[window].copy()
+        self._free[window] &= ~near
+        left = self._get(self._starts[:1]).sum()
+        self._free[window] = before
+        if left < (1 - MOST_SHUT) * self._at_first:
+            return False
+        self._add(piece, window, near)
+        self._reached = self._get(self._starts)
+        return True
+
+    def _away_m(self, world: World) -> NDArray[np.float64]:
+        """From each place to what stands at the height of flight."""
+        walls = np.array(standing(world, *FLIGHT_M), dtype=float).reshape(-1, 2, 2)
+        if not len(walls):
+            return np.full(self._places.shape[:2], np.inf)
+        distance_m, _ = NearestWall(walls).query(self._places.reshape(-1, 2))
+        away_m: NDArray[np.float64] = distance_m.reshape(self._places.shape[:2])
+        return away_m
+
+    def _has_room(self, piece: Piece) -> bool:
+        footprint = piece.footprint
+        middle = footprint.centroid.x, footprint.centroid.y
+        if not self.is_open(middle, piece.anchor or middle):
+            return False
+        if any(footprint.distance(shapely.Point(at)) < START_CLEAR_M for at in self._starts):
+            return False
+        if len(self._tree.query(footprint, predicate="dwithin", distance=APART_M)):
+            return False
+        return not (self._pieces and shapely.dwithin(self._pieces, footprint, APART_M).any())
+
+    def _near(self, footprint: shapely.Polygon) -> tuple[Window, Cells]:
+        """Cells about a piece, and which of them are too near to it to be in a way."""
+        window = self._window(footprint, AROUND_M)
+        points = shapely.points(self._places[window])
+        return window, np.asarray(shapely.dwithin(points, footprint, WAY_M))
+
+    def _pockets(self, window: Window, near: Cells) -> Cells | None:
+        """What a piece would shut off; None if nothing, as where it does not even in the window."""
+        here = self._reached[window]
+        before, _ = ndimage.label(here)
+        after, parts = ndimage.label(here & ~near)
+        if len(np.unique(before[after > 0])) == parts:
+            return None
+        free = self._reached.copy()
+        free[window] &= ~near
+        shut_off: Cells = free & ~_joined(free, self._roots())
+        return shut_off
+
+    def _roots(self) -> Numbers:
+        """The first start of each space: all of it must be got to from there."""
+        cells = self._cells(self._starts)
+        parts, _ = ndimage.label(self._reached)
+        numbers = parts[tuple(cells.T)]
+        _, first = np.unique(numbers, return_index=True)
+        return cells[[n for n in first.tolist() if numbers[n]]]
+
+    def _add(self, piece: Piece, window: Window, near: Cells) -> None:
+        self._free[window] &= ~near
+        self._reached[window] &= ~near
+        self._pieces.append(piece.footprint)
+
+    def _get(self, starts: list[Vector2]) -> Cells:
+        """Where the drone can get from these starts."""
+        return _joined(self._free, self._cells(starts))
+
+    def _cells(self, places: list[Vector2]) -> Numbers:
+        return np.array([self._cell(place) for place in places])
+
+    def _cell(self, place: Vector2) -> tuple[int, int]:
+        (north, east), (south, west) = place, self._origin
+        return round((north - south) / GRID_M), round((east - west) / GRID_M)
+
+    def _is_on_grid(self, cell: tuple[int, int]) -> bool:
+        return all(0 <= cell[axis] < self._inside.shape[axis] for axis in (0, 1))
+
+    def _window(self, footprint: shapely.Polygon, around_m: float) -> Window:
+        south, west, north, east = footprint.bounds
+        low = self._cell((south - around_m, west - around_m))
+        high = self._cell((north + around_m, east + around_m))
+        return (
+            slice(max(low[0], 0), max(high[0], 0) + 1),
+            slice(max(low[1], 0), max(high[1], 0) + 1),
+        )
+
+
+def _grid(world: World) -> tuple[Vector2, tuple[int, int]]:
+    """Its least place and its size in cells; it holds the world and its starts."""
+    corners = [*world.bounds, *(point for line in world.closed_border for point in line)]
+    corners += [start.position for start in world.starts]
+    low, high = np.min(corners, axis=0), np.max(corners, axis=0)
+    rows, columns = (np.ceil((high - low) / GRID_M).astype(int) + 1).tolist()
+    return (float(low[0]), float(low[1])), (rows, columns)
+
+
+def _joined(free: Cells, cells: Numbers) -> Cells:
+    """What of the free cells hangs together with any of some."""
+    parts, _ = ndimage.label(free)
+    numbers = np.unique(parts[tuple(cells.T)])
+    joined: Cells = np.isin(parts, numbers[numbers > 0])
+    return joined
+
+
+def _solids(world: World) -> list[shapely.Geometry]:
+    """All that furniture cannot stand in: surfaces, and boxes as a whole."""
+    low_m, high_m = STANDING_M
+    lines = [shapely.LineString(segment) for segment in standing(world, low_m, high_m)]
+    boxes = [
+        shapely.box(*box.corner, box.corner[0] + box.size[0], box.corner[1] + box.size[1])
+        for box in world.boxes
+        if box.bottom_m < high_m and box.top_m > low_m
+    ]
+    return [*lines, *boxes]

@@ -1,0 +1,217 @@
+"""Furniture that a beam meets badly: thin legs and poles, edges end-on, ragged leaves.
+
+A piece is built about its spot: its width along x, its back to negative y. Heights are above the
+floor. What is lower than the usual flight at 1.2 m is there as in every room, and harms nobody.
+
+Nothing ends just below or above the level beams, where the hull would meet what no beam does: a
+piece is lower than the hull, or stands at the beams' height within 0.4 m of all that it has there.
+"""
+
+import random
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import shapely
+
+from sitl.world.clutter.free_floor import FreeFloor
+from sitl.world.clutter.pieces import ALONG_NORTH, Piece, Spot, any_direction, sheet, slab, turned
+from sitl.world.clutter.standing import Face
+from sitl.world.format import Walls, World
+
+PER_M2 = 0.45
+"""Pieces tried for each m² of floor at difficulty 1; chosen, half of it is as people live."""
+TRIES = 8
+"""Of places, for one piece."""
+SQUARE_SHARE = 0.6
+"""Of the pieces in the open stand square to north; chosen."""
+GAP_M = 0.03
+"""From a wall to the back of what stands at it; chosen, a skirting board's."""
+LEG_M = 0.03, 0.06
+POLE_M = 0.03, 0.08
+BOARD_M = 0.03
+"""Thickness of tops, seats and shelves."""
+LOW_M, HIGH_M = 0.9, 1.35
+"""Pieces are lower or higher; the hull is from 1.0 to 1.4 m, and drifts by 0.1 m."""
+BOARDLESS_M = LOW_M, 1.5
+"""Between these a rack has no board: it would reach out between two posts."""
+LEAST_ABOVE_M = 0.1
+"""Below the ceiling, whatever it is."""
+
+Make = Callable[[Spot, random.Random, float], Piece]
+"""At a spot, under a ceiling in metres."""
+
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """Of furniture."""
+
+    make: Make
+    weight: float
+    """How often it is drawn, against the others; chosen, about half reach up to 1.2 m."""
+    by_wall: bool = False
+
+
+def furniture(
+    world: World, faces: list[Face], floor: FreeFloor, difficulty: float, rng: random.Random
+) -> Iterator[Piece]:
+    """By the floor's area, each piece at the first place of some that is free."""
+    places = floor.places
+    for _ in range(round(PER_M2 * difficulty * floor.area_m2)):
+        [kind] = rng.choices(KINDS, [kind.weight for kind in KINDS])
+        for _ in range(TRIES):
+            if kind.by_wall and faces:
+                spot = _at_wall(faces, rng)
+            else:
+                north, east = places[rng.randrange(len(places))].tolist()
+                along = ALONG_NORTH if rng.random() < SQUARE_SHARE else any_direction(rng)
+                spot = Spot((north, east), along)
+            piece = kind.make(spot, rng, world.height_m - LEAST_ABOVE_M)
+            if floor.take(piece):
+                yield piece
+                break
+
+
+def _at_wall(faces: list[Face], rng: random.Random) -> Spot:
+    """The middle of a piece's back, its depth into the room."""
+    [face] = rng.choices(faces, [face.length_m for face in faces])
+    return face.spot.moved(rng.uniform(0.0, face.length_m), GAP_M)
+
+
+def _legs(
+    spot: Spot, width_m: float, depth_m: float, leg_m: float, top_m: float
+) -> tuple[Walls, ...]:
+    """Four, in the corners of a rectangle."""
+    x, y = (width_m - leg_m) / 2, (depth_m - leg_m) / 2
+    return tuple(
+        slab(spot.moved(a * x, b * y), leg_m, leg_m, 0.0, top_m) for a in (-1, 1) for b in (-1, 1)
+    )
+
+
+def _on_legs(
+    spot: Spot, size_m: tuple[float, float], leg_m: float, height_m: float
+) -> tuple[Walls, ...]:
+    """With a top of that height."""
+    width_m, depth_m = size_m
+    board = slab(spot, width_m, depth_m, height_m - BOARD_M, height_m)
+    return (*_legs(spot, width_m, depth_m, leg_m, height_m - BOARD_M), board)
+
+
+def _table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    width_m, depth_m = rng.uniform(0.8, 1.6), rng.uniform(0.6, 0.9)
+    walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(0.72, 0.76))
+    return Piece(walls, spot.rectangle(width_m, depth_m))
+
+
+def _high_table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """A bar's, or one to work at standing: its legs reach up to the flight."""
+    width_m, depth_m = rng.uniform(0.5, 0.7), rng.uniform(0.5, 0.7)
+    walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(HIGH_M, 1.45))
+    return Piece(walls, spot.rectangle(width_m, depth_m))
+
+
+def _chair(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """Its back may be as high as a bar stool's, with two posts and a board."""
+    side_m, leg_m = rng.uniform(0.38, 0.5), rng.uniform(0.03, 0.05)
+    is_high = rng.random() < 0.4
+    seat_m = rng.uniform(0.75, 0.85) if is_high else rng.uniform(0.43, 0.48)
+    back_m = rng.uniform(HIGH_M, 1.45) if is_high else rng.uniform(0.8, LOW_M)
+    y = (leg_m - side_m) / 2
+    posts = tuple(
+        slab(spot.moved(x * (side_m - leg_m) / 2, y), leg_m, leg_m, seat_m, back_m) for x in (-1, 1)
+    )
+    board = slab(spot.moved(0.0, y), side_m, BOARD_M, back_m - 0.2, back_m)
+    walls = (*_on_legs(spot, (side_m, side_m), leg_m, seat_m), *posts, board)
+    return Piece(walls, spot.rectangle(side_m, side_m))
+
+
+def _rack(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """Shelves on four posts, open on all sides; at a wall."""
+    width_m, depth_m, post_m = rng.uniform(0.8, 1.6), rng.uniform(0.3, 0.45), rng.uniform(*LEG_M)
+    top_m = min(rng.uniform(1.55, 2.0), ceiling_m)
+    middle = spot.moved(0.0, depth_m / 2)
+    count = rng.randint(3, 5)
+    heights_m = (top_m * (n + 1) / count for n in range(count))
+    boards = tuple(
+        slab(middle, width_m, depth_m, height_m - BOARD_M, height_m)
+        for height_m in heights_m
+        if not BOARDLESS_M[0] < height_m < BOARDLESS_M[1]
+    )
+    posts = _legs(middle, width_m, depth_m, post_m, top_m)
+    return Piece((*posts, *boards), middle.rectangle(width_m, depth_m))
+
+
+def _rail(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """A clothes rail: two poles and a bar between, at a wall or not."""
+    width_m, pole_m = rng.uniform(0.9, 1.5), rng.uniform(0.03, 0.04)
+    top_m = min(rng.uniform(1.6, 1.9), ceiling_m)
+    middle = spot.moved(0.0, 0.25)
+    poles = tuple(
+        slab(middle.moved(x * (width_m - pole_m) / 2, 0.0), pole_m, pole_m, 0.0, top_m)
+        for x in (-1, 1)
+    )
+    bar = slab(middle, width_m, pole_m, top_m - pole_m, top_m)
+    return Piece((*poles, bar), middle.rectangle(width_m, pole_m))
+
+
+def _lamp(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """A floor lamp: foot, pole, and a shade above the flight."""
+    foot_m, pole_m, shade_m = rng.uniform(0.25, 0.35), rng.uniform(0.03, 0.04), 0.3
+    top_m = min(rng.uniform(1.6, 1.9), ceiling_m)
+    walls = (
+        slab(spot, foot_m, foot_m, 0.0, 0.03),
+        slab(spot, pole_m, pole_m, 0.03, top_m - 0.25),
+        slab(spot, shade_m, shade_m, top_m - 0.25, top_m),
+    )
+    side_m = max(foot_m, shade_m)
+    return Piece(walls, spot.rectangle(side_m, side_m))
+
+
+def _pole(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """From the floor up, past the flight: a pipe, a post, a coat stand."""
+    pole_m = rng.uniform(*POLE_M)
+    top_m = min(rng.uniform(1.5, 2.4), ceiling_m)
+    return Piece((slab(spot, pole_m, pole_m, 0.0, top_m),), spot.rectangle(pole_m, pole_m))
+
+
+def _plant(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """A ragged bush of 0.3 to 0.6 m with a core that a beam cannot pass, up to 2 m high."""
+    radius_m, corners = rng.uniform(0.15, 0.3), rng.randint(7, 10)
+    top_m = rng.uniform(0.6, LOW_M) if rng.random() < 0.4 else rng.uniform(HIGH_M, 2.0)
+    top_m = min(top_m, ceiling_m)
+    points = []
+    for number in range(corners):
+        # half a turn for each unit of this; the tangent of half an angle is nearly even in it
+        share = 2 * (number + rng.uniform(0.0, 0.5)) / corners
+        cos, sin = turned(2 * (share % 1.0) - 1)
+        reach_m = rng.uniform(0.75, 1.0) * (radius_m if share < 1 else -radius_m)
+        points.append(spot.at(cos * reach_m, sin * reach_m))
+    core_m = 0.6 * radius_m
+    walls = (
+        sheet(points, 0.0, top_m, closed=True),
+        slab(spot, core_m, core_m, 0.0, top_m),
+    )
+    return Piece(walls, shapely.Polygon(points))
+
+
+def _partition(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
+    """A thin screen that stands out from a wall, its end to the open."""
+    length_m, thick_m = rng.uniform(0.8, 2.0), rng.uniform(0.03, 0.05)
+    top_m = min(rng.uniform(1.4, 2.0), ceiling_m)
+    across = Spot(spot.at(0.0, length_m / 2), spot.across)
+    return Piece(
+        (slab(across, length_m, thick_m, 0.0, top_m),), across.rectangle(length_m, thick_m)
+    )
+
+
+KINDS = (
+    Kind(_chair, 3.0),
+    Kind(_table, 1.0),
+    Kind(_high_table, 1.0),
+    Kind(_rack, 1.5, by_wall=True),
+    Kind(_rail, 0.7, by_wall=True),
+    Kind(_lamp, 1.2),
+    Kind(_pole, 1.5),
+    Kind(_plant, 1.5),
+    Kind(_partition, 1.0, by_wall=True),
+    Kind(_partition, 0.5),
+)

@@ -1,0 +1,357 @@
+"""Clutter: what it may not take from a world, and what it is made of."""
+
+import hashlib
+import math
+import random
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from scipy import ndimage
+from scipy.spatial import cKDTree
+from typer.testing import CliRunner
+
+from companion.frames import Vector2
+from sitl.cli import commands
+from sitl.options import FlightOptions
+from sitl.testing import Sitl
+from sitl.world.clutter import cluttered, leaves
+from sitl.world.clutter.free_floor import START_CLEAR_M, FreeFloor
+from sitl.world.clutter.furniture import KINDS
+from sitl.world.clutter.pieces import Spot, any_direction
+from sitl.world.format import Panel, Walls, World, WorldError, parse_world
+from sitl.world.generator import random_world
+from sitl.world.loading import load_world
+from sitl.world.model import BODY_RADIUS_M, WorldModel
+from sitl.world.plan import samples, seeable_points, wall_surfaces
+from sitl.world.writing import to_toml
+from tests.worlds import SMALL_ROOM
+
+BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterior")
+FLIGHT_M = 1.2
+GRID_M = 0.1
+WIDE_M, PASSABLE_M = 0.45, 0.38
+"""Half of a door that could be entered before, and of what is left of it at least."""
+LIVED_IN = 0.5
+"""Up to this difficulty no door is shut."""
+
+seeds = st.integers(0, 10**6)
+each_world = settings(max_examples=8, deadline=None)
+
+
+def pieces(before: World, after: World) -> list[Panel]:
+    """What has come."""
+    added = after.walls[len(before.walls) :]
+    return [panel for walls in added for panel in walls.panels(after.height_m)]
+
+
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_no_clutter_is_the_world_itself(name: str) -> None:
+    world = load_world(name)
+    assert cluttered(world, 0.0, 1) is world
+    setup, _ = FlightOptions(name, 1, "paper", "ardupilot").setup()
+    assert setup.world == world
+
+
+@each_world
+@given(seeds, seeds, st.floats(0.05, 1))
+def test_a_seed_makes_the_same_clutter_and_another_seed_another(
+    building: int, seed: int, difficulty: float
+) -> None:
+    world = random_world(building)
+    once, again, other = (cluttered(world, difficulty, s) for s in (seed, seed, seed + 1))
+    assert once == again
+    assert to_toml(once) == to_toml(again)
+    assert once.walls != other.walls
+    for old, new in zip(world.walls, once.walls, strict=False):
+        assert (old.points, old.thickness_m) == (new.points, new.thickness_m)
+        assert new.doors[: len(old.doors)] == old.doors
+    assert (once.boxes, once.starts) == (world.boxes, world.starts)
+
+
+def test_a_seed_makes_the_same_clutter_on_every_machine() -> None:
+    written = to_toml(cluttered(load_world("office"), LIVED_IN, 1))
+    assert hashlib.sha256(written.encode()).hexdigest()[:8] == "6d7886bc"
+
+
+def test_more_difficulty_is_more_clutter() -> None:
+    world = load_world("office")
+    numbers = [len(cluttered(world, c, 3).walls) for c in (0.0, 0.25, 0.5, 1.0)]
+    assert numbers == sorted(set(numbers))
+
+
+@each_world
+@given(seeds, st.sampled_from([LIVED_IN, 1.0]))
+def test_starts_stay_free(seed: int, difficulty: float) -> None:
+    world = random_world(seed)
+    before, after = WorldModel(world), WorldModel(cluttered(world, difficulty, seed))
+    for start in world.starts:
+        for height_m in (0.3, FLIGHT_M):
+            place = (*start.position, -height_m)
+            least_m = min(before.clearance_m(place), START_CLEAR_M)
+            assert after.clearance_m(place) >= least_m - 1e-3
+
+
+def reachable(world: World, half_m: float) -> NDArray[np.bool_]:
+    """Places on a grid that a disc gets to from the first start, at the height of flight."""
+    (south, west), (north, east) = world.bounds
+    norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)
+    cells = np.stack(np.meshgrid(norths, easts, indexing="ij"), axis=-1)
+    tree = cKDTree(samples(wall_surfaces(world, FLIGHT_M)))
+    parts, _ = ndimage.label(tree.query(cells)[0] > half_m)
+    start = world.starts[0].position
+    at_start = parts[round((start[0] - south) / GRID_M), round((start[1] - west) / GRID_M)]
+    return np.asarray((parts == at_start) & (at_start > 0))
+
+
+@each_world
+@given(seeds, st.floats(0.1, LIVED_IN))
+def test_what_could_be_got_to_still_can_be(seed: int, difficulty: float) -> None:
+    world = random_world(seed)
+    after = cluttered(world, difficulty, seed)
+    before = reachable(world, WIDE_M)
+    low, _ = world.bounds
+    places = np.array(low) + GRID_M * np.argwhere(before)
+    surfaces = cKDTree(samples(wall_surfaces(after, FLIGHT_M)))
+    is_free = surfaces.query(places)[0] > WIDE_M
+    lost = is_free & ~reachable(after, PASSABLE_M)[before]
+    assert lost.mean() < 0.03  # corners behind furniture
+
+
+@pytest.mark.parametrize("difficulty", [LIVED_IN, 1.0])
+@pytest.mark.parametrize("name", BUILT_IN)
+def test_clutter_is_within_the_building(name: str, difficulty: float) -> None:
+    world = load_world(name)
+    (south, west), (north, east) = world.bounds
+    for panel in pieces(world, cluttered(world, difficulty, 5)):
+        for north_m, east_m in (panel.start, panel.end):
+            assert south - 0.001 <= north_m <= north + 0.001
+            assert west - 0.001 <= east_m <= east + 0.001
+        assert 0 <= panel.bottom_m < panel.top_m <= world.height_m
+
+
+def test_nothing_stands_in_what_was_there() -> None:
+    world = load_world("office")
+    solids = [
+        shapely.box(*box.corner, box.corner[0] + box.size[0], box.corner[1] + box.size[1])
+        for box in world.boxes
+    ]
+    for panel in pieces(world, cluttered(world, 1.0, 2)):
+        line = shapely.LineString([panel.start, panel.end])
+        assert not any(solid.intersects(line) for solid in solids)
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
+@given(seeds)
+@settings(max_examples=25)
+def test_furniture_has_the_sizes_that_are_said(kind: object, seed: int) -> None:
+    rng = random.Random(seed)
+    make = kind.make  # type: ignore[attr-defined]
+    piece = make(Spot((3.0, 4.0), any_direction(rng)), rng, 2.3)
+    panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
+    for panel in panels:
+        assert panel.top_m <= 2.3
+        for corner, _ in panel.outline:
+            assert piece.footprint.distance(shapely.Point(corner)) < 0.03
+    if make.__name__ == "_plant":
+        assert 0.2 < math.sqrt(piece.footprint.area) < 0.6
+        assert max(math.dist((3.0, 4.0), p) for p in piece.footprint.exterior.coords) <= 0.301
+        return
+    thin_m = min(min(math.dist(panel.start, panel.end), panel.thickness_m) for panel in panels)
+    assert 0.029 <= thin_m <= 0.081
+
+
+@pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
+@given(seeds)
+@settings(max_examples=25)
+def test_beams_meet_what_the_hull_could_touch(kind: object, seed: int) -> None:
+    rng = random.Random(seed)
+    piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
+    panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
+    touched = [side for p in panels if p.bottom_m < 1.45 and p.top_m > 0.95 for side in p.outline]
+    met = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
+    if touched:
+        assert cKDTree(samples(met)).query(samples(touched))[0].max() < 0.4
+
+
+def a_doorway(width_m: float) -> World:
+    """Two rooms of 5 × 5 m."""
+    wall = {
+        "points": [(0, 5), (5, 5)],
+        "thickness_m": 0.1,
+        "doors": [{"centre": (2.5, 5), "width_m": width_m}],
+    }
+    outer = Walls(points=((0, 0), (5, 0), (5, 10), (0, 10)), closed=True)
+    start = {"name": "start", "position": (2.5, 2)}
+    return World(
+        name="doorway",
+        height_m=2.5,
+        walls=(outer, Walls.model_validate(wall)),
+        starts=(start,),
+    )
+
+
+@given(seeds, st.floats(0.7, 1.4))
+@settings(max_examples=30, deadline=None)
+def test_an_open_door_leaves_its_doorway_wide_enough(seed: int, width_m: float) -> None:
+    world = a_doorway(width_m)
+    rng = random.Random(seed)
+    floor = TakesAll()
+    doorways = leaves.doorways_of(world, floor)  # type: ignore[arg-type]
+    assert len(doorways) == 1
+    for leaf in leaves.leaves(doorways, floor, LIVED_IN, rng):  # type: ignore[arg-type]
+        [panel] = leaf.walls[0].panels(2.5)
+        assert panel.thickness_m == leaves.LEAF_M
+        assert math.dist(panel.start, panel.end) == pytest.approx(width_m - 0.02, abs=0.002)
+        polygon = shapely.Polygon([start for start, _ in panel.outline])
+        jambs = [(2.5 + side * width_m / 2, 5 + face) for side in (-1, 1) for face in (-0.05, 0.05)]
+        far = [jamb for jamb in jambs if polygon.distance(shapely.Point(jamb)) > 0.3]
+        assert len(far) == 2
+        free_m = min(polygon.distance(shapely.Point(jamb)) for jamb in far)
+        assert free_m >= min(width_m, 0.9 if width_m >= 0.9 else 0.8) - 0.003
+
+
+class TakesAll:
+    """A floor that takes everything."""
+
+    def take(self, piece: object) -> bool:
+        return True
+
+    shut = take
+
+    def is_clear(self, near: Vector2, far: Vector2) -> bool:
+        return True
+
+
+def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
+    world = load_world("room_100")
+    room = cluttered(world, 1.0, 1)
+    panes = [panel for walls in room.walls if walls.glass for panel in walls.panels(2.6)]
+    assert panes
+    (south, west), (north, east) = world.bounds
+    model, clean = WorldModel(room), WorldModel(world)
+    through = 0
+    for pane in panes:
+        # where it is looked at from outside, 20 cm before the outer wall, nothing else is near
+        middle = np.add(pane.start, pane.end) / 2
+        out = np.array([middle[0] in {south, north}, middle[1] in {west, east}], dtype=float)
+        out *= np.sign(middle - np.array([(south + north) / 2, (west + east) / 2]))
+        along = np.subtract(pane.end, pane.start) / math.dist(pane.start, pane.end)
+        for x_m in np.arange(-0.5, 0.5, 0.02):
+            n, e = middle + 0.2 * out + x_m * along
+            beam = -float(out[0]), -float(out[1]), 0.0
+            at_m = model.range_m((float(n), float(e), -FLIGHT_M), beam, 0.3)
+            assert clean.range_m((float(n), float(e), -FLIGHT_M), beam, 0.3) == pytest.approx(0.2)
+            through += at_m is None
+            assert model.clearance_m((float(n), float(e), -FLIGHT_M)) <= 0.201
+        assert not any(
+            {pane.start, pane.end} == set(segment) for segment in wall_surfaces(room, FLIGHT_M)
+        )
+    assert through > 10 * len(panes)
+
+
+def test_no_pane_is_as_wide_as_the_hull() -> None:
+    room = cluttered(load_world("room_100"), 1.0, 1)
+    walls = shapely.MultiLineString(wall_surfaces(room, FLIGHT_M))
+    for pane in (panel for panel in room.panels if panel.glass):
+        glass = shapely.LineString([pane.start, pane.end])
+        gaps = glass.difference(walls.buffer(0.005))
+        for gap in getattr(gaps, "geoms", [gaps]):
+            assert gap.length < 2 * BODY_RADIUS_M
+
+
+def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
+    monkeypatch.setattr(leaves, "WITH_LEAF_SHARE", 1.0)
+    monkeypatch.setattr("sitl.world.clutter.free_floor.MOST_SHUT", 0.9)
+    world = cluttered(a_doorway(1.0), 0.51, 1)
+    seen = seeable_points(world, FLIGHT_M, world.starts[0].position)
+    assert (seen[:, 1] < 5.9).all()
+    assert len(seen) > 300
+
+
+def test_windows_get_no_leaves_when_clutter_is_added_again() -> None:
+    once = cluttered(load_world("room_100"), 1.0, 1)
+    assert any(walls.glass for walls in once.walls)
+    assert leaves.doorways_of(once, FreeFloor(once)) == []
+
+
+def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
+    world = cluttered(a_doorway(1.0), 1.0, 1)
+    assert (seeable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
+
+
+@each_world
+@given(seeds)
+def test_a_written_world_is_the_same_when_it_is_read(seed: int) -> None:
+    world = cluttered(random_world(seed), LIVED_IN, seed)
+    assert parse_world(to_toml(world), "written") == world
+
+
+def test_the_flight_has_the_clutter_of_its_seed_or_of_an_own_one() -> None:
+    def world(seed: int, clutter_seed: int | None) -> World:
+        options = FlightOptions(
+            "office", seed, "paper", "ardupilot", clutter=0.3, clutter_seed=clutter_seed
+        )
+        return options.setup()[0].world
+
+    assert world(1, None) == world(2, 1) == cluttered(load_world("office"), 0.3, 1)
+    assert world(1, None) != world(2, None)
+
+
+def test_a_cropped_world_is_cluttered_within_its_border() -> None:
+    options = FlightOptions("complex", 1, "paper", "ardupilot", crop_m=8.0, clutter=1.0)
+    world = options.setup()[0].world
+    (south, west), (north, east) = world.bounds
+    assert (north - south, east - west) == pytest.approx((8, 8), abs=0.01)
+
+
+def test_a_test_flies_in_clutter() -> None:
+    flight = Sitl(Path()).fly(SMALL_ROOM, clutter=0.25, clutter_seed=4, seed=2)
+    assert flight.setup.world == cluttered(load_world(SMALL_ROOM), 0.25, 4)
+    assert flight.report.coverage > 0.3
+    assert flight.plan.walls
+
+
+def test_two_processes_are_told() -> None:
+    options = FlightOptions("office", 1, "paper", "ardupilot", clutter=0.5, clutter_seed=7)
+    assert {"--clutter=0.5", "--clutter-seed=7"} <= set(options.arguments())
+    clean = FlightOptions("office", 1, "paper", "ardupilot").arguments()
+    assert not any("clutter" in argument for argument in clean)
+
+
+@pytest.mark.parametrize("difficulty", [-0.1, 1.1, math.nan])
+def test_difficulty_is_from_0_to_1(difficulty: float) -> None:
+    with pytest.raises(WorldError, match="from 0 to 1"):
+        cluttered(load_world("office"), difficulty, 1)
+
+
+def test_the_commands_take_clutter(tmp_path: Path) -> None:
+    run = CliRunner().invoke
+    checked = run(commands, ["world", "check", "office", "--clutter=0.5"])
+    assert "office_clutter_0.5" in checked.stdout
+    assert "good" in checked.stdout
+    drawn, written = tmp_path / "a.png", tmp_path / "a.toml"
+    run(commands, ["world", "show", "office", "--clutter=0.5", f"--out={drawn}"])
+    assert drawn.stat().st_size > 1000
+    run(commands, ["world", "export", "office", "--clutter=0.5", f"--out={written}"])
+    assert load_world(str(written)) == cluttered(load_world("office"), 0.5, 1)
+
+
+def spots(count: int) -> list[Vector2]:
+    rng = random.Random(1)
+    return [any_direction(rng) for _ in range(count)]
+
+
+def test_any_direction_is_a_unit_vector_every_way() -> None:
+    norths, easts = np.array(spots(400)).T
+    assert np.hypot(norths, easts) == pytest.approx(1)
+    quadrants = np.sign(norths) + 3 * np.sign(easts)
+    assert min(np.unique(quadrants, return_counts=True)[1]) > 60
