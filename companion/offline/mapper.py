@@ -17,7 +17,7 @@ from companion.offline.growth import Growth
 from companion.offline.log import Array, Log, Watch
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.record import Record, poses_of_rows, to_record
-from companion.offline.scale import with_scale_that_pays
+from companion.offline.scale import with_supported_scale
 from companion.offline.sensors import SensorsConfig
 from companion.offline.verdict import Agreement, Verdict, agreement, judge
 
@@ -60,7 +60,7 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
         estimate.smoother = Smoother(Models(units.noisier(estimate.noise_factor())), support)
         estimate.finish()
     noise = estimate.smoother.models.ranges
-    estimate = with_scale_that_pays(estimate, record.measured, noise)
+    estimate = with_supported_scale(estimate, record.measured, noise)
     found, told = (agreement(growth, record, noise) for growth in (estimate, as_told))
     verdict = judge(found, told)
     chosen = estimate if verdict.trusted else as_told
