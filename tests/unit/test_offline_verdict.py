@@ -43,7 +43,9 @@ L_ROOM = Scenario(
     L_SHAPE,
     Flight([(1.5, 1.5), (8.5, 1.5), (8.5, 3.5), (3.5, 3.5), (3.5, 8.5), (1.5, 1.5)], rate_hz=4),
 )
-TO_AND_FRO = Flight([(8, 1.1), *[(32, 1.1), (8, 1.1)] * 2], speed_m_s=0.4, rate_hz=0.5)
+TO_AND_FRO = Flight(
+    [(10, 1.1), *[(30, 1.1), (10, 1.1)] * 2], 0.4, turn_rate_rad_s=math.radians(20), rate_hz=1
+)
 
 
 def mapped(log: Log) -> LogMap:
@@ -67,11 +69,14 @@ def with_motion(log: Log, scale: float, turned_rad: Array) -> Log:
     return replace(log, odometry=np.column_stack([place.real, place.imag, heading]))
 
 
-def with_wheel_odometry(log: Log, deg_per_sqrt_m: float, seed: int) -> Log:
-    """The heading walks with the way that the wheels go."""
+def with_wheel_odometry(
+    log: Log, deg_per_sqrt_m: float, seed: int, *, deg_per_m: float = 0.0
+) -> Log:
+    """The heading walks with the way that the wheels go, and drifts to one side."""
     way_m = np.hypot(*np.diff(log.truth[:, :2], axis=0).T)
     noise = np.random.default_rng(seed).normal(0, 1, len(way_m))
-    return with_motion(log, 1.02, math.radians(deg_per_sqrt_m) * np.sqrt(way_m) * noise)
+    off_deg = deg_per_sqrt_m * np.sqrt(way_m) * noise + deg_per_m * way_m
+    return with_motion(log, 1.02, np.radians(off_deg))
 
 
 def shuffled(log: Log) -> Log:
@@ -120,14 +125,15 @@ def test_a_quarter_of_all_readings_may_be_nonsense() -> None:
     assert off_m(result.path, log) < 0.15
 
 
-@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("seed", [1, 2])
 def test_a_corridor_does_not_shrink_by_headings_that_err(seed: int) -> None:
-    """It would by 20 to 40 %: the shorter the way, the less it leads through the walls."""
+    """It would by a tenth and more: the shorter the way, the less it leads through the walls."""
     scenario = Scenario(corridor(ends=False), TO_AND_FRO, Noise(range_sigma_m=0.03))
-    log = with_wheel_odometry(record(scenario, seed), 1.5, seed)
+    log = with_wheel_odometry(record(scenario, seed), 1.2, seed, deg_per_m=1.0)
     result = mapped(log)
-    assert off_m(result.path, log) <= off_m(log.odometry, log)
-    assert abs(result.odometry_scale_error) < 0.1
+    assert result.verdict.trusted, result.verdict.reason
+    assert abs(result.odometry_scale_error) < 0.02
+    assert off_m(result.path, log) < 0.4 < off_m(log.odometry, log) / 8
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])
