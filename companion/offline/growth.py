@@ -56,10 +56,10 @@ WHOLE_GATES = (
 )
 ANEW_GATES = Gate(0.05, 0.6, looks=WHOLE), *WHOLE_GATES[3:]
 STEPS_WITHOUT = 2
-"""Of Gauss-Newton, from what all hits made it; a third moves nothing by a millimetre."""
+"""Of Gauss-Newton, from what all hits made it; chosen."""
 NO_SCALE_SIGMA = 1e-3
 STEPS_TO_SCALE = 6
-"""Of Gauss-Newton, from a map of another scale; far more than it takes."""
+"""Of Gauss-Newton, from a map of another scale; chosen."""
 LEAST_HITS_FOR_NOISE = 50
 MAD_TO_SIGMA = 1.4826
 

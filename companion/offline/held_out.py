@@ -28,7 +28,7 @@ LEAST_COS = 0.15
 REACH_M = 0.2
 """A wall is there so far beyond its outermost hits."""
 ROUNDS = 50
-"""Of the search for w and s, which needs some twenty."""
+"""Of the search for w and s; chosen."""
 LEAST_PREDICTED = 10
 """For fewer ranges no w and s are looked for: they would gain by being chosen."""
 CELL_M = 0.005
