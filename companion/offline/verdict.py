@@ -17,8 +17,8 @@ from companion.offline.record import Record
 LEAST_GAIN = 0.3
 """Nats a range: with the map it is 1.35 times as likely as by what its beam tells on the whole.
 
-Chosen, on 177 logs. With ranges shuffled in time, late or of another beam it is 0 to 0.24. Where the
-path is right it is 0.3 to 1.3 in nine of ten, and where it is a metre off mostly less.
+Chosen, on 175 logs. With ranges shuffled in time, late or of another beam it is 0 to 0.24. Where
+the path is right it is 0.3 to 1.3 in nine of ten, and where it is a metre off mostly less.
 """
 LEAST_HITS = 30
 MOST_MOTION_MISFIT = 3.0
