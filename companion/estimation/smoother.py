@@ -187,11 +187,15 @@ class Smoother:
         """All equations, about `x` and with the hits' walls as they are."""
         system = self.motion(x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
+        self.believe(system, x, past)
+        return system
+
+    def believe(self, system: BorderedSystem, x: Unknowns, past: Past) -> None:
+        """What the past tells; of walls that it did not know next to nothing."""
         belief = past.belief.moved(past.beside(x))
         system.believe(belief.grown(POSE_SIZE + factors.WALLS + x.walls.size))
         walls = factors.WALLS + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
-        return system
 
 
 def at_once(work: Generator[None, None, Estimate]) -> Estimate:

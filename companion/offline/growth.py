@@ -12,12 +12,26 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.estimation.candidates import Gate
 from companion.estimation.estimate import Estimate, Past
 from companion.estimation.factors import hit_residuals
+from companion.estimation.flight_record import NO_WALL
 from companion.estimation.smoother import WHOLE, Smoother
-from companion.estimation.unknowns import BIAS, YAW, Array, Indices, Measured, Unknowns, to_ned
+from companion.estimation.unknowns import (
+    BIAS,
+    YAW,
+    Array,
+    Indices,
+    Measured,
+    Unknowns,
+    project,
+    reach_m,
+    to_ned,
+)
+
+Mask = NDArray[np.bool_]
 
 STAGE_M = 1.5
 STAGE_RAD = math.radians(45)
@@ -41,6 +55,11 @@ WHOLE_GATES = (
     *(Gate(0.05, 0.6, refutes=True),) * 4,
 )
 ANEW_GATES = Gate(0.05, 0.6, looks=WHOLE), *WHOLE_GATES[3:]
+STEPS_WITHOUT = 2
+"""Of Gauss-Newton, from what all hits made it; chosen."""
+NO_SCALE_SIGMA = 1e-3
+STEPS_TO_SCALE = 6
+"""Of Gauss-Newton, from a map of another scale; chosen."""
 LEAST_HITS_FOR_NOISE = 50
 MAD_TO_SIGMA = 1.4826
 
@@ -62,7 +81,7 @@ class Growth:
     def grow(self, watch: Callable[[float], None]) -> None:
         """Go through the record; `watch` is told the share done."""
         frames = len(self._m.dt_s) + 1
-        for end in _stages(self._m):
+        for end in stages(self._m):
             self.extend(end)
             if end <= WHOLE_KEYFRAMES or end >= GROWN_BY * self._whole_frames:
                 self._solve_whole(STAGE_GATES)
@@ -85,9 +104,36 @@ class Growth:
 
     def finish(self) -> None:
         """All at once; then once more with walls looked for anew where the path now puts them."""
-        self._solve_whole(WHOLE_GATES)
+        self._keep(self.smoother.smooth(self.x, self._m, self._start, WHOLE_GATES))
         self.wall_of = self.x.keep_walls(np.empty(0, dtype=np.int64), self.wall_of)
-        self._solve_whole(ANEW_GATES)
+        self._keep(self.smoother.smooth(self.x, self._m, self._start, ANEW_GATES))
+
+    def held_to_scale(self) -> "Growth":
+        """The same, had the odometry no scale error; with walls looked for anew."""
+        models = self.smoother.models
+        odometry = replace(models.odometry, scale_sigma=NO_SCALE_SIGMA)
+        smoother = Smoother(replace(models, odometry=odometry), self.smoother.support)
+        held = Growth(smoother, self._m, self._start.at[: YAW + 1])
+        held.x, held.wall_of = self.x.since(0), self.wall_of
+        held.x.odometry_scale = 0.0
+        for _ in range(STEPS_TO_SCALE):
+            smoother.step(held.x, self._m, held.wall_of, held._start)
+        held.finish()
+        return held
+
+    def without(self, left_out: Mask) -> Unknowns:
+        """What comes out if some hits (n,) are left out, and all others stay on their walls.
+
+        Walls that are left with too few hits to be one are gone.
+        """
+        wall_of = np.where(left_out, NO_WALL, self.wall_of)
+        x = self.x.since(0)
+        hits = np.bincount(wall_of[wall_of != NO_WALL], minlength=len(x.walls))
+        wall_of = x.keep_walls(np.flatnonzero(hits >= self.smoother.support.hits), wall_of)
+        for _ in range(STEPS_WITHOUT):
+            self.smoother.step(x, self._m, wall_of, self._start)
+        x.reach_m = reach_m(x, project(x, self._m).points, wall_of)
+        return x
 
     def noise_factor(self) -> float:
         """How much noisier the ranges on walls are than they are taken to be."""
@@ -101,7 +147,8 @@ class Growth:
 
         Of the equations of motion as many only tell of the wander, which nothing else asks for.
         """
-        motion = self.smoother.motion(self.x, self._m)
+        no_walls = replace(self.x, walls=np.empty((0, 2)))
+        motion = self.smoother.motion(no_walls, self._m)
         return math.sqrt(motion.squares / max(motion.rows - 2 * len(self._m.dt_s), 1))
 
     def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
@@ -121,13 +168,17 @@ class Growth:
         frame = len(found.x.poses) - WINDOW_KEYFRAMES
         if frame > 0:
             self._past, found = self.smoother.past_before(frame, found, m, past)
+        self._keep(found, past.frame)
+
+    def _keep(self, found: Estimate, since: int = 0) -> None:
+        """An estimate from a key frame on."""
         poses = self.x.poses.copy()
-        poses[past.frame :] = found.x.poses
+        poses[since:] = found.x.poses
         self.x = replace(found.x, poses=poses)
         self.estimate, self.wall_of = found, found.wall_of
 
 
-def _stages(m: Measured) -> list[int]:
+def stages(m: Measured) -> list[int]:
     """Where each stage ends: after some way, some turn, or some key frames."""
     way = np.hypot(*m.moved_frd_m.T) / STAGE_M
     effort = way + np.abs(m.turned_rad) / STAGE_RAD + 1 / STAGE_KEYFRAMES

@@ -5,8 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.estimation.factors import Models
-from companion.estimation.heading import GyroModel
-from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import Smoother
 from companion.estimation.support import Support
@@ -14,22 +12,15 @@ from companion.estimation.unknowns import project
 from companion.frames import wrap_rad
 from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
 from companion.messages import Beam, FloorPlan, Hit, Pose
+from companion.offline.as_told import PathAsTold
 from companion.offline.growth import Growth
 from companion.offline.log import Array, Log, Watch
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.record import Record, poses_of_rows, to_record
+from companion.offline.scale import with_supported_scale
 from companion.offline.sensors import SensorsConfig
 from companion.offline.verdict import Agreement, Verdict, agreement, judge
 
-EXACT_GYRO = GyroModel(
-    rate_noise_rad_s_sqrt_hz=1e-6,
-    bias_sigma_rad_s=1e-7,
-    settling_sigma_rad_s=0.0,
-    bias_walk_rad_s_sqrt_s=1e-7,
-    scale_sigma=1e-7,
-)
-EXACT_ODOMETRY = OdometryModel(1e-7, 1e-10, 1e-5)
-"""Odometry taken at its word, for the map to fall back on."""
 ROWS_TO_OPEN = 2.5
 """An opening is wider than this many steps between rows."""
 LEAST_WORTH = 30.0
@@ -62,14 +53,15 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     record, support = to_record(log, beams), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})
     as_told = _held_to_odometry(record, units, support)
-    told = agreement(as_told, record)
     estimate = Growth(Smoother(Models(units), support), record.measured, log.odometry[0])
     estimate.grow(lambda share: watch("mapping", share))
     estimate.finish()
     if not sensors.tells_noise:
         estimate.smoother = Smoother(Models(units.noisier(estimate.noise_factor())), support)
         estimate.finish()
-    found = agreement(estimate, record)
+    noise = estimate.smoother.models.ranges
+    estimate = with_supported_scale(estimate, record.measured, noise)
+    found, told = (agreement(growth, record, noise) for growth in (estimate, as_told))
     verdict = judge(found, told)
     chosen = estimate if verdict.trusted else as_told
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
@@ -95,7 +87,7 @@ def odometry_map(log: Log, sensors: SensorsConfig) -> FloorPlan:
 
 
 def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> Growth:
-    smoother = Smoother(Models(units, 0.0, EXACT_GYRO, EXACT_ODOMETRY), support)
+    smoother = PathAsTold(Models(units), support)
     held = Growth(smoother, record.measured, record.motion[0])
     held.extend(len(record.rows))
     held.finish()
