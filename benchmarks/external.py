@@ -54,8 +54,8 @@ def _displacements(
 
 def told_on_true(recording: Recording, truth: TruthRecord) -> str:
     """How late motion is told, how far off it is then, and its scale over several lags."""
-    told = [t.inputs.telemetry.odometry for t in recording.ticks]
-    odometry = [o for o in told if o is not None]
+    messages = [t.inputs.telemetry.odometry for t in recording.ticks]
+    odometry = [o for o in messages if o is not None]
     told_states = (
         np.array([o.time_s for o in odometry]),
         np.array([o.position_ned_m[:2] for o in odometry]),
@@ -66,19 +66,28 @@ def told_on_true(recording: Recording, truth: TruthRecord) -> str:
         np.array([s.position_ned_m[:2] for s in truth.path]),
         np.unwrap([s.yaw_rad for s in truth.path]),
     )
+    moved_m = np.array([o.velocity_ned_m_s[:2] for o in odometry])[:-1]
+    moved_m = moved_m * np.diff(told_states[0])[:, None]
+    by_velocity = told_states[0], np.vstack([np.zeros(2), moved_m.cumsum(axis=0)]), told_states[2]
     airborne_s = [s.time_s for s in truth.path if s.position_ned_m[2] < -0.3]
     times_s = np.arange(airborne_s[0], airborne_s[-1] - LAGS_S[-1], STEP_S)
 
-    def compared(lag_s: float, late_s: float) -> tuple[float, float]:
+    def compared(
+        lag_s: float, late_s: float, told: tuple[Array, Array, Array] = told_states
+    ) -> tuple[float, float]:
         """The scale, and what is left, rms in metres."""
         true_m = _displacements(times_s, true_states, lag_s)
-        told_m = _displacements(times_s, told_states, lag_s, late_s)
+        told_m = _displacements(times_s, told, lag_s, late_s)
         scale = float((told_m * true_m).sum() / (true_m**2).sum())
         return scale, float(np.sqrt(((told_m - scale * true_m) ** 2).sum(axis=1).mean()))
 
     late_s = min(np.arange(0, MOST_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
     scales = [f"{lag_s:g} s {compared(lag_s, late_s)[0]:.3f}" for lag_s in LAGS_S]
-    over = f"off by {100 * compared(LATE_OVER_S, late_s)[1]:.1f} cm over {LATE_OVER_S:g} s"
+    place_m, velocity_m = (
+        compared(LATE_OVER_S, late_s, told)[1] for told in (told_states, by_velocity)
+    )
+    over = f"off by {100 * place_m:.1f} cm over {LATE_OVER_S:g} s"
+    over += f", by its velocity {100 * velocity_m:.1f} cm"
     return f"told {late_s:.2f} s late, {over}; told / true over {', '.join(scales)}"
 
 
