@@ -23,6 +23,9 @@ NUMB_M, NUMB_WAY_SIGMAS, NUMB_RAD, NUMB_ROUND_M = 0.6, 8.0, math.radians(60), 0.
 """A distance that has kept within so many sigma for so long at most, while the drone went so far
 along the beam, or turned so far and went no farther, is of nothing that stands there. A round wall
 that is traced stays as far away, but its way is longer."""
+LOW_M = 0.5
+"""Below that, over where it took off, a level beam meets the floor when the drone tilts by 10°, as
+it does before it lifts off: its readings jump from nothing to anything."""
 PAUSED_S = 0.2
 """Readings that are farther apart are no neighbours: the drone has flown on meanwhile."""
 FAILED = RangeReading(RangeState.FAILED)
@@ -38,6 +41,7 @@ class RangeWatch:
         """Any sensor answered in the latest scan."""
         self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
+        self._is_low = False
         self._beams: dict[Beam, _BeamWatch] = {}
         self._coupling = CouplingWatch()
 
@@ -49,6 +53,8 @@ class RangeWatch:
         bad = [beam for beam in self._coupling.open if scan.readings[beam].is_alive]
         for beam, reading in scan.readings.items():
             watch = self._beams.get(beam) or self._beams.setdefault(beam, _BeamWatch(beam))
+            if self._is_low:
+                watch.rest()
             if watch.is_bad(scan.time_s, reading, self.travel):
                 bad.append(beam)
         if not bad:
@@ -63,6 +69,7 @@ class RangeWatch:
                 ahead_m, aside_m = ned_to_frd(north_m, east_m, odometry.yaw_rad)
                 forward_m, right_m, down_m = forward_m + ahead_m, right_m + aside_m, down_m + sunk_m
             self._odometry = odometry
+            self._is_low = odometry.position_ned_m[2] > -LOW_M
         self.travel = forward_m, right_m, down_m, turned_rad
 
 
@@ -96,10 +103,14 @@ class _BeamWatch:
         self._last_at: Travel = (0.0, 0.0, 0.0, 0.0)
         self._scatter = Scatter()
 
+    def rest(self) -> None:
+        """What the next reading is like tells nothing of its noise."""
+        self._scatter.pause()
+
     def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         if time_s - self._seen_s > PAUSED_S:
             self._scatter.pause()
-        self._scatter.take(reading, self._aside_m(reading, travel))
+        self._scatter.take(time_s, reading, self._aside_m(reading, travel))
         self._seen_s, self._last_at = time_s, travel
         if not reading.is_alive:
             self._value = math.nan
@@ -148,5 +159,6 @@ class _BeamWatch:
         along_m, turned_rad, level_m = self._moved(self._last_at, travel)
         if not self._is_level:
             return level_m
-        across_m = math.sqrt(max(0.0, level_m**2 - along_m**2))
+        beside_m2 = max(0.0, level_m**2 - along_m**2)
+        across_m = math.hypot(math.sqrt(beside_m2), travel[2] - self._last_at[2])
         return across_m + turned_rad * (reading.distance_m if reading.is_distance else 0.0)

@@ -236,6 +236,25 @@ def test_a_sensor_that_looks_along_an_edge_is_well(seed: int) -> None:
     assert seen_to_leap(rng.normal(walls_m, SIGMA_M)) == {RangeState.DISTANCE}
 
 
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sensor_that_swings_over_legs_and_gaps_is_well(seed: int) -> None:
+    """Every third reading is of a leg somewhere before the wall; the nose swings by 40 deg/s."""
+    rng = np.random.default_rng(seed)
+    legs_m = np.where(rng.random(400) < 1 / 3, rng.uniform(1.2, 2.8, 400), 3.0)
+    swing = [
+        Odometry(i * TICK_S, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.4 * math.sin(1.7 * i * TICK_S))
+        for i in range(400)
+    ]
+    assert set(states_of(swing, shaken(1.0, seed, legs_m.tolist()))) == {RangeState.DISTANCE}
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_sensor_that_meets_the_floor_before_take_off_is_well(seed: int) -> None:
+    on_ground = [Odometry(i * TICK_S, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0) for i in range(100)]
+    floor = shaken(10.0, seed, [3.0] * 100)
+    assert set(states_of(on_ground, floor)) == {RangeState.DISTANCE}
+
+
 def profile(quarters: int) -> dict[int, float]:
     """Of a room with four unlike walls, seen by a beam that looks so far clockwise of the front."""
     walls_m = (1.0, 2.0, 3.0, 4.0)
