@@ -65,12 +65,12 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     towards = points / away_m[:, None]
     distance_m = away_m - POINT_M - VAGUE_SIGMAS * sigma_m
-    if passage:
-        keep_off_m = np.full(len(points), _keep_off_m(passage.half_m, clearance_m))
-    else:
-        keep_off_m = _keep_off_askew_m(towards, away_m, clearance_m)
     drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(points))
-    keep_off_m = keep_off_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
+    planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
+    if passage:
+        keep_off_m = _keep_off_m(passage.half_m, planned_m)
+    else:
+        keep_off_m = _keep_off_askew_m(towards, away_m, planned_m)
     closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
     left_m = distance_m - keep_off_m - around.lag_s * closing_m_s
     may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
@@ -139,18 +139,18 @@ def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
     return centred
 
 
-def _keep_off_m(half_m: float, clearance_m: float) -> float:
-    """From the drone's centre, in a passage so wide: as planned, or less."""
-    planned_m = BODY_RADIUS_M + clearance_m
+def _keep_off_m(half_m: float, planned_m: Points) -> Points:
+    """(n,): from the drone's centre, in a passage so wide: as planned, or less."""
     room_m = half_m - POINT_M - PASSAGE_SLACK_M
-    return max(min(planned_m, room_m), min(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M))
+    least_m = np.minimum(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M)
+    keep_off_m: Points = np.maximum(np.minimum(planned_m, room_m), least_m)
+    return keep_off_m
 
 
-def _keep_off_askew_m(towards: Points, away_m: Points, clearance_m: float) -> Points:
+def _keep_off_askew_m(towards: Points, away_m: Points, planned_m: Points) -> Points:
     """(n,): as planned, or less from what is on either side, whatever the course."""
-    keep_off_m = np.full(len(away_m), BODY_RADIUS_M + clearance_m)
     cos_across = towards @ towards[away_m.argmin()]
     opposite_m = float(away_m[cos_across < OPPOSITE_COS].min(initial=np.inf))
     half_m = 0.5 * (float(away_m.min()) + opposite_m)
-    keep_off_m[np.abs(cos_across) > ACROSS_COS] = _keep_off_m(half_m, clearance_m)
-    return keep_off_m
+    is_across = np.abs(cos_across) > ACROSS_COS
+    return np.where(is_across, _keep_off_m(half_m, planned_m), planned_m)
