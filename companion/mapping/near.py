@@ -58,7 +58,7 @@ UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
 NOT_PASSED = (0.0,) * STRIPS
-_MET_S, _KNOWN, _SIGMA_M, _PASSED = 2, 3, 4, 5
+_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _PASSED = 2, 3, 4, 5, 6
 _GUESSED, _TOO_STRONG, _MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
@@ -89,12 +89,12 @@ class Surroundings:
     """What the guard needs to know, body FRD, from the drone's centre."""
 
     points_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
-    """(n, 2), forward and right."""
+    """(n, 2), forward and right; of what was met vaguely the nearest place where it may stand."""
     velocity_frd_m_s: Vector2 = (0.0, 0.0)
     lag_s: float = FIRST_LAG_S
     """How long the drone goes on at that when it is stopped."""
-    sigma_m: Points = field(default_factory=lambda: np.zeros(1))
-    """(n,), or (1,) for all: of how far away they were when they were met, where that was vague."""
+    is_vague: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    """(n,), or (1,) for all."""
     drift_m: Points = field(default_factory=lambda: np.zeros(1))
     """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
 
@@ -102,8 +102,9 @@ class Surroundings:
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 5 + STRIPS): north, east, when it was met, how well it is known, the sigma of its distance
-    where that was vague, and through which strips around it a beam has gone since.
+    (n, 6 + STRIPS): north, east, when it was met, how well it is known, the sigma of its distance
+    where that was vague and the heading of the beam, and through which strips around it a beam has
+    gone since.
     """
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
@@ -120,12 +121,21 @@ class Near:
 
     def surroundings(self, lag_s: float) -> Surroundings:
         return Surroundings(
-            self._relative(),
+            self._nearest(),
             self._velocity_frd_m_s,
             lag_s,
-            self._points[:, _SIGMA_M],
+            self._points[:, _SIGMA_M] > 0,
             self._drift_m(),
         )
+
+    def _nearest(self) -> Points:
+        """(n, 2), forward and right: vague ones moved along their beam to where they are nearest."""
+        relative, most_m = self._relative(), VAGUE_SIGMAS * self._points[:, _SIGMA_M]
+        aside_rad = self._points[:, _RAY_RAD] - self._yaw_rad
+        along = np.column_stack([np.cos(aside_rad), np.sin(aside_rad)])
+        nearer_m = np.clip(-(relative * along).sum(axis=1), -most_m, most_m)
+        nearest: Points = relative + nearer_m[:, None] * along
+        return nearest
 
     def _drift_m(self) -> Points:
         """(n,): sigma of how far the drone has drifted since each was met."""
@@ -182,10 +192,11 @@ class Near:
             if end is not None:
                 end_m, sigma_m = end
                 place = eye_frd_m[0] + end_m * cos_b, eye_frd_m[1] + end_m * sin_b
-                met.append((*place, _how_known(reading, unfolded), sigma_m))
+                known = _how_known(reading, unfolded)
+                met.append((place, (known, sigma_m, self._yaw_rad + bearing_frd_rad)))
         self._points = self._points[~self._gone()]
-        for forward_m, right_m, known, sigma_m in met:
-            self._put((forward_m, right_m), scan.time_s, known, sigma_m)
+        for place, how in met:
+            self._put(place, scan.time_s, *how)
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
@@ -209,6 +220,7 @@ class Near:
         """(n,): through which beams went, and through all that is close by."""
         aside_m = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
         within_m = LEAST_STRIPS_M + DRIFT_SIGMAS * self._drift_m()
+        within_m[self._points[:, _KNOWN] == _GUESSED] = STRIP_M  # it may never have been there
         passed = (self._points[:, _PASSED:] > 0) | (aside_m > within_m[:, None])
         doubted = np.asarray(passed.all(axis=1))
         if not doubted.any():
@@ -234,7 +246,9 @@ class Near:
         known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & is_measured
         return float(along_m[known].min(initial=math.inf))
 
-    def _put(self, at_frd_m: Vector2, time_s: float, known: float, sigma_m: float) -> None:
+    def _put(
+        self, at_frd_m: Vector2, time_s: float, known: float, sigma_m: float, ray_rad: float
+    ) -> None:
         north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
         place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
         off_m = self._points[:, :2] - place
@@ -251,7 +265,7 @@ class Near:
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
         self._points = np.vstack(
-            [self._points[~again], (*place, time_s, known, sigma_m, *NOT_PASSED)]
+            [self._points[~again], (*place, time_s, known, sigma_m, ray_rad, *NOT_PASSED)]
         )
 
     def _relative(self) -> Points:

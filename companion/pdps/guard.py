@@ -20,7 +20,7 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.near import DRIFT_SIGMAS, VAGUE_SIGMAS, Points, Surroundings
+from companion.mapping.near import DRIFT_SIGMAS, Points, Surroundings
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -59,12 +59,11 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     if not len(points):
         return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
-    sigma_m = np.broadcast_to(around.sigma_m, len(points))
-    passage = _passage(points[sigma_m == 0], wanted)
+    passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
     wanted = _to_the_middle(wanted, passage)
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     towards = points / away_m[:, None]
-    distance_m = away_m - POINT_M - VAGUE_SIGMAS * sigma_m
+    distance_m = away_m - POINT_M
     drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(points))
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     if passage:

@@ -79,7 +79,8 @@ def test_an_autopilot_that_flies_away_is_stopped_and_landed(
 ) -> None:
     """0 to 5 m/s in 2 s, as seen after a position was reset again and again; on along its way.
 
-    Against its way it would have to be faster than nothing first: stopping is no flying away.
+    Against its way it would have to be faster than nothing first: stopping is no flying away. The
+    velocity that PX4 tells is off by 0.1 m/s for a second, which is 0.1 s at 1 m/s².
     """
     began: list[tuple[float, Vector2]] = []
     noticed_s: list[float] = []
@@ -102,7 +103,7 @@ def test_an_autopilot_that_flies_away_is_stopped_and_landed(
     setup = Setup(load_world("room_100"), "room_100", 1, settings.sensors, autopilot)
     fly_in_lockstep(setup, settings, lambda progress: None, script=fly_away)
     assert noticed_s
-    assert noticed_s[0] < (0.6 if rate_m_s2 > 2 else 1.2) + TICK_S
+    assert noticed_s[0] < (0.6 if rate_m_s2 > 2 else 1.3) + TICK_S
 
 
 def velocity_ne_m_s(simulation: Simulation) -> Vector2:

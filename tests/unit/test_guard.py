@@ -189,7 +189,7 @@ class Drone:
     def points(self) -> list[Place]:
         """Those that are known exactly."""
         around = self.near.surroundings(0.5)
-        exact = around.points_frd_m[around.sigma_m == 0]
+        exact = around.points_frd_m[~around.is_vague]
         return [(float(f), float(r)) for f, r in exact]
 
 
