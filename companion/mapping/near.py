@@ -129,7 +129,7 @@ class Near:
         )
 
     def _nearest(self) -> Points:
-        """(n, 2), forward and right: vague ones moved along their beam to where they are nearest."""
+        """(n, 2), forward and right: vague ones where they may stand nearest, along their beam."""
         relative, most_m = self._relative(), VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         aside_rad = self._points[:, _RAY_RAD] - self._yaw_rad
         along = np.column_stack([np.cos(aside_rad), np.sin(aside_rad)])

@@ -6,7 +6,7 @@ Both velocity errors are correlated, and bounded, as the estimate follows its po
 
 u is the velocity error, w the position error that it comes to. Measured on PX4 1.17 with ODOMETRY
 as its source, in twelve flights: over 0.25 to 2 s told motion is off by 0.06 to 0.03 m/s, told
-velocity by 0.09 to 0.065 m/s (0.06 to 0.04 with the noise in `external/px4.parm`), for the most part
+velocity by 0.09 to 0.065 m/s (0.06 to 0.04 with the noise in `external/px4.parm`), mostly
 independently.
 """
 
