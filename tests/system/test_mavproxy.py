@@ -16,7 +16,7 @@ import pytest
 from sitl.autopilot.parameters.table import load_table
 from tests.system.processes import PAUSE, free_udp_port, until, vehicle_at
 
-DEADLINE_S = 20
+DEADLINE_S = 60
 SCRIPT = Path(sysconfig.get_path("scripts")) / "mavproxy.py"
 CHANGE_MODE = {"ardupilot": ("mode GUIDED", "Mode GUIDED"), "px4": ("long 176 1 3", "Mode POSCTL")}
 """By number for PX4: MAVProxy 1.8 trips over the names of its modes."""
