@@ -48,7 +48,9 @@ class MavProxy:
         self._process.stdin.flush()
 
     def has_said(self, words: str) -> bool:
-        return words in self._said.read_text(errors="replace")
+        """At a line's begin, or behind the prompt if that was written first."""
+        said = self._said.read_text(errors="replace")
+        return words in said or words.replace("\n", "> ", 1) in said
 
     def says(self, words: str) -> None:
         until(lambda: self.has_said(words), f"MAVProxy's {words!r}", DEADLINE_S)
