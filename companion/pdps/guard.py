@@ -5,7 +5,7 @@ its lag; nearer than it may be, the bound is below zero and the drone gives way.
 says does not matter here.
 
 What is nearer than the sensors measure is not met again, and the drone drifts against it. The bound
-moves out with that, as far as the least clearance does not cover it: nobody lingers there.
+moves out with that, as far as the least clearance does not cover it, so that the drone moves away.
 
 In a passage, with something on both sides of where it moves and nothing between, the drone may come
 nearer to both than elsewhere, but to neither nearer than to the other. It is led to the middle of a

@@ -185,6 +185,15 @@ class Drone:
             self.turn_to(float(heading_rad))
             self.see(**readings)
 
+    def sweep_beside(self, from_m: float, to_m: float) -> None:
+        """Its front beam passes a pole at 1.28 m, so far to the right, ten times on either side."""
+        for _ in range(10):
+            for heading_rad in np.linspace(-0.15, 0.15, 61):
+                if not from_m < 1.28 * heading_rad < to_m:
+                    self.turn_to(float(heading_rad))
+                    self.see(front=at(3.5))
+        self.turn_to(0.0)
+
     @property
     def points(self) -> list[Place]:
         """Those that are known exactly."""
@@ -213,12 +222,7 @@ def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> Non
     """Of one that is 5 cm wide, and stands 3 cm beside where odometry by now has it."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
-    for _ in range(10):
-        for heading_rad in np.linspace(-0.15, 0.15, 61):
-            if not 0.005 < 1.28 * heading_rad < 0.055:
-                drone.turn_to(float(heading_rad))
-                drone.see(front=at(3.5))
-    drone.turn_to(0.0)
+    drone.sweep_beside(0.005, 0.055)
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
@@ -227,12 +231,7 @@ def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stan
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
     drone.move(0.0, in_s=20.0)
-    for _ in range(10):
-        for heading_rad in np.linspace(-0.15, 0.15, 61):
-            if not 0.065 < 1.28 * heading_rad < 0.115:
-                drone.turn_to(float(heading_rad))
-                drone.see(front=at(3.5))
-    drone.turn_to(0.0)
+    drone.sweep_beside(0.065, 0.115)
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
