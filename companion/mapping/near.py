@@ -42,10 +42,11 @@ by a beam that turns slowly, and of a jamb nothing would be left but its edge.""
 OLD_S, SAME_OLD_M = 4.0, 0.10
 """After so long it may have drifted by as much, and a new one stands for all that are so near."""
 STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
-SEEN_THROUGH_M = 0.30
+SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
 many strips around it. Only when it did in all of them to this distance, and as far as the drone may
-have drifted, is the point gone: a thin pole is missed by most beams that pass close by."""
+have drifted, is the point gone: a thin pole is missed by most beams that pass close by. All within
+so long, two swings of the nose: the strips drift over what stands there."""
 DRIFT_SIGMAS = 2.0
 """The drone has drifted by no more, in 19 of 20 cases on either axis."""
 TOGETHER_M = 0.20
@@ -58,7 +59,7 @@ if it has drifted. Somebody who has gone would stand in the way until all is for
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 Points = NDArray[np.float64]
-NOT_PASSED = (0.0,) * STRIPS
+NOT_PASSED = (-math.inf,) * STRIPS
 _STRIP_ASIDE_M = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
 """Of the middle of each strip from the point."""
 _MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _PASSED = 2, 3, 4, 5, 6
@@ -106,8 +107,8 @@ class Near:
     """Points around the drone, in a frame of its own.
 
     (n, 6 + STRIPS): north, east, when it was met, how well it is known, the sigma of its distance
-    where that was vague and the heading of the beam, and through which strips around it a beam has
-    gone since.
+    where that was vague and the heading of the beam, and when a beam last went through each of the
+    strips around it.
     """
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
@@ -190,27 +191,30 @@ class Near:
             known_m = self._known_m(along_m, np.abs(aside_m)) - unit.offset_m
             unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
-            self._pass_through(along_m, aside_m, _seen_through_m(unfolded, unit))
+            free_m = _seen_through_m(unfolded, unit)
+            self._pass_through(scan.time_s, along_m, aside_m, free_m)
             end = _end_m(unfolded, known_m, unit.offset_m)
             if end is not None:
                 end_m, sigma_m = end
                 place = eye_frd_m[0] + end_m * cos_b, eye_frd_m[1] + end_m * sin_b
                 known = _how_known(reading, unfolded)
                 met.append((place, (known, sigma_m, self._yaw_rad + bearing_frd_rad)))
-        self._points = self._points[~self._gone()]
+        self._points = self._points[~self._gone(scan.time_s)]
         for place, how in met:
             self._put(place, scan.time_s, *how)
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
-    def _pass_through(self, along_m: Points, aside_m: Points, free_m: Vector2) -> None:
+    def _pass_through(
+        self, time_s: float, along_m: Points, aside_m: Points, free_m: Vector2
+    ) -> None:
         """A beam has shown that it is free from and to so far; points are (n,) along and aside."""
         from_m, to_m = free_m
         beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
         farthest_m = along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         strip = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(int)
         passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
-        self._points[passed, _PASSED + strip[passed]] = True
+        self._points[passed, _PASSED + strip[passed]] = time_s
 
     def _turns_rad_s(self, time_s: float) -> float:
         """By the headings now and when it was looked last."""
@@ -219,11 +223,12 @@ class Near:
             return 0.0
         return wrap_rad(self._yaw_rad - last[1]) / (time_s - last[0])
 
-    def _gone(self) -> NDArray[np.bool_]:
+    def _gone(self, now_s: float) -> NDArray[np.bool_]:
         """(n,): through which beams went, and through all that is close by."""
         within_m = LEAST_STRIPS_M + DRIFT_SIGMAS * self._drift_m()
         within_m[self._points[:, _KNOWN] == _GUESSED] = STRIP_M  # it may never have been there
-        passed = (self._points[:, _PASSED:] > 0) | (within_m[:, None] < _STRIP_ASIDE_M)
+        lately = self._points[:, _PASSED:] > now_s - PASSED_WITHIN_S
+        passed = lately | (within_m[:, None] < _STRIP_ASIDE_M)
         doubted = np.asarray(passed.all(axis=1))
         if not doubted.any():
             return doubted
@@ -261,7 +266,7 @@ class Near:
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
-            self._points[stays, _PASSED:] = False
+            self._points[stays, _PASSED:] = -math.inf
             return
         same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured

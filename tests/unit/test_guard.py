@@ -235,6 +235,20 @@ def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stan
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
+def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothing() -> None:
+    """The post stands 5 cm to the right at first, half a minute later 5 cm to the left."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=at(1.2))
+    for aside_m in (0.05, -0.05):
+        for heading_rad in np.linspace(-0.15, 0.15, 61):
+            if abs(1.28 * heading_rad - aside_m) > 0.04:
+                drone.turn_to(float(heading_rad))
+                drone.see(front=at(3.5))
+        drone.move(0.0, in_s=30.0)
+    drone.turn_to(0.0)
+    assert drone.points == [pytest.approx((1.28, 0.0))]
+
+
 def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exactly() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
