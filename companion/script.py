@@ -153,7 +153,10 @@ class Drone:
         return self._latest.scan.readings if self._latest else {}
 
     def map(self) -> FloorPlan:
-        """The map so far; after landing the final one, with the whole flight smoothed."""
+        """The map so far; after landing the final one, with the whole flight smoothed.
+
+        So far, a wall may be in two pieces, or there twice a few centimetres apart.
+        """
         asked: Future[FloorPlan] = Future()
         self._asked.put(lambda: asked.set_result(self._app.floor_plan()))
         while not asked.done() and self._thread.is_alive():

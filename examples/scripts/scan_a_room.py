@@ -21,10 +21,10 @@ def main() -> None:
     with connect(options.config, link=options.link, bus=options.bus, out=options.out) as drone:
         drone.take_off()
         drone.scan_room()
-        walls = drone.map().walls
-        print(f"{len(walls)} walls, {sum(wall.length_m for wall in walls):.1f} m in all")
         drone.go_home()
         drone.land()
+        walls = drone.map().walls
+        print(f"{len(walls)} walls, {sum(wall.length_m for wall in walls):.1f} m in all")
         drone.export(options.out / "room.dxf")
         drone.export(options.out / "room.png")
 
