@@ -24,7 +24,7 @@ from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.known_walls import KnownWalls
-from companion.mapping.near import Drift, Near
+from companion.mapping.near import Drift, Near, Surroundings
 from companion.mapping.overhead import Overhead
 from companion.mapping.rays import rays
 from companion.mapping.space import Space
@@ -52,6 +52,7 @@ from companion.pdps.flight import (
     View,
 )
 from companion.pdps.guard import clear_of_all_m
+from companion.pdps.recalled import recalled_frd_m
 from companion.pdps.sight import Sight
 from companion.pdps.standoff import standoff_m
 from companion.values import value
@@ -281,7 +282,7 @@ class App:
                 wander_m,
             ),
             space=self.space.grid,
-            around=self._near.surroundings(self._lag.lag_s),
+            around=self._around(pose),
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),
@@ -296,6 +297,12 @@ class App:
             self._begin_layer()
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)
         return replace(action, setpoint=slowed)
+
+    def _around(self, pose: Pose) -> Surroundings:
+        """What was met near the drone lately, and what is there by the map."""
+        around = self._near.surroundings(self._lag.lag_s)
+        recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
+        return replace(around, recalled_frd_m=recalled)
 
     def _begin_layer(self) -> None:
         """What is known of the layer below tells where the drone may go in the next."""

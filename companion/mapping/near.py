@@ -101,6 +101,8 @@ class Surroundings:
     """(n,), or (1,) for all."""
     drift_m: Points = field(default_factory=lambda: np.zeros(1))
     """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
+    recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
+    """(r, 2): what was met longer ago, where the map has it."""
 
 
 class Near:

@@ -220,6 +220,26 @@ class Occupancy:
         corner = np.add(self._low, (top, left))
         return CELL_M * ((cells + corner).astype(np.float64) + 0.5), met_s
 
+    def met_before(
+        self, time_s: float, place_ne_m: Vector2, within_m: float, flown_m: float
+    ) -> Metres:
+        """Middles (n, 2) of the occupied cells so near that a beam ended in last before `time_s`.
+
+        None of those within `flown_m` of where the drone has been.
+        """
+        met_ne_m, met_s = self.met_near(place_ne_m, within_m)
+        before = met_ne_m[(met_s > 0) & (met_s < time_s)]
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil((within_m + flown_m) / CELL_M)
+        top, left = max(row - reach, 0), max(column - reach, 0)
+        flown = np.argwhere(self.flown[top : row + reach + 1, left : column + reach + 1])
+        if not len(before) or not len(flown):
+            return before
+        flown_ne_m = CELL_M * (flown + np.add(self._low, (top, left)) + 0.5)
+        off_m = np.linalg.norm(before[:, None] - flown_ne_m, axis=2).min(axis=1)
+        unflown: Metres = before[off_m > flown_m]
+        return unflown
+
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
         """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
         near, _ = self.met_near(place_ne_m, within_m)

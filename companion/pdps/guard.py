@@ -1,8 +1,7 @@
 """The last word on every velocity: nothing that was met near the drone is come too close to.
 
 Each point near the drone bounds the speed towards it, so that the drone can stop before it, with
-its lag; nearer than it may be, the bound is below zero and the drone gives way. What the map
-says does not matter here.
+its lag; nearer than it may be, the bound is below zero and the drone gives way.
 
 What is nearer than the sensors measure is not met again, and the drone drifts against it. The bound
 moves out with that, as far as the least clearance does not cover it, so that the drone moves away.
@@ -12,6 +11,9 @@ nearer to both than elsewhere, but to neither nearer than to the other. It is le
 narrow one by what was met a moment ago: the map's cells are too coarse for that. Askew in one, with
 something ahead on its course, it may be as near to what is on both sides of it, but not to what is
 ahead: it would be held fast between them, and what it knows of them drifts.
+
+Only the map knows what was met minutes ago. That bounds the speed towards it as in a passage, and
+the drone does not give way to it: the map may be off by decimetres.
 """
 
 from dataclasses import replace
@@ -21,6 +23,7 @@ import numpy as np
 from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import DRIFT_SIGMAS, Points, Surroundings
+from companion.mapping.occupancy import CELL_M
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -53,30 +56,68 @@ def clear_of_all_m(plan: MissionConfig) -> float:
     return BODY_RADIUS_M + plan.clearance_m
 
 
+@value
+class _Bounds:
+    """How fast (n,) the drone may at most move in directions (n, 2), body FRD."""
+
+    towards: Points
+    most_m_s: Points
+
+
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
     """The velocity as near to `setpoint` as is safe; `clearance_m` is from the body's hull."""
     points = around.points_frd_m
-    if not len(points):
+    if not len(points) and not len(around.recalled_frd_m):
         return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
-    wanted = _to_the_middle(wanted, passage)
-    away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
-    towards = points / away_m[:, None]
-    distance_m = away_m - POINT_M
-    drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(points))
+    bounds = _by_points(around, clearance_m, passage), _by_recalled(around)
+    towards = np.concatenate([each.towards for each in bounds])
+    most_m_s = np.concatenate([each.most_m_s for each in bounds])
+    forward, right = _bounded(_to_the_middle(wanted, passage), towards, most_m_s)
+    return replace(setpoint, forward_m_s=forward, right_m_s=right)
+
+
+def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
+    """By what was met lately: below zero where that is too near."""
+    towards, away_m = _towards(around.points_frd_m)
+    if not len(towards):
+        return _Bounds(towards, away_m)
+    drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(away_m))
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     if passage:
         keep_off_m = _keep_off_m(passage.half_m, planned_m)
     else:
         keep_off_m = _keep_off_askew_m(towards, away_m, planned_m)
-    closing_m_s = np.maximum(towards @ np.array(around.velocity_frd_m_s), 0.0)
-    left_m = distance_m - keep_off_m - around.lag_s * closing_m_s
-    may = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
+    left_m = away_m - POINT_M - keep_off_m - _stopping_m(towards, around)
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MOST_GIVE_WAY_M_S)
-    most_m_s = np.where(left_m > 0, may, gives_way)
-    forward, right = _bounded(wanted, towards, most_m_s)
-    return replace(setpoint, forward_m_s=forward, right_m_s=right)
+    return _Bounds(towards, np.where(left_m > 0, _may_m_s(left_m), gives_way))
+
+
+def _by_recalled(around: Surroundings) -> _Bounds:
+    """By what was met long ago: never below zero."""
+    towards, away_m = _towards(around.recalled_frd_m)
+    keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
+    return _Bounds(towards, _may_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
+
+
+def _towards(points: Points) -> tuple[Points, Points]:
+    """Unit vectors (n, 2) to points, and how far away they are (n,)."""
+    away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
+    return points / away_m[:, None], away_m
+
+
+def _stopping_m(towards: Points, around: Surroundings) -> Points:
+    """(n,): how far the drone goes on towards each before it begins to brake."""
+    closing_m_s = towards @ np.array(around.velocity_frd_m_s)
+    lag_m: Points = around.lag_s * np.maximum(closing_m_s, 0.0)
+    return lag_m
+
+
+def _may_m_s(left_m: Points) -> Points:
+    """(n,): from so fast it stops within what is left."""
+    fast_m_s: Points = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
+    return fast_m_s
 
 
 def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:

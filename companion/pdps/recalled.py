@@ -1,0 +1,40 @@
+"""What was met near here so long ago that only the map knows it.
+
+The points of `near.py` are forgotten when odometry may have drifted too far. The end of a wall that
+was met three minutes ago, and is not met again before the drone comes to it, is still in the map:
+
+    occupied cells near the drone, last met before KEPT_S
+        - those where the drone itself has been since take-off
+        - those beside something that was met lately, which tells better where it is
+    = recalled
+"""
+
+import math
+
+import numpy as np
+
+from companion.mapping.near import KEPT_S, Points
+from companion.mapping.occupancy import Occupancy
+from companion.messages import Pose
+from companion.pdps.guard import BODY_RADIUS_M
+
+RECALLED_WITHIN_M = 2.0
+"""From the drone's centre: it stops from full speed on less than that."""
+MET_ANEW_M = 0.4
+"""So near to it something was met lately: the map's cells, and its frame, are off by decimetres."""
+
+
+def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Points) -> Points:
+    """(r, 2), forward and right of the drone's centre; `lately_frd_m` (n, 2) was met lately."""
+    here = pose.north_m, pose.east_m
+    before_s = pose.time_s - KEPT_S
+    met_ne_m = grid.met_before(before_s, here, RECALLED_WITHIN_M, BODY_RADIUS_M)
+    if not len(met_ne_m):
+        return met_ne_m
+    cos_yaw, sin_yaw = math.cos(pose.yaw_rad), math.sin(pose.yaw_rad)
+    recalled: Points = (met_ne_m - here) @ np.array([[cos_yaw, -sin_yaw], [sin_yaw, cos_yaw]])
+    if not len(lately_frd_m):
+        return recalled
+    apart_m = np.linalg.norm(recalled[:, None] - lately_frd_m, axis=2).min(axis=1)
+    kept: Points = recalled[apart_m > MET_ANEW_M]
+    return kept

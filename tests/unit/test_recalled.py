@@ -1,0 +1,78 @@
+"""What was met minutes ago is still in the way, where the map has it."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.mapping.near import KEPT_S, Surroundings
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.messages import Pose, Setpoint
+from companion.pdps.guard import guarded
+from companion.pdps.recalled import recalled_frd_m
+
+NOTHING_LATELY = np.empty((0, 2))
+LATER_S = KEPT_S + 20.0
+
+
+def with_a_partition_end(at_north_m: float = 2.0) -> Occupancy:
+    """Met at zero seconds from a place that the drone has left."""
+    grid = Occupancy()
+    for _ in range(3):
+        grid.add(Ray((at_north_m, -2.0), math.pi / 2, 2.0, 0.03, is_hit=True, time_s=1.0))
+    return grid
+
+
+def pose(time_s: float = LATER_S, north_m: float = 1.0, yaw_rad: float = 0.0) -> Pose:
+    return Pose(time_s, north_m, 0.0, -1.0, yaw_rad)
+
+
+def recalled(grid: Occupancy, at: Pose, lately: np.ndarray = NOTHING_LATELY) -> np.ndarray:
+    return recalled_frd_m(grid, at, lately)
+
+
+def test_the_map_knows_it_when_it_was_met_too_long_ago() -> None:
+    grid = with_a_partition_end()
+    assert not len(recalled(grid, pose(time_s=KEPT_S)))
+    [(forward_m, right_m)] = recalled(grid, pose())
+    assert (forward_m, right_m) == pytest.approx((1.0, 0.0), abs=0.1)
+    [(forward_m, right_m)] = recalled(grid, pose(yaw_rad=math.pi / 2))
+    assert (forward_m, right_m) == pytest.approx((0.0, -1.0), abs=0.1)
+
+
+def test_the_drone_comes_no_nearer_than_in_a_passage_and_does_not_give_way() -> None:
+    grid, at = with_a_partition_end(), np.array([0.0, -0.02])
+    nearest_m = math.inf
+    for _ in range(400):
+        points = recalled_frd_m(
+            grid, Pose(LATER_S, float(at[0]), float(at[1]), -1.0, 0.0), NOTHING_LATELY
+        )
+        safe = guarded(Setpoint(forward_m_s=1.0), Surroundings(recalled_frd_m=points), 0.3)
+        at += 0.02 * np.array([safe.forward_m_s, safe.right_m_s])
+        nearest_m = min(nearest_m, math.dist(at, (2.0, 0.0)))
+        if len(points):
+            hovering = guarded(Setpoint(), Surroundings(recalled_frd_m=points), 0.3)
+            assert hovering == Setpoint()
+    assert nearest_m > 0.3
+
+
+def test_what_was_met_lately_beside_it_tells_better_where_it_is() -> None:
+    grid = with_a_partition_end()
+    assert not len(recalled(grid, pose(), np.array([(1.25, 0.1)])))
+    assert len(recalled(grid, pose(), np.array([(1.0, 1.0)])))
+
+
+def test_it_is_not_where_a_beam_went_through_or_the_drone_flew_since() -> None:
+    grid = with_a_partition_end()
+    for _ in range(20):
+        grid.add(Ray((2.0, -2.0), math.pi / 2, 4.0, 0.03, is_hit=True, time_s=50.0))
+    assert not len(recalled(grid, pose()))
+    grid = with_a_partition_end()
+    grid.add(Ray((2.05, 0.0), 0.0, 2.0, 0.03, is_hit=True, time_s=50.0))
+    assert not len(recalled(grid, pose()))
+
+
+def test_what_is_only_blocked_for_the_planner_does_not_bind_it() -> None:
+    grid = Occupancy()
+    grid.block((2.0, 0.0), 0.2)
+    assert not len(recalled(grid, pose()))
