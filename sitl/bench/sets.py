@@ -64,7 +64,7 @@ def jobs_for(
     return [
         Job(
             options(world, start, profile, seed, clutter),
-            mission or MISSIONS.get(world, "building"),
+            mission or _suiting(world, clutter),
         )
         for profile in profiles
         for name in worlds
@@ -72,6 +72,12 @@ def jobs_for(
         for clutter in clutters
         for seed in range(1, seeds + 1)
     ]
+
+
+def _suiting(world: str, clutter: float) -> str:
+    """A furnished room is explored as a building: the trace takes furniture for the wall."""
+    mission = MISSIONS.get(world, "building")
+    return "building" if clutter and mission == "room" else mission
 
 
 def places(name: str) -> list[Place]:
