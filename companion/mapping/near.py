@@ -190,16 +190,21 @@ class Near:
             eye_frd_m = -age_s * np.array(self._velocity_frd_m_s)
             along_m = (relative - eye_frd_m) @ (cos_b, sin_b)
             aside_m = (relative - eye_frd_m) @ (-sin_b, cos_b)
-            known_m = self._known_m(along_m, np.abs(aside_m)) - unit.offset_m
+            is_on_beam = self._is_measured & (np.abs(aside_m) < ALIAS_ASIDE_M) & (along_m > 0)
+            known_m = float(along_m[is_on_beam].min(initial=math.inf)) - unit.offset_m
             unfolded = self._folds.unfolded(beam, reading, known_m)
             readings[beam] = unfolded
             free_m = _seen_through_m(unfolded, unit)
             self._pass_through(scan.time_s, along_m, aside_m, free_m)
-            end = _end_m(unfolded, known_m, unit.offset_m)
+            end = _end_m(unfolded, unit.offset_m)
+            again = _met_again(unfolded, unit, along_m, is_on_beam)
+            if again is not None:
+                self._points[again, _PASSED:] = -math.inf
+                end = float(along_m[again]), 0.0
             if end is not None:
                 end_m, sigma_m = end
                 place = eye_frd_m[0] + end_m * cos_b, eye_frd_m[1] + end_m * sin_b
-                known = _how_known(reading, unfolded)
+                known = _TOO_STRONG if again is not None else _how_known(reading, unfolded)
                 met.append((place, (known, sigma_m, self._yaw_rad + bearing_frd_rad)))
         self._points = self._points[~self._gone(scan.time_s)]
         for place, how in met:
@@ -249,11 +254,13 @@ class Near:
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
         self._points = points[is_near & (points[:, _MET_S] > now_s - KEPT_S)]
 
-    def _known_m(self, along_m: Points, aside_m: Points) -> float:
-        """To the nearest thing measured along a beam; infinite without any."""
-        is_measured = (self._points[:, _KNOWN] == _MEASURED) & (self._points[:, _SIGMA_M] == 0)
-        known = (aside_m < ALIAS_ASIDE_M) & (along_m > 0) & is_measured
-        return float(along_m[known].min(initial=math.inf))
+    @property
+    def _is_measured(self) -> NDArray[np.bool_]:
+        """(n,): and well."""
+        measured: NDArray[np.bool_] = np.logical_and(
+            self._points[:, _KNOWN] == _MEASURED, self._points[:, _SIGMA_M] == 0
+        )
+        return measured
 
     def _put(
         self, at_frd_m: Vector2, time_s: float, known: float, sigma_m: float, ray_rad: float
@@ -309,12 +316,35 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
     return _TOO_STRONG if raw.state is RangeState.TOO_NEAR else _GUESSED
 
 
-def _end_m(reading: RangeReading, known_m: float, offset_m: float) -> tuple[float, float] | None:
+def _met_again(
+    reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_beam: NDArray[np.bool_]
+) -> int | None:
+    """Which of the points (n,) along the beam what is too near to be measured now was, if any.
+
+    Its signal means one distance near the least that is measured, or one nearer than the peak.
+    """
+    if reading.state is not RangeState.TOO_NEAR or not is_on_beam.any():
+        return None
+    guess_m = _guess_m(reading, unit.offset_m)
+    alias_m = unit.model.alias_m(guess_m)
+    from_unit_m = along_m - unit.offset_m
+    off_m = np.abs(from_unit_m - guess_m)
+    if alias_m is not None:
+        off_m = np.minimum(off_m, np.abs(from_unit_m - alias_m))
+    off_m = np.where(is_on_beam, off_m, math.inf)
+    likeliest = int(off_m.argmin())
+    return likeliest if off_m[likeliest] <= ALIAS_M else None
+
+
+def _guess_m(reading: RangeReading, offset_m: float) -> float:
+    """From the sensor to what is too near."""
+    return UNMEASURED_M - offset_m if math.isnan(reading.distance_m) else reading.distance_m
+
+
+def _end_m(reading: RangeReading, offset_m: float) -> tuple[float, float] | None:
     """How far from the drone's centre something is, and its sigma where that is vague."""
     if reading.state is RangeState.TOO_NEAR:
-        is_guessed = not math.isnan(reading.distance_m)
-        guess_m = reading.distance_m if is_guessed else UNMEASURED_M - offset_m
-        return None if abs(known_m - guess_m) <= ALIAS_M else (guess_m + offset_m, 0.0)
+        return _guess_m(reading, offset_m) + offset_m, 0.0
     if not reading.is_distance:
         return None
     sigma_m, end_m = math.sqrt(reading.variance_m2), reading.distance_m + offset_m

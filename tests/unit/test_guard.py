@@ -249,6 +249,28 @@ def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothin
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
+@pytest.mark.parametrize("strength", ["too strong", "folded"])
+def test_a_post_that_is_too_near_to_be_measured_is_met_again_all_the_same(strength: str) -> None:
+    """Its signal is that of 0.9 m, or of 1.5 m; odometry drifts by as much as it is wide."""
+    sensor = GP2Y0A710K0F
+    drone = Drone(near(sensor, 0.08), Drift(walk_m2_per_s=0.016**2))
+    drone.see(front=at(1.2))
+    reads_m = 0.9 if strength == "too strong" else 1.5
+    alias_m = sensor.alias_m(reads_m)
+    assert alias_m is not None
+    reading = RangeReading(RangeState.TOO_NEAR, 0.9) if strength == "too strong" else at(reads_m)
+    drone.move(1.2 - alias_m)
+    post_m = alias_m + 0.08
+    for aside_m in np.linspace(0.0, 0.09, 10):
+        for heading_rad in np.linspace(-0.4, 0.4, 81):
+            drone.turn_to(float(heading_rad))
+            is_met = abs(post_m * math.sin(heading_rad) - aside_m) < 0.03
+            drone.see(front=reading if is_met else RangeReading(RangeState.NOTHING))
+        drone.move(0.0, in_s=0.5)
+    drone.turn_to(0.0)
+    assert min(math.dist(point, (post_m, 0.09)) for point in drone.points) < 0.05
+
+
 def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exactly() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
