@@ -173,7 +173,7 @@ def _came_through(doorway: Doorway, grid: Occupancy) -> bool:
 
 
 def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
-    """As if the doorways were walls."""
+    """As if the doorways were walls, but where the drone is."""
     if not doorways:
         return ground
     passable, cost = ground.passable.copy(), ground.cost.copy()
@@ -182,7 +182,7 @@ def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
         for aside_m in np.arange(-reach_m, reach_m, CELL_M / 2).tolist():
             for along_m in (-CELL_M, 0.0, CELL_M):  # ways go diagonally, too
                 cell = ground.grid.cell(doorway.at_m(along_m, aside_m))
-                if ground.grid.has(cell):
+                if ground.grid.has(cell) and cell != ground.start:
                     passable[cell], cost[cell] = False, np.inf
     return replace(ground, passable=passable, cost=cost)
 

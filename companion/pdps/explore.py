@@ -38,7 +38,7 @@ from companion.pdps.route import START_NE_M, Ground, Ways, find_ground, find_way
 from companion.pdps.sight import Sight
 from companion.pdps.ties import again, ties
 from companion.pdps.tour import first_of_tour
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.travel import Travel, TravelPhase, stuck_twice
 from companion.pdps.unseen import Places, still_unseen
 
 FIRST_LOOK_RAD = math.tau
@@ -97,6 +97,12 @@ class Explore:
         """All found so far."""
         last = self.travel or self.came
         return () if last is None else last.known
+
+    def shut(self, space: Occupancy) -> tuple[Doorway, ...]:
+        """What is too narrow, and where it was stuck."""
+        last = self.travel or self.came
+        stuck = () if last is None else stuck_twice(last)
+        return (*too_narrow(self.known_doorways, space), *stuck)
 
     @property
     def is_extra(self) -> bool:
@@ -198,7 +204,7 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     if explore.ground is None:
         here = sight.pose.north_m, sight.pose.east_m
         ground = find_ground(space, here, clear_of_all_m(plan))
-        return replace(explore, ground=with_shut(ground, too_narrow(explore.known_doorways, space)))
+        return replace(explore, ground=with_shut(ground, explore.shut(space)))
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
@@ -250,6 +256,6 @@ def _go(
         case TravelPhase.ARRIVED:
             return _to_look(explore, look, before, sight, space), setpoint
         case TravelPhase.GAVE_UP:
-            return _to_choose(explore, look), setpoint
+            return _to_choose(replace(explore, travel=going), look), setpoint
         case _:
             return replace(explore, travel=going), setpoint

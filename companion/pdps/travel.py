@@ -10,7 +10,8 @@
 
     FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
     FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut; and
-    on its way home as if any place that it is stuck at were: a map that is bent leads into walls
+    on its way home as if any place that it is stuck at were: a map that is bent leads into walls.
+    Where it was stuck on two ways it does not go again, except on its way home
 
 The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
 anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
@@ -108,7 +109,9 @@ class Travel:
     known: tuple[Doorway, ...] = ()
     """All doorways found so far."""
     shut: tuple[Doorway, ...] = ()
-    """Those that it could not get through."""
+    """Those that it could not get through, and other places as if they were doorways."""
+    stuck_at: tuple[Doorway, ...] = ()
+    """The same, of all ways so far."""
     sweep: Sweep | None = None
     """In SWEEP."""
     roomy_ne_m: Vector2 | None = None
@@ -134,8 +137,16 @@ def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel
         within_m,
         course=before.course,
         known=before.known,
+        shut=stuck_twice(before),
+        stuck_at=before.stuck_at,
         roomy_ne_m=before.roomy_ne_m,
     )
+
+
+def stuck_twice(travel: Travel) -> tuple[Doorway, ...]:
+    """Where it was stuck on two ways; somebody may have stood there the first time."""
+    places = travel.stuck_at
+    return tuple(at for i, at in enumerate(places) if any(map(at.is_same, places[:i])))
 
 
 def step(
@@ -258,21 +269,29 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
 
 
 def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
-    """Not through the doorway before which it is stuck; home, not on from where it is stuck."""
+    """Through another doorway; home, round any place that it is stuck at."""
     here = sight.pose.north_m, sight.pose.east_m
-    near = (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M)
-    stuck_at = next(near, None) or _ahead(travel, here)
-    if stuck_at is not None:
-        avoiding = replace(travel, shut=(*travel.shut, stuck_at), progress_s=sight.pose.time_s)
-        ways = _ways(avoiding, here, space, plan)
-        if ways.reaches(travel.goal_ne_m):
-            return along(ways, avoiding, sight)
+    doorway = next(
+        (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M), None
+    )
+    stuck_at = doorway or _ahead(travel, here)
+    if stuck_at is None:
+        return replace(travel, phase=TravelPhase.GAVE_UP)
+    travel = replace(
+        travel,
+        shut=(*travel.shut, stuck_at),
+        stuck_at=(*travel.stuck_at, stuck_at),
+        progress_s=sight.pose.time_s,
+    )
+    may_go_round = doorway is not None or travel.goes_home
+    if may_go_round and (ways := _ways(travel, here, space, plan)).reaches(travel.goal_ne_m):
+        return along(ways, travel, sight)
     return replace(travel, phase=TravelPhase.GAVE_UP)
 
 
 def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
-    """What it does not get through on its way home, as if it were a doorway; not for ever."""
-    if not travel.goes_home or not travel.way or len(travel.shut) >= MOST_SHUT:
+    """What it does not get through, as if it were a doorway; on its way home not for ever."""
+    if not travel.way or (travel.goes_home and len(travel.shut) >= MOST_SHUT):
         return None
     north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
     away_m = max(math.hypot(north_m, east_m), CELL_M)

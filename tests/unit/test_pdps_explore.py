@@ -742,6 +742,41 @@ def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     assert not goes or max(abs(east_m) for _, east_m in travel.way) > 0.5
 
 
+def stuck_on_a_way(before: Travel | None) -> Travel:
+    """It has looked round, and gets no farther than to the start."""
+    grid = open_ground()
+    travel = replace(travelling.onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
+    for time_s in (10.0, 21.0):
+        travel, _ = gone(travel, grid, time_s=time_s)
+    return travel
+
+
+def test_where_it_was_stuck_on_two_ways_nothing_is_looked_for_any_more() -> None:
+    once = stuck_on_a_way(None)
+    assert once.phase is TravelPhase.GAVE_UP
+    assert travelling.stuck_twice(once) == ()
+    twice = stuck_on_a_way(once)
+    ahead, *_ = travelling.stuck_twice(twice)
+    assert math.dist(ahead.middle_ne_m, (0.5, 0.0)) < 0.2
+    grid = open_ground()
+    for travel, leads_ahead in ((once, True), (twice, False)):
+        explore = Explore(ExplorePhase.CHOOSE, came=travel)
+        while explore.ways is None:
+            explore, _ = step(explore, sight(), grid, PLAN)
+        straight = max(abs(east_m) for _, east_m in explore.ways.to((1.5, 0.0))) < 0.3
+        assert straight is leads_ahead
+
+
+def test_a_place_given_up_is_remembered_for_the_next() -> None:
+    explore, grid = going(open_ground()), open_ground()
+    assert explore.look is not None
+    stuck = replace(explore, travel=stuck_on_a_way(None))
+    after, _ = step(stuck, sight(), grid, PLAN)
+    assert after.phase is ExplorePhase.CHOOSE
+    assert after.came is not None
+    assert len(after.came.stuck_at) == 1
+
+
 def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway() -> None:
     grid = open_ground()
     for row in range(-40, 41):
