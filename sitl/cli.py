@@ -275,7 +275,9 @@ def fly(
     outputs: list[Callable[[], object]] = []
     missed = ""
     if transport is Transport.UDP:
-        result = fly_in_two(options, flown, settings, speed, out or Path("out"))
+        result = fly_in_two(
+            options, flown, settings, speed, out=out or Path("out"), console=console
+        )
     else:
         result, plan, missed = fly_in_one_process(
             options, flown, settings, transport.value, out=out, console=console

@@ -16,6 +16,8 @@ from sitl.processes import fly_in_two_processes
 from sitl.report import Report, make_report
 from sitl.testing.mission_file import MissionFile
 from sitl.testing.script import Play
+from sitl.world.checking import warnings
+from sitl.world.format import World
 
 
 def fly_in_one_process(
@@ -33,6 +35,7 @@ def fly_in_one_process(
     """
     began_s = time.monotonic()
     setup, watch = options.setup()
+    _warn(setup.world, console)
     script = Play(mission.events)
     recorder = open_recorder(out, settings, time.time(), console.print) if out else NOT_RECORDED
     with ProgressLine(console) as progress:
@@ -64,7 +67,9 @@ def fly_in_two(
     mission: MissionFile,
     settings: Config,
     speed: float,
+    *,
     out: Path,
+    console: Console,
 ) -> Report:
     """As on a drone, over UDP and a served bus.
 
@@ -75,6 +80,7 @@ def fly_in_two(
         raise SitlError("a mission with events needs --transport direct or bytes")
     began_s = time.monotonic()
     setup, _ = options.setup()
+    _warn(setup.world, console)
     flight = fly_in_two_processes([*options.arguments(), f"--speed={speed}"], settings, out)
     return make_report(
         setup,
@@ -84,3 +90,9 @@ def fly_in_two(
         outcome=flight,
         waited_s=time.monotonic() - began_s,
     )
+
+
+def _warn(world: World, console: Console) -> None:
+    """Of what should be known of the scores: the same as `sitl world check`."""
+    for warning in warnings(world):
+        console.print(f"warning: {warning}", soft_wrap=True)

@@ -109,6 +109,11 @@ def _fly(job: Job) -> Flown:
         "false_alarms": None if mission.events else watched.alarms,
     }
     row = {**report, **job.key, "lost": False, **seen}
+    if script.missed:
+        row |= {
+            "completed": False,
+            "ending": f"{row['ending']}, before these events: {script.missed}",
+        }
     return Flown(row, _sketch(truth, plan, simulation.record))
 
 

@@ -1,5 +1,6 @@
 """A flight in which nothing of what is scripted happens tests nothing, and says so."""
 
+import json
 from pathlib import Path
 
 import pytest
@@ -62,5 +63,11 @@ def test_so_does_one_of_a_missions_file(sitl: Sitl, tmp_path: Path) -> None:
     assert isinstance(ended.exception, SitlError)
     assert "the flight ended before these events: at 900 s" in str(ended.exception)
     assert "coverage" in ended.output
+    benched = CliRunner().invoke(
+        commands,
+        ["bench", "missions", "--worlds", SMALL_ROOM, "--mission", str(path), "--json"],
+    )
+    assert "before these events: at 900 s" in benched.output
+    assert json.loads(benched.stdout)["rows"][0]["completed"] is False
     path.write_text(MISSION + "optional = true\n")
     sitl.fly(SMALL_ROOM, mission=str(path))

@@ -13,6 +13,7 @@ from PIL import Image
 from typer.testing import CliRunner
 
 from companion.messages import FloorPlan, WallSegment
+from sitl.cli import commands as flying
 from sitl.score import MapScore, score_map
 from sitl.truth import TrueState
 from sitl.world.cli import commands
@@ -369,6 +370,15 @@ def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: P
     assert "warning: " in output
     assert "of what could be reached is unknown" in output
     assert output.rstrip().endswith("see the warnings")
+
+
+def test_a_flight_there_begins_with_the_same_warning(tmp_path: Path) -> None:
+    mission = tmp_path / "short.toml"
+    mission.write_text("[mission]\ntime_limit_s = 5\n")
+    world = write(tmp_path, fan_room())
+    flown = CliRunner().invoke(flying, ["fly", world, "--mission", str(mission)])
+    assert flown.output.startswith("warning: ")
+    assert "of what could be reached is unknown" in flown.output
 
 
 def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path: Path) -> None:
