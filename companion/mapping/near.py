@@ -184,42 +184,42 @@ class Near:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
                 continue
-            age_s = unit.model.mean_age_s  # where the drone was, and turned to, when it measured
-            bearing_frd_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
-            cos_b, sin_b = math.cos(bearing_frd_rad), math.sin(bearing_frd_rad)
-            eye_frd_m = -age_s * np.array(self._velocity_frd_m_s)
-            along_m = (relative - eye_frd_m) @ (cos_b, sin_b)
-            aside_m = (relative - eye_frd_m) @ (-sin_b, cos_b)
-            is_on_beam = self._is_measured & (np.abs(aside_m) < ALIAS_ASIDE_M) & (along_m > 0)
-            known_m = float(along_m[is_on_beam].min(initial=math.inf)) - unit.offset_m
-            unfolded = self._folds.unfolded(beam, reading, known_m)
-            readings[beam] = unfolded
-            free_m = _seen_through_m(unfolded, unit)
-            self._pass_through(scan.time_s, along_m, aside_m, free_m)
-            end = _end_m(unfolded, unit.offset_m)
-            again = _met_again(unfolded, unit, along_m, is_on_beam)
+            line = self._line(unit, relative, yaw_rate_rad_s)
+            is_on_it = self._is_measured & (np.abs(line.aside_m) < ALIAS_ASIDE_M)
+            is_on_it &= line.along_m > 0
+            known_m = float(line.along_m[is_on_it].min(initial=math.inf)) - unit.offset_m
+            unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
+            self._pass_through(scan.time_s, line, _seen_through_m(unfolded, unit))
+            end, known = _end_m(unfolded, unit.offset_m), _how_known(reading, unfolded)
+            again = _met_again(unfolded, unit, line.along_m, is_on_it)
             if again is not None:
                 self._points[again, _PASSED:] = -math.inf
-                end = float(along_m[again]), 0.0
+                end, known = (float(line.along_m[again]), 0.0), _TOO_STRONG
             if end is not None:
                 end_m, sigma_m = end
-                place = eye_frd_m[0] + end_m * cos_b, eye_frd_m[1] + end_m * sin_b
-                known = _TOO_STRONG if again is not None else _how_known(reading, unfolded)
-                met.append((place, (known, sigma_m, self._yaw_rad + bearing_frd_rad)))
+                met.append((line.at_m(end_m), (known, sigma_m, self._yaw_rad + line.bearing_rad)))
         self._points = self._points[~self._gone(scan.time_s)]
         for place, how in met:
             self._put(place, scan.time_s, *how)
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
-    def _pass_through(
-        self, time_s: float, along_m: Points, aside_m: Points, free_m: Vector2
-    ) -> None:
-        """A beam has shown that it is free from and to so far; points are (n,) along and aside."""
+    def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> "_Line":
+        """From where the drone was, and turned to, when the sensor measured."""
+        age_s = unit.model.mean_age_s
+        bearing_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
+        cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
+        forward_m_s, right_m_s = self._velocity_frd_m_s
+        eye_frd_m = -age_s * forward_m_s, -age_s * right_m_s
+        from_eye = relative - eye_frd_m
+        return _Line(eye_frd_m, bearing_rad, from_eye @ (cos_b, sin_b), from_eye @ (-sin_b, cos_b))
+
+    def _pass_through(self, time_s: float, line: "_Line", free_m: Vector2) -> None:
+        """A beam has shown that it is free from and to so far."""
         from_m, to_m = free_m
-        beyond = along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
-        farthest_m = along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
-        strip = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(int)
+        beyond = line.along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
+        farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
+        strip = np.floor(line.aside_m / STRIP_M + STRIPS / 2).astype(int)
         passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
         self._points[passed, _PASSED + strip[passed]] = time_s
 
@@ -293,6 +293,24 @@ class Near:
         return relative
 
 
+@dataclass(frozen=True, slots=True)
+class _Line:
+    """Of sight: where the beam of a sensor went when it measured, body FRD as it is now."""
+
+    eye_frd_m: Vector2
+    bearing_rad: float
+    along_m: Points
+    """(n,): of the points, from the eye,"""
+    aside_m: Points
+    """(n,): and to the right of it."""
+
+    def at_m(self, along_m: float) -> Vector2:
+        """The place so far along it."""
+        forward_m, right_m = self.eye_frd_m
+        cos_b, sin_b = math.cos(self.bearing_rad), math.sin(self.bearing_rad)
+        return forward_m + along_m * cos_b, right_m + along_m * sin_b
+
+
 def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
     """What lies along the beam from here to there is gone.
 
@@ -317,13 +335,13 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
 
 
 def _met_again(
-    reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_beam: NDArray[np.bool_]
+    reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_it: NDArray[np.bool_]
 ) -> int | None:
-    """Which of the points (n,) along the beam what is too near to be measured now was, if any.
+    """Which of the points (n,) on a line of sight what is too near to be measured now was, if any.
 
     Its signal means one distance near the least that is measured, or one nearer than the peak.
     """
-    if reading.state is not RangeState.TOO_NEAR or not is_on_beam.any():
+    if reading.state is not RangeState.TOO_NEAR or not is_on_it.any():
         return None
     guess_m = _guess_m(reading, unit.offset_m)
     alias_m = unit.model.alias_m(guess_m)
@@ -331,7 +349,7 @@ def _met_again(
     off_m = np.abs(from_unit_m - guess_m)
     if alias_m is not None:
         off_m = np.minimum(off_m, np.abs(from_unit_m - alias_m))
-    off_m = np.where(is_on_beam, off_m, math.inf)
+    off_m = np.where(is_on_it, off_m, math.inf)
     likeliest = int(off_m.argmin())
     return likeliest if off_m[likeliest] <= ALIAS_M else None
 
