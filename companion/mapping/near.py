@@ -190,14 +190,14 @@ class Near:
             known_m = float(line.along_m[is_on_it].min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
             self._pass_through(scan.time_s, line, _seen_through_m(unfolded, unit))
-            end, known = _end_m(unfolded, unit.offset_m), _how_known(reading, unfolded)
+            end = _end_m(unfolded, unit.offset_m)
             again = _met_again(unfolded, unit, line.along_m, is_on_it)
             if again is not None:
-                self._points[again, _PASSED:] = -math.inf
-                end, known = (float(line.along_m[again]), 0.0), _TOO_STRONG
-            if end is not None:
+                self._meet_again(again, line, scan.time_s)
+            elif end is not None:
                 end_m, sigma_m = end
-                met.append((line.at_m(end_m), (known, sigma_m, self._yaw_rad + line.bearing_rad)))
+                how = _how_known(reading, unfolded), sigma_m, self._yaw_rad + line.bearing_rad
+                met.append((line.at_m(end_m), how))
         self._points = self._points[~self._gone(scan.time_s)]
         for place, how in met:
             self._put(place, scan.time_s, *how)
@@ -219,9 +219,20 @@ class Near:
         from_m, to_m = free_m
         beyond = line.along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
-        strip = np.floor(line.aside_m / STRIP_M + STRIPS / 2).astype(int)
+        strip = _strip(line.aside_m)
         passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
         self._points[passed, _PASSED + strip[passed]] = time_s
+
+    def _meet_again(self, point: int, line: "_Line", time_s: float) -> None:
+        """It still stands there, or where the beam is, if beams went through where it was.
+
+        It does not move along a surface, then, that goes on to either side.
+        """
+        strip = np.clip(_strip(line.aside_m[point]), 0, STRIPS - 1)
+        self._points[point, _PASSED + strip] = -math.inf
+        if self._points[point, _PASSED + STRIPS // 2] > time_s - PASSED_WITHIN_S:
+            self._points[point, :2] = self._place(line.at_m(float(line.along_m[point])))
+            self._points[point, _PASSED:] = -math.inf
 
     def _turns_rad_s(self, time_s: float) -> float:
         """By the headings now and when it was looked last."""
@@ -265,8 +276,7 @@ class Near:
     def _put(
         self, at_frd_m: Vector2, time_s: float, known: float, sigma_m: float, ray_rad: float
     ) -> None:
-        north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
-        place = self._ne_m[0] + north_m, self._ne_m[1] + east_m
+        place = self._place(at_frd_m)
         off_m = self._points[:, :2] - place
         off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _MET_S] > OLD_S
@@ -283,6 +293,11 @@ class Near:
         self._points = np.vstack(
             [self._points[~again], (*place, time_s, known, sigma_m, ray_rad, *NOT_PASSED)]
         )
+
+    def _place(self, at_frd_m: Vector2) -> Vector2:
+        """In its own frame."""
+        north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
+        return self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
@@ -309,6 +324,12 @@ class _Line:
         forward_m, right_m = self.eye_frd_m
         cos_b, sin_b = math.cos(self.bearing_rad), math.sin(self.bearing_rad)
         return forward_m + along_m * cos_b, right_m + along_m * sin_b
+
+
+def _strip(aside_m: Points) -> NDArray[np.int64]:
+    """Which of those around a point a beam goes through that has it so far to its right."""
+    strip: NDArray[np.int64] = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(np.int64)
+    return strip
 
 
 def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
