@@ -196,13 +196,19 @@ def _rooms(faces: Sequence[Polygon], cuts: Sequence[LineString], looks: Lines) -
         beside = [
             number
             for number, room in enumerate(rooms)
-            if room.intersection(corner).intersection(doorsteps).length > IN_LINE_M
+            if _longest_m(room.intersection(corner).intersection(doorsteps)) > IN_LINE_M
         ]
         if len(beside) == 1:
             joined = shapely.union(rooms[beside[0]], corner, grid_size=GRID_M)
             assert isinstance(joined, Polygon)  # they have a side in common
             rooms[beside[0]] = joined
     return sorted(rooms, key=lambda room: -room.area)
+
+
+def _longest_m(sides: shapely.Geometry) -> float:
+    """Of its pieces: the ends of a wall's two faces do not open its inside to a room together."""
+    merged = shapely.line_merge(sides)
+    return float(shapely.length(shapely.get_parts(merged)).max(initial=0.0))
 
 
 def _can_stand_in(face: Polygon) -> bool:

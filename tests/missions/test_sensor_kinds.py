@@ -78,8 +78,7 @@ def test_bent_mounts_cost_nothing_if_they_are_told(
     assert flight.report.coverage >= 0.93
     assert flight.report.wall_error_aligned_cm <= 5
     areas_m2 = [room.area_m2 for room in survey(flight.plan).rooms]
-    # walls go on behind furniture; 5 cm on all of 19 m would be 0.95 m2 of 22
-    assert areas_m2 == pytest.approx(rooms_m2, rel=0.04)
+    assert areas_m2 == pytest.approx(rooms_m2, rel=0.03)  # walls go on behind furniture
 
 
 def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:

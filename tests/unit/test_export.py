@@ -360,6 +360,17 @@ def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
     assert not found.openings
 
 
+def test_the_inside_of_a_wall_is_no_part_of_a_room_though_its_ends_open_to_it() -> None:
+    """It is 14 cm thick, one face ends 3 cm before the outer wall, and noise looks into it."""
+    outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
+    south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
+    north = [((4.54, 0), (4.54, 2.01)), ((4.54, 2.99), (4.54, 5))]
+    way = [(2, 1), (4.47, 1), (2, 1), (2, 2.5), (7, 2.5), (2, 2.5), (2, 4), (4.47, 4)]
+    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
+    rooms = survey(FloorPlan(walled([*outer, *south, *north]), (), path)).rooms
+    assert [room.area_m2 for room in rooms] == pytest.approx([22.3, 22.0], abs=0.15)
+
+
 def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_path: Path) -> None:
     found = survey(true_plan("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)]))
     glb, dxf = export(found, ["glb", "dxf"], tmp_path, "map", LABELS)
