@@ -13,6 +13,9 @@ Recordings and exports follow their readers' habits: ENU (x east, y north, z up)
 import math
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
@@ -31,6 +34,15 @@ def frd_to_ned(forward: float, right: float, yaw_rad: float) -> Vector2:
 def ned_to_frd(north: float, east: float, yaw_rad: float) -> Vector2:
     """Horizontal (north, east) vector to body (forward, right)."""
     return frd_to_ned(north, east, -yaw_rad)
+
+
+def points_to_frd(points_ne_m: NDArray[np.float64], yaw_rad: float) -> NDArray[np.float64]:
+    """Horizontal vectors (n, 2), north and east, to forward and right."""
+    cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
+    points_frd_m: NDArray[np.float64] = points_ne_m @ np.array(
+        [[cos_yaw, -sin_yaw], [sin_yaw, cos_yaw]]
+    )
+    return points_frd_m
 
 
 def ned_to_enu(vector_ned: Vector3) -> Vector3:

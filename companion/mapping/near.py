@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.frames import Vector2, frd_to_ned, ned_to_frd, points_to_frd, wrap_rad
 from companion.mapping.folds import ALIAS_M, Folds
 from companion.messages import (
     BEARING_FRD_RAD,
@@ -301,11 +301,7 @@ class Near:
 
     def _relative(self) -> Points:
         """(n, 2), forward and right of the drone's centre."""
-        off = self._points[:, :2] - self._ne_m
-        cos_y, sin_y = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
-        rotation = np.array([[cos_y, -sin_y], [sin_y, cos_y]])
-        relative: Points = off @ rotation
-        return relative
+        return points_to_frd(self._points[:, :2] - self._ne_m, self._yaw_rad)
 
 
 @dataclass(frozen=True, slots=True)

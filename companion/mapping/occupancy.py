@@ -211,14 +211,8 @@ class Occupancy:
 
         And when each was last met (n,).
         """
-        row, column = self.cell(place_ne_m)
-        reach = math.ceil(within_m / CELL_M)
-        top, left = max(row - reach, 0), max(column - reach, 0)
-        window = np.s_[top : row + reach + 1, left : column + reach + 1]
-        cells = np.argwhere(self._layers.log_odds[window] > OCCUPIED_ABOVE)
-        met_s = self._layers.met_s[window][cells[:, 0], cells[:, 1]]
-        corner = np.add(self._low, (top, left))
-        return CELL_M * ((cells + corner).astype(np.float64) + 0.5), met_s
+        cells = self._near(place_ne_m, within_m, lambda near: near.log_odds > OCCUPIED_ABOVE)
+        return self._middles(cells), self._layers.met_s[cells[:, 0], cells[:, 1]]
 
     def met_before(
         self, time_s: float, place_ne_m: Vector2, within_m: float, flown_m: float
@@ -229,16 +223,28 @@ class Occupancy:
         """
         met_ne_m, met_s = self.met_near(place_ne_m, within_m)
         before = met_ne_m[(met_s > 0) & (met_s < time_s)]
-        row, column = self.cell(place_ne_m)
-        reach = math.ceil((within_m + flown_m) / CELL_M)
-        top, left = max(row - reach, 0), max(column - reach, 0)
-        flown = np.argwhere(self.flown[top : row + reach + 1, left : column + reach + 1])
-        if not len(before) or not len(flown):
+        if not len(before):
             return before
-        flown_ne_m = CELL_M * (flown + np.add(self._low, (top, left)) + 0.5)
-        off_m = np.linalg.norm(before[:, None] - flown_ne_m, axis=2).min(axis=1)
+        flown = self._near(place_ne_m, within_m + flown_m, lambda near: near.flown)
+        apart = before[:, None] - self._middles(flown)
+        off_m = np.linalg.norm(apart, axis=2).min(axis=1, initial=math.inf)
         unflown: Metres = before[off_m > flown_m]
         return unflown
+
+    def _near(
+        self, place_ne_m: Vector2, within_m: float, which: Callable[[_Layers], Cells]
+    ) -> NDArray[np.int64]:
+        """Rows and columns (n, 2) of some of the cells that are so near, or hardly farther."""
+        row, column = self.cell(place_ne_m)
+        reach = math.ceil(within_m / CELL_M)
+        top, left = max(row - reach, 0), max(column - reach, 0)
+        window = np.s_[top : row + reach + 1, left : column + reach + 1]
+        cells = np.argwhere(which(self._layers.each(lambda layer: layer[window])))
+        return np.add(cells, (top, left))
+
+    def _middles(self, cells: NDArray[np.int64]) -> Metres:
+        """(n, 2): of cells (n, 2)."""
+        return CELL_M * ((cells + self._low).astype(np.float64) + 0.5)
 
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
         """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
