@@ -9,7 +9,7 @@ measured there before says it better.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, points_to_frd, wrap_rad
 from companion.mapping.folds import ALIAS_M, Folds
+from companion.mapping.passed import TO_M, Passed
 from companion.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -88,6 +89,11 @@ class Drift:
 NO_DRIFT = Drift()
 
 
+def _all_m(bearing_frd_rad: float) -> float:
+    """Where nothing is looked at, as in a test, all was gone through."""
+    return TO_M
+
+
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """What the guard needs to know, body FRD, from the drone's centre."""
@@ -103,6 +109,8 @@ class Surroundings:
     """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
     recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2): what was met longer ago, where the map has it."""
+    passed_m: Callable[[float], float] = _all_m
+    """How far beams have gone through all of the way, by its bearing, FRD, from the centre."""
 
 
 class Near:
@@ -116,6 +124,7 @@ class Near:
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
         self._points: Points = np.empty((0, _PASSED + STRIPS))
+        self._passed = Passed()
         self._folds = Folds(units)
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
@@ -132,7 +141,12 @@ class Near:
             lag_s,
             self._points[:, _SIGMA_M] > 0,
             self._drift_m(),
+            passed_m=self._passed_m,
         )
+
+    def _passed_m(self, bearing_frd_rad: float) -> float:
+        now_s = self._seen[0] if self._seen else 0.0
+        return self._passed.clear_m(self._ne_m, self._yaw_rad + bearing_frd_rad, now_s)
 
     def _nearest(self) -> Points:
         """(n, 2), forward and right: vague ones where they may stand nearest, along their beam."""
@@ -189,15 +203,19 @@ class Near:
             is_on_it &= line.along_m > 0
             known_m = float(line.along_m[is_on_it].min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
-            self._pass_through(scan.time_s, line, _seen_through_m(unfolded, unit))
+            free_m = _seen_through_m(unfolded, unit)
+            self._pass_through(scan.time_s, line, free_m)
+            bearing_rad = self._yaw_rad + line.bearing_rad
+            self._passed.go(self._place(line.eye_frd_m), bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
             again = _met_again(unfolded, unit, line.along_m, is_on_it)
             if again is not None:
                 self._meet_again(again, line, scan.time_s)
             elif end is not None:
                 end_m, sigma_m = end
-                how = _how_known(reading, unfolded), sigma_m, self._yaw_rad + line.bearing_rad
+                how = _how_known(reading, unfolded), sigma_m, bearing_rad
                 met.append((line.at_m(end_m), how))
+        self._passed.stand(self._ne_m, scan.time_s)
         self._points = self._points[~self._gone(scan.time_s)]
         for place, how in met:
             self._put(place, scan.time_s, *how)

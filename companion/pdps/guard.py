@@ -12,10 +12,14 @@ narrow one by what was met a moment ago: the map's cells are too coarse for that
 something ahead on its course, it may be as near to what is on both sides of it, but not to what is
 ahead: it would be held fast between them, and what it knows of them drifts.
 
+What no beam has met may stand there all the same, if no beam has gone there. So the drone is no
+faster than it stops before the first place, as wide as it is, that beams have not gone through.
+
 Only the map knows what was met minutes ago. That bounds the speed towards it as in a passage, and
 the drone does not give way to it: the map may be off by decimetres.
 """
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -24,6 +28,7 @@ from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import DRIFT_SIGMAS, Points, Surroundings
 from companion.mapping.occupancy import CELL_M
+from companion.mapping.passed import HULL_M
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -47,6 +52,9 @@ NARROW_M = 0.7
 CENTRING_GAIN_1_S = 1.2
 COURSE_M_S = 0.1
 """Slower than this the drone hovers, and has no course."""
+CRAWL_M_S = 0.2
+"""At which a swing of the nose passes over all of the way before the drone comes there: it goes on
+by a third of a metre from one side to the other."""
 FULL_ROUNDS, ROUNDS = 8, 40
 LEAST_SPEED_M_S = 0.02
 
@@ -67,15 +75,27 @@ class _Bounds:
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
     """The velocity as near to `setpoint` as is safe; `clearance_m` is from the body's hull."""
     points = around.points_frd_m
-    if not len(points) and not len(around.recalled_frd_m):
-        return setpoint
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
     bounds = _by_points(around, clearance_m, passage), _by_recalled(around)
     towards = np.concatenate([each.towards for each in bounds])
     most_m_s = np.concatenate([each.most_m_s for each in bounds])
-    forward, right = _bounded(_to_the_middle(wanted, passage), towards, most_m_s)
+    safe = _bounded(_to_the_middle(wanted, passage), towards, most_m_s)
+    forward, right = _through_what_was_passed(safe, around)
     return replace(setpoint, forward_m_s=forward, right_m_s=right)
+
+
+def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2:
+    """No faster than it stops before what beams have not gone through, but at a crawl."""
+    speed_m_s = math.hypot(*velocity)
+    if speed_m_s <= CRAWL_M_S:
+        return velocity
+    forward_m_s, right_m_s = velocity
+    left_m = around.passed_m(math.atan2(right_m_s, forward_m_s)) - HULL_M
+    left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
+    most_m_s = max(CRAWL_M_S, math.sqrt(2 * BRAKING_M_S2 * max(left_m, 0.0)))
+    share = min(1.0, most_m_s / speed_m_s)
+    return share * forward_m_s, share * right_m_s
 
 
 def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
@@ -127,6 +147,8 @@ def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
     alike: in too narrow a gap the drone is led to the middle. Hovering, it would drift into a side.
     """
     velocity = wanted.copy()
+    if not len(towards):
+        return float(velocity[0]), float(velocity[1])
     for round_ in range(ROUNDS):
         over = towards @ velocity - most_m_s
         worst = int(over.argmax())

@@ -1,6 +1,7 @@
 """What is near is remembered, and no velocity leads too close to it."""
 
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -195,6 +196,11 @@ class Drone:
         self.turn_to(0.0)
 
     @property
+    def all_passed(self) -> Surroundings:
+        """As if beams had gone everywhere."""
+        return replace(self.near.surroundings(0.5), passed_m=lambda _: 3.0)
+
+    @property
     def points(self) -> list[Place]:
         """Those that are known exactly."""
         around = self.near.surroundings(0.5)
@@ -275,9 +281,9 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
     drone.move(2.2)
-    far = guarded(FORWARD, drone.near.surroundings(0.5), CLEARANCE_M).forward_m_s
+    far = guarded(FORWARD, drone.all_passed, CLEARANCE_M).forward_m_s
     drone.see(front=at(1.2))
-    exact = guarded(FORWARD, drone.near.surroundings(0.5), CLEARANCE_M).forward_m_s
+    exact = guarded(FORWARD, drone.all_passed, CLEARANCE_M).forward_m_s
     assert 0 < far < exact < FORWARD.forward_m_s
     assert len(drone.near.surroundings(0.5).points_frd_m) == 1
 

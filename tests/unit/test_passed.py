@@ -1,0 +1,93 @@
+"""No faster than the drone stops before what beams have not gone through."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from companion.drivers.sharp import GP2Y0A710K0F
+from companion.mapping.near import Near, Surroundings
+from companion.mapping.passed import HULL_M, LATELY_S, TO_M, Passed
+from companion.messages import (
+    BEARING_FRD_RAD,
+    Beam,
+    Odometry,
+    RangeReading,
+    RangeScan,
+    RangeState,
+    RangeUnit,
+    Setpoint,
+)
+from companion.pdps.control import BRAKING_M_S2
+from companion.pdps.guard import CRAWL_M_S, guarded
+
+HERE = (7.3, -4.1)
+SWING_RAD = math.radians(14)
+
+
+def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0) -> Passed:
+    """A beam has swung about a bearing, to either side; but not near one direction off it."""
+    passed = Passed()
+    passed.stand(HERE, 10.0)
+    for off_rad in np.arange(-SWING_RAD, SWING_RAD, math.radians(step_deg)):
+        if abs(off_rad - but_rad) > math.radians(2.0):
+            passed.go(HERE, bearing_rad + float(off_rad), (0.0, 3.5), 10.0)
+    return passed
+
+
+@pytest.mark.parametrize("bearing_deg", [0, 30, 90, 217, -45])
+def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
+    bearing_deg: float,
+) -> None:
+    """From 0.8 m on; nearer the hull's flanks were passed when they were farther ahead."""
+    bearing_rad = math.radians(bearing_deg)
+    passed = swung(bearing_rad)
+    assert passed.clear_m(HERE, bearing_rad, 10.1) < 0.8
+    cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
+    farther = HERE[0] + 0.7 * cos_b, HERE[1] + 0.7 * sin_b
+    assert passed.clear_m(farther, bearing_rad, 10.1) > 1.5
+    assert passed.clear_m(farther, bearing_rad + math.pi, 10.1) < 0.6
+
+
+def test_a_leg_may_stand_between_two_beams() -> None:
+    passed = swung(but_rad=math.radians(5))
+    passed.stand((HERE[0] + 0.7, HERE[1]), 10.0)
+    clear_m = passed.clear_m((HERE[0] + 0.7, HERE[1]), 0.0, 10.1)
+    assert clear_m < 1.0
+
+
+def test_what_was_gone_through_long_ago_says_nothing() -> None:
+    passed = swung()
+    farther = HERE[0] + 0.7, HERE[1]
+    assert passed.clear_m(farther, 0.0, 10.1 + LATELY_S) < 0.5
+
+
+def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
+    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
+    nothing = RangeReading(RangeState.NOTHING)
+    near.move(odometry)
+    for tick, heading_rad in enumerate(np.arange(-0.5, 0.5, 0.005)):
+        near.turn_to(float(heading_rad))
+        near.see(RangeScan(0.05 * tick, {Beam.FRONT: nothing}))
+    near.turn_to(0.0)
+    near.move(replace(odometry, position_ned_m=(0.4, 0.0, -1.2)))
+    near.see(RangeScan(10.0, {Beam.FRONT: nothing}))
+    around = near.surroundings(0.3)
+    assert around.passed_m(0.0) > 1.5
+    assert around.passed_m(math.pi / 2) < 0.5
+    assert guarded(Setpoint(1.0), around, 0.3).forward_m_s > 0.9
+    assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s == pytest.approx(CRAWL_M_S)
+
+
+@pytest.mark.parametrize("clear_m", [0.3, 0.6, 1.0, TO_M])
+def test_the_drone_stops_before_what_was_not_gone_through(clear_m: float) -> None:
+    around = Surroundings(passed_m=lambda _: clear_m)
+    safe = guarded(Setpoint(0.6, -0.8, yaw_rate_rad_s=0.4), around, 0.3)
+    stops_m_s = math.sqrt(2 * BRAKING_M_S2 * (clear_m - HULL_M))
+    speed_m_s = math.hypot(safe.forward_m_s, safe.right_m_s)
+    assert speed_m_s == pytest.approx(max(CRAWL_M_S, min(1.0, stops_m_s)))
+    course_rad = math.atan2(safe.right_m_s, safe.forward_m_s)
+    assert course_rad == pytest.approx(math.atan2(-0.8, 0.6))
+    assert safe.yaw_rate_rad_s == 0.4
