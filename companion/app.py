@@ -267,6 +267,7 @@ class App:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
+        around = self._around(pose)
         view = View(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
@@ -280,9 +281,10 @@ class App:
                 self.estimator.known_walls if self.estimator else KnownWalls.none,
                 self._lag.lag_s,
                 wander_m,
+                around.passed_m,
             ),
             space=self.space.grid,
-            around=self._around(pose),
+            around=around,
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,
             fault=self._health.fault(inputs.telemetry.vehicle),

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, points_to_frd, wrap_rad
 from companion.mapping.folds import ALIAS_M, Folds
-from companion.mapping.passed import TO_M, Passed
+from companion.mapping.passed import Passed, all_passed_m
 from companion.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -89,11 +89,6 @@ class Drift:
 NO_DRIFT = Drift()
 
 
-def _all_m(bearing_frd_rad: float) -> float:
-    """Where nothing is looked at, as in a test, all was gone through."""
-    return TO_M
-
-
 @dataclass(frozen=True, slots=True)
 class Surroundings:
     """What the guard needs to know, body FRD, from the drone's centre."""
@@ -109,8 +104,8 @@ class Surroundings:
     """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
     recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2): what was met longer ago, where the map has it."""
-    passed_m: Callable[[float], float] = _all_m
-    """How far beams have gone through all of the way, by its bearing, FRD, from the centre."""
+    passed_m: Callable[[float], float] = all_passed_m
+    """How far it may go to a bearing, FRD, until it touches what no beam has gone through."""
 
 
 class Near:

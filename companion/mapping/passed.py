@@ -2,12 +2,12 @@
 
 The points of `near.py` tell what was met. What no beam has met may stand there all the same: the
 nose swings while the drone flies on, and a leg of 3 cm is easily missed. So it is known, too, how
-far the whole width of the way ahead has been gone through:
+far the drone may go until its body touches what none of them has gone through:
 
             ░░░░░ ░░░░░      ░ gone through, a gap between two beams
     drone ► ░░░░░ ░░░░░░░░
             ░░░░░░░░░░░
-            ◄───► clear
+            ◄─► clear
 
 The cells lie in the frame of `near.py`, which only odometry moves, and the grid wraps around: the
 other side of it is so far away that what was there is not lately any more.
@@ -22,8 +22,8 @@ from companion.frames import Vector2
 
 CELL_M, CELLS = 0.05, 256
 LATELY_S = 30.0
-"""Odometry drifts by less than a hand in so long. Chosen: with 6 s a room of 10 m took 116 s, with
-30 s 93 s, 80 s without any of this."""
+"""Odometry drifts by less than a hand in so long. Chosen: with 6 s a flight takes a quarter longer,
+for what was looked at from one leg of it is not known any more on the next."""
 TO_M = 3.0
 """Farther off two readings of a beam that swings are more than a cell apart."""
 LEG_M = 0.03
@@ -32,6 +32,8 @@ HULL_M = 0.3
 """From the drone's centre: the body and two cells, where nothing stands since the drone does."""
 HALF_WIDTH_M = 0.2
 """Of the way: the body's."""
+REACH_M = 0.24
+"""From the drone's centre: the body and a cell."""
 STEP_M = 0.5 * CELL_M
 Places = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -47,8 +49,21 @@ def _disc() -> Places:
 
 _DISC = _disc()
 _ALONG_M = np.arange(0.0, TO_M, STEP_M)
-_AHEAD_M = np.arange(HULL_M, TO_M, CELL_M)
-_ASIDE_M = np.arange(-HALF_WIDTH_M, HALF_WIDTH_M + STEP_M, CELL_M)
+_AHEAD_M, _ASIDE_M = (
+    each.ravel()
+    for each in np.meshgrid(
+        np.arange(HULL_M, TO_M, CELL_M),
+        np.arange(-HALF_WIDTH_M, HALF_WIDTH_M + STEP_M, CELL_M),
+        indexing="ij",
+    )
+)
+_REACHED_M = _AHEAD_M - np.sqrt(REACH_M**2 - _ASIDE_M**2)
+"""(n,): how far the drone goes until its body touches each place of the way."""
+
+
+def all_passed_m(bearing_frd_rad: float) -> float:
+    """Where nothing is known of beams, they have gone everywhere."""
+    return TO_M
 
 
 class Passed:
@@ -70,11 +85,11 @@ class Passed:
             self._when_s[_cells(middle + off_m * aside)] = time_s
 
     def clear_m(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> float:
-        """From the drone's centre: so far, up to `TO_M`, has all of the way been gone through."""
+        """So far, up to `TO_M`, the drone may go until it touches what no beam has gone through."""
         ahead, aside = _axes(bearing_rad)
-        places = _AHEAD_M[:, None, None] * ahead + _ASIDE_M[:, None] * aside + place_ne_m
-        is_whole = (self._when_s[_cells(places)] > now_s - LATELY_S).all(axis=1)
-        return TO_M if is_whole.all() else float(_AHEAD_M[is_whole.argmin()])
+        places = _AHEAD_M[:, None] * ahead + _ASIDE_M[:, None] * aside + place_ne_m
+        is_open = self._when_s[_cells(places)] <= now_s - LATELY_S
+        return float(_REACHED_M[is_open].min(initial=TO_M))
 
 
 def _axes(bearing_rad: float) -> tuple[Places, Places]:

@@ -53,12 +53,14 @@ class Course:
 
     bearing_rad: float
     since_s: float
+    side: int = 1
+    """To which the nose swings first, 1 is right: on from the turn, which has shown the other."""
 
     def swing(self, now_s: float) -> tuple[float, float]:
         """How far off the course the nose should be now, to the right, and how quickly it turns."""
         phase_rad = math.tau * (now_s - self.since_s) / SWING_S
-        rate_rad_s = math.tau / SWING_S * SWING_RAD
-        return SWING_RAD * math.sin(phase_rad), rate_rad_s * math.cos(phase_rad)
+        swing_rad = self.side * SWING_RAD
+        return swing_rad * math.sin(phase_rad), math.tau / SWING_S * swing_rad * math.cos(phase_rad)
 
 
 def passed(way: Way, sight: Sight, within_m: float) -> Way:
@@ -76,7 +78,8 @@ def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
         return course
     if _looking(bearing_rad, sight) is None:
         return None
-    return Course(bearing_rad, sight.pose.time_s)
+    side = 1 if wrap_rad(bearing_rad - sight.pose.yaw_rad) >= 0 else -1
+    return Course(bearing_rad, sight.pose.time_s, side)
 
 
 def follow(

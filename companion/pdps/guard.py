@@ -28,7 +28,6 @@ from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.near import DRIFT_SIGMAS, Points, Surroundings
 from companion.mapping.occupancy import CELL_M
-from companion.mapping.passed import HULL_M
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp
 from companion.values import value
@@ -52,6 +51,9 @@ NARROW_M = 0.7
 CENTRING_GAIN_1_S = 1.2
 COURSE_M_S = 0.1
 """Slower than this the drone hovers, and has no course."""
+STOPS_M_S2 = 1.0
+"""Firmware brakes harder than this besides its lag: from 0.8 m/s it stops within 0.4 to 0.6 m
+(docs/autopilot.md). Enough for what is not seen, and most likely is not there."""
 CRAWL_M_S = 0.2
 """At which a swing of the nose passes over all of the way before the drone comes there: it goes on
 by a third of a metre from one side to the other."""
@@ -91,9 +93,9 @@ def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2
     if speed_m_s <= CRAWL_M_S:
         return velocity
     forward_m_s, right_m_s = velocity
-    left_m = around.passed_m(math.atan2(right_m_s, forward_m_s)) - HULL_M
+    left_m = around.passed_m(math.atan2(right_m_s, forward_m_s))
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
-    most_m_s = max(CRAWL_M_S, math.sqrt(2 * BRAKING_M_S2 * max(left_m, 0.0)))
+    most_m_s = max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0)))
     share = min(1.0, most_m_s / speed_m_s)
     return share * forward_m_s, share * right_m_s
 

@@ -16,8 +16,8 @@
     SCAN, past where it began ─► SCAN: round again, if the walls are not known well by then
 
 The drone faces the wall and moves to its right, so the room is traced clockwise and the right
-beam looks where the drone goes. It swings its nose a little to and fro meanwhile, so that the beam
-passes over all of the way ahead and not only over its middle.
+beam looks where the drone goes. It swings its nose to and fro meanwhile, so that the beam passes
+over all of the way ahead and not only over its middle: wide where a leg begins, and little later.
 
 Along a wall longer than its range odometry alone tells how far apart the walls at its ends are. If
 that is known too badly after one round, each further one tells it as well again; they are extras.
@@ -66,9 +66,10 @@ REFINEMENT_RAD = math.radians(30)
 nothing."""
 FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
-SWING_RAD, SWING_S = math.radians(20), 3.0
-"""Asked for; the vehicle's lag leaves about fourteen degrees. The beam then passes over what is
-half a metre aside from two metres ahead on."""
+SWING_S = 2.5
+LEAST_SWING_RAD, MOST_SWING_RAD = math.radians(12), math.radians(40)
+SWING_PAST_RAD = math.radians(6)
+"""Asked for beyond what is to be looked at, for the vehicle follows with a lag."""
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
 HALF_WAY_M = 0.5
@@ -216,7 +217,7 @@ def _face(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
 
 def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _refined(scan, sight)
-    distance_m = _wall_distance_m(sight)
+    distance_m = _wall_distance_m(scan, sight)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
         return replace(scan, phase=ScanPhase.SCAN), Setpoint()
     if sight.pose.time_s - scan.faced_s > STANDOFF_WITHIN_S:
@@ -257,7 +258,8 @@ def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:
 
 def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
     """At the stand-off, up to where the next wall begins."""
-    towards_m_s = keep_distance(_wall_distance_m(sight), scan.standoff_m, 0.4 * plan.speed_m_s)
+    wall_m = _wall_distance_m(scan, sight)
+    towards_m_s = keep_distance(wall_m, scan.standoff_m, 0.4 * plan.speed_m_s)
     along_m_s = approach_speed(_gap_m(scan, sight), plan.speed_m_s, sight.lag_s)
     off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
     return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
@@ -352,14 +354,19 @@ def _turn_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
 
 
 def _swing_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
-    off_rad = SWING_RAD * math.sin(math.tau * sight.pose.time_s / SWING_S)
+    """As wide as the first place of the way that no beam has gone through."""
+    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - sight.pose.yaw_rad)
+    ahead_m = BODY_RADIUS_M + sight.passed_m(along_rad)
+    wide_rad = math.atan2(0.5 * HALF_WAY_M, ahead_m) + SWING_PAST_RAD
+    swing_rad = min(max(wide_rad, LEAST_SWING_RAD), MOST_SWING_RAD)
+    off_rad = swing_rad * math.sin(math.tau * sight.pose.time_s / SWING_S)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     return turn_towards(scan.heading_rad + off_rad, sight.pose.yaw_rad, most_rad_s)
 
 
-def _wall_distance_m(sight: Sight) -> float:
+def _wall_distance_m(scan: RoomScan, sight: Sight) -> float:
     """To the wall ahead: as mapped, if the front beam agrees, else as the beam says."""
-    ahead_m = sight.clear_m(Beam.FRONT)
+    ahead_m = sight.clear_m(Beam.FRONT) * math.cos(sight.pose.yaw_rad - scan.heading_rad)
     if sight.wall_ahead is None:
         return ahead_m
     _, mapped_m = sight.wall_ahead
