@@ -37,6 +37,8 @@ WITHIN_M, MOST_SIGMA_M = 2.5, 0.06
 VAGUE_SIGMAS = 2.0
 """What was met from farther off may be so far before or behind where it was met. A thin pole may
 not be met again: between two readings of a beam that swings, it moves on by 5 to 10 cm there."""
+_SPAN = np.linspace(-1, 1, 13)
+"""Where between it is looked whether beams have gone there, less than a cell apart mostly."""
 SAME_M = 0.04
 """A point that is met again is one point, the old one: new ones in its stead would be drawn along
 by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
@@ -140,22 +142,32 @@ class Near:
         )
 
     def _passed_m(self, bearing_frd_rad: float) -> float:
-        now_s = self._seen[0] if self._seen else 0.0
-        return self._passed.clear_m(self._ne_m, self._yaw_rad + bearing_frd_rad, now_s)
+        bearing_rad = self._yaw_rad + bearing_frd_rad
+        return self._passed.clear_m(self._ne_m, bearing_rad, self._now_s)
+
+    @property
+    def _now_s(self) -> float:
+        return self._seen[0] if self._seen else 0.0
 
     def _nearest(self) -> Points:
-        """(n, 2), forward and right: vague ones where they may stand nearest, along their beam."""
-        relative, most_m = self._relative(), VAGUE_SIGMAS * self._points[:, _SIGMA_M]
-        aside_rad = self._points[:, _RAY_RAD] - self._yaw_rad
-        along = np.column_stack([np.cos(aside_rad), np.sin(aside_rad)])
-        nearer_m = np.clip(-(relative * along).sum(axis=1), -most_m, most_m)
-        nearest: Points = relative + nearer_m[:, None] * along
-        return nearest
+        """(n, 2), forward and right: vague ones where they may stand nearest, along their beam.
+
+        But not where beams have gone lately.
+        """
+        places = self._points[:, :2].copy()
+        vague = np.flatnonzero(self._points[:, _SIGMA_M] > 0)
+        ray_rad, most_m = self._points[vague, _RAY_RAD], self._points[vague, _SIGMA_M]
+        offsets_m = np.outer(VAGUE_SIGMAS * most_m, _SPAN)
+        along = np.column_stack([np.cos(ray_rad), np.sin(ray_rad)])
+        span = places[vague, None] + offsets_m[..., None] * along[:, None]
+        away_m = np.hypot(*np.moveaxis(span - self._ne_m, -1, 0))
+        away_m[self._passed.lately(span, self._now_s)] += KEPT_WITHIN_M
+        places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
+        return points_to_frd(places - self._ne_m, self._yaw_rad)
 
     def _drift_m(self) -> Points:
         """(n,): sigma of how far the drone has drifted since each was met."""
-        now_s = self._seen[0] if self._seen else 0.0
-        return self._drift.sigma_m(np.maximum(now_s - self._points[:, _MET_S], 0.0))
+        return self._drift.sigma_m(np.maximum(self._now_s - self._points[:, _MET_S], 0.0))
 
     def turn_to(self, heading_rad: float) -> None:
         """By the gyro alone, which never makes a step.

@@ -88,8 +88,11 @@ class Passed:
         """So far, up to `TO_M`, the drone may go until it touches what no beam has gone through."""
         ahead, aside = _axes(bearing_rad)
         places = _AHEAD_M[:, None] * ahead + _ASIDE_M[:, None] * aside + place_ne_m
-        is_open = self._when_s[_cells(places)] <= now_s - LATELY_S
-        return float(_REACHED_M[is_open].min(initial=TO_M))
+        return float(_REACHED_M[~self.lately(places, now_s)].min(initial=TO_M))
+
+    def lately(self, places_ne_m: Places, now_s: float) -> NDArray[np.bool_]:
+        """Of places (..., 2): whether a beam has gone through there."""
+        return self._when_s[_cells(places_ne_m)] > now_s - LATELY_S
 
 
 def _axes(bearing_rad: float) -> tuple[Places, Places]:

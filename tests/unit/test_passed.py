@@ -8,7 +8,7 @@ import pytest
 
 from companion.drivers.sharp import GP2Y0A710K0F
 from companion.mapping.near import Near, Surroundings
-from companion.mapping.passed import HULL_M, LATELY_S, TO_M, Passed
+from companion.mapping.passed import LATELY_S, TO_M, Passed
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -19,8 +19,7 @@ from companion.messages import (
     RangeUnit,
     Setpoint,
 )
-from companion.pdps.control import BRAKING_M_S2
-from companion.pdps.guard import CRAWL_M_S, guarded
+from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
 SWING_RAD = math.radians(14)
@@ -78,14 +77,14 @@ def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
     assert around.passed_m(0.0) > 1.5
     assert around.passed_m(math.pi / 2) < 0.5
     assert guarded(Setpoint(1.0), around, 0.3).forward_m_s > 0.9
-    assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s == pytest.approx(CRAWL_M_S)
+    assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s < 0.5
 
 
-@pytest.mark.parametrize("clear_m", [0.3, 0.6, 1.0, TO_M])
+@pytest.mark.parametrize("clear_m", [0.0, 0.1, 0.3, 0.6, TO_M])
 def test_the_drone_stops_before_what_was_not_gone_through(clear_m: float) -> None:
     around = Surroundings(passed_m=lambda _: clear_m)
     safe = guarded(Setpoint(0.6, -0.8, yaw_rate_rad_s=0.4), around, 0.3)
-    stops_m_s = math.sqrt(2 * BRAKING_M_S2 * (clear_m - HULL_M))
+    stops_m_s = math.sqrt(2 * STOPS_M_S2 * clear_m)
     speed_m_s = math.hypot(safe.forward_m_s, safe.right_m_s)
     assert speed_m_s == pytest.approx(max(CRAWL_M_S, min(1.0, stops_m_s)))
     course_rad = math.atan2(safe.right_m_s, safe.forward_m_s)
