@@ -288,6 +288,25 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
     assert len(drone.near.surroundings(0.5).points_frd_m) == 1
 
 
+def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
+    """A jamb that was met from afar seemed to stand in the middle of its doorway."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.turn_to(math.radians(30))
+    drone.see(front=RangeReading(RangeState.DISTANCE, 3.0, 0.15**2))
+    drone.turn_to(0.0)
+    drone.move(2.3)
+
+    def aside_m() -> float:
+        [(_, right_m)] = drone.near.surroundings(0.5).points_frd_m
+        return float(right_m)
+
+    assert 1.38 < aside_m() < 1.41
+    for _ in range(12):
+        drone.see(right=RangeReading(RangeState.NOTHING))
+        drone.move(0.025)
+    assert 1.48 < aside_m() < 1.54
+
+
 def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
