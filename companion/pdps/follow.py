@@ -3,14 +3,12 @@
 TURN to the next corner's bearing ─► FLY to it, swinging ─► the next corner … ─► arrived
 
 It begins to fly while it still turns, the slower the farther it has to: a beam must have looked
-along the course before the drone is quick. Then it swings its nose: three beams at right
-angles pass over all but what lies behind, and over the course itself twice in five seconds. Nearer
-than half a metre the beams to the sides measure nothing, and odometry leads into a wall within
-seconds; the front beam, turned aside, meets it far enough ahead.
+along the course before the drone is quick. Then its nose swings, as wide as
+the way (`swing.py`).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,6 +20,7 @@ from companion.pdps.control import CLOSE_M, approach_speed, clamp, stay, turn_to
 from companion.pdps.guard import clear_of_all_m
 from companion.pdps.room_scan import FULL_STOP_BEFORE_M
 from companion.pdps.sight import Sight
+from companion.pdps.swing import MOST_RAD, TO_THE_RIGHT, Swing
 
 ARRIVED_M = 0.10
 CORNER_M = 0.15
@@ -41,8 +40,6 @@ LOST_SIGMAS, SURE_M = 3.0, 0.6
 WANDERS_M_SQRT_S = 0.03
 """Odometry, in a second: twice its noise, for heading and scale. What was met a moment ago is no
 farther off than that, however far the drone may be from where it began."""
-SWING_RAD, SWING_S = math.radians(45), 5.0
-"""It swings its nose so far to either side, to and fro in that time."""
 
 Way = tuple[Vector2, ...]
 
@@ -52,15 +49,7 @@ class Course:
     """A beam has pointed along it: nothing stood there, as far as that sees."""
 
     bearing_rad: float
-    since_s: float
-    side: int = 1
-    """To which the nose swings first, 1 is right: on from the turn, which has shown the other."""
-
-    def swing(self, now_s: float) -> tuple[float, float]:
-        """How far off the course the nose should be now, to the right, and how quickly it turns."""
-        phase_rad = math.tau * (now_s - self.since_s) / SWING_S
-        swing_rad = self.side * SWING_RAD
-        return swing_rad * math.sin(phase_rad), math.tau / SWING_S * swing_rad * math.cos(phase_rad)
+    swing: Swing = TO_THE_RIGHT
 
 
 def passed(way: Way, sight: Sight, within_m: float) -> Way:
@@ -74,12 +63,13 @@ def passed(way: Way, sight: Sight, within_m: float) -> Way:
 def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
     """The course to the next corner; None as long as no beam has pointed along it."""
     bearing_rad = _bearing_rad(way, sight)
+    ahead_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
-        return course
+        swing = course.swing.onward(-ahead_rad, sight.passed_m(ahead_rad))
+        return replace(course, swing=swing)
     if _looking(bearing_rad, sight) is None:
         return None
-    side = 1 if wrap_rad(bearing_rad - sight.pose.yaw_rad) >= 0 else -1
-    return Course(bearing_rad, sight.pose.time_s, side)
+    return Course(bearing_rad, Swing(1 if ahead_rad >= 0 else -1))  # on from the turn
 
 
 def follow(
@@ -152,11 +142,11 @@ def _towards(
     if distance_m < CLOSE_M and len(way) == 1:
         return stay(way[0], sight)
     bearing_rad = _bearing_rad(way, sight)
-    swing_rad, swing_rad_s = course.swing(sight.pose.time_s) if course else (0.0, 0.0)
-    most_rad_s = math.radians(plan.turn_rate_deg_s)
-    to_turn_rad_s = turn_towards(bearing_rad + swing_rad, sight.pose.yaw_rad, math.inf)
-    yaw_rate_rad_s = clamp(to_turn_rad_s + swing_rad_s, most_rad_s)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
+    most_rad_s = math.radians(plan.turn_rate_deg_s)
+    yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
+    if course and abs(off_rad) < 2 * MOST_RAD:
+        yaw_rate_rad_s = clamp(course.swing.rate_rad_s, most_rad_s)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
     room_m = min(_room_ahead_m(bearing_rad, sight, plan), distance_m)
     speed_m_s = nose_on * approach_speed(room_m, most_m_s, sight.lag_s)

@@ -40,6 +40,7 @@ from companion.pdps.control import approach_speed, keep_distance, stay, turn_tow
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
 from companion.pdps.sight import Sight
+from companion.pdps.swing import TO_THE_RIGHT, Swing
 from companion.values import value
 
 QUARTER_TURN_RAD = math.pi / 2
@@ -66,10 +67,6 @@ REFINEMENT_RAD = math.radians(30)
 nothing."""
 FULL_STOP_BEFORE_M = 0.7
 """Nearer than this to anything ahead the drone does not move on, whatever the phase."""
-SWING_S = 2.5
-LEAST_SWING_RAD, MOST_SWING_RAD = math.radians(12), math.radians(40)
-SWING_PAST_RAD = math.radians(6)
-"""Asked for beyond what is to be looked at, for the vehicle follows with a lag."""
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
 HALF_WAY_M = 0.5
@@ -122,6 +119,7 @@ class RoomScan:
     marks: tuple[Mark, ...] = ()
     """The way along the walls so far."""
     corners: int = 0
+    swing: Swing = TO_THE_RIGHT
     corner_readings: int = 0
     corner_ne_m: Vector2 = (0.0, 0.0)
     """Where it turns: as far from the next wall as it keeps off this one."""
@@ -246,8 +244,11 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
             corner_ne_m=_along_m(scan, sight, gap_m),
         )
         return turned, Setpoint()
+    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - sight.pose.yaw_rad)
+    off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
+    scan = replace(scan, swing=scan.swing.onward(off_rad, sight.passed_m(along_rad)))
     along = _along_wall(scan, sight, plan)
-    return scan, replace(along, yaw_rate_rad_s=_swing_rate(scan, sight, plan))
+    return scan, replace(along, yaw_rate_rad_s=scan.swing.rate_rad_s)
 
 
 def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:
@@ -309,7 +310,8 @@ def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomSca
 
 def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     if _on_heading(scan, sight):
-        scan = replace(scan, phase=ScanPhase.SCAN, corners=scan.corners + 1)
+        corners = scan.corners + 1
+        scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=TO_THE_RIGHT)
         return scan, _along_wall(scan, sight, plan)
     is_nearly_round = abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ROUND_CORNER_RAD
     turning = stay(scan.corner_ne_m, sight)
@@ -351,17 +353,6 @@ def _on_heading(scan: RoomScan, sight: Sight) -> bool:
 def _turn_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     return turn_towards(scan.heading_rad, sight.pose.yaw_rad, most_rad_s)
-
-
-def _swing_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
-    """As wide as the first place of the way that no beam has gone through."""
-    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - sight.pose.yaw_rad)
-    ahead_m = BODY_RADIUS_M + sight.passed_m(along_rad)
-    wide_rad = math.atan2(0.5 * HALF_WAY_M, ahead_m) + SWING_PAST_RAD
-    swing_rad = min(max(wide_rad, LEAST_SWING_RAD), MOST_SWING_RAD)
-    off_rad = swing_rad * math.sin(math.tau * sight.pose.time_s / SWING_S)
-    most_rad_s = math.radians(plan.turn_rate_deg_s)
-    return turn_towards(scan.heading_rad + off_rad, sight.pose.yaw_rad, most_rad_s)
 
 
 def _wall_distance_m(scan: RoomScan, sight: Sight) -> float:

@@ -31,7 +31,7 @@ from companion.pdps.views import sights
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5
-NORTH = Course(0.0, 0.0)
+NORTH = Course(0.0)
 Place = tuple[float, float]
 
 
