@@ -13,9 +13,8 @@ where a leg begins, and later from afar.
 import math
 from dataclasses import dataclass
 
-RATE_RAD_S = math.radians(25)
-"""Two readings of a sensor that measures twenty times a second are 2 cm apart a metre away. Chosen
-with LEAST_RAD: of a straight flight at most speed (benchmark swing)."""
+RATE_RAD_S = math.radians(36)
+"""Two readings of a sensor that measures twenty times a second are 3 cm apart a metre away."""
 LEAST_RAD, MOST_RAD = math.radians(8), math.radians(40)
 HALF_WAY_M = 0.2
 """From the middle of the way to its side."""
