@@ -29,10 +29,10 @@ WAY_M, MOST_ASIDE_M, MOST_TURN_RAD = 0.4, 0.2, math.radians(5)
 """Along a beam, and so far, before what it reads is compared, when the nose, which may swing
 meanwhile, points there again by so much."""
 LEAST_OBLIQUE, GRAZING = math.tan(math.radians(20)), math.tan(math.radians(75))
-"""The reading of a wall that is met obliquely changes as the drone moves aside and turns, too: in
-the extreme that of the wall along which it flies. How obliquely shows as the nose swings."""
+"""Bounds of the tangent of the incidence; chosen. Noise hides less, and no reading is exact beyond.
+The reading of a wall that is met obliquely changes also as the drone moves aside and turns."""
 SWUNG_RAD = math.radians(1.5)
-"""Of a smaller swing, noise of 5 cm would tell nothing 3 m away."""
+"""The least swing that shows the incidence: noise of 5 cm changes the tangent by 0.6 at 3 m."""
 EXACT_M, EDGE_M = 0.06, 0.25
 """Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.5, 3
@@ -153,7 +153,10 @@ class _Way:
             self._readings = [(now_m, travel)]
 
     def _oblique(self) -> float:
-        """Tangent of the incidence, by how the reading changed when the nose swung the farthest."""
+        """Tangent of the incidence, by how the reading changed when the nose swung the farthest.
+
+        `GRAZING` if it did not swing: then nothing is known of it.
+        """
         (then_m, _), (now_m, now) = self._readings[0], self._readings[-1]
         all_along_m, _, all_turned_rad = self._since(now)
         most_rad, oblique = SWUNG_RAD, GRAZING
