@@ -281,7 +281,7 @@ class App:
                 self.estimator.known_walls if self.estimator else KnownWalls.none,
                 self._lag.lag_s,
                 wander_m,
-                around.passed_m,
+                around.lane,
             ),
             space=self.space.grid,
             around=around,

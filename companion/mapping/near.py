@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from companion.frames import Vector2, frd_to_ned, ned_to_frd, points_to_frd, wrap_rad
 from companion.mapping.folds import ALIAS_M, Folds
-from companion.mapping.passed import Passed, all_passed_m
+from companion.mapping.passed import Lane, Passed, all_passed
 from companion.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -106,8 +106,8 @@ class Surroundings:
     """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
     recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2): what was met longer ago, where the map has it."""
-    passed_m: Callable[[float], float] = all_passed_m
-    """How far it may go to a bearing, FRD, until it touches what no beam has gone through."""
+    lane: Callable[[float], Lane] = all_passed
+    """What beams have gone through of the way to a bearing, FRD."""
 
 
 class Near:
@@ -138,12 +138,12 @@ class Near:
             lag_s,
             self._points[:, _SIGMA_M] > 0,
             self._drift_m(),
-            passed_m=self._passed_m,
+            lane=self._lane,
         )
 
-    def _passed_m(self, bearing_frd_rad: float) -> float:
+    def _lane(self, bearing_frd_rad: float) -> Lane:
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        return self._passed.clear_m(self._ne_m, bearing_rad, self._now_s)
+        return self._passed.lane(self._ne_m, bearing_rad, self._now_s)
 
     @property
     def _now_s(self) -> float:

@@ -3,8 +3,7 @@
 TURN to the next corner's bearing ─► FLY to it, swinging ─► the next corner … ─► arrived
 
 It begins to fly while it still turns, the slower the farther it has to: a beam must have looked
-along the course before the drone is quick. Then its nose swings (`swing.py`), always
-wide: three beams at right angles pass over all but what lies behind.
+along the course before the drone is quick. Then its nose swings (`swing.py`).
 """
 
 import math
@@ -65,7 +64,7 @@ def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
     bearing_rad = _bearing_rad(way, sight)
     ahead_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
-        swing = course.swing.onward(-ahead_rad, 0.0)
+        swing = course.swing.onward(-ahead_rad, sight.lane(ahead_rad))
         return replace(course, swing=swing)
     if _looking(bearing_rad, sight) is None:
         return None

@@ -93,7 +93,7 @@ def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2
     if speed_m_s <= CRAWL_M_S:
         return velocity
     forward_m_s, right_m_s = velocity
-    left_m = around.passed_m(math.atan2(right_m_s, forward_m_s))
+    left_m = around.lane(math.atan2(right_m_s, forward_m_s)).clear_m
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
     most_m_s = max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0)))
     share = min(1.0, most_m_s / speed_m_s)

@@ -246,7 +246,7 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
         return turned, Setpoint()
     along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - sight.pose.yaw_rad)
     off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
-    scan = replace(scan, swing=scan.swing.onward(off_rad, sight.passed_m(along_rad)))
+    scan = replace(scan, swing=scan.swing.onward(off_rad, sight.lane(along_rad)))
     along = _along_wall(scan, sight, plan)
     return scan, replace(along, yaw_rate_rad_s=scan.swing.rate_rad_s)
 

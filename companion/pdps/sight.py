@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import field
 
 from companion.mapping.known_walls import KnownWalls
-from companion.mapping.passed import all_passed_m
+from companion.mapping.passed import Lane, all_passed
 from companion.messages import BEARING_FRD_RAD, FIRST_LAG_S, Beam, Pose, RangeReading, RangeState
 from companion.values import value
 
@@ -31,8 +31,8 @@ class Sight:
     """How late it follows a velocity."""
     wander_m: float = 0.0
     """How far its autopilot's estimate wanders, one sigma."""
-    passed_m: Callable[[float], float] = all_passed_m
-    """How far it may go to a bearing, FRD, until it touches what no beam has gone through."""
+    lane: Callable[[float], Lane] = all_passed
+    """What beams have gone through of the way to a bearing, FRD."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam; 0 unless the beam says so."""

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
 from companion.mapping.near import NO_DRIFT, Drift, Near, Surroundings
+from companion.mapping.passed import all_passed
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -198,7 +199,7 @@ class Drone:
     @property
     def all_passed(self) -> Surroundings:
         """As if beams had gone everywhere."""
-        return replace(self.near.surroundings(0.5), passed_m=lambda _: 3.0)
+        return replace(self.near.surroundings(0.5), lane=all_passed)
 
     @property
     def points(self) -> list[Place]:

@@ -8,7 +8,7 @@ import pytest
 
 from companion.drivers.sharp import GP2Y0A710K0F
 from companion.mapping.near import Near, Surroundings
-from companion.mapping.passed import LATELY_S, TO_M, Passed
+from companion.mapping.passed import LATELY_S, TO_M, Lane, Passed
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -42,24 +42,24 @@ def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
     """From 0.8 m on; nearer the hull's flanks were passed when they were farther ahead."""
     bearing_rad = math.radians(bearing_deg)
     passed = swung(bearing_rad)
-    assert passed.clear_m(HERE, bearing_rad, 10.1) < 0.8
+    assert passed.lane(HERE, bearing_rad, 10.1).clear_m < 0.8
     cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
     farther = HERE[0] + 0.7 * cos_b, HERE[1] + 0.7 * sin_b
-    assert passed.clear_m(farther, bearing_rad, 10.1) > 1.5
-    assert passed.clear_m(farther, bearing_rad + math.pi, 10.1) < 0.6
+    assert passed.lane(farther, bearing_rad, 10.1).clear_m > 1.5
+    assert passed.lane(farther, bearing_rad + math.pi, 10.1).clear_m < 0.6
 
 
 def test_a_leg_may_stand_between_two_beams() -> None:
     passed = swung(but_rad=math.radians(5))
     passed.stand((HERE[0] + 0.7, HERE[1]), 10.0)
-    clear_m = passed.clear_m((HERE[0] + 0.7, HERE[1]), 0.0, 10.1)
+    clear_m = passed.lane((HERE[0] + 0.7, HERE[1]), 0.0, 10.1).clear_m
     assert clear_m < 1.0
 
 
 def test_what_was_gone_through_long_ago_says_nothing() -> None:
     passed = swung()
     farther = HERE[0] + 0.7, HERE[1]
-    assert passed.clear_m(farther, 0.0, 10.1 + LATELY_S) < 0.5
+    assert passed.lane(farther, 0.0, 10.1 + LATELY_S).clear_m < 0.5
 
 
 def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
@@ -74,15 +74,15 @@ def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
     near.move(replace(odometry, position_ned_m=(0.4, 0.0, -1.2)))
     near.see(RangeScan(10.0, {Beam.FRONT: nothing}))
     around = near.surroundings(0.3)
-    assert around.passed_m(0.0) > 1.5
-    assert around.passed_m(math.pi / 2) < 0.5
+    assert around.lane(0.0).clear_m > 1.5
+    assert around.lane(math.pi / 2).clear_m < 0.5
     assert guarded(Setpoint(1.0), around, 0.3).forward_m_s > 0.9
     assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s < 0.5
 
 
 @pytest.mark.parametrize("clear_m", [0.0, 0.1, 0.3, 0.6, TO_M])
 def test_the_drone_stops_before_what_was_not_gone_through(clear_m: float) -> None:
-    around = Surroundings(passed_m=lambda _: clear_m)
+    around = Surroundings(lane=lambda _: Lane(clear_m))
     safe = guarded(Setpoint(0.6, -0.8, yaw_rate_rad_s=0.4), around, 0.3)
     stops_m_s = math.sqrt(2 * STOPS_M_S2 * clear_m)
     speed_m_s = math.hypot(safe.forward_m_s, safe.right_m_s)
