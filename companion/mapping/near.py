@@ -210,7 +210,7 @@ class Near:
             is_on_it &= line.along_m > 0
             known_m = float(line.along_m[is_on_it].min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
-            free_m = _seen_through_m(unfolded, unit)
+            free_m = _free_m(unfolded, unit)
             self._pass_through(scan.time_s, line, free_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
             self._passed.go(self._place(line.eye_frd_m), bearing_rad, free_m, scan.time_s)
@@ -241,7 +241,7 @@ class Near:
 
     def _pass_through(self, time_s: float, line: "_Line", free_m: Vector2) -> None:
         """A beam has shown that it is free from and to so far."""
-        from_m, to_m = free_m
+        from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
         beyond = line.along_m > np.where(self._points[:, _KNOWN] > _GUESSED, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         strip = _strip(line.aside_m)
@@ -353,8 +353,8 @@ def _strip(aside_m: Points) -> NDArray[np.int64]:
     return strip
 
 
-def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
-    """What lies along the beam from here to there is gone.
+def _free_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
+    """Nothing lies along the beam from here to there.
 
     A reading that may have folded back says nothing of what it may have met then, nor of what is
     nearer, if that is more than a guess.
@@ -363,10 +363,10 @@ def _seen_through_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
     if reading.is_distance:
         alias_m = model.alias_m(reading.distance_m)
         end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
-        to_m = end_m + unit.offset_m - SEEN_THROUGH_M
-        return 0.0 if alias_m is None else alias_m + unit.offset_m + SURELY_M, to_m
+        from_m = 0.0 if alias_m is None else alias_m + unit.offset_m + SURELY_M
+        return from_m, end_m + unit.offset_m
     if reading.state is RangeState.NOTHING:
-        return 0.0, model.max_m - SEEN_THROUGH_M
+        return 0.0, model.max_m
     return 0.0, 0.0
 
 

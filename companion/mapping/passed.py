@@ -99,7 +99,8 @@ class Passed:
 
     def go(self, eye_ne_m: Vector2, bearing_rad: float, free_m: Vector2, time_s: float) -> None:
         """A beam has gone from and to so far from its eye."""
-        along_m = _ALONG_M[slice(*np.searchsorted(_ALONG_M, free_m))]
+        from_m, to_m = free_m
+        along_m = _ALONG_M[slice(*np.searchsorted(_ALONG_M, (from_m, to_m - CELL_M)))]
         ahead, aside = _axes(bearing_rad)
         middle = eye_ne_m + along_m[:, None] * ahead
         for off_m in (-LEG_M / 2, 0.0, LEG_M / 2):
