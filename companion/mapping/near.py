@@ -152,7 +152,7 @@ class Near:
     def _nearest(self) -> Points:
         """(n, 2), forward and right: vague ones where they may stand nearest, along their beam.
 
-        But not where beams have gone lately.
+        But not where beams have gone since it was met.
         """
         places = self._points[:, :2].copy()
         vague = np.flatnonzero(self._points[:, _SIGMA_M] > 0)
@@ -161,7 +161,8 @@ class Near:
         along = np.column_stack([np.cos(ray_rad), np.sin(ray_rad)])
         span = places[vague, None] + offsets_m[..., None] * along[:, None]
         away_m = np.hypot(*np.moveaxis(span - self._ne_m, -1, 0))
-        away_m[self._passed.lately(span, self._now_s)] += KEPT_WITHIN_M
+        met_s = self._points[vague, _MET_S, None]
+        away_m[self._passed.when_s(span) > met_s] += KEPT_WITHIN_M
         places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
         return points_to_frd(places - self._ne_m, self._yaw_rad)
 

@@ -110,7 +110,7 @@ class Passed:
         """What is known of the way to a bearing."""
         ahead, aside = _axes(bearing_rad)
         places = _AHEAD_M[:, None] * ahead + _ASIDE_M[:, None] * aside + place_ne_m
-        is_left = ~self.lately(places, now_s)
+        is_left = self.when_s(places) <= now_s - LATELY_S
         off_rad = _OFF_RAD[is_left & (_REACHED_M < NEXT_M)]
         return Lane(
             float(_REACHED_M[is_left].min(initial=TO_M)),
@@ -118,9 +118,10 @@ class Passed:
             float(off_rad.max(initial=0.0)),
         )
 
-    def lately(self, places_ne_m: Places, now_s: float) -> NDArray[np.bool_]:
-        """Of places (..., 2): whether a beam has gone through there."""
-        return self._when_s[_cells(places_ne_m)] > now_s - LATELY_S
+    def when_s(self, places_ne_m: Places) -> Places:
+        """Of places (..., 2): when a beam has gone through there last, (...), or minus infinity."""
+        when_s: Places = self._when_s[_cells(places_ne_m)]
+        return when_s
 
 
 def _axes(bearing_rad: float) -> tuple[Places, Places]:
