@@ -307,12 +307,16 @@ class Near:
         off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _MET_S] > OLD_S
         no_better = self._points[:, _KNOWN] <= known
-        vague_m = VAGUE_SIGMAS * np.maximum(self._points[:, _SIGMA_M], sigma_m)
+        most_sigma_m = np.maximum(self._points[:, _SIGMA_M], sigma_m)
+        apart_m = VAGUE_SIGMAS * np.hypot(most_sigma_m, self._drift_m())
+        vague_m = np.where(most_sigma_m > 0, apart_m, 0.0)
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
             self._points[stays, _PASSED:] = -math.inf
             return
+        if (is_better & (self._points[:, _SIGMA_M] == 0) & (off_m2 < vague_m**2)).any():
+            return  # that is what it met, as far as it tells
         same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m

@@ -8,8 +8,10 @@ from companion import config as configuration
 from companion.app import App
 from companion.frames import Vector2
 from companion.health.lateness import TICK_S
+from companion.messages import Pose
 from companion.pdps.flight import Phase
 from sitl.lockstep import fly_in_lockstep
+from sitl.score import score_trajectory
 from sitl.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 
@@ -21,42 +23,37 @@ ON_ITS_WAY_M_S = 0.4
 """Along a wall, no longer speeding up."""
 
 
-def fly(autopilot: str, seed: int, *, send_pose: bool) -> Simulation:
+def ate_m(autopilot: str, seed: int, *, send_pose: bool) -> float:
+    """How far the autopilot's own estimate is off on a flight round a room, rigidly aligned."""
     settings = configuration.load(
         None, {"sensors.profile": "paper", "link.send_pose": send_pose, "mission.speed_m_s": 1.0}
     )
     parameters = TAKES_POSITION_AND_YAW[autopilot] if send_pose else {}
     world = load_world("room_100")
     setup = Setup(world, "room_100", seed, settings.sensors, autopilot, parameters)
-    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None)
+    believed: list[Pose] = []
+
+    def note(simulation: Simulation, app: App) -> None:
+        if app.flight.took_off:
+            state = simulation.autopilot.believed
+            believed.append(Pose(simulation.time_s, *state.position_ned_m, state.yaw_rad))
+
+    app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, script=note)
     assert app.flight.completed
     assert simulation.record.collisions == 0
-    return simulation
-
-
-def drift_m(simulation: Simulation) -> float:
-    """How far apart the autopilot's and the true way from start to end are."""
-    start, end = simulation.record.take_off, simulation.autopilot.truth
-    believed = simulation.autopilot.believed.position_ned_m
-    moved = (e - s for e, s in zip(end.position_ned_m, start.position_ned_m, strict=True))
-    north_m, east_m, _ = (m - b for m, b in zip(moved, believed, strict=True))
-    return math.hypot(north_m, east_m)
-
-
-WANDERS_M = {"ardupilot": 0.0, "px4": 0.1}
-"""What the estimate of each errs besides, however well it is told (`sitl/autopilot/wobble.py`)."""
+    if send_pose:
+        off_deg = math.degrees(believed[-1].yaw_rad - simulation.autopilot.truth.yaw_rad)
+        assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
+    truth = simulation.record
+    return score_trajectory(believed[::10], truth.path, truth.take_off).ate_cm / 100
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 def test_an_autopilot_that_takes_our_pose_knows_where_it_is(autopilot: str) -> None:
-    told = [fly(autopilot, seed, send_pose=True) for seed in (1, 2)]
-    for one in told:
-        assert drift_m(one) < 0.15 + WANDERS_M[autopilot]
-        estimator, truth = one.autopilot.believed, one.autopilot.truth
-        off_deg = math.degrees(estimator.yaw_rad - truth.yaw_rad)
-        assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
-    alone = [fly(autopilot, seed, send_pose=False) for seed in (1, 2)]
-    assert sum(map(drift_m, alone)) > 3 * sum(map(drift_m, told))
+    told_m = [ate_m(autopilot, seed, send_pose=True) for seed in (1, 2)]
+    alone_m = [ate_m(autopilot, seed, send_pose=False) for seed in (1, 2)]
+    assert max(told_m) < 0.15
+    assert sum(alone_m) > 2 * sum(told_m)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

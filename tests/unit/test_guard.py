@@ -308,6 +308,18 @@ def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
     assert 1.48 < aside_m() < 1.54
 
 
+def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
+    """Read 20 cm too near from 4 m, a jamb stood in its own doorway for a minute."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=at(1.6))
+    drone.move(-2.4)
+    for _ in range(200):
+        drone.see(right=RangeReading(RangeState.NOTHING))
+    drone.see(front=RangeReading(RangeState.DISTANCE, 3.8, 0.12**2))
+    [(forward_m, _)] = drone.near.surroundings(0.5).points_frd_m
+    assert forward_m == pytest.approx(4.08)
+
+
 def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
