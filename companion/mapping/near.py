@@ -315,7 +315,9 @@ class Near:
         if stays.any():
             self._points[stays, _PASSED:] = -math.inf
             return
-        if (is_better & (self._points[:, _SIGMA_M] == 0) & (off_m2 < vague_m**2)).any():
+        along_m, aside_m = points_to_frd(off_m, ray_rad).T
+        is_it = (np.abs(along_m) < vague_m) & (np.abs(aside_m) < SAME_OLD_M)
+        if (is_it & is_better & (self._points[:, _SIGMA_M] == 0)).any():
             return  # that is what it met, as far as it tells
         same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured

@@ -36,7 +36,7 @@ from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy
 from companion.messages import HOLD, Beam, RangeState, Setpoint
-from companion.pdps.control import approach_speed, keep_distance, stay, turn_towards
+from companion.pdps.control import approach_speed, clamp, keep_distance, stay, turn_towards
 from companion.pdps.guard import BODY_RADIUS_M
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
 from companion.pdps.sight import Sight
@@ -248,7 +248,8 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
     scan = replace(scan, swing=scan.swing.onward(off_rad, sight.lane(along_rad)))
     along = _along_wall(scan, sight, plan)
-    return scan, replace(along, yaw_rate_rad_s=scan.swing.rate_rad_s)
+    swings_rad_s = clamp(scan.swing.rate_rad_s, math.radians(plan.turn_rate_deg_s))
+    return scan, replace(along, yaw_rate_rad_s=swings_rad_s)
 
 
 def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:

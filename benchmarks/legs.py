@@ -1,0 +1,107 @@
+"""Legs that a drone flies past or into: `python -m benchmarks.legs [--flights 16]`.
+
+One straight way of 20 m with legs of 3 to 5 cm all over it, at random headings to the grid of
+`mapping/passed.py`. The nose swings as `pdps/swing.py` says, the speed is bounded as by
+`pdps/guard.py`, by the grid alone: no leg changes the flight. It prints the mean speed, and how
+many of the legs that the body would touch no beam has met while the drone can still stop.
+"""
+
+import argparse
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.mapping.passed import EYE_M, HALF_WIDTH_M, Passed
+from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2
+from companion.pdps.swing import TO_THE_RIGHT
+
+Row = NDArray[np.float64]
+
+LENGTH_M, LEGS, THICK_M = 20.0, 400, (0.03, 0.05)
+TICK_S, SEES_M, JITTER_RAD = 0.05, 4.0, math.radians(0.5)
+LAG_S, SPEEDS_UP_S, TURNS_S = 0.6, 0.35, 0.25
+"""Of the vehicle's velocity as the guard takes it, and time constants of velocity and yaw rate."""
+STOPS_WITHIN_S = 0.4
+"""Firmware flies on for so long before it brakes (docs/autopilot.md)."""
+RATES_DEG_S, SPEEDS_M_S = (25, 36, 45, 60), (0.6, 0.8, 1.0)
+
+
+@dataclass(frozen=True)
+class Legs:
+    """In the way: along it and to the right of it, and their radii, each (n,)."""
+
+    along_m: Row
+    aside_m: Row
+    radius_m: Row
+
+    def touched_m(self) -> Row:
+        """(n,): how far along the way the drone's centre is when its body touches each."""
+        reach_m = HALF_WIDTH_M + self.radius_m
+        touched_m: Row = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
+        return touched_m
+
+    def met_by(self, along_m: float, yaw_rad: float, bearing_rad: float) -> NDArray[np.bool_]:
+        """(n,): whether the beam of a drone there meets each."""
+        ahead_m = self.along_m - along_m - EYE_M * math.cos(yaw_rad)
+        aside_m = self.aside_m - EYE_M * math.sin(yaw_rad)
+        cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
+        far_m, off_m = ahead_m * cos_b + aside_m * sin_b, aside_m * cos_b - ahead_m * sin_b
+        met: NDArray[np.bool_] = (far_m > 0) & (far_m < SEES_M) & (np.abs(off_m) < self.radius_m)
+        return met
+
+
+def fly(seed: int, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
+    """Mean speed, m/s, and share of the legs that were met too late or never."""
+    rng = np.random.default_rng(seed)
+    heading_rad = rng.uniform(0, math.tau)
+    ahead = np.array((math.cos(heading_rad), math.sin(heading_rad)))
+    right, begins = np.array((-ahead[1], ahead[0])), rng.uniform(-1, 1, 2)
+    legs = Legs(
+        rng.uniform(3, LENGTH_M - 1, LEGS),
+        rng.uniform(-HALF_WIDTH_M, HALF_WIDTH_M, LEGS),
+        rng.uniform(*THICK_M, LEGS) / 2,
+    )
+    met_m, met_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
+    passed, swing = Passed(), TO_THE_RIGHT
+    along_m = speed_m_s = yaw_rad = yaw_rate_rad_s = time_s = 0.0
+    while along_m < LENGTH_M:
+        time_s += TICK_S
+        at = begins + along_m * ahead
+        here = float(at[0]), float(at[1])
+        lane = passed.lane(here, heading_rad, time_s)
+        swing = swing.onward(yaw_rad, lane)
+        wanted_rad_s = swing.side * math.radians(rate_deg_s)
+        yaw_rate_rad_s += (wanted_rad_s - yaw_rate_rad_s) * TICK_S / TURNS_S
+        yaw_rad += yaw_rate_rad_s * TICK_S
+        beam_rad = yaw_rad + JITTER_RAD * rng.standard_normal()
+        new = legs.met_by(along_m, yaw_rad, beam_rad) & np.isinf(met_m)
+        met_m[new], met_m_s[new] = along_m, speed_m_s
+        off = EYE_M * (math.cos(yaw_rad) * ahead + math.sin(yaw_rad) * right)
+        eye = float(at[0] + off[0]), float(at[1] + off[1])
+        passed.go(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
+        passed.stand(here, time_s)
+        left_m = max(lane.clear_m - LAG_S * speed_m_s, 0.0)
+        bound_m_s = min(most_m_s, max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * left_m)))
+        speed_m_s += (bound_m_s - speed_m_s) * TICK_S / SPEEDS_UP_S
+        along_m += speed_m_s * TICK_S
+    stops_m = STOPS_WITHIN_S * met_m_s + met_m_s**2 / (2 * STOPS_M_S2)
+    return along_m / time_s, float((legs.touched_m() - met_m < stops_m).mean())
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--flights", type=int, default=16)
+    seeds = range(parser.parse_args().flights)
+    print("| turns, deg/s | at most, m/s | mean, m/s | met too late |")
+    print("|---" * 4 + "|")
+    for rate_deg_s in RATES_DEG_S:
+        for most_m_s in SPEEDS_M_S:
+            flights = [fly(seed, rate_deg_s, most_m_s) for seed in seeds]
+            speed_m_s, late = np.mean(flights, axis=0)
+            print(f"| {rate_deg_s} | {most_m_s} | {speed_m_s:.2f} | {late:.1%} |", flush=True)
+
+
+if __name__ == "__main__":
+    main()
