@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.passed import Lane
 from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps import layers as layering
 from companion.pdps import sweep as sweeping
@@ -335,7 +336,9 @@ def test_a_course_is_faced_when_the_nose_has_pointed_along_it(
 
 def test_a_course_stays_faced_until_the_way_bends() -> None:
     turned = sight(yaw_rad=math.radians(45))
-    assert faced(NORTH, ((3.0, 1.0),), turned) == NORTH
+    still = faced(NORTH, ((3.0, 1.0),), turned)
+    assert still is not None
+    assert still.bearing_rad == NORTH.bearing_rad
     assert faced(NORTH, ((1.0, -1.0),), turned) is None
 
 
@@ -348,20 +351,26 @@ def test_it_slows_down_where_it_is_narrow() -> None:
 
 
 @pytest.mark.parametrize("beside_m", [0.6, 9.0])
-def test_it_swings_its_nose_over_all_that_lies_ahead_and_keeps_to_its_way(beside_m: float) -> None:
+@pytest.mark.parametrize("gap_deg", [(40, 40), (40, 5), (5, 40), (0, 0)])
+def test_it_swings_its_nose_to_where_gaps_are_left_and_keeps_to_its_way(
+    beside_m: float, gap_deg: tuple[int, int]
+) -> None:
     grid = open_ground()
     grid.block((1.0, -beside_m), 0.1)
-    way, headings_rad = ((3.0, 0.0),), []
-    yaw_rad = 0.0
+    left_deg, right_deg = gap_deg
+    lane = Lane(left_rad=math.radians(left_deg), right_rad=math.radians(right_deg))
+    way, course, yaws_deg = ((3.0, 0.0),), faced(None, ((3.0, 0.0),), sight()), [0.0]
     for tick in range(200):
-        setpoint = followed(way, sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0)), grid)
+        yaw_rad = math.radians(yaws_deg[-1])
+        here = sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0))
+        course = faced(course, way, replace(here, lane=lambda _: lane))
+        setpoint = followed(way, here, grid, course)
         course_rad = yaw_rad + math.atan2(setpoint.right_m_s, setpoint.forward_m_s)
         assert math.hypot(setpoint.forward_m_s, setpoint.right_m_s) > 0.2
         assert course_rad == pytest.approx(0, abs=1e-6)
-        yaw_rad += 0.05 * setpoint.yaw_rate_rad_s
-        headings_rad.append(yaw_rad)
-    assert max(headings_rad) > math.radians(40)
-    assert min(headings_rad) < math.radians(-40)
+        yaws_deg.append(yaws_deg[-1] + 0.05 * math.degrees(setpoint.yaw_rate_rad_s))
+    assert min(yaws_deg) == pytest.approx(-max(left_deg, 3), abs=3)
+    assert max(yaws_deg) == pytest.approx(max(right_deg, 3), abs=3)
 
 
 def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -> None:

@@ -10,6 +10,7 @@ from companion.config import MissionConfig
 from companion.frames import Vector2
 from companion.mapping.known_walls import KnownWalls
 from companion.mapping.occupancy import Occupancy, Ray
+from companion.mapping.passed import Lane
 from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.pdps.room_scan import Mark, RoomScan, ScanPhase, step
 from companion.pdps.sight import Sight
@@ -153,11 +154,24 @@ def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
     assert setpoint.forward_m_s == pytest.approx(0)
 
 
-def test_scanning_swings_the_nose_to_both_sides_of_the_wall_and_flies_along_it() -> None:
-    times_s = [0.1 * i for i in range(30)]
-    sights = (sight(front=at(1.5), right=NOTHING, time_s=time_s) for time_s in times_s)
-    rates_rad_s = [step(SCANNING, at_time, FREE, PLAN)[1].yaw_rate_rad_s for at_time in sights]
-    assert min(rates_rad_s) < -0.1 < 0.1 < max(rates_rad_s)
+@pytest.mark.parametrize("gap_deg", [(40, 40), (30, 5), (5, 30), (0, 0)])
+def test_scanning_swings_the_nose_to_where_gaps_are_left_on_the_way_along_the_wall(
+    gap_deg: tuple[int, int],
+) -> None:
+    left_deg, right_deg = gap_deg
+    lane = Lane(left_rad=math.radians(left_deg), right_rad=math.radians(right_deg))
+    scan, yaws_deg = SCANNING, [0.0]
+    for tick in range(100):
+        here = sight(
+            front=at(1.5), right=NOTHING, yaw_rad=math.radians(yaws_deg[-1]), time_s=0.05 * tick
+        )
+        scan, setpoint = step(scan, replace(here, lane=lambda _: lane), FREE, PLAN)
+        yaws_deg.append(yaws_deg[-1] + 0.05 * math.degrees(setpoint.yaw_rate_rad_s))
+    assert min(yaws_deg) == pytest.approx(-max(left_deg, 3), abs=3)
+    assert max(yaws_deg) == pytest.approx(max(right_deg, 3), abs=3)
+
+
+def test_scanning_flies_along_the_wall_wherever_its_nose_points() -> None:
     aside = sight(front=at(1.5), right=NOTHING, yaw_rad=0.2)
     _, setpoint = step(SCANNING, aside, FREE, PLAN)
     along = math.atan2(setpoint.right_m_s, setpoint.forward_m_s) + 0.2
