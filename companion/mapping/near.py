@@ -43,7 +43,9 @@ SAME_M = 0.04
 """A point that is met again is one point, the old one: new ones in its stead would be drawn along
 by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
 OLD_S, SAME_OLD_M = 4.0, 0.10
-"""After so long it may have drifted by as much, and a new one stands for all that are so near."""
+"""After so long it may have drifted by as much, or by more if odometry drifts faster, and a new one
+stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
+"""
 STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
@@ -142,8 +144,11 @@ class Near:
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
+        """What was met long ago is to be met again before the drone passes it."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        return self._passed.lane(self._ne_m, bearing_rad, self._now_s)
+        lane = self._passed.lane(self._ne_m, bearing_rad, self._now_s)
+        old = self._points[self._points[:, _MET_S] < self._now_s - OLD_S, :2]
+        return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
     @property
     def _now_s(self) -> float:
@@ -319,7 +324,8 @@ class Near:
         is_it = (np.abs(along_m) < vague_m) & (np.abs(aside_m) < SAME_OLD_M)
         if (is_it & is_better & (self._points[:, _SIGMA_M] == 0)).any():
             return  # that is what it met, as far as it tells
-        same_m = np.maximum(np.where(is_old, SAME_OLD_M, SAME_M), vague_m)
+        old_m = np.maximum(SAME_OLD_M, DRIFT_SIGMAS * self._drift_m())
+        same_m = np.maximum(np.where(is_old, old_m, SAME_M), vague_m)
         again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
         self._points = np.vstack(

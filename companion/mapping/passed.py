@@ -42,6 +42,9 @@ EYE_M = 0.1
 NEXT_M = 1.5
 """The nose turns to gaps that the body touches within this. Chosen: over a straight way with legs,
 1.5 and 2.2 m leave as few of them unmet; with 1 m the drone is slower and meets fewer."""
+BESIDE_M = 0.6
+"""From the middle of the way: what stands so near is one side of a passage. Chosen: a doorway of
+1.2 m is passed in its middle, 0.4 m off either jamb."""
 STEP_M = 0.5 * CELL_M
 Places = NDArray[np.float64]
 Cells = NDArray[np.int64]
@@ -79,7 +82,17 @@ class Lane:
     """So far, up to `TO_M`, the drone may go until it touches what no beam has gone through."""
     left_rad: float = 0.0
     right_rad: float = 0.0
-    """To either side, off the way: as far as anything near is left to be gone through."""
+    """To either side, off the way: as far as anything near is left to be looked at."""
+
+    def beside(self, along_m: Places, aside_m: Places) -> "Lane":
+        """With what stands near the way, (n,) along it and to the right of it, to be looked at."""
+        is_near = (along_m > HULL_M) & (along_m < NEXT_M) & (np.abs(aside_m) < BESIDE_M)
+        off_rad = np.arctan2(aside_m[is_near], along_m[is_near] - EYE_M)
+        return Lane(
+            self.clear_m,
+            max(self.left_rad, float(-off_rad.min(initial=0.0))),
+            max(self.right_rad, float(off_rad.max(initial=0.0))),
+        )
 
 
 def all_passed(bearing_frd_rad: float) -> Lane:

@@ -363,6 +363,19 @@ def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew
     assert ahead_m == pytest.approx(-0.3 - 0.025, abs=0.03)
 
 
+@pytest.mark.parametrize(("nearer_m", "in_s", "is_one"), [(0.15, 60, True), (0.15, 1, False)])
+def test_what_is_met_within_the_drift_of_what_was_met_long_ago_is_the_same(
+    nearer_m: float, in_s: float, is_one: bool
+) -> None:
+    """A jamb had stood 0.2 m beside itself, and led the drone into the other one."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.01**2))
+    drone.see(right=at(1.2))
+    drone.move(0.0, in_s=in_s)
+    drone.see(right=at(1.2 - nearer_m))
+    assert len(drone.points) == (1 if is_one else 2)
+    assert min(right_m for _, right_m in drone.points) == pytest.approx(1.28 - nearer_m)
+
+
 def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(30):

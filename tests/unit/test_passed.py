@@ -62,6 +62,37 @@ def test_what_was_gone_through_long_ago_says_nothing() -> None:
     assert passed.lane(farther, 0.0, 10.1 + LATELY_S).clear_m < 0.5
 
 
+@pytest.mark.parametrize(
+    ("aside_m", "since_s", "is_looked_at"),
+    [(0.5, 6, True), (-0.5, 6, True), (0.5, 1, False), (1.0, 6, False)],
+)
+def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
+    aside_m: float, since_s: float, is_looked_at: bool
+) -> None:
+    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
+    near.move(odometry)
+    nothing = RangeReading(RangeState.NOTHING)
+    for yaw_deg in np.arange(-90, 90, 0.3):
+        near.turn_to(math.radians(yaw_deg))
+        near.see(RangeScan(1.0, {Beam.FRONT: nothing}))
+    near.turn_to(math.atan2(aside_m, 1.4))
+    jamb_m = math.hypot(aside_m, 1.4) - 0.08
+    near.see(RangeScan(1.1, {Beam.FRONT: RangeReading(RangeState.DISTANCE, jamb_m, 0.02**2)}))
+    near.turn_to(0.0)
+    near.move(replace(odometry, position_ned_m=(0.4, 0.0, -1.2)))
+    near.see(RangeScan(1.1 + since_s, {}))
+    lane = near.surroundings(0.3).lane(0.0)
+    to_it_rad, off_it_rad = lane.right_rad, lane.left_rad
+    if aside_m < 0:
+        to_it_rad, off_it_rad = off_it_rad, to_it_rad
+    assert off_it_rad < math.radians(20)
+    if is_looked_at:
+        assert math.degrees(to_it_rad) == pytest.approx(29, abs=1)
+    else:
+        assert to_it_rad < math.radians(20)
+
+
 def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
     near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
     odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
