@@ -77,6 +77,7 @@ def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
         near.turn_to(math.radians(yaw_deg))
         near.see(RangeScan(1.0, {Beam.FRONT: nothing}))
     near.turn_to(math.atan2(aside_m, 1.4))
+    near.see(RangeScan(1.05, {}))
     jamb_m = math.hypot(aside_m, 1.4) - 0.08
     near.see(RangeScan(1.1, {Beam.FRONT: RangeReading(RangeState.DISTANCE, jamb_m, 0.02**2)}))
     near.turn_to(0.0)
