@@ -26,8 +26,8 @@ ROUGH_AT_REST = 0.10
 """Share of rough readings of a sound sensor whose beam stands still; 0.04 among 70 posts of 5 cm
 in 5.5 × 5.5 m, the rest is for who walks by."""
 ROUGH_IN_CLUTTER, LEG_M = 0.55, 0.045
-"""Share of a sound sensor whose beam moves on by a leg or more. In five flights at clutter 0.75 and
-1.0 it was 0.10 to 0.19, and 0.65 in the worst two seconds; only more than 0.69 speaks against it."""
+"""Share of a sound sensor whose beam moves on by a leg or more: 0.10 to 0.19 in five flights at
+clutter 0.75 and 1.0, 0.65 in their worst two seconds. Only more than 0.69 speaks against it."""
 CONDEMNED, MOST = 11.0, 15.0
 """Sum of logarithms: 60,000 to 1, and as far as it goes. Three flights among 70 posts came to 10.4;
 ten times the noise was found within 50 s in 25 of 27 flights, in most of them within 5 s, at rest
