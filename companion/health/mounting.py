@@ -33,11 +33,8 @@ LEAST_OBLIQUE, GRAZING = math.tan(math.radians(20)), math.tan(math.radians(75))
 The reading of a wall that is met obliquely changes also as the drone moves aside and turns."""
 SWUNG_RAD = math.radians(1.5)
 """The least swing that shows the incidence: noise of 5 cm changes the tangent by 0.6 at 3 m."""
-WAY_SIGMAS = 6.0
-"""The way is as many sigmas of what was read at least: half of it is 3, and a sound beam reads so
-much too little in one of sixty comparisons."""
-EDGE_M, EDGE_SIGMAS = 0.25, 5.0
-"""A change between two readings that is an edge: noise makes it in one of three thousand."""
+EXACT_M, EDGE_M = 0.06, 0.25
+"""Sigma of a reading that tells something; a change between two readings that is an edge."""
 LEAST_SHARE, AGAINST = 0.5, 3
 """Nearer by less than this share of the way, so many times on end; or of two beams together. One
 that reads more by as much, as the beam on the other side should, counts twice."""
@@ -118,17 +115,17 @@ class _Way:
 
     def take(self, now_s: float, reading: RangeReading, travel: Travel) -> None:
         """Take in one reading."""
-        sigma_m = math.sqrt(reading.variance_m2)
-        is_edge = abs(reading.distance_m - self._last_m) > max(EDGE_M, EDGE_SIGMAS * sigma_m)
+        is_exact = reading.is_distance and reading.variance_m2 < EXACT_M**2
+        is_edge = abs(reading.distance_m - self._last_m) > EDGE_M
         self._last_m = reading.distance_m
-        if not reading.is_distance or is_edge:
+        if not is_exact or is_edge:
             self._readings.clear()
         else:
             between = self._readings[1:]
             if len(between) > 2:
                 between = [min(between, key=_turned_rad), max(between, key=_turned_rad)]
             self._readings[1:] = [*between, (reading.distance_m, travel)]
-            self._compare(now_s, sigma_m)
+            self._compare(now_s)
 
     def _since(self, travel: Travel) -> tuple[float, float, float]:
         """How far the drone has moved along the beam and aside, and turned, since the first one."""
@@ -136,12 +133,12 @@ class _Way:
         forward_m, right_m, _, turn_rad = (a - b for a, b in zip(travel, then, strict=True))
         return forward_m * x + right_m * y, right_m * x - forward_m * y, turn_rad
 
-    def _compare(self, now_s: float, sigma_m: float) -> None:
+    def _compare(self, now_s: float) -> None:
         (then_m, _), (now_m, travel) = self._readings[0], self._readings[-1]
         along_m, aside_m, turn_rad = self._since(travel)
         if abs(aside_m) > MOST_ASIDE_M:
             self._readings = [(now_m, travel)]
-        elif abs(along_m) > max(WAY_M, WAY_SIGMAS * sigma_m) and abs(turn_rad) < MOST_TURN_RAD:
+        elif abs(along_m) > WAY_M and abs(turn_rad) < MOST_TURN_RAD:
             nearer_m = (then_m - now_m) * math.copysign(1.0, along_m)
             missing_m = LEAST_SHARE * abs(along_m) - nearer_m
             obliquely_m = self._oblique() * (abs(aside_m) + now_m * abs(turn_rad))

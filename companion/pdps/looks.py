@@ -6,11 +6,12 @@ how much counts by its root only, or what little is left would be left behind, a
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
+from scipy.spatial import cKDTree
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
@@ -21,8 +22,10 @@ from companion.pdps.sight import Sight
 from companion.pdps.unseen import (
     LEAST_SURFACE_CELLS,
     SMALL_SURFACE_CELLS,
+    TRIED_WITHIN_M,
     Indices,
     Places,
+    centres,
     closed_in,
     known_cells,
     not_tried,
@@ -37,6 +40,8 @@ AMPLE_ROOM_M = 1.1
 CROWDED_S = 6.0
 """What a metre less room than is ample costs."""
 LOOK_S = 4.0
+SAME_VIEW_M = 0.35
+"""From there the same is seen. Chosen: three cells."""
 LEAST_SHOWN = 3
 """What shows fewer cells is left for later."""
 MOST_LOOKS = 8
@@ -91,7 +96,8 @@ def looks(
     grid = ways.ground.grid
     known = known_cells(grid)
     to_occupied_m = distance_transform_edt(~grid.occupied) * CELL_M
-    for stage in _stages(grid, known, to_occupied_m, plan, tried):
+    for each in _stages(grid, known, to_occupied_m, plan, tried):
+        stage = each.thinned
         if not len(stage.targets):
             continue
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= stage.least_room_m))
@@ -99,7 +105,11 @@ def looks(
         is_near = time_s <= stage.most_s
         if not is_near.any():
             continue
-        if found := _best(stage, views[is_near], time_s[is_near], grid, known):
+        views, time_s = views[is_near], time_s[is_near]
+        pairs = sights(grid, known, views, stage.targets)
+        if found := _best(
+            stage, views, time_s, grid, _not_in_vain(stage, views, pairs, tried, grid)
+        ):
             return found
     return ()
 
@@ -114,6 +124,14 @@ class _Stage:
     least_room_m: float
     most_s: float = math.inf
     least_surface: int = LEAST_SURFACE_CELLS
+    every: int = 1
+
+    @property
+    def thinned(self) -> "_Stage":
+        """With one of so many targets that there are few."""
+        every = len(self.targets) // (MOST_TARGETS + 1) + 1
+        targets, worth = self.targets[::every], self.worth[::every]
+        return replace(self, targets=targets, worth=worth, every=every)
 
 
 def _stages(
@@ -159,27 +177,45 @@ def seconds(
 
 
 def _best(
-    stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, known: Cells
+    stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, pairs: Indices
 ) -> tuple[Look, ...]:
-    """The places (v, 2) that show most of what is looked for for their time (v,), and so many."""
-    every = len(stage.targets) // (MOST_TARGETS + 1) + 1
-    targets, worth = stage.targets[::every], every * stage.worth[::every]
-    pairs = sights(grid, known, views, targets)
+    """The places (v, 2) that show most of what is looked for for their time (v,), and so many.
+
+    `pairs` (p, 2) tell which view shows which target.
+    """
     found: list[Look] = []
     while len(pairs) and len(found) < MOST_LOOKS:
-        shows = np.bincount(pairs[:, 0], worth[pairs[:, 1]], len(views))
+        shows = stage.every * np.bincount(pairs[:, 0], stage.worth[pairs[:, 1]], len(views))
         shows[shows < stage.least_shown] = 0
         best = int(np.argmax(np.sqrt(shows) / time_s))
         if not shows[best]:
             break
         shown = pairs[pairs[:, 0] == best, 1]
-        at = tuple(grid.place(_cell(cell)) for cell in targets[shown])
+        at = tuple(grid.place(_cell(cell)) for cell in stage.targets[shown])
         from_ne_m = grid.place(_cell(views[best]))
-        is_open = bool((stage.worth[::every][shown] < 1).all())
+        is_open = bool((stage.worth[shown] < 1).all())
         look = Look(from_ne_m, at, is_open=is_open, least_surface=stage.least_surface)
         found.append(look)
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)
+
+
+def _not_in_vain(
+    stage: _Stage, views: Indices, pairs: Indices, tried: Sequence[Look], grid: Occupancy
+) -> Indices:
+    """The pairs (p, 2) without those of an earlier look: from there, for what is there.
+
+    Round a corner what is unseen falls back along its shadow by a cell a look, and would stay the
+    quickest to look at.
+    """
+    views_ne_m, targets_ne_m = centres(grid, views), centres(grid, stage.targets)
+    in_vain = np.zeros(len(pairs), dtype=bool)
+    for look in tried:
+        is_from = np.hypot(*(views_ne_m - look.from_ne_m).T) < SAME_VIEW_M
+        if is_from.any():
+            at_m, _ = cKDTree(np.array(look.at_ne_m)).query(targets_ne_m)
+            in_vain |= is_from[pairs[:, 0]] & (at_m < TRIED_WITHIN_M)[pairs[:, 1]]
+    return pairs[~in_vain]
 
 
 def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:

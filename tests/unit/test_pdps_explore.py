@@ -194,6 +194,14 @@ def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
     assert all(len(look.at_ne_m) < LEAST_SHOWN for look in small)
 
 
+def test_what_a_look_has_left_unseen_is_looked_at_from_elsewhere() -> None:
+    ways = ways_from(open_ground(), (0.0, 0.0))
+    first, *_ = looks(ways, sight(), PLAN)
+    for look in looks(ways, sight(), PLAN, (first,)):
+        is_it_again = [min(math.dist(a, b) for b in first.at_ne_m) < 0.2 for a in look.at_ne_m]
+        assert math.dist(look.from_ne_m, first.from_ne_m) > 0.3 or not any(is_it_again)
+
+
 def test_what_was_looked_at_often_enough_is_let_be() -> None:
     grid = open_ground()
     everywhere = tuple(
