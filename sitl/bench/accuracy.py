@@ -129,7 +129,10 @@ def fly_all(setups: Sequence[Setup]) -> list[FlightResult]:
 
 
 def _told(result: FlightResult | None) -> str:
-    return "lost: its process died" if result is None else f"{result.world}, {result.profile}"
+    if result is None:
+        return "lost: its process died"
+    flight = f"{result.world}, {result.profile}, seed {result.report['seed']}"
+    return flight if result.report["completed"] else f"{flight}: {result.report['ending']}"
 
 
 def _lost(setup: Setup, why: str) -> None:

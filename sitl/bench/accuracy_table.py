@@ -31,5 +31,14 @@ def accuracy_tables(rows: list[dict[str, Any]]) -> list[Table]:
     return [errors, flights]
 
 
+def lost_flights(rows: list[dict[str, Any]]) -> list[str]:
+    """A line for each flight that was not completed: which, and why."""
+    return [
+        f"{row['world']}, {row['profile']}, seed {seed}: {ending}"
+        for row in rows
+        for seed, ending in row["lost_by_seed"].items()
+    ]
+
+
 def _errors(figures: dict[str, Any]) -> list[str]:
     return [f"{figures[key]['mean']:.1f} ({figures[key]['p95']:.1f})" for key in ERRORS]

@@ -75,13 +75,13 @@ def accuracy(
 ) -> None:
     """Maps and trajectories against the truth, dead reckoning and an ideal solver beside them."""
     from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
-    from sitl.bench.accuracy_table import accuracy_tables  # noqa: PLC0415
+    from sitl.bench.accuracy_table import accuracy_tables, lost_flights  # noqa: PLC0415
 
     rows = summary(fly_all(setups(seeds)))
     if as_json:
         print(json.dumps({"seeds": seeds, "rows": rows}, indent=1))
         return
-    Console(highlight=False).print(*accuracy_tables(rows), sep="\n")
+    Console(highlight=False).print(*accuracy_tables(rows), *lost_flights(rows), sep="\n")
 
 
 @commands.command()
