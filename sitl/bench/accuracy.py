@@ -124,19 +124,25 @@ def _references(
 
 def fly_all(setups: Sequence[Setup]) -> list[FlightResult]:
     """On all cores, with a bar; without those that were called off, or whose process died."""
-    flown = with_a_bar(setups, _told, fly, _lost)
-    return [result for result in flown if result is not None]
+    flown: list[FlightResult | str] = with_a_bar(setups, _told, fly, _lost)
+    return [result for result in flown if isinstance(result, FlightResult)]
 
 
-def _told(result: FlightResult | None) -> str:
-    if result is None:
-        return "lost: its process died"
-    flight = f"{result.world}, {result.profile}, seed {result.report['seed']}"
-    return flight if result.report["completed"] else f"{flight}: {result.report['ending']}"
+def ended(world: str, profile: str, seed: object, ending: object) -> str:
+    """Which flight ended how, in a line."""
+    return f"{world}, {profile}, seed {seed}: {ending}"
 
 
-def _lost(setup: Setup, why: str) -> None:
+def _told(flown: FlightResult | str) -> str:
+    if isinstance(flown, str):
+        return flown
+    report = flown.report
+    return ended(flown.world, flown.profile, report["seed"], report["ending"])
+
+
+def _lost(setup: Setup, why: str) -> str:
     """There are no figures of it."""
+    return ended(setup.world_name, setup.sensors.profile, setup.seed, f"lost: {why}")
 
 
 def setups(seeds: int) -> list[Setup]:

@@ -4,7 +4,7 @@ from typing import Any
 
 from rich.table import Table
 
-from sitl.bench.accuracy import ERRORS
+from sitl.bench.accuracy import ERRORS, ended
 
 HEADINGS = ("aligned", "take-off", "ATE")
 
@@ -34,7 +34,7 @@ def accuracy_tables(rows: list[dict[str, Any]]) -> list[Table]:
 def lost_flights(rows: list[dict[str, Any]]) -> list[str]:
     """A line for each flight that was not completed: which, and why."""
     return [
-        f"{row['world']}, {row['profile']}, seed {seed}: {ending}"
+        ended(row["world"], row["profile"], seed, ending)
         for row in rows
         for seed, ending in row["lost_by_seed"].items()
     ]

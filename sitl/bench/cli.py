@@ -81,7 +81,10 @@ def accuracy(
     if as_json:
         print(json.dumps({"seeds": seeds, "rows": rows}, indent=1))
         return
-    Console(highlight=False).print(*accuracy_tables(rows), *lost_flights(rows), sep="\n")
+    console = Console(highlight=False)
+    console.print(*accuracy_tables(rows), sep="\n")
+    for line in lost_flights(rows):
+        console.print(line, soft_wrap=True, markup=False)
 
 
 @commands.command()
