@@ -2,7 +2,8 @@
 
 Decided anew in every round of the smoother, with an ever narrower gate. A wall stays if it is
 worth its two unknowns: if the hits would fit clearly worse without it. Walls that are one, and
-rows of noise beside a real wall, are not; nor are pieces of wall through which beams went.
+rows of noise beside a real wall, are not; nor are pieces of wall through which beams went. What a
+beam met beyond a step is on another wall (`steps.py`).
 """
 
 from dataclasses import dataclass
@@ -12,7 +13,9 @@ import numpy as np
 from companion.estimation.candidates import GATE_SIGMAS, Gate, candidates
 from companion.estimation.evidence import refuted
 from companion.estimation.merging import merge
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.range_units import RangeUnits
+from companion.estimation.steps import Steps
 from companion.estimation.support import (
     Support,
     one_wall_a_stretch,
@@ -26,9 +29,10 @@ from companion.estimation.unknowns import Indices, Measured, Unknowns, project, 
 
 @dataclass(frozen=True, slots=True)
 class Association:
-    """Gives hits to walls, by what is known of the range units and what speaks for a wall."""
+    """Gives hits to walls, by what is known of the sensors and what speaks for a wall."""
 
     units: RangeUnits
+    odometry: OdometryModel
     support: Support
 
     def associate(self, x: Unknowns, m: Measured, gate: Gate, known: int = 0) -> Indices:
@@ -39,16 +43,20 @@ class Association:
         seen = project(x, m)
         pairs = candidates(x, m, seen, self.units, gate)
         sigma_m = self.units.sigma_m(m.beam, m.distance_m)
-        if merge(x, seen, sigma_m + gate.across_m / GATE_SIGMAS, pairs.best(), known):
+        steps = Steps.of(x, m, seen, sigma_m, self.odometry)
+        wide_m = sigma_m + gate.across_m / GATE_SIGMAS
+        if merge(x, seen, wide_m, pairs.best(), steps, known=known):
             pairs = candidates(x, m, seen, self.units, gate)
         pairs = one_wall_a_stretch(x, seen, pairs)
+        wall_of = pairs.best()
+        pairs = pairs.without(steps.beside(wall_of, x.walls), wall_of)
         pairs = without_strays(x, seen, pairs, self.support)
         pairs = without_glimpses(m, pairs)
         if gate.refutes:
             pairs = without_bends(x, seen, sigma_m, pairs, known)
             wall_of = pairs.best()
             wrong = refuted(x, seen, sigma_m, wall_of, self.support.opening_m)
-            pairs = pairs.only(~(wrong[pairs.hit] & (wall_of[pairs.hit] == pairs.wall)))
+            pairs = pairs.without(wrong, wall_of)
         pairs, kept = worthy(x, seen, sigma_m, pairs, self.support, known=known)
         past = x.reach_m[:known]
         wall_of = x.keep_walls(kept, pairs.best())

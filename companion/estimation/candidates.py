@@ -52,6 +52,10 @@ class Candidates:
         """Those of the pairs for which the mask (pairs,) holds."""
         return replace(self, hit=self.hit[kept], wall=self.wall[kept], misfit=self.misfit[kept])
 
+    def without(self, wrong: Mask, wall_of: Indices) -> "Candidates":
+        """Without pairs of hits of the mask (n,) and their walls (n,); they may be on others."""
+        return self.only(~(wrong[self.hit] & (wall_of[self.hit] == self.wall)))
+
     @property
     def is_best(self) -> Mask:
         """(pairs,): the first of each hit."""

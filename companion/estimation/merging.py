@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from companion.estimation.candidates import UNEXPLAINED
+from companion.estimation.steps import Steps
 from companion.estimation.straightness import bend
 from companion.estimation.unknowns import WALL_SIZE, Array, Indices, Sightings, Unknowns
 from companion.frames import wrap_rad
@@ -15,12 +16,21 @@ LARGEST_GAP_M = 1.5
 MOST_MEAN_COST = 1.8
 
 
-def merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known: int) -> bool:
+def merge(
+    x: Unknowns,
+    seen: Sightings,
+    sigma_m: Array,
+    wall_of: Indices,
+    steps: Steps,
+    *,
+    known: int,
+) -> bool:
     """Make one of walls that are one; keep none without hits. Whether that changed any.
 
     Two are one if they go on where the other ends, or nearly, and a common line fits the hits of
     each as well as their noise allows: rooms in a row often have walls that are nearly in line. A
-    known wall stays where it is; a new one that is the same goes.
+    known wall stays where it is; a new one that is the same goes. Two with a step between them are
+    not one, however well a line fits both.
     """
     support = np.bincount(wall_of[wall_of >= 0], minlength=len(x.walls))
     order = [*range(known), *(known + np.argsort(-support[known:], kind="stable"))]
@@ -46,8 +56,9 @@ def merge(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, known:
             common = line if i < known else fitted(line, seen.points[both], sigma_m[both])
             sets = [mine] if i < known else [members[i], mine]
             costs = [_mean_cost(common, seen.points[hits], sigma_m[hits]) for hits in sets]
-            is_straight = _is_straight(common, seen.points[both], sigma_m[both])
-            if max(costs) < MOST_MEAN_COST and is_straight:
+            is_one = max(costs) < MOST_MEAN_COST
+            is_one = is_one and _is_straight(common, seen.points[both], sigma_m[both])
+            if is_one and not steps.part(members[i], mine, float(common[0])):
                 lines[i], members[i] = common, both
                 wider = (
                     min(reaches[i][0], own_reach[0]),

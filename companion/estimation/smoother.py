@@ -61,7 +61,7 @@ class Smoother:
 
     def __init__(self, models: factors.Models, support: Support) -> None:
         self.models, self.support = models, support
-        self._association = Association(models.ranges, support)
+        self._association = Association(models.ranges, models.odometry, support)
 
     def from_start(self, start: Array) -> Past:
         """Before anything was seen: the first pose is `start` (3,), by definition of the frame.

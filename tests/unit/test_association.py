@@ -13,6 +13,7 @@ from companion.estimation.association import Association
 from companion.estimation.estimate import Estimate
 from companion.estimation.factors import Models
 from companion.estimation.flight_record import NO_WALL, FlightRecord
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import FINAL_GATES, Smoother
 from companion.estimation.support import Support
@@ -196,7 +197,7 @@ def test_pieces_of_wall_that_are_far_apart_are_two_unless_something_hides_the_re
     record = fly([*pieces, *before], [(0.0, -end - 1.2), (0.0, end + 1.2)], seed=2)
     x, m = Unknowns.at(record.poses.copy(), 0.0), Measured.of(record, UNITS)
     x.add_walls(np.array([[0.0, 3.0]]), np.array([[-end - 1.0, end + 1.0]]))
-    wall_of = Association(UNITS, Support()).associate(x, m, FINAL_GATES[0])
+    wall_of = Association(UNITS, OdometryModel(), Support()).associate(x, m, FINAL_GATES[0])
     east_m = project(x, m).points[:, 1]
     met = wall_of != NO_WALL
     on_both = met[east_m < -end].any() and met[east_m > end].any()

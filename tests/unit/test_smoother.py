@@ -17,6 +17,7 @@ from companion.estimation.candidates import Gate
 from companion.estimation.estimator import Estimator
 from companion.estimation.flight_record import FlightRecord
 from companion.estimation.in_flight import PERIOD_S
+from companion.estimation.odometry_model import OdometryModel
 from companion.estimation.range_units import BEAMS, RangeUnits
 from companion.estimation.smoother import Smoother
 from companion.estimation.support import Support
@@ -106,7 +107,7 @@ def east_flight(walls: list[tuple[float, float]]) -> Unknowns:
 )
 def test_one_wall_is_mapped_as_one(other: tuple[float, float]) -> None:
     x = east_flight([(0.0, 1.5), other])
-    association = Association(level(PAPER), Support())
+    association = Association(level(PAPER), OdometryModel(), Support())
     wall_of = association.associate(x, hits_on_a_wall(1), Gate(0.1))
     assert len(x.walls) == 1
     assert x.walls[0] == pytest.approx((0.0, 1.5), abs=0.03)

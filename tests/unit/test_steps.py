@@ -1,0 +1,68 @@
+"""Where a beam goes over from one surface to another that is hardly farther."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.estimation.odometry_model import OdometryModel
+from companion.estimation.steps import Steps
+from companion.estimation.unknowns import Array
+
+HITS, SIGMA_M = 120, 0.025
+ALL = np.zeros(HITS, dtype=np.int64)
+FLIGHTS = 400
+PILASTER = slice(40, 75)
+NORTH = np.array([[0.0, 2.0]])
+"""A wall 2 m to the north."""
+
+
+def along_a_wall(out_m: Array, seed: int, slant_rad: float = 0.0) -> Steps:
+    """A beam passes along it at 0.8 m/s, 20 times a second; the wall stands out by so much."""
+    noise_m = SIGMA_M * np.random.default_rng(seed).standard_normal(HITS)
+    east_m = 0.04 * np.arange(HITS)
+    north_m = 2.0 - out_m + math.tan(slant_rad) * east_m + noise_m
+    frame = np.arange(HITS) // 4
+    return Steps(
+        np.zeros(HITS, dtype=np.int64),
+        frame,
+        0.2 * frame.astype(np.float64),
+        np.column_stack([north_m, east_m]),
+        np.full(HITS, SIGMA_M),
+        OdometryModel(),
+    )
+
+
+def pilaster(depth_m: float) -> Array:
+    out_m = np.zeros(HITS)
+    out_m[PILASTER] = depth_m
+    return out_m
+
+
+@pytest.mark.parametrize("depth_m", [-0.3, -0.15, 0.15, 0.3])
+def test_what_stands_a_hand_before_or_behind_a_wall_is_beside_it(depth_m: float) -> None:
+    expected = np.zeros(HITS, dtype=bool)
+    expected[PILASTER] = True
+    beside = [along_a_wall(pilaster(depth_m), seed).beside(ALL, NORTH) for seed in range(FLIGHTS)]
+    is_right = [(found != expected).sum() <= 3 for found in beside]
+    assert sum(is_right) >= 0.98 * FLIGHTS
+
+
+@pytest.mark.parametrize("slant_deg", [-4, 0, 4])
+def test_a_straight_wall_has_no_step_though_its_direction_is_not_known_well(
+    slant_deg: float,
+) -> None:
+    slant_rad = math.radians(slant_deg)
+    straight = [along_a_wall(np.zeros(HITS), seed, slant_rad) for seed in range(FLIGHTS)]
+    assert sum(steps.beside(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
+
+
+def test_hits_of_no_wall_are_beside_none() -> None:
+    assert not along_a_wall(pilaster(0.15), 1).beside(np.full(HITS, -1), NORTH).any()
+
+
+@pytest.mark.parametrize(("depth_m", "apart"), [(0.15, True), (0.0, False)])
+def test_a_wall_and_its_pilaster_are_two(depth_m: float, apart: bool) -> None:
+    steps = along_a_wall(pilaster(depth_m), seed=1)
+    on_it = np.arange(HITS)[PILASTER]
+    assert steps.part(on_it, np.setdiff1d(np.arange(HITS), on_it), 0.0) == apart
