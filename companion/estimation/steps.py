@@ -32,9 +32,9 @@ LEAST_SIDE_HITS = 3
 MOST_APART_KEYFRAMES = 5
 """Hits more than a second apart do not follow each other. Chosen: odometry walks by 16 mm in it."""
 STEP_SIGMAS = 4.0
-"""Noise alone makes one such step in some thousand hits, which costs some of them; one of 15 cm that
-is missed at 2 m, where it is 7 sigmas, costs degrees. Chosen: `benchmarks/pilasters.py` prints 3.8,
-4.1 and 5.0 deg in the mean with 4, 4.5 and 5."""
+"""Noise alone makes one such step in some thousand hits, and some hits are lost to it. One of 15 cm
+stands out by 7 sigmas at 2 m; a missed one costs degrees. Chosen: `benchmarks/pilasters.py` prints
+3.8, 4.1 and 5.0 deg in the mean with 4, 4.5 and 5."""
 LEAST_STEP_M = 0.06
 """Chosen: plaster, skirting and rough walls stand out by less."""
 NORMAL_SIGMA_RAD = math.radians(2)

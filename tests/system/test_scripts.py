@@ -35,7 +35,7 @@ finally:
 @pytest.fixture
 def drone() -> Iterator[tuple[str, str]]:
     """Its link and bus."""
-    with running_sitl("--speed", "30") as (_, mavlink_port, bus_port):
+    with running_sitl("--speed", "10") as (_, mavlink_port, bus_port):
         yield f"udpout:127.0.0.1:{mavlink_port}", f"sitl://127.0.0.1:{bus_port}"
 
 

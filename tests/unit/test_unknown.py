@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -22,54 +20,16 @@ from sitl.world.format import Segment, World, WorldError
 from sitl.world.loading import load_world
 from sitl.world.model import WorldModel
 from sitl.world.plan import seeable_points, wall_surfaces
+from tests.maps import CELL_M, FREE, UNKNOWN, WALL, Shades, cells, fill, nothing, room, write
 
-CELL_M = 0.05
-FREE, UNKNOWN, WALL = 254, 205, 0
 HEIGHT_M = 1.2
 FAR_M = 60.0
-Shades = NDArray[np.uint8]
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """One for all examples of hypothesis; each overwrites the files of the last."""
     return tmp_path_factory.mktemp("unknown")
-
-
-def cells(length_m: float) -> int:
-    return round(length_m / CELL_M)
-
-
-def nothing(north_m: float, east_m: float) -> Shades:
-    """A map that knows nothing, its rows northwards."""
-    return np.full((cells(north_m), cells(east_m)), UNKNOWN, dtype=np.uint8)
-
-
-def fill(  # noqa: PLR0917 - four sides, as on a drawing
-    shades: Shades, south_m: float, west_m: float, north_m: float, east_m: float, shade: int
-) -> None:
-    shades[cells(south_m) : cells(north_m), cells(west_m) : cells(east_m)] = shade
-
-
-def room(shades: Shades, south_m: float, west_m: float, north_m: float, east_m: float) -> None:
-    """Free within these sides, with walls of 10 cm around."""
-    fill(shades, south_m - 0.1, west_m - 0.1, north_m + 0.1, east_m + 0.1, WALL)
-    fill(shades, south_m, west_m, north_m, east_m, FREE)
-
-
-def write(folder: Path, shades: Shades, yaw_rad: float = 0.0) -> str:
-    Image.fromarray(np.flipud(shades)).save(folder / "house.pgm")
-    record = {
-        "image": "house.pgm",
-        "resolution": CELL_M,
-        "origin": [0.0, 0.0, yaw_rad],
-        "negate": 0,
-        "occupied_thresh": 0.65,
-        "free_thresh": 0.196,
-    }
-    path = folder / "house.yaml"
-    path.write_text(yaml.safe_dump(record))
-    return str(path)
 
 
 def loaded(folder: Path, shades: Shades) -> tuple[World, list[str]]:
