@@ -37,6 +37,9 @@ WITHIN_M, MOST_SIGMA_M = 2.5, 0.06
 VAGUE_SIGMAS = 2.0
 """What was met from farther off may be so far before or behind where it was met. A thin pole may
 not be met again: between two readings of a beam that swings, it moves on by 5 to 10 cm there."""
+SAME_SIGMAS = 3.0
+"""What lies so near along the beam, and is known exactly, is what was met: of many readings of a
+jamb one in twenty is more than two sigmas short, and would stand in the doorway."""
 _SPAN = np.linspace(-1, 1, 13)
 """Where between it is looked whether beams have gone there, less than a cell apart mostly."""
 SAME_M = 0.04
@@ -313,20 +316,20 @@ class Near:
         is_old = time_s - self._points[:, _MET_S] > OLD_S
         no_better = self._points[:, _KNOWN] <= known
         most_sigma_m = np.maximum(self._points[:, _SIGMA_M], sigma_m)
-        apart_m = VAGUE_SIGMAS * np.hypot(most_sigma_m, self._drift_m())
-        vague_m = np.where(most_sigma_m > 0, apart_m, 0.0)
+        apart_m = np.where(most_sigma_m > 0, np.hypot(most_sigma_m, self._drift_m()), 0.0)
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
             self._points[stays, _PASSED:] = -math.inf
             return
-        along_m, aside_m = points_to_frd(off_m, ray_rad).T
-        is_it = (np.abs(along_m) < vague_m) & (np.abs(aside_m) < SAME_OLD_M)
-        if (is_it & is_better & (self._points[:, _SIGMA_M] == 0)).any():
+        is_exact = self._points[:, _SIGMA_M] == 0
+        if (_lie_along(off_m, ray_rad, SAME_SIGMAS * apart_m) & is_better & is_exact).any():
             return  # that is what it met, as far as it tells
         old_m = np.maximum(SAME_OLD_M, DRIFT_SIGMAS * self._drift_m())
-        same_m = np.maximum(np.where(is_old, old_m, SAME_M), vague_m)
-        again = (off_m2 < same_m**2) & no_better  # no guess for what was measured
+        same_m = np.maximum(np.where(is_old, old_m, SAME_M), VAGUE_SIGMAS * apart_m)
+        rays_rad = self._points[:, _RAY_RAD]
+        again = ~is_exact & _lie_along(off_m, rays_rad, SAME_SIGMAS * apart_m)
+        again = (again | (off_m2 < same_m**2)) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
         self._points = np.vstack(
             [self._points[~again], (*place, time_s, known, sigma_m, ray_rad, *NOT_PASSED)]
@@ -358,6 +361,15 @@ class _Line:
         forward_m, right_m = self.eye_frd_m
         cos_b, sin_b = math.cos(self.bearing_rad), math.sin(self.bearing_rad)
         return forward_m + along_m * cos_b, right_m + along_m * sin_b
+
+
+def _lie_along(off_m: Points, ray_rad: float | Points, within_m: Points) -> NDArray[np.bool_]:
+    """(n,): whether places (n, 2) off a point lie before or behind it on a beam of that heading."""
+    cos, sin = np.cos(ray_rad), np.sin(ray_rad)
+    along_m = off_m[:, 0] * cos + off_m[:, 1] * sin
+    aside_m = off_m[:, 1] * cos - off_m[:, 0] * sin
+    lie: NDArray[np.bool_] = (np.abs(along_m) < within_m) & (np.abs(aside_m) < SAME_OLD_M)
+    return lie
 
 
 def _strip(aside_m: Points) -> NDArray[np.int64]:

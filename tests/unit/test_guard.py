@@ -320,6 +320,18 @@ def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
     assert forward_m == pytest.approx(4.08)
 
 
+@pytest.mark.parametrize("sigmas_short", [0.5, 2.6])
+def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: float) -> None:
+    """Of a jamb 2.6 sigmas too near a point was left in the doorway, and no way led home."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    sigma_m = 0.07
+    drone.see(front=RangeReading(RangeState.DISTANCE, 3.0 - sigmas_short * sigma_m, sigma_m**2))
+    drone.move(1.4)
+    drone.see(front=at(1.6))
+    [(forward_m, _)] = drone.near.surroundings(0.5).points_frd_m
+    assert forward_m == pytest.approx(1.68)
+
+
 def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
