@@ -59,6 +59,7 @@ from companion.pdps.control import CLIMB_LAG_S, MOST_CLIMB_M_S, approach_speed, 
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
 from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.left_unseen import in_words, left_unseen
 from companion.pdps.reserve import Reserve, Spent
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.pdps.route import START_NE_M
@@ -444,6 +445,8 @@ def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
         flight = _go(flight, _after(Phase.HOME, view), view)
+        if plan.kind != "exterior" and (left := in_words(left_unseen(view.space))):
+            flight = replace(flight, notice=left)
     return flight, Action(setpoint)
 
 

@@ -70,10 +70,15 @@ def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
 
 
 def frontiers(grid: Occupancy) -> Cells:
+    """The edges that are long enough to be worth a look."""
+    return without_specks(edges(grid), LEAST_FRONTIER_CELLS)
+
+
+def edges(grid: Occupancy) -> Cells:
     """Known cells with an unknown neighbour that are not beside something occupied."""
     known = known_cells(grid)
-    edge = known & ~grown(grid.occupied) & _beside(~known)
-    return without_specks(edge, LEAST_FRONTIER_CELLS)
+    edge: Cells = known & ~grown(grid.occupied) & _beside(~known)
+    return edge
 
 
 def vague_surfaces(grid: Occupancy, least: int = LEAST_SURFACE_CELLS) -> Cells:

@@ -1,0 +1,54 @@
+"""What a mission says that it has left unseen."""
+
+import math
+
+import pytest
+
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.pdps.left_unseen import in_words, left_unseen
+from companion.pdps.unseen import Places
+
+AHEAD_M, ASIDE_M = 2.0, 0.5
+"""How far a beam that is lost in an opening has gone, and where the opening is, to the right."""
+
+
+def room_with_an_opening(wide_m: float) -> Occupancy:
+    """4 × 4 m about the start; the middle of an opening in its north wall is 0.5 m to the right.
+
+    No beam has gone on through it.
+    """
+    grid = Occupancy()
+    for tenth in range(3600):
+        bearing_rad = math.radians(tenth / 10)
+        to_m = AHEAD_M / max(abs(math.cos(bearing_rad)), abs(math.sin(bearing_rad)))
+        is_north = math.cos(bearing_rad) > 0 and abs(math.tan(bearing_rad)) < 1
+        in_it = is_north and abs(AHEAD_M * math.tan(bearing_rad) - ASIDE_M) < wide_m / 2
+        for _ in range(3):
+            grid.add(Ray((0.0, 0.0), bearing_rad, to_m, 0.01, not in_it, 0.0))
+    return grid
+
+
+@pytest.mark.parametrize("wide_m", [0.8, 1.2])
+def test_an_opening_that_nobody_has_looked_into_is_named(wide_m: float) -> None:
+    [(north_m, east_m)] = left_unseen(room_with_an_opening(wide_m))
+    assert north_m == pytest.approx(AHEAD_M, abs=0.2)
+    assert east_m == pytest.approx(ASIDE_M, abs=0.4)
+
+
+def test_a_closed_room_has_nothing_left() -> None:
+    assert left_unseen(room_with_an_opening(0.0)) == ()
+
+
+@pytest.mark.parametrize(
+    ("places", "words"),
+    [
+        ((), ""),
+        (((4.04, -2.5),), "left unseen: 4.0 m north 2.5 m west"),
+        (
+            ((-1.0, 0.0),) * 5,
+            "left unseen: " + ", ".join(["1.0 m south 0.0 m east"] * 3) + " and 2 more",
+        ),
+    ],
+)
+def test_it_is_said_where_the_first_few_are(places: Places, words: str) -> None:
+    assert in_words(places) == words
