@@ -215,16 +215,17 @@ class Near:
             if unit is None or reading is None:
                 continue
             line = self._line(unit, relative, yaw_rate_rad_s)
-            is_on_it = self._is_measured & (np.abs(line.aside_m) < ALIAS_ASIDE_M)
-            is_on_it &= line.along_m > 0
-            known_m = float(line.along_m[is_on_it].min(initial=math.inf)) - unit.offset_m
+            is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
+            measured_m = line.along_m[is_on_it & self._is_measured]
+            known_m = float(measured_m.min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
             free_m = _free_m(unfolded, unit)
             self._pass_through(scan.time_s, line, free_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
             self._passed.go(self._place(line.eye_frd_m), bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
-            again = _met_again(unfolded, unit, line.along_m, is_on_it)
+            is_there = is_on_it & (self._points[:, _KNOWN] > _GUESSED)
+            again = _met_again(unfolded, unit, line.along_m, is_there)
             if again is not None:
                 self._meet_again(again, line, scan.time_s)
             elif end is not None:

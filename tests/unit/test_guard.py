@@ -332,6 +332,17 @@ def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: f
     assert forward_m == pytest.approx(1.68)
 
 
+def test_what_was_first_met_too_near_is_met_again_when_it_is_nearer() -> None:
+    """A leg at 0.5 m read as if it were at 0.8: a second one stood there, and the first was hit."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=RangeReading(RangeState.TOO_NEAR, 0.94))
+    drone.move(0.48)
+    for _ in range(20):
+        drone.see(front=RangeReading(RangeState.TOO_NEAR, 0.8))
+    [(forward_m, _)] = drone.near.surroundings(0.5).points_frd_m
+    assert forward_m == pytest.approx(0.54)
+
+
 def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
