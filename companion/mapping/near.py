@@ -31,7 +31,8 @@ from companion.messages import (
 from companion.values import value
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
-"""After that the frame may have drifted by as much as the drone keeps off."""
+"""What is not met again for so long is left to the map: the frame may have drifted by as much as
+the drone keeps off."""
 WITHIN_M, MOST_SIGMA_M = 2.5, 0.06
 """What is met so near, and so exactly, is known in place of what was met before."""
 VAGUE_SIGMAS = 2.0
@@ -70,7 +71,7 @@ Points = NDArray[np.float64]
 NOT_PASSED = (-math.inf,) * STRIPS
 _STRIP_ASIDE_M = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
 """Of the middle of each strip from the point."""
-_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _PASSED = 2, 3, 4, 5, 6
+_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _PASSED = 2, 3, 4, 5, 6, 7
 _GUESSED, _TOO_STRONG, _MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
@@ -118,9 +119,9 @@ class Surroundings:
 class Near:
     """Points around the drone, in a frame of its own.
 
-    (n, 6 + STRIPS): north, east, when it was met, how well it is known, the sigma of its distance
-    where that was vague and the heading of the beam, and when a beam last went through each of the
-    strips around it.
+    (n, 7 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
+    distance where that was vague and the heading of the beam, when it was met again, and when a
+    beam last went through each of the strips around it.
     """
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
@@ -264,6 +265,7 @@ class Near:
         It does not move along a surface, then, that goes on to either side.
         """
         strip = np.clip(_strip(line.aside_m[point]), 0, STRIPS - 1)
+        self._points[point, _AGAIN_S] = time_s
         self._points[point, _PASSED + strip] = -math.inf
         if self._points[point, _PASSED + STRIPS // 2] > time_s - PASSED_WITHIN_S:
             self._points[point, :2] = self._place(line.at_m(float(line.along_m[point])))
@@ -298,7 +300,7 @@ class Near:
         points = self._points
         off_m = points[:, :2] - self._ne_m
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
-        self._points = points[is_near & (points[:, _MET_S] > now_s - KEPT_S)]
+        self._points = points[is_near & (points[:, _AGAIN_S] > now_s - KEPT_S)]
 
     @property
     def _is_measured(self) -> NDArray[np.bool_]:
@@ -321,6 +323,7 @@ class Near:
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
+            self._points[stays, _AGAIN_S] = time_s
             self._points[stays, _PASSED:] = -math.inf
             return
         is_exact = self._points[:, _SIGMA_M] == 0
@@ -333,7 +336,7 @@ class Near:
         again = (again | (off_m2 < same_m**2)) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
         self._points = np.vstack(
-            [self._points[~again], (*place, time_s, known, sigma_m, ray_rad, *NOT_PASSED)]
+            [self._points[~again], (*place, time_s, known, sigma_m, ray_rad, time_s, *NOT_PASSED)]
         )
 
     def _place(self, at_frd_m: Vector2) -> Vector2:

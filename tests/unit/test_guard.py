@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.mapping.near import NO_DRIFT, Drift, Near, Surroundings
+from companion.mapping.near import KEPT_S, NO_DRIFT, Drift, Near, Surroundings
 from companion.mapping.passed import all_passed
 from companion.messages import (
     BEARING_FRD_RAD,
@@ -330,6 +330,18 @@ def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: f
     drone.see(front=at(1.6))
     [(forward_m, _)] = drone.near.surroundings(0.5).points_frd_m
     assert forward_m == pytest.approx(1.68)
+
+
+def test_what_is_met_again_and_again_is_not_forgotten() -> None:
+    """A leg that the drone hovered before for two minutes was gone then, and was hit."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=at(1.2))
+    drone.move(0.6)
+    for _ in range(int(2 * KEPT_S)):
+        drone.move(0.0, in_s=1.0)
+        drone.see(front=RangeReading(RangeState.TOO_NEAR))
+    [(forward_m, _)] = drone.near.surroundings(0.5).points_frd_m
+    assert forward_m == pytest.approx(0.68)
 
 
 def test_what_was_first_met_too_near_is_met_again_when_it_is_nearer() -> None:
