@@ -29,6 +29,7 @@ SIDE_HITS = 5
 """So many hits before a step are compared with as many after it: a quarter of a second at 20 Hz.
 Chosen: of fewer the mean is too noisy, more are too far from the step."""
 LEAST_SIDE_HITS = 3
+"""On either side, or one stray hit would make a step. Chosen."""
 MOST_APART_KEYFRAMES = 5
 """Hits more than a second apart do not follow each other. Chosen: odometry walks by 16 mm in it."""
 STEP_SIGMAS = 4.0
@@ -38,7 +39,8 @@ stands out by 7 sigmas at 2 m; a missed one costs degrees. Chosen: `benchmarks/p
 LEAST_STEP_M = 0.06
 """Chosen: plaster, skirting and rough walls stand out by less."""
 NORMAL_SIGMA_RAD = math.radians(2)
-"""As a wall's direction is known: along a wall that is taken to look elsewhere hits climb."""
+"""Sigma of a wall's direction in flight; chosen. Along a wall whose direction is taken wrongly hits
+climb across it, which is no step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +52,7 @@ class Steps:
     frame: Indices
     """(n,): the keyframe of each."""
     time_s: Array
-    """(n,): of the keyframes."""
+    """(n,): when that was, since the first keyframe."""
     points: Array
     """(n, 2): in a frame that drifts as odometry does, turned as local NED."""
     sigma_m: Array
@@ -115,11 +117,15 @@ class _Streams:
     """Hits that follow each other in one beam and on one wall, stream after stream."""
 
     hit: Indices
-    """(h,)"""
+    """(h,)."""
     first: Indices
     """(h,): where in this order the stream of each begins,"""
     end: Indices
     """(h,): and where the next one does."""
+    before: Indices
+    """(h,): so many hits just before each are compared,"""
+    after: Indices
+    """(h,): with so many from it on."""
 
     @classmethod
     def of(cls, beam: Indices, frame: Indices, wall_of: Indices) -> "_Streams":
@@ -127,39 +133,29 @@ class _Streams:
         hit = hit[np.lexsort((hit, beam[hit], wall_of[hit]))]
         begins = (np.diff(wall_of[hit], prepend=-1) != 0) | (np.diff(beam[hit], prepend=-1) != 0)
         begins |= np.diff(frame[hit], prepend=0) > MOST_APART_KEYFRAMES
-        first: Indices = np.flatnonzero(begins)
-        number = np.cumsum(begins) - 1
-        return cls(hit, first[number], np.append(first[1:], len(hit))[number])
-
-    @property
-    def _low(self) -> Indices:
-        """(h,): where the hits before each begin that are compared with those from it on."""
-        return np.maximum(np.arange(len(self.hit)) - SIDE_HITS, self.first)
-
-    @property
-    def _high(self) -> Indices:
-        """(h,): where the latter end."""
-        return np.minimum(np.arange(len(self.hit)) + SIDE_HITS, self.end)
+        begin: Indices = np.flatnonzero(begins)
+        number, here = np.cumsum(begins) - 1, np.arange(len(hit))
+        first, end = begin[number], np.append(begin[1:], len(hit))[number]
+        before, after = np.minimum(here - first, SIDE_HITS), np.minimum(end - here, SIDE_HITS)
+        return cls(hit, first, end, before, after)
 
     @property
     def is_inside(self) -> Mask:
         """(h,): there are enough hits on both sides."""
-        here = np.arange(len(self.hit))
-        inside: Mask = np.minimum(here - self._low, self._high - here) >= LEAST_SIDE_HITS
+        inside: Mask = np.minimum(self.before, self.after) >= LEAST_SIDE_HITS
         return inside
 
     @property
     def shares(self) -> Array:
         """(h,): variance of the difference of both means, of hits with variance 1."""
-        here = np.arange(len(self.hit))
-        shares: Array = 1 / np.maximum(here - self._low, 1) + 1 / (self._high - here)
+        shares: Array = 1 / np.maximum(self.before, 1) + 1 / self.after
         return shares
 
     def apart(self, value: Array) -> Array:
         """(h,): mean of the values (h,) from each hit on less the mean of those before it."""
-        here, low, high = np.arange(len(self.hit)), self._low, self._high
+        here = np.arange(len(self.hit))
         total = np.concatenate([[0.0], np.cumsum(value)])
-        after = (total[high] - total[here]) / (high - here)
-        before = (total[here] - total[low]) / np.maximum(here - low, 1)
+        after = (total[here + self.after] - total[here]) / self.after
+        before = (total[here] - total[here - self.before]) / np.maximum(self.before, 1)
         apart: Array = after - before
         return apart

@@ -4,17 +4,17 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 
 from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.pdps.looks import NEAR_SOMETHING_M
 from companion.pdps.unseen import SQUARE, Places, centres, edges, without_specks
 
 LEAST_OPENING_CELLS = 4
-"""Chosen: of fewer, beside the two that touch its jambs, what is behind is hardly a place."""
-NEAR_SOMETHING_M = 2.5
-"""Farther from all that stands there it is the open, which has no end."""
+"""Of 10 cm, without those that touch the jambs. Chosen: behind less there is hardly a place."""
 MOST_NAMED = 3
+"""What a pilot reads at a glance."""
 
 
 def left_unseen(space: Occupancy) -> Places:
-    """The middle of each edge of what is known, the longest first."""
+    """The middle of each edge of what is known, the longest first; not of the open, without end."""
     near = distance_transform_edt(~space.occupied) * CELL_M <= NEAR_SOMETHING_M
     numbers, count = label(without_specks(edges(space) & near, LEAST_OPENING_CELLS), SQUARE)
     parts = [np.argwhere(numbers == number) for number in range(1, count + 1)]

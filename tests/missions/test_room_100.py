@@ -24,11 +24,12 @@ def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int)
     assert abs(flight.simulation.autopilot.truth.position_ned_m[2]) < 0.05
 
 
-def test_it_maps_a_larger_room_with_short_sensors(sitl: Sitl) -> None:
-    flight = sitl.fly("room_300", profile="paper")
+@pytest.mark.parametrize(("world", "area_m2"), [("room_200", 200), ("room_300", 300)])
+def test_it_maps_larger_rooms(sitl: Sitl, world: str, area_m2: float) -> None:
+    flight = sitl.fly(world, profile="paper")
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
-    assert areas_m2(flight) == pytest.approx([300], rel=0.02)
+    assert areas_m2(flight) == pytest.approx([area_m2], rel=0.02)
 
 
 def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:

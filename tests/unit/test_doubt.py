@@ -37,10 +37,9 @@ UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.it
 Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]
 KEYFRAMES = 151
 STEP_M = 0.1
-
-
 CABINET_M = 6.0, 9.0
 UNSEEN_M = 0.3
+"""Before and after its ends."""
 
 
 def flight_past_a_cabinet(seed: int, *, its_ends_are_seen: bool = True) -> tuple[Measured, Array]:
