@@ -24,7 +24,8 @@ from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.known_walls import KnownWalls
-from companion.mapping.near import Drift, Near, Surroundings
+from companion.mapping.met import Drift
+from companion.mapping.near import Near, Surroundings
 from companion.mapping.overhead import Overhead
 from companion.mapping.rays import rays
 from companion.mapping.space import Space

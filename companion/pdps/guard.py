@@ -26,7 +26,8 @@ import numpy as np
 
 from companion.config import MissionConfig
 from companion.frames import Vector2
-from companion.mapping.near import DRIFT_SIGMAS, Points, Surroundings
+from companion.mapping.met import DRIFT_SIGMAS, Points
+from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import CELL_M
 from companion.messages import Setpoint
 from companion.pdps.control import BRAKING_M_S2, clamp

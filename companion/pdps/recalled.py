@@ -12,7 +12,7 @@ was met three minutes ago, and is not met again before the drone comes to it, is
 import numpy as np
 
 from companion.frames import points_to_frd
-from companion.mapping.near import KEPT_S, Points
+from companion.mapping.met import KEPT_S, Points
 from companion.mapping.occupancy import Occupancy
 from companion.messages import Pose
 from companion.pdps.guard import BODY_RADIUS_M

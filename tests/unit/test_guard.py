@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.mapping.near import KEPT_S, NO_DRIFT, Drift, Near, Surroundings
+from companion.mapping.met import KEPT_S, NO_DRIFT, Drift
+from companion.mapping.near import Near, Surroundings
 from companion.mapping.passed import all_passed
 from companion.messages import (
     BEARING_FRD_RAD,

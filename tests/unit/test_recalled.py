@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from companion.mapping.near import KEPT_S, Surroundings
+from companion.mapping.met import KEPT_S
+from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import Pose, Setpoint
 from companion.pdps.guard import guarded
