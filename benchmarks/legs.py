@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.mapping.passed import EYE_M, HALF_WIDTH_M, Passed
+from companion.mapping.passed import BODY_M, EYE_M, Passed
 from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2
 from companion.pdps.swing import TO_THE_RIGHT
 
@@ -38,7 +38,7 @@ class Legs:
 
     def touched_m(self) -> Row:
         """(n,): how far along the way the drone's centre is when its body touches each."""
-        reach_m = HALF_WIDTH_M + self.radius_m
+        reach_m = BODY_M + self.radius_m
         touched_m: Row = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
         return touched_m
 
@@ -60,7 +60,7 @@ def fly(seed: int, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
     right, begins = np.array((-ahead[1], ahead[0])), rng.uniform(-1, 1, 2)
     legs = Legs(
         rng.uniform(3, LENGTH_M - 1, LEGS),
-        rng.uniform(-HALF_WIDTH_M, HALF_WIDTH_M, LEGS),
+        rng.uniform(-BODY_M, BODY_M, LEGS),
         rng.uniform(*THICK_M, LEGS) / 2,
     )
     met_m, met_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)

@@ -283,6 +283,7 @@ class App:
                 self._lag.lag_s,
                 wander_m,
                 around.lane,
+                around.is_among_legs,
             ),
             space=self.space.grid,
             around=around,

@@ -40,6 +40,9 @@ OLD_S, SAME_OLD_M = 4.0, 0.10
 stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
 """
 STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
+AMID = 0.25
+"""A beam counts where it goes so far, in strips, from the middle of one or nearer: a leg of 3 cm
+that stands on the border of two strips is met by every beam that counts for either."""
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
 many strips around it. Only when it did in all of them to this distance, and as far as the drone may
@@ -53,7 +56,10 @@ goes past its edge as near as that. Where those were met later by OLD_S they are
 NOT_PASSED = (-math.inf,) * STRIPS
 _STRIP_ASIDE_M = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
 """Of the middle of each strip from the point."""
-_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _PASSED = 2, 3, 4, 5, 6, 7
+ALONE_FROM_M, ALONE_TO_M, GLANCE_S = 0.06, 0.20, 3.0
+"""What beams have gone by at such a distance on both sides, and beyond, within so long, one swing
+of the nose, stands alone and is no wider than a leg, or the end of something thin."""
+_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S, _PASSED = 2, 3, 4, 5, 6, 7, 8, 9
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
@@ -112,14 +118,16 @@ class Found:
 class Met:
     """Points in a frame that only odometry moves.
 
-    (n, 7 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
-    distance where that was vague and the heading of the beam, when it was met again, and when a
-    beam last went through each of the strips around it.
+    (n, 9 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
+    distance where that was vague and the heading of the beam, when it was met again, when a beam
+    last went by on the left and on the right of it, and through each of the strips around it.
     """
 
     def __init__(self) -> None:
         self._points: Points = np.empty((0, _PASSED + STRIPS))
         self._drift = NO_DRIFT
+        self.leg_met_s = -math.inf
+        """When something that stands alone was last met."""
 
     def drifts(self, drift: Drift) -> None:
         """So odometry errs from now on."""
@@ -179,9 +187,15 @@ class Met:
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
         beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
+        is_past = beyond & (farthest_m < to_m)
         strip = _strip(line.aside_m)
-        passed = (strip >= 0) & (strip < STRIPS) & beyond & (farthest_m < to_m)
+        is_in_one = (strip >= 0) & (strip < STRIPS) & _is_amid(line.aside_m)
+        passed = is_in_one & is_past
         self._points[passed, _PASSED + strip[passed]] = time_s
+        off_m = np.abs(line.aside_m)
+        beside = is_past & (off_m > ALONE_FROM_M) & (off_m < ALONE_TO_M)
+        self._points[beside & (line.aside_m > 0), _LEFT_S] = time_s
+        self._points[beside & (line.aside_m < 0), _RIGHT_S] = time_s
 
     def meet_again(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
         """It still stands there, or where the beam is, if beams went through where it was.
@@ -208,6 +222,8 @@ class Met:
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
+            if self._stands_alone(stays & self.is_measured, time_s):
+                self.leg_met_s = time_s
             self._points[stays, _AGAIN_S] = time_s
             self._points[stays, _PASSED:] = -math.inf
             return
@@ -220,8 +236,14 @@ class Met:
         again = ~is_exact & _lie_along(off_m, rays_rad, SAME_SIGMAS * apart_m)
         again = (again | (off_m2 < same_m**2)) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
-        new = (*place_ne_m, time_s, known, sigma_m, ray_rad, time_s, *NOT_PASSED)
+        how = known, sigma_m, ray_rad
+        new = (*place_ne_m, time_s, *how, time_s, -math.inf, -math.inf, *NOT_PASSED)
         self._points = np.vstack([self._points[~again], new])
+
+    def _stands_alone(self, which: Chosen, time_s: float) -> bool:
+        """Whether one of some points (n,) that are met again does."""
+        beside_s = self._points[which][:, (_LEFT_S, _RIGHT_S)]
+        return bool((beside_s > time_s - GLANCE_S).all(axis=1).any())
 
     def forget(self, ne_m: Vector2, now_s: float) -> None:
         """What is far off, or was not met again for long."""
@@ -265,3 +287,10 @@ def _strip(aside_m: Points) -> NDArray[np.int64]:
     """Which of those around a point a beam goes through that has it so far to its right."""
     strip: NDArray[np.int64] = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(np.int64)
     return strip
+
+
+def _is_amid(aside_m: Points) -> Chosen:
+    """Whether a beam goes through the middle of a strip of those that have it so far right."""
+    off = aside_m / STRIP_M + STRIPS / 2
+    amid: Chosen = np.abs(off - np.floor(off) - 0.5) <= AMID
+    return amid

@@ -30,7 +30,7 @@ from companion.mapping.met import (
     Met,
     Points,
 )
-from companion.mapping.passed import Lane, Passed, all_passed
+from companion.mapping.passed import NARROW, WIDE, Lane, Passed, all_passed
 from companion.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -48,6 +48,8 @@ ALIAS_ASIDE_M = 0.12
 SURELY_M = 0.30
 """What is known to be farther by so much than a folded reading would mean was not what it met, even
 if it has drifted. Somebody who has gone would stand in the way until all is forgotten."""
+AMONG_LEGS_S = 30.0
+"""After a leg was met the drone is among legs for so long: chairs stand in groups."""
 UNMEASURED_M = 0.55
 """From the drone's centre: where something is put that is too near to be measured and is new."""
 
@@ -69,6 +71,8 @@ class Surroundings:
     """(r, 2): what was met longer ago, where the map has it."""
     lane: Callable[[float], Lane] = all_passed
     """What beams have gone through of the way to a bearing, FRD."""
+    is_among_legs: bool = False
+    """Something thin that stands alone was met lately."""
 
 
 class Near:
@@ -77,7 +81,7 @@ class Near:
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
         self._met = Met()
-        self._passed = Passed()
+        self._passed, self._proved = Passed(WIDE), Passed(NARROW)
         self._folds = Folds(units)
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
@@ -94,14 +98,20 @@ class Near:
             self._met.is_vague,
             self._met.drift_m(self._now_s),
             lane=self._lane,
+            is_among_legs=self._is_among_legs,
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
         """What was met long ago is to be met again before the drone passes it."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        lane = self._passed.lane(self._ne_m, bearing_rad, self._now_s)
+        passed = self._proved if self._is_among_legs else self._passed
+        lane = passed.lane(self._ne_m, bearing_rad, self._now_s)
         old = self._met.before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
+
+    @property
+    def _is_among_legs(self) -> bool:
+        return self._now_s - self._met.leg_met_s < AMONG_LEGS_S
 
     @property
     def _now_s(self) -> float:
@@ -137,6 +147,7 @@ class Near:
         self._met.forget(self._ne_m, scan.time_s)
         self._folds.move_to(self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
+        grids = (self._passed, self._proved) if self._is_among_legs else (self._passed,)
         readings = dict(scan.readings)
         new: list[tuple[Vector2, Found]] = []
         for beam in BEARING_FRD_RAD:
@@ -151,7 +162,9 @@ class Near:
             free_m = _free_m(unfolded, unit)
             self._met.pass_through(scan.time_s, line, free_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
-            self._passed.go(self._place(line.eye_frd_m), bearing_rad, free_m, scan.time_s)
+            eye_ne_m = self._place(line.eye_frd_m)
+            for grid in grids:
+                grid.go(eye_ne_m, bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
             again = _met_again(unfolded, unit, line.along_m, is_on_it & self._met.is_sure)
             if again is not None:
@@ -161,7 +174,8 @@ class Near:
                 end_m, sigma_m = end
                 found = Found(_how_known(reading, unfolded), sigma_m, bearing_rad)
                 new.append((self._place(line.at_m(end_m)), found))
-        self._passed.stand(self._ne_m, scan.time_s)
+        for grid in grids:
+            grid.stand(self._ne_m, scan.time_s)
         self._met.let_go(scan.time_s)
         for place_ne_m, found in new:
             self._met.put(place_ne_m, scan.time_s, found)

@@ -27,6 +27,8 @@ SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
 ends."""
 ROUGHLY = 1.1
 """What a way may take, over what is reckoned: out of a maze it was a twentieth more."""
+AMONG_LEGS_M_S = 0.25
+"""Chosen, below what benchmarks/legs.py finds there: a flight went home at 0.22 m/s."""
 STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
@@ -112,16 +114,18 @@ def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    return TURNS_S + _flown_s(ways, here, way, plan) + DOORWAY_S * len(doorways)
+    most_m_s = AMONG_LEGS_M_S if sight.is_among_legs else plan.speed_m_s
+    return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
 
 
-def _flown_s(ways: Ways, here: Vector2, way: Way, plan: MissionConfig) -> float:
+def _flown_s(ways: Ways, here: Vector2, way: Way, plan: MissionConfig, most_m_s: float) -> float:
     """Along a way, slow where that is narrow."""
     flown_s = 0.0
     for start, end in pairwise((here, *way)):
         length_m = math.dist(start, end)
         places = np.linspace(start, end, 1 + math.ceil(length_m / STEP_M)).tolist()
         room_m = (ways.ground.clear_m((north, east)) for north, east in places)
-        speeds_m_s = [SPEED_SHARE * most_speed_m_s(metres, plan) for metres in room_m]
+        wide_m_s = (SPEED_SHARE * most_speed_m_s(metres, plan) for metres in room_m)
+        speeds_m_s = [min(speed, most_m_s) for speed in wide_m_s]
         flown_s += length_m * fmean(1 / speed for speed in speeds_m_s)
     return flown_s

@@ -33,6 +33,8 @@ class Sight:
     """How far its autopilot's estimate wanders, one sigma."""
     lane: Callable[[float], Lane] = all_passed
     """What beams have gone through of the way to a bearing, FRD."""
+    is_among_legs: bool = False
+    """Something thin that stands alone was met lately."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam; 0 unless the beam says so."""
