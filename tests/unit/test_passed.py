@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from companion.drivers.sharp import GP2Y0A710K0F
 from companion.mapping.near import Near, Surroundings
-from companion.mapping.passed import LATELY_S, TO_M, Lane, Passed
+from companion.mapping.passed import LATELY_S, LEG_M, NARROW, TO_M, Lane, Passed
 from companion.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -54,6 +56,32 @@ def test_a_leg_may_stand_between_two_beams() -> None:
     passed.stand((HERE[0] + 0.7, HERE[1]), 10.0)
     clear_m = passed.lane((HERE[0] + 0.7, HERE[1]), 0.0, 10.1).clear_m
     assert clear_m < 1.0
+
+
+@given(
+    st.floats(0.2, 1.7),
+    st.floats(-0.3, 0.3),
+    st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=30),
+    st.floats(-math.pi, math.pi),
+)
+def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
+    away_m: float, at_rad: float, beams_rad: list[float], heading_rad: float
+) -> None:
+    """Whatever beams have gone by without meeting it: its middle is in a cell that is left."""
+    leg = HERE + away_m * np.array((math.cos(heading_rad + at_rad), math.sin(heading_rad + at_rad)))
+    passed = Passed(NARROW)
+    for off_rad in beams_rad:
+        if abs(away_m * math.sin(off_rad - at_rad)) > LEG_M / 2:
+            passed.go(HERE, heading_rad + off_rad, (0.0, 3.5), 10.0)
+    assert passed.when_s(leg) < 0
+
+
+def test_in_narrow_cells_a_close_swing_leaves_none_of_the_way() -> None:
+    passed = Passed(NARROW)
+    passed.stand(HERE, 10.0)
+    for off_rad in np.arange(-1.0, 1.0, math.radians(0.3)):
+        passed.go(HERE, float(off_rad), (0.0, 3.5), 10.0)
+    assert passed.lane(HERE, 0.0, 10.1).clear_m > 1.2
 
 
 def test_what_was_gone_through_long_ago_says_nothing() -> None:
@@ -110,6 +138,27 @@ def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
     assert around.lane(math.pi / 2).clear_m < 0.5
     assert guarded(Setpoint(1.0), around, 0.3).forward_m_s > 0.9
     assert guarded(Setpoint(0.0, 1.0), around, 0.3).right_m_s < 0.5
+
+
+@pytest.mark.parametrize(
+    ("wide_m", "is_leg"),
+    [(0.03, True), (0.08, True), (0.4, False), (2.0, False)],
+)
+def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
+    wide_m: float, is_leg: bool
+) -> None:
+    """The nose swings over it, 1.3 m away, before a wall at 3 m, at 45 deg/s."""
+    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
+    there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
+    behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
+    swings_deg = np.concatenate([np.arange(-30, 30, 1.0), np.arange(30, -30, -1.0)] * 2)
+    for tick, yaw_deg in enumerate(swings_deg):
+        yaw_rad = math.radians(float(yaw_deg))
+        near.turn_to(yaw_rad)
+        is_met = abs(1.3 * math.sin(yaw_rad)) < wide_m / 2
+        near.see(RangeScan(tick / 45, {Beam.FRONT: there if is_met else behind}))
+    assert near.surroundings(0.3).is_among_legs is is_leg
 
 
 @pytest.mark.parametrize("clear_m", [0.0, 0.1, 0.3, 0.6, TO_M])

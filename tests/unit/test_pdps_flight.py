@@ -346,6 +346,15 @@ def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
     assert narrow_s > wide_s + 6
 
 
+def test_it_turns_back_earlier_among_legs() -> None:
+    """The way home of 3 m takes 12 s at the speed that it has there, not 4 s."""
+    plan = PLAN.model_copy(update={"speed_m_s": 1.0})
+    late = view(position=(3.0, 0.0), time_s=90.0 + plan.time_limit_s - plan.reserve_s - 20.0)
+    among = replace(late, sight=replace(late.sight, is_among_legs=True))
+    assert step(flying(Phase.ROOM), late, plan)[0].phase is Phase.ROOM
+    assert step(flying(Phase.ROOM), among, plan)[0].phase is Phase.HOME
+
+
 def test_time_limit_and_request_land_the_drone() -> None:
     assert after(Phase.HOME, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
     assert after(Phase.ROOM, view(land_requested=True))[0] is Phase.LAND
