@@ -85,6 +85,11 @@ LAND_FROM_M = 0.35
 by up to 0.5 m from 1 m down (docs/autopilot.md). Below 0.2 m flow sensors see little."""
 DESCENT_TIMEOUT_S = 8.0
 """Three times what it takes from a height of 1.2 m; then it lands from where it is."""
+LOOKS_FOR_WAY_HOME_S = 60.0
+"""So long it looks anew for a way home that it has not found: somebody who stood there may go, and
+what was drawn amiss is drawn anew by a look all round, which takes 10 to 20 s. Chosen: three."""
+LOOKS_AGAIN_S = 5.0
+"""It waits so long before: to find that there is none takes the computer some tens of ms."""
 UP_FOR_S = 2.0
 """ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
 has come to rest by then."""
@@ -163,6 +168,8 @@ class Flight:
     layers: Layers = field(default_factory=Layers)
     reserve: Reserve = Reserve()
     way_home: Travel = Travel(START_NE_M)
+    lost_s: tuple[float, ...] = ()
+    """When it found no way home, again and again."""
     arrived_s: float = 0.0
     """When it came home."""
     held_from: Phase = Phase.CONNECT
@@ -218,6 +225,7 @@ class Action:
 
 NOTHING = Action()
 ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
+LOOKS_AGAIN = "no way back to the start was found; it looks again"
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
@@ -464,15 +472,27 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
         return _settle(flight, view)
     if not homeward.known:
         homeward = replace(homeward, known=flight.building.known_doorways)
+    if homeward.phase is TravelPhase.GAVE_UP:
+        return _look_for_way_home(flight, view), Action(HOLD)
     going, setpoint = travel.step(homeward, view.sight, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
             return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight))
         case TravelPhase.GAVE_UP:
-            return _go(flight, Phase.LAND, view, NO_WAY_HOME), Action(HOLD)
+            return replace(flight, lost_s=(*flight.lost_s, view.time_s)), Action(HOLD)
         case _:
             return flight, Action(setpoint)
+
+
+def _look_for_way_home(flight: Flight, view: View) -> Flight:
+    """Anew, as if none of the ways had been tried; in the end it lands where it is."""
+    now_s, lost_s = view.time_s, flight.lost_s
+    if now_s - min(lost_s) > LOOKS_FOR_WAY_HOME_S:
+        return _go(flight, Phase.LAND, view, NO_WAY_HOME)
+    if now_s - lost_s[-1] < LOOKS_AGAIN_S:
+        return flight
+    return replace(flight, way_home=Travel(START_NE_M), notice=LOOKS_AGAIN)
 
 
 def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
@@ -506,7 +526,7 @@ def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Act
             fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
             return _obey(fresh, MISSION_PHASES[plan.kind], view, order), Action(HOLD)
         case Task.HOME:
-            homeward = replace(flight, way_home=Travel(START_NE_M))
+            homeward = replace(flight, way_home=Travel(START_NE_M), lost_s=())
             return _obey(homeward, Phase.HOME, view, order), Action(HOLD)
         case Task.LAND:
             return _obey(flight, Phase.LAND, view, order), Action(HOLD)

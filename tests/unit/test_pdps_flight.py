@@ -397,11 +397,30 @@ def test_all_seen_sends_it_home() -> None:
     assert step(layers, view(), PLAN)[0].phase is Phase.HOME
 
 
-def test_without_a_way_back_it_says_so_and_lands() -> None:
-    lost = replace(flying(Phase.HOME), way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
-    flight, _ = step(lost, view(), PLAN)
-    assert flight.phase is Phase.LAND
-    assert "no way back" in flight.trouble
+def test_without_a_way_back_it_looks_again_then_says_so_and_lands() -> None:
+    lost, since_s = replace(flying(Phase.HOME), lost_s=(100.0,)), 0.0
+    lost = replace(lost, way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
+    while lost.phase is Phase.HOME and since_s < 100:
+        lost, _ = step(lost, view(time_s=100.0 + since_s), PLAN)
+        since_s += 1.0
+        if lost.way_home.phase is not TravelPhase.GAVE_UP:
+            assert lost.way_home.goal_ne_m == (0.0, 0.0)
+            lost = replace(lost, way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
+    assert 60 < since_s < 70
+    assert lost.phase is Phase.LAND
+    assert "no way back" in lost.trouble
+
+
+def test_a_way_back_that_is_free_again_is_flown() -> None:
+    gave_up = Travel((0.0, 0.0), phase=TravelPhase.GAVE_UP)
+    lost = replace(flying(Phase.HOME), lost_s=(100.0,), way_home=gave_up)
+    assert step(lost, view(time_s=103.0), PLAN)[0].way_home.phase is TravelPhase.GAVE_UP
+    again, _ = step(lost, view(time_s=106.0), PLAN)
+    assert again.way_home.phase is TravelPhase.FLY
+    assert "looks again" in again.notice
+    _, action = step(again, view(time_s=106.1), PLAN)
+    assert action.setpoint is not None
+    assert again.way_home.goal_ne_m == (0.0, 0.0)
 
 
 @pytest.mark.parametrize("phase", [Phase.ROOM, Phase.BUILDING, Phase.LAYERS, Phase.HOME])
