@@ -1,31 +1,36 @@
 """Legs that a drone flies past or into: `python -m benchmarks.legs [--flights 16]`.
 
 One straight way of 20 m with legs of 3 to 5 cm all over it, at random headings to the grid of
-`mapping/passed.py`. The nose swings as `pdps/swing.py` says, the speed is bounded as by
-`pdps/guard.py`, by the grid alone: no leg changes the flight. It prints the mean speed, and how
-many of the legs that the body would touch no beam has met while the drone can still stop.
+`mapping/passed.py`, wide or narrow cells. The nose swings as `pdps/swing.py` says, the speed is
+bounded as by `pdps/guard.py`, by the grid alone: no leg changes the flight. Nose and drone follow
+as ArduCopter's do, and overshoot. It prints the mean speed, and how many of the legs that the body
+would touch no beam has met while the drone can still stop.
 """
 
 import argparse
 import math
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.mapping.passed import BODY_M, EYE_M, Passed
+from companion.mapping.passed import BODY_M, EYE_M, NARROW, WIDE, Fill, Passed
 from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2
 from companion.pdps.swing import TO_THE_RIGHT
+from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
+from sitl.vehicle import STEP_S, Follow, Loop
 
 Row = NDArray[np.float64]
 
 LENGTH_M, LEGS, THICK_M = 20.0, 400, (0.03, 0.05)
 TICK_S, SEES_M, JITTER_RAD = 0.05, 4.0, math.radians(0.5)
-LAG_S, SPEEDS_UP_S, TURNS_S = 0.6, 0.35, 0.25
-"""Of the vehicle's velocity as the guard takes it, and time constants of velocity and yaw rate."""
+LAG_S = 0.6
+"""Of the vehicle's velocity as the guard takes it."""
 STOPS_WITHIN_S = 0.4
 """Firmware flies on for so long before it brakes (docs/autopilot.md)."""
-RATES_DEG_S, SPEEDS_M_S = (25, 36, 45, 60), (0.6, 0.8, 1.0)
+RATES_DEG_S, SPEEDS_M_S = (30, 45, 60), (0.6, 1.0)
+CELLS = {"wide": WIDE, "narrow": NARROW}
 
 
 @dataclass(frozen=True)
@@ -52,7 +57,20 @@ class Legs:
         return met
 
 
-def fly(seed: int, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
+class Axis:
+    """A velocity, and how the autopilot and its vehicle follow a setpoint of it."""
+
+    def __init__(self, shape: Shape, follow: Follow) -> None:
+        self._shaper, self._loop = Shaper(shape), Loop(follow)
+
+    def tick(self, wanted: float) -> float:
+        """The velocity a tick later."""
+        for _ in range(round(TICK_S / STEP_S)):
+            velocity = self._loop.step(self._shaper.step(wanted))
+        return velocity
+
+
+def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
     """Mean speed, m/s, and share of the legs that were met too late or never."""
     rng = np.random.default_rng(seed)
     heading_rad = rng.uniform(0, math.tau)
@@ -64,17 +82,17 @@ def fly(seed: int, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
         rng.uniform(*THICK_M, LEGS) / 2,
     )
     met_m, met_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
-    passed, swing = Passed(), TO_THE_RIGHT
-    along_m = speed_m_s = yaw_rad = yaw_rate_rad_s = time_s = 0.0
+    passed, swing = Passed(fill), TO_THE_RIGHT
+    nose = Axis(ARDUCOPTER.yaw, ARDUCOPTER.airframe.yaw)
+    forward = Axis(ARDUCOPTER.horizontal, ARDUCOPTER.airframe.horizontal)
+    along_m = speed_m_s = yaw_rad = time_s = 0.0
     while along_m < LENGTH_M:
         time_s += TICK_S
         at = begins + along_m * ahead
         here = float(at[0]), float(at[1])
         lane = passed.lane(here, heading_rad, time_s)
         swing = swing.onward(yaw_rad, lane)
-        wanted_rad_s = swing.side * math.radians(rate_deg_s)
-        yaw_rate_rad_s += (wanted_rad_s - yaw_rate_rad_s) * TICK_S / TURNS_S
-        yaw_rad += yaw_rate_rad_s * TICK_S
+        yaw_rad += nose.tick(swing.side * math.radians(rate_deg_s)) * TICK_S
         beam_rad = yaw_rad + JITTER_RAD * rng.standard_normal()
         new = legs.met_by(along_m, yaw_rad, beam_rad) & np.isinf(met_m)
         met_m[new], met_m_s[new] = along_m, speed_m_s
@@ -84,7 +102,7 @@ def fly(seed: int, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
         passed.stand(here, time_s)
         left_m = max(lane.clear_m - LAG_S * speed_m_s, 0.0)
         bound_m_s = min(most_m_s, max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * left_m)))
-        speed_m_s += (bound_m_s - speed_m_s) * TICK_S / SPEEDS_UP_S
+        speed_m_s = forward.tick(bound_m_s)
         along_m += speed_m_s * TICK_S
     stops_m = STOPS_WITHIN_S * met_m_s + met_m_s**2 / (2 * STOPS_M_S2)
     return along_m / time_s, float((legs.touched_m() - met_m < stops_m).mean())
@@ -94,13 +112,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=16)
     seeds = range(parser.parse_args().flights)
-    print("| turns, deg/s | at most, m/s | mean, m/s | met too late |")
-    print("|---" * 4 + "|")
-    for rate_deg_s in RATES_DEG_S:
-        for most_m_s in SPEEDS_M_S:
-            flights = [fly(seed, rate_deg_s, most_m_s) for seed in seeds]
-            speed_m_s, late = np.mean(flights, axis=0)
-            print(f"| {rate_deg_s} | {most_m_s} | {speed_m_s:.2f} | {late:.1%} |", flush=True)
+    print("| cells | turns, deg/s | at most, m/s | mean, m/s | met too late |")
+    print("|---" * 5 + "|")
+    for (cells, fill), rate_deg_s, most_m_s in product(CELLS.items(), RATES_DEG_S, SPEEDS_M_S):
+        flights = [fly(seed, fill, rate_deg_s, most_m_s) for seed in seeds]
+        speed_m_s, late = np.mean(flights, axis=0)
+        row = f"{cells} | {rate_deg_s} | {most_m_s} | {speed_m_s:.2f} | {late:.2%}"
+        print(f"| {row} |", flush=True)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ other side of it is so far away that what was there is not lately any more.
 
 There are two grids. In wide cells a beam that goes by near the middle of one has gone through it:
 beams 5 cm apart leave none, though a leg may stand between them. In narrow cells a beam has gone
-only through those in which no leg has its middle, or it would have been met: among legs, that is
-proof, and takes longer.
+only through those in whose middle no leg can stand, or it would have been met: among legs, that is
+proof, to half a cell, and takes longer.
 """
 
 import math
@@ -61,7 +61,7 @@ class Fill:
     reach_m: float
     """From the drone's centre: the body and a cell."""
     is_proof: bool
-    """Only cells in which no leg has its middle, not all that are touched by what a leg needs."""
+    """Only cells in whose middle no leg can stand, not all that a beam as wide as one touches."""
 
     @property
     def hull_m(self) -> float:
@@ -132,14 +132,14 @@ class Passed:
             self._when_s[self._cells(middle + off_m * aside)] = time_s
 
     def _prove(self, eye_ne_m: Vector2, middle: Places, aside: Places, time_s: float) -> None:
-        """All of a cell lies within half a leg of the beam."""
+        """The middle of a cell lies within half a leg of the beam."""
         cell_m = self._fill.cell_m
         offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._fill.step_m)
         near = (middle[:, None] + offsets_m[:, None] * aside).reshape(-1, 2)
         numbers = np.floor(near / cell_m).astype(np.int64)
         off_m = np.abs(((numbers + 0.5) * cell_m - eye_ne_m) @ aside)
-        numbers = numbers[off_m < LEG_M / 2 - 0.5 * cell_m * np.abs(aside).sum()]
-        self._when_s[tuple((numbers % self._fill.cells).T)] = time_s
+        proved = numbers[off_m < LEG_M / 2] % self._fill.cells
+        self._when_s[tuple(proved.T)] = time_s
 
     def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
         """What is known of the way to a bearing."""

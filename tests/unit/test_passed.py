@@ -67,12 +67,15 @@ def test_a_leg_may_stand_between_two_beams() -> None:
 def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
     away_m: float, at_rad: float, beams_rad: list[float], heading_rad: float
 ) -> None:
-    """Whatever beams have gone by without meeting it: its middle is in a cell that is left."""
-    leg = HERE + away_m * np.array((math.cos(heading_rad + at_rad), math.sin(heading_rad + at_rad)))
-    passed = Passed(NARROW)
+    """Whatever beams have gone by without meeting it: the cell around it is left."""
+    bearing_rad = heading_rad + at_rad
+    leg = HERE + away_m * np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
+    leg = (np.floor(leg / NARROW.cell_m) + 0.5) * NARROW.cell_m
+    (north_m, east_m), passed = leg - HERE, Passed(NARROW)
     for off_rad in beams_rad:
-        if abs(away_m * math.sin(off_rad - at_rad)) > LEG_M / 2:
-            passed.go(HERE, heading_rad + off_rad, (0.0, 3.5), 10.0)
+        beam_rad = heading_rad + off_rad
+        if abs(east_m * math.cos(beam_rad) - north_m * math.sin(beam_rad)) > LEG_M / 2:
+            passed.go(HERE, beam_rad, (0.0, 3.5), 10.0)
     assert passed.when_s(leg) < 0
 
 
