@@ -149,7 +149,7 @@ class Passed:
         is_left = self.when_s(places) <= now_s - LATELY_S
         off_rad = way.off_rad[is_left & (way.reached_m < NEXT_M)]
         return Lane(
-            float(way.reached_m[is_left].min(initial=TO_M)),
+            float(way.reached_m[is_left].min(initial=self._fill.to_m)),
             float(-off_rad.min(initial=0.0)),
             float(off_rad.max(initial=0.0)),
         )

@@ -58,6 +58,9 @@ STOPS_M_S2 = 1.0
 CRAWL_M_S = 0.2
 """At which a swing of the nose passes over all of the way before the drone comes there: it goes on
 by a third of a metre from one side to the other."""
+AMONG_LEGS_M_S = 0.6
+"""Faster than this a way that is known too little farther on lets more legs be met too late, and
+the mean speed is no higher: `benchmarks/legs.py`."""
 FULL_ROUNDS, ROUNDS = 8, 40
 LEAST_SPEED_M_S = 0.02
 
@@ -97,6 +100,8 @@ def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2
     left_m = around.lane(math.atan2(right_m_s, forward_m_s)).clear_m
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
     most_m_s = max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0)))
+    if around.is_among_legs:
+        most_m_s = min(most_m_s, AMONG_LEGS_M_S)
     share = min(1.0, most_m_s / speed_m_s)
     return share * forward_m_s, share * right_m_s
 

@@ -27,8 +27,8 @@ SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
 ends."""
 ROUGHLY = 1.1
 """What a way may take, over what is reckoned: out of a maze it was a twentieth more."""
-AMONG_LEGS_M_S = 0.25
-"""Chosen, below what benchmarks/legs.py finds there: a flight went home at 0.22 m/s."""
+AMONG_LEGS_MEAN_M_S = 0.25
+"""Below the 0.27 m/s that `benchmarks/legs.py` finds there: a flight went home at 0.22 m/s."""
 STEP_M = 0.3
 UNKNOWN_SPEED_SHARE = 0.4
 """Straight home where no way is known, and so much may the way home have grown meanwhile."""
@@ -114,7 +114,7 @@ def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    most_m_s = AMONG_LEGS_M_S if sight.is_among_legs else plan.speed_m_s
+    most_m_s = AMONG_LEGS_MEAN_M_S if sight.is_among_legs else plan.speed_m_s
     return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
 
 
