@@ -40,9 +40,6 @@ OLD_S, SAME_OLD_M = 4.0, 0.10
 stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
 """
 STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
-AMID = 0.25
-"""A beam counts where it goes so far, in strips, from the middle of one or nearer: a leg of 3 cm
-that stands on the border of two strips is met by every beam that counts for either."""
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
 many strips around it. Only when it did in all of them to this distance, and as far as the drone may
@@ -189,8 +186,7 @@ class Met:
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         is_past = beyond & (farthest_m < to_m)
         strip = _strip(line.aside_m)
-        is_in_one = (strip >= 0) & (strip < STRIPS) & _is_amid(line.aside_m)
-        passed = is_in_one & is_past
+        passed = (strip >= 0) & (strip < STRIPS) & is_past
         self._points[passed, _PASSED + strip[passed]] = time_s
         off_m = np.abs(line.aside_m)
         beside = is_past & (off_m > ALONE_FROM_M) & (off_m < ALONE_TO_M)
@@ -287,10 +283,3 @@ def _strip(aside_m: Points) -> NDArray[np.int64]:
     """Which of those around a point a beam goes through that has it so far to its right."""
     strip: NDArray[np.int64] = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(np.int64)
     return strip
-
-
-def _is_amid(aside_m: Points) -> Chosen:
-    """Whether a beam goes through the middle of a strip of those that have it so far right."""
-    off = aside_m / STRIP_M + STRIPS / 2
-    amid: Chosen = np.abs(off - np.floor(off) - 0.5) <= AMID
-    return amid
