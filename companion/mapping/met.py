@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.frames import Vector2, points_to_frd
-from companion.mapping.passed import Passed
+from companion.mapping.passed import LEG_M, Passed
 from companion.values import value
 
 Points = NDArray[np.float64]
@@ -39,19 +39,22 @@ OLD_S, SAME_OLD_M = 4.0, 0.10
 """After so long it may have drifted by as much, or by more if odometry drifts faster, and a new one
 stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
 """
-STRIPS, STRIP_M, LEAST_STRIPS_M = 17, 0.02, 0.04
+STRIPS, STRIP_M, LEAST_STRIPS_M, GUESS_STRIPS_M = 35, 0.01, 0.04, 0.02
+"""A beam goes through those of which no part is farther from it than half the thinnest leg: what
+has its middle there would have been met."""
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
 """A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
 many strips around it. Only when it did in all of them to this distance, and as far as the drone may
-have drifted, is the point gone: a thin pole is missed by most beams that pass close by. All within
-so long, two swings of the nose: the strips drift over what stands there."""
+have drifted, is the point gone: a thin pole is missed by most beams that pass close by. A guess
+goes at a smaller distance: it may never have been there. All within so long, two swings of the
+nose: the strips drift over what stands there."""
 DRIFT_SIGMAS = 2.0
 """The drone has drifted by no more, in 19 of 20 cases on either axis."""
 TOGETHER_M = 0.20
 """It did so likewise for all points that are so near to it: a beam that leaves a jamb
 goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
 NOT_PASSED = (-math.inf,) * STRIPS
-_STRIP_ASIDE_M = STRIP_M * np.abs(np.arange(STRIPS) - STRIPS // 2)
+_STRIP_RIGHT_M = STRIP_M * (np.arange(STRIPS) - STRIPS // 2)
 """Of the middle of each strip from the point."""
 ALONE_FROM_M, ALONE_TO_M, GLANCE_S = 0.06, 0.20, 3.0
 """What beams have gone by at such a distance on both sides, and beyond, within so long, one swing
@@ -185,9 +188,8 @@ class Met:
         beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         is_past = beyond & (farthest_m < to_m)
-        strip = _strip(line.aside_m)
-        passed = (strip >= 0) & (strip < STRIPS) & is_past
-        self._points[passed, _PASSED + strip[passed]] = time_s
+        passed = is_past[:, None] & _through(line.aside_m)
+        self._points[:, _PASSED:][passed] = time_s
         off_m = np.abs(line.aside_m)
         beside = is_past & (off_m > ALONE_FROM_M) & (off_m < ALONE_TO_M)
         self._points[beside & (line.aside_m > 0), _LEFT_S] = time_s
@@ -198,9 +200,8 @@ class Met:
 
         It does not move along a surface, then, that goes on to either side.
         """
-        strip = np.clip(_strip(np.array(aside_m)), 0, STRIPS - 1)
         self._points[point, _AGAIN_S] = time_s
-        self._points[point, _PASSED + strip] = -math.inf
+        self._points[point, _PASSED:][_through(np.array([aside_m]))[0]] = -math.inf
         if self._points[point, _PASSED + STRIPS // 2] > time_s - PASSED_WITHIN_S:
             self._points[point, :2] = there_ne_m
             self._points[point, _PASSED:] = -math.inf
@@ -254,9 +255,9 @@ class Met:
     def _gone(self, now_s: float) -> Chosen:
         """(n,): beams went through it."""
         within_m = LEAST_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
-        within_m[~self.is_sure] = STRIP_M  # it may never have been there
+        within_m[~self.is_sure] = GUESS_STRIPS_M
         lately = self._points[:, _PASSED:] > now_s - PASSED_WITHIN_S
-        passed = lately | (within_m[:, None] < _STRIP_ASIDE_M)
+        passed = lately | (within_m[:, None] < np.abs(_STRIP_RIGHT_M))
         doubted = np.asarray(passed.all(axis=1))
         if not doubted.any():
             return doubted
@@ -279,7 +280,7 @@ def _lie_along(off_m: Points, ray_rad: float | Points, within_m: Points) -> Chos
     return lie
 
 
-def _strip(aside_m: Points) -> NDArray[np.int64]:
-    """Which of those around a point a beam goes through that has it so far to its right."""
-    strip: NDArray[np.int64] = np.floor(aside_m / STRIP_M + STRIPS / 2).astype(np.int64)
-    return strip
+def _through(aside_m: Points) -> Chosen:
+    """(n, STRIPS): strips that a beam goes through that has points (n,) so far to its right."""
+    through: Chosen = np.abs(aside_m[:, None] - _STRIP_RIGHT_M) < LEG_M / 2 - STRIP_M / 2
+    return through

@@ -234,6 +234,15 @@ def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> Non
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
+@pytest.mark.parametrize("aside_m", [0.0, 0.005, 0.01, 0.015, 0.03])
+def test_beams_that_pass_a_leg_on_either_side_do_not_let_it_go(aside_m: float) -> None:
+    """It is 3 cm wide, and stands a little beside where it was met."""
+    drone = Drone(near(GP2Y0A710K0F, 0.08))
+    drone.see(front=at(1.2))
+    drone.sweep_beside(aside_m - 0.015, aside_m + 0.015)
+    assert drone.points == [pytest.approx((1.28, 0.0))]
+
+
 def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stands() -> None:
     """It stands 9 cm beside where odometry by now has it."""
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
