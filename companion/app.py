@@ -61,7 +61,7 @@ from companion.values import value
 EXPLORING_PHASES = frozenset(
     {
         *(Phase.ROOM, Phase.BUILDING, Phase.LAYERS),
-        *(Phase.HOME, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+        *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
     }
 )
 """In these walls are looked for, and at the height of a layer the space around is drawn."""
@@ -286,6 +286,7 @@ class App:
                 around.is_among_legs,
             ),
             space=self.space.grid,
+            floor=self._heights,
             around=around,
             gyro_at_rest=self.estimator is not None,
             starved=self._health.starved,

@@ -9,7 +9,8 @@ told from it. That is why tops are mapped only from layers high enough above the
 import math
 import statistics
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import product
 
 import numpy as np
 from scipy.ndimage import label
@@ -38,8 +39,7 @@ class Heights:
         reading = scan.readings.get(Beam.DOWN)
         if reading is not None and reading.is_distance:
             height_m = pose.height_m - self._mount_offset_m - reading.distance_m
-            cell = math.floor(pose.north_m / CELL_M), math.floor(pose.east_m / CELL_M)
-            self._readings_m[cell].append(height_m)
+            self._readings_m[_cell((pose.north_m, pose.east_m))].append(height_m)
 
     @property
     def floor_m(self) -> float | None:
@@ -49,6 +49,22 @@ class Heights:
             return None
         low = statistics.median(every)
         return statistics.median([m for m in every if m < low + ABOVE_FLOOR_M])
+
+    def cells_of_floor(self, place_ne_m: Vector2, within_m: float, hull_m: float) -> int:
+        """How many cells so near to a place are floor; 0 if one within `hull_m` is not."""
+        floor_m = self.floor_m
+        if floor_m is None:
+            return 0
+        cells = 0
+        for cell, off_m in _around(place_ne_m, within_m):
+            readings_m = self._readings_m.get(cell)
+            if readings_m is None:
+                continue
+            is_floor = all(abs(m - floor_m) < ABOVE_FLOOR_M for m in readings_m)
+            if off_m < hull_m and not is_floor:
+                return 0
+            cells += is_floor
+        return cells
 
     def tops(self) -> tuple[Surface, ...]:
         """Surfaces above the floor, the largest first."""
@@ -62,6 +78,21 @@ class Heights:
         }
         surfaces = [_surface(cells, high) for cells in _clusters(high)]
         return tuple(sorted(surfaces, key=lambda surface: -surface.area_m2))
+
+
+def _cell(place_ne_m: Vector2) -> Cell:
+    return math.floor(place_ne_m[0] / CELL_M), math.floor(place_ne_m[1] / CELL_M)
+
+
+def _around(place_ne_m: Vector2, within_m: float) -> Iterator[tuple[Cell, float]]:
+    """Cells whose middles are so near to a place, and how far they are."""
+    (row, column), reach = _cell(place_ne_m), math.ceil(within_m / CELL_M)
+    for cell in product(
+        range(row - reach, row + reach + 1), range(column - reach, column + reach + 1)
+    ):
+        middle = (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
+        if (off_m := math.dist(middle, place_ne_m)) <= within_m:
+            yield cell, off_m
 
 
 def _top_m(readings_m: list[float], floor_m: float) -> float | None:

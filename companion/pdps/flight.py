@@ -4,14 +4,19 @@
     CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► DESCEND ─► LAND ─► DONE
                                                  │└─► BUILDING ─┘    │          │         ▲
                                                  └────────┬──────────┴──────────┘         │
-                                                fault     ▼           fault lasts, time   │
+                                                fault     ▼           fault lasts         │
                                                          HOLD ────────────────────────────┘
-                                                          │           or battery is up
+                                                          │
                                                           │ fault gone: back to where it was
                                                           ▼
     a script orders it step by step: PREPARE waits to be told to take off; TAKE_OFF, the missions
     and HOME end in HOVER, which goes to a mission, HOME or LAND when told to
 
+    the missions, HOME, HOVER:     time or battery is up, no way home   ─► DIVERT, where there is
+                                                                           floor nearby, or LAND
+    DIVERT:                        over floor that it has flown over    ─► DESCEND
+                                   no way there, or not in time         ─► LAND
+    TAKE_OFF, DESCEND, HOLD:       time or battery is up                ─► LAND
     from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
                                    nothing heard for 10 s               ─► FAILED
@@ -40,6 +45,7 @@ import math
 from dataclasses import field, replace
 
 from companion.config import MissionConfig
+from companion.mapping.heights import Heights
 from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy
 from companion.messages import (
@@ -58,6 +64,7 @@ from companion.pdps import explore, layers, preflight, reserve, room_scan, trave
 from companion.pdps.control import CLIMB_LAG_S, MOST_CLIMB_M_S, approach_speed, climb_to, stay
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.guard import BODY_RADIUS_M, guarded
+from companion.pdps.landing_site import landing_site
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
 from companion.pdps.reserve import Reserve, Spent
@@ -88,6 +95,8 @@ DESCENT_TIMEOUT_S = 8.0
 LOOKS_FOR_WAY_HOME_S = 60.0
 """So long it looks anew for a way home that it has not found: somebody who stood there may go, and
 what was drawn amiss is drawn anew by a look all round, which takes 10 to 20 s. Chosen: three."""
+DIVERTS_S = 20.0
+"""Then it lands where it is: 3 % of what flies for ten minutes."""
 LOOKS_AGAIN_S = 5.0
 """It waits so long before: to find that there is none takes the computer some tens of ms."""
 UP_FOR_S = 2.0
@@ -107,7 +116,8 @@ class Phase(enum.Enum):
     BUILDING = "exploring the building"
     LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
-    DESCEND = "descending over the start"
+    DIVERT = "flying to a place to land"
+    DESCEND = "descending over where it lands"
     HOVER = "waiting for orders"
     HOLD = "holding"
     LAND = "landing"
@@ -127,11 +137,12 @@ UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD, Phase.
 FLYING_PHASES = frozenset(
     {
         *(Phase.TAKE_OFF, *MISSION_PHASES.values()),
-        *(Phase.HOME, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
+        *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
     }
 )
 LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
 """In these the height is kept and every velocity is guarded."""
+MAY_DIVERT_PHASES = LEVEL_PHASES - {Phase.DIVERT, Phase.DESCEND}
 
 
 @value
@@ -142,6 +153,7 @@ class View:
     vehicle: VehicleState
     sight: Sight
     space: Occupancy
+    floor: Heights
     gyro_at_rest: bool
     """The gyro's bias has been averaged."""
     fault: Fault | None = None
@@ -168,8 +180,11 @@ class Flight:
     layers: Layers = field(default_factory=Layers)
     reserve: Reserve = Reserve()
     way_home: Travel = Travel(START_NE_M)
-    lost_s: tuple[float, ...] = ()
-    """When it found no way home, again and again."""
+    lost_since_s: float = math.inf
+    lost_s: float = -math.inf
+    """When it first, and last, found no way home."""
+    diversion: Travel | None = None
+    """To where it lands, if not at its start."""
     arrived_s: float = 0.0
     """When it came home."""
     held_from: Phase = Phase.CONNECT
@@ -473,26 +488,48 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     if not homeward.known:
         homeward = replace(homeward, known=flight.building.known_doorways)
     if homeward.phase is TravelPhase.GAVE_UP:
-        return _look_for_way_home(flight, view), Action(HOLD)
+        return _look_for_way_home(flight, view, plan), Action(HOLD)
     going, setpoint = travel.step(homeward, view.sight, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
             return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight))
         case TravelPhase.GAVE_UP:
-            return replace(flight, lost_s=(*flight.lost_s, view.time_s)), Action(HOLD)
+            since_s = min(flight.lost_since_s, view.time_s)
+            return replace(flight, lost_since_s=since_s, lost_s=view.time_s), Action(HOLD)
         case _:
             return flight, Action(setpoint)
 
 
-def _look_for_way_home(flight: Flight, view: View) -> Flight:
-    """Anew, as if none of the ways had been tried; in the end it lands where it is."""
-    now_s, lost_s = view.time_s, flight.lost_s
-    if now_s - min(lost_s) > LOOKS_FOR_WAY_HOME_S:
-        return _go(flight, Phase.LAND, view, NO_WAY_HOME)
-    if now_s - lost_s[-1] < LOOKS_AGAIN_S:
+def _look_for_way_home(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+    """Anew, as if none of the ways had been tried; in the end it lands elsewhere."""
+    if view.time_s - flight.lost_since_s > LOOKS_FOR_WAY_HOME_S:
+        return _land_elsewhere(flight, view, plan, NO_WAY_HOME)
+    if view.time_s - flight.lost_s < LOOKS_AGAIN_S:
         return flight
     return replace(flight, way_home=Travel(START_NE_M), notice=LOOKS_AGAIN)
+
+
+def _land_elsewhere(flight: Flight, view: View, plan: MissionConfig, why: str) -> Flight:
+    """On floor that it has flown over nearby, if there is any and it has room to fly there."""
+    if flight.phase in MAY_DIVERT_PHASES:
+        here = view.sight.pose.north_m, view.sight.pose.east_m
+        site = landing_site(here, view.space, view.floor, plan)
+        if site != here:
+            diverted = replace(flight, diversion=Travel(site))
+            return _go(diverted, Phase.DIVERT, view, why)
+    return _go(flight, Phase.LAND, view, why)
+
+
+def _divert(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+    assert flight.diversion is not None
+    going, setpoint = travel.step(flight.diversion, view.sight, view.space, plan)
+    flight = replace(flight, diversion=going)
+    if going.phase is TravelPhase.ARRIVED:
+        return _go(flight, Phase.DESCEND, view), Action(HOLD)
+    if going.phase is TravelPhase.GAVE_UP or _age_s(flight, view) > DIVERTS_S:
+        return _go(flight, Phase.LAND, view), Action(HOLD)
+    return flight, Action(setpoint)
 
 
 def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
@@ -509,7 +546,8 @@ def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     is_low = view.sight.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
     if is_low or _age_s(flight, view) > DESCENT_TIMEOUT_S:
         return _go(flight, Phase.LAND, view), Action(HOLD)
-    return flight, Action(stay(START_NE_M, view.sight))
+    over_ne_m = flight.diversion.goal_ne_m if flight.diversion else START_NE_M
+    return flight, Action(stay(over_ne_m, view.sight))
 
 
 def _after(planned: Phase, view: View) -> Phase:
@@ -526,7 +564,7 @@ def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Act
             fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
             return _obey(fresh, MISSION_PHASES[plan.kind], view, order), Action(HOLD)
         case Task.HOME:
-            homeward = replace(flight, way_home=Travel(START_NE_M), lost_s=())
+            homeward = replace(flight, way_home=Travel(START_NE_M), lost_since_s=math.inf)
             return _obey(homeward, Phase.HOME, view, order), Action(HOLD)
         case Task.LAND:
             return _obey(flight, Phase.LAND, view, order), Action(HOLD)
@@ -586,8 +624,9 @@ def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None
     """The flight goes on, but not as planned."""
     if view.land_requested:
         return _go(flight, Phase.LAND, view, "landing was requested")
-    if view.time_s - flight.began_s > plan.time_limit_s:
-        return _go(flight, Phase.LAND, view, f"time limit of {plan.time_limit_s:.0f} s reached")
+    if flight.diversion is None and view.time_s - flight.began_s > plan.time_limit_s:
+        why = f"time limit of {plan.time_limit_s:.0f} s reached"
+        return _land_elsewhere(flight, view, plan, why)
     if view.fault is not None and flight.phase is not Phase.HOLD:
         held = replace(flight, held_from=flight.phase, held_trouble=flight.trouble)
         return _go(held, Phase.HOLD, view, view.fault.text)
@@ -597,8 +636,8 @@ def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None
 def _with_the_battery(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
     """Home while there is enough for the way, down before it is empty."""
     percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
-    if percent <= plan.battery_land_percent:
-        return _go(flight, Phase.LAND, view, f"{percent:.0f} % of the battery is left")
+    if flight.diversion is None and percent <= plan.battery_land_percent:
+        return _land_elsewhere(flight, view, plan, f"{percent:.0f} % of the battery is left")
     if percent <= plan.battery_home_percent and flight.phase in MISSION_PHASES.values():
         return _turn_back(flight, view, f"with {percent:.0f} % of the battery")
     return None
@@ -614,6 +653,7 @@ _STEPS = {
     Phase.BUILDING: _building,
     Phase.LAYERS: _layers,
     Phase.HOME: _home,
+    Phase.DIVERT: _divert,
     Phase.DESCEND: _descend,
     Phase.HOVER: _hover,
     Phase.HOLD: _hold,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from companion.config import MissionConfig
+from companion.mapping.heights import Heights
 from companion.mapping.near import Surroundings
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.messages import (
@@ -17,6 +18,7 @@ from companion.messages import (
     LandedState,
     Pose,
     RangeReading,
+    RangeScan,
     RangeState,
     VehicleState,
 )
@@ -41,6 +43,7 @@ FLYING = replace(
     ON_GROUND, mode="GUIDED", in_offboard_mode=True, armed=True, landed_state=LandedState.IN_AIR
 )
 CLEAR = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
+UNSEEN_FLOOR = Heights(0.0)
 SPACE = Occupancy()
 for degree in range(360):
     for _ in range(3):
@@ -59,6 +62,7 @@ def view(
     gyro_at_rest: bool = True,
     fault: Fault | None = None,
     land_requested: bool = False,
+    floor: Heights = UNSEEN_FLOOR,
 ) -> View:
     ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR, Beam.UP: up}
     sight = Sight(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
@@ -67,6 +71,7 @@ def view(
         vehicle,
         sight,
         SPACE,
+        floor,
         gyro_at_rest,
         fault,
         land_requested=land_requested,
@@ -398,7 +403,7 @@ def test_all_seen_sends_it_home() -> None:
 
 
 def test_without_a_way_back_it_looks_again_then_says_so_and_lands() -> None:
-    lost, since_s = replace(flying(Phase.HOME), lost_s=(100.0,)), 0.0
+    lost, since_s = replace(flying(Phase.HOME), lost_since_s=100.0, lost_s=100.0), 0.0
     lost = replace(lost, way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     while lost.phase is Phase.HOME and since_s < 100:
         lost, _ = step(lost, view(time_s=100.0 + since_s), PLAN)
@@ -411,9 +416,63 @@ def test_without_a_way_back_it_looks_again_then_says_so_and_lands() -> None:
     assert "no way back" in lost.trouble
 
 
+EMPTY = replace(FLYING, battery=0.05)
+
+
+def over_a_table() -> Heights:
+    """Under where the drone is; it came from the south, over the floor."""
+    floor = Heights(0.0)
+    for decimetre in range(12):
+        north_m, top_m = 0.1 * decimetre, 0.45 if decimetre > 7 else 0.0
+        below = RangeReading(RangeState.DISTANCE, PLAN.height_m - top_m, 1e-4)
+        at = Pose(0.0, north_m, 1.0, -PLAN.height_m, 0.0)
+        floor.see(RangeScan(0.0, {Beam.DOWN: below}), at)
+    return floor
+
+
+def flown_here() -> Occupancy:
+    space = SPACE.copy()
+    for decimetre in range(12):
+        for degree in range(0, 360, 10):
+            space.add(Ray((0.1 * decimetre, 1.0), math.radians(degree), 3.0, 0.0, False, 0.0))
+    return space
+
+
+def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
+    above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
+    diverted, action = step(flying(Phase.HOME), above, PLAN)
+    assert diverted.phase is Phase.DIVERT
+    assert action.setpoint is not None
+    assert diverted.ending.startswith("flying to a place to land: 5 % of the battery")
+    site = diverted.diversion.goal_ne_m if diverted.diversion else (9.0, 9.0)
+    assert site[0] < 0.5
+    there = replace(above, sight=replace(above.sight, pose=Pose(105.0, *site, -1.2, 0.0)))
+    arrived = replace(diverted, diversion=Travel(site, phase=TravelPhase.ARRIVED))
+    descending, _ = step(arrived, there, PLAN)
+    assert descending.phase is Phase.DESCEND
+    low = replace(there, sight=replace(there.sight, pose=Pose(107.0, *site, -0.4, 0.0)))
+    landing, _ = step(descending, low, PLAN)
+    assert (landing.phase, landing.trouble) == (Phase.LAND, diverted.trouble)
+
+
+@pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.DESCEND, Phase.HOLD])
+def test_where_it_does_not_fly_about_it_lands_at_once(phase: Phase) -> None:
+    above = replace(view(EMPTY, fault=SILENT, floor=over_a_table()), space=flown_here())
+    flight = replace(flying(phase), held_from=Phase.HOME)
+    flight = step(flight, above, PLAN)[0]
+    assert flight.phase in (Phase.LAND, Phase.HOLD)
+
+
+def test_it_does_not_look_for_a_place_to_land_for_ever() -> None:
+    above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
+    diverted, _ = step(flying(Phase.HOME), above, PLAN)
+    late = replace(above, time_s=121.0)
+    assert step(diverted, late, PLAN)[0].phase is Phase.LAND
+
+
 def test_a_way_back_that_is_free_again_is_flown() -> None:
     gave_up = Travel((0.0, 0.0), phase=TravelPhase.GAVE_UP)
-    lost = replace(flying(Phase.HOME), lost_s=(100.0,), way_home=gave_up)
+    lost = replace(flying(Phase.HOME), lost_since_s=100.0, lost_s=100.0, way_home=gave_up)
     assert step(lost, view(time_s=103.0), PLAN)[0].way_home.phase is TravelPhase.GAVE_UP
     again, _ = step(lost, view(time_s=106.0), PLAN)
     assert again.way_home.phase is TravelPhase.FLY

@@ -1,0 +1,76 @@
+"""Where the drone lands if it cannot land at its start."""
+
+import math
+
+import pytest
+
+from companion.config import MissionConfig
+from companion.frames import Vector2
+from companion.mapping.heights import Heights
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState
+from companion.pdps.landing_site import landing_site
+
+PLAN = MissionConfig()
+HEIGHT_M = 1.2
+
+
+def flown(*track_ne_m: Vector2) -> Occupancy:
+    """A round hall of 4 m in which the drone has been at some places."""
+    space = Occupancy()
+    for place in track_ne_m:
+        for degree in range(0, 360, 2):
+            for _ in range(2):
+                space.add(Ray(place, math.radians(degree), 4.0, 0.0, False, 0.0))
+    return space
+
+
+def met(tops_m: dict[Vector2, float]) -> Heights:
+    """What the down beam met under some places."""
+    heights = Heights(0.0)
+    for (north_m, east_m), top_m in tops_m.items():
+        pose = Pose(0.0, north_m, east_m, -HEIGHT_M, 0.0)
+        reading = RangeReading(RangeState.DISTANCE, HEIGHT_M - top_m, 1e-4)
+        heights.see(RangeScan(0.0, {Beam.DOWN: reading}), pose)
+    return heights
+
+
+def line(from_m: float, to_m: float) -> list[Vector2]:
+    """Due north, a place every decimetre."""
+    return [(from_m + 0.1 * n, 0.05) for n in range(round((to_m - from_m) / 0.1))]
+
+
+def test_it_does_not_land_on_the_table_that_it_hovers_over() -> None:
+    track = line(0.0, 3.0)
+    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    north_m, _ = landing_site((2.8, 0.05), flown(*track), heights, PLAN)
+    assert north_m < 2.0 - 0.4
+
+
+def test_it_lands_no_farther_off_than_it_must() -> None:
+    track = line(0.0, 3.0)
+    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    north_m, _ = landing_site((2.8, 0.05), flown(*track), heights, PLAN)
+    assert north_m > 1.0
+
+
+def test_over_floor_it_stays_where_it_is() -> None:
+    track = line(0.0, 3.0)
+    assert landing_site((1.5, 0.05), flown(*track), met(dict.fromkeys(track, 0.0)), PLAN) == (
+        pytest.approx((1.5, 0.05), abs=0.11)
+    )
+
+
+def test_where_nothing_is_known_of_the_floor_it_stays_where_it_is() -> None:
+    track = line(0.0, 3.0)
+    assert landing_site((2.8, 0.05), flown(*track), Heights(0.0), PLAN) == (2.8, 0.05)
+
+
+def test_it_does_not_fly_through_a_wall_to_land() -> None:
+    track = line(0.0, 3.0)
+    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    space = flown(*line(2.2, 3.0))
+    for east in range(-40, 41):
+        for _ in range(5):
+            space.add(Ray((2.8, 0.1 * east), math.pi, 0.9, 0.0, True, 0.0))
+    assert landing_site((2.8, 0.05), space, heights, PLAN)[0] > 2.0
