@@ -117,7 +117,7 @@ class Phase(enum.Enum):
     LAYERS = "exploring layer by layer"
     HOME = "returning to the start"
     DIVERT = "flying to a place to land"
-    DESCEND = "descending over where it lands"
+    DESCEND = "descending"
     HOVER = "waiting for orders"
     HOLD = "holding"
     LAND = "landing"
