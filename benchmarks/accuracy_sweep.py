@@ -10,10 +10,10 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from companion import config as configuration
-from sitl.autopilot.estimator import REFERENCE_NOISE
+from companion.config import settings as configuration
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
 from sitl.bench.accuracy import ERRORS, FlightResult, fly_all
-from sitl.simulation import Setup
+from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
 matplotlib.use("Agg")

@@ -8,15 +8,15 @@ import math
 import statistics
 from collections.abc import Callable
 
-from companion.calibrate import suggested_distances_m
-from companion.calibration import Fit, fit, tape_point
-from companion.config import SensorsConfig
+from companion.bringup.calibration_fit import Fit, fit, tape_point
+from companion.bringup.capture import suggested_distances_m
+from companion.config.settings import SensorsConfig
+from companion.core.messages import Beam, RangeReading
 from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
-from companion.messages import Beam, RangeReading
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import SensorBoard
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 GAIN = 1.05
 UNITS = 20

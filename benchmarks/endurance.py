@@ -15,11 +15,9 @@ from random import Random
 import numpy as np
 
 from companion.app import level_units
-from companion.config import SensorsConfig
-from companion.drivers.sharp import GP2Y0A710K0F
-from companion.estimation.estimator import Estimator
-from companion.frames import frd_to_ned, wrap_rad
-from companion.messages import (
+from companion.config.settings import SensorsConfig
+from companion.core.frames import frd_to_ned, wrap_rad
+from companion.core.messages import (
     BEARING_FRD_RAD,
     GyroSample,
     Odometry,
@@ -27,6 +25,8 @@ from companion.messages import (
     RangeScan,
     RangeState,
 )
+from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.estimation.estimator import Estimator
 
 TICK_S, SPEED_M_S, TURN_RAD_S = 0.05, 1.0, math.radians(45)
 HALF_M, STANDOFF_M = 5.0, 2.0

@@ -7,7 +7,7 @@ import argparse
 import tempfile
 from pathlib import Path
 
-from companion.afterwards import Format, export_command, report_command
+from companion.commands.recording import Format, export_command, report_command
 from sitl.testing import Sitl
 
 

@@ -10,11 +10,11 @@ import time
 from concurrent.futures import ProcessPoolExecutor
 from statistics import mean
 
-from companion import config as configuration
 from companion.app import Progress
-from sitl.lockstep import fly_in_lockstep
-from sitl.report import Report, make_report
-from sitl.simulation import Setup
+from companion.config import settings as configuration
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.report import Report, make_report
+from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
 PROFILES = ("paper", "gp2y0a710k0f")

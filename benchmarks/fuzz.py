@@ -17,28 +17,28 @@ from pathlib import Path
 from random import Random
 
 from benchmarks import fuzz_texts
-from companion import config as configuration
 from companion.app import App, Inputs
-from companion.config import Config, LinkConfig, SensorsConfig
-from companion.drivers.ads1115 import config_word
-from companion.drivers.bus import Transaction
-from companion.drivers.lsm9ds1 import WHO_AM_I, Lsm9ds1
+from companion.config import settings as configuration
+from companion.config.settings import Config, LinkConfig, SensorsConfig
+from companion.core.errors import CompanionError
+from companion.core.messages import GyroSample, RangeScan
+from companion.drivers.chips.ads1115 import config_word
+from companion.drivers.chips.lsm9ds1 import WHO_AM_I, Lsm9ds1
+from companion.drivers.chips.tfmini import Tfmini
+from companion.drivers.chips.time_of_flight import TFMINI_S
 from companion.drivers.ranges import RangeSensors
-from companion.drivers.tfmini import Tfmini
-from companion.drivers.time_of_flight import TFMINI_S
-from companion.errors import CompanionError
+from companion.drivers.wires.bus import Transaction
 from companion.link.link import Link
-from companion.link.transport import Message, decode, make_codec
-from companion.messages import GyroSample, RangeScan
-from companion.offline.readers import read_log
+from companion.link.transports.transport import Message, decode, make_codec
+from companion.offline.reading.readers import read_log
 from companion.recording.reader import read
 from sitl.autopilot.core import Autopilot
 from sitl.errors import SitlError
 from sitl.sensors.board import SensorBoard
 from sitl.sensors.server import BusConnection
+from sitl.simulation.truth import TrueState
 from sitl.testing.fuzz import bus_request, mavlink_frame, serial_bytes, vehicle_frame
 from sitl.testing.mission_file import load_mission
-from sitl.truth import TrueState
 from sitl.world.format import parse_world
 
 START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)

@@ -7,9 +7,9 @@ from pathlib import Path
 from random import Random
 
 from companion.app import App, Inputs
-from companion.config import Config, to_toml
+from companion.config.settings import Config, to_toml
+from companion.core.messages import FloorPlan, GyroSample, RangeScan, VehicleState
 from companion.link.link import Telemetry
-from companion.messages import FloorPlan, GyroSample, RangeScan, VehicleState
 from companion.recording.recorder import open_recorder
 from sitl.testing.script import ACTIONS
 

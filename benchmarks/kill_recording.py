@@ -21,8 +21,8 @@ from pymavlink import mavutil
 
 from companion.recording.reader import read
 from companion.recording.replay import replay
-from sitl.processes import END_TIMEOUT_S, SERVE_LOCKSTEP, ports
-from sitl.record import TruthRecord
+from sitl.running.processes import END_TIMEOUT_S, SERVE_LOCKSTEP, ports
+from sitl.scoring.record import TruthRecord
 
 WORLD = "room_100"
 OPEN_TIMEOUT_S = 60.0

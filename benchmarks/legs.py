@@ -1,9 +1,9 @@
 """Legs that a drone flies past or into: `python -m benchmarks.legs [--flights 16]`.
 
 One straight way of 20 m with legs of 3 to 5 cm all over it, at random headings to the grid of
-`mapping/passed.py`, wide or narrow cells. The nose swings as `pdps/swing.py` says, the speed is
-bounded as by `pdps/guard.py`, by the grid alone: no leg changes the flight. Nose and drone follow
-as ArduCopter's do, and overshoot. It prints the mean speed, and how many of the legs that the body
+`safety/seen_free.py`, wide or narrow cells. The nose swings as `navigation/swing.py` says, the
+speed is bounded as by `safety/velocity_guard.py`, by the grid alone: no leg changes the flight.
+Nose and drone follow as ArduCopter's do, and overshoot. It prints the mean speed, and how many of the legs that the body
 would touch no beam has met while the drone can still stop.
 """
 
@@ -15,11 +15,11 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.mapping.passed import BODY_M, EYE_M, NARROW, WIDE, Fill, Passed
-from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2
-from companion.pdps.swing import TO_THE_RIGHT
+from companion.navigation.swing import TO_THE_RIGHT
+from companion.safety.seen_free import BODY_M, EYE_M, NARROW, WIDE, Fill, Passed
+from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
-from sitl.vehicle import STEP_S, Follow, Loop
+from sitl.simulation.vehicle import STEP_S, Follow, Loop
 
 Row = NDArray[np.float64]
 

@@ -17,12 +17,12 @@ from evo.core import metrics, sync
 from evo.core.trajectory import PoseTrajectory3D
 from evo.tools import file_interface
 
-from companion.errors import LogError
-from companion.offline import sensors
+from companion.core.errors import LogError
 from companion.offline.files import trajectory_tum
-from companion.offline.log import Log
 from companion.offline.mapper import LogMap, map_log
-from companion.offline.readers import READERS, read_log
+from companion.offline.reading import sensors
+from companion.offline.reading.log import Log
+from companion.offline.reading.readers import READERS, read_log
 
 LOGS_FOLDER = Path(__file__).parents[2] / "shared" / "logs"
 REFERENCES = ".reference.tum", ".truth.tum"

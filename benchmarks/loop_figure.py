@@ -12,16 +12,16 @@ import matplotlib
 import numpy as np
 from matplotlib.axes import Axes
 
-from companion import config as configuration
 from companion.app import App, Inputs, Outputs
-from companion.config import Config
-from companion.health.lateness import TICK_S
-from companion.messages import FloorPlan
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.messages import FloorPlan
+from companion.safety.health.lateness import TICK_S
 from sitl.bench.references import Recorded, dead_reckoned, to_local
-from sitl.lockstep import fly_in_lockstep
-from sitl.record import TruthRecord
-from sitl.report import make_report
-from sitl.simulation import Setup
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.record import TruthRecord
+from sitl.scoring.report import make_report
+from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
 

@@ -15,12 +15,12 @@ from statistics import mean
 from tempfile import TemporaryDirectory
 
 from benchmarks.offline_logs import SCENARIOS, Log, record, write_csv
-from companion.messages import FloorPlan, Pose
-from companion.offline.log import Array
+from companion.core.messages import FloorPlan, Pose
 from companion.offline.mapper import map_log, odometry_map
-from companion.offline.readers import read_log
-from companion.offline.sensors import SensorsConfig
-from sitl.score import MapScore, TrajectoryScore, score_map, score_trajectory
+from companion.offline.reading.log import Array
+from companion.offline.reading.readers import read_log
+from companion.offline.reading.sensors import SensorsConfig
+from sitl.scoring.score import MapScore, TrajectoryScore, score_map, score_trajectory
 from sitl.world.plan import samples
 
 

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2
-from companion.messages import Beam
-from sitl.truth import TrueState
+from companion.core.frames import Vector2
+from companion.core.messages import Beam
+from sitl.simulation.truth import TrueState
 from sitl.world.format import Segment
 
 Array = NDArray[np.float64]

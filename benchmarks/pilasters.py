@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from companion.app import App
-from companion.frames import wrap_rad
-from sitl.simulation import Simulation
+from companion.core.frames import wrap_rad
+from sitl.simulation.simulation import Simulation
 from sitl.testing import Sitl, watch
 
 WORLD = Path(__file__).parents[1] / "tests" / "missions" / "worlds" / "facade.toml"

@@ -10,7 +10,7 @@ import statistics
 import time
 
 from sitl.world.format import World
-from sitl.world.model import WorldModel
+from sitl.world.geometry.model import WorldModel
 
 SIZES = (12, 100, 1000, 5000)
 SCANS = 2000

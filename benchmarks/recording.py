@@ -13,13 +13,13 @@ from pathlib import Path
 
 from mcap.reader import make_reader
 
-from companion import config as configuration
 from companion.app import Progress
-from companion.config import Config
+from companion.config import settings as configuration
+from companion.config.settings import Config
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from sitl.bench.speed import on_one_core
-from sitl.lockstep import fly_in_lockstep
-from sitl.simulation import Setup
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
 WORLD = "room_200"

@@ -16,7 +16,7 @@ import threading
 import time
 from contextlib import suppress
 
-from companion.link.transport import decode, make_codec
+from companion.link.transports.transport import decode, make_codec
 
 DEADLINE_S = 60.0
 POLL_S = 0.2

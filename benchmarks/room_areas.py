@@ -7,7 +7,7 @@ furniture stands on; rooms are told apart by their size.
 import argparse
 from pathlib import Path
 
-from companion.export.survey import survey
+from companion.export.plan.survey import survey
 from sitl.testing import Sitl
 
 AREAS_M2: dict[str, tuple[float, ...]] = {

@@ -14,8 +14,8 @@ import tomlkit
 
 from sitl.bench.lanes import fly_and_show
 from sitl.bench.missions import Job
-from sitl.options import Autopilot, FlightOptions
-from sitl.report import Report
+from sitl.commands.options import Autopilot, FlightOptions
+from sitl.scoring.report import Report
 
 WORLDS = ("room_100", "room_200", "room_300")
 PROFILES = ("paper", "gp2y0a710k0f")

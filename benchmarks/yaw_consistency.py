@@ -14,12 +14,12 @@ from random import Random
 import numpy as np
 from scipy.stats import chi2
 
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.rest import RestCalibration
-from sitl.noise import stream
+from companion.drivers.chips.lsm9ds1 import Lsm9ds1
+from companion.estimation.filters.gyro_rest_calibration import RestCalibration
+from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
+from sitl.simulation.noise import stream
 
 ADDRESS = 0x6B
 TICK_S = 0.05

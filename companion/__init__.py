@@ -11,21 +11,21 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 five times the processor's time where other work goes on beside."""
 
 if TYPE_CHECKING:
-    from companion.errors import CompanionError, FlightEndedError
-    from companion.messages import Beam, FloorPlan, Pose, RangeReading, RangeState, WallSegment
-    from companion.script import Drone, connect
+    from companion.core.errors import CompanionError, FlightEndedError
+    from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, RangeState, WallSegment
+    from companion.run.script import Drone, connect
 
 _PLACES = {
-    "CompanionError": "errors",
-    "FlightEndedError": "errors",
-    "Beam": "messages",
-    "FloorPlan": "messages",
-    "Pose": "messages",
-    "RangeReading": "messages",
-    "RangeState": "messages",
-    "WallSegment": "messages",
-    "Drone": "script",
-    "connect": "script",
+    "CompanionError": "core.errors",
+    "FlightEndedError": "core.errors",
+    "Beam": "core.messages",
+    "FloorPlan": "core.messages",
+    "Pose": "core.messages",
+    "RangeReading": "core.messages",
+    "RangeState": "core.messages",
+    "WallSegment": "core.messages",
+    "Drone": "run.script",
+    "connect": "run.script",
 }
 
 __all__ = [

@@ -4,32 +4,16 @@
                                   │                               └──────► map ▲     or command
                                   └──────────────── fault ─────────────────────┘
 
-No I/O and no clock: `fly.py` brings the inputs and carries the outputs away.
+No I/O and no clock: `loop.py` brings the inputs and carries the outputs away.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 
-from companion.config import Config, SensorsConfig
-from companion.drivers.models import range_models
-from companion.drivers.mounts import Mounts
-from companion.estimation.ceiling import Ceiling
-from companion.estimation.estimator import Estimator
-from companion.estimation.rest import RestCalibration
-from companion.estimation.traced import Traced
-from companion.estimation.velocity_lag import VelocityLag
-from companion.health.watch import Health
-from companion.link.link import Telemetry
-from companion.mapping.floor_plan import outline_closed, wall_segments
-from companion.mapping.heights import Heights
-from companion.mapping.known_walls import KnownWalls
-from companion.mapping.met import Drift
-from companion.mapping.near import Near, Surroundings
-from companion.mapping.overhead import Overhead
-from companion.mapping.rays import rays
-from companion.mapping.space import Space
-from companion.messages import (
+from companion.config.settings import Config, SensorsConfig
+from companion.core.known_walls import KnownWalls
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     Command,
@@ -43,8 +27,24 @@ from companion.messages import (
     Sketch,
     WallSegment,
 )
-from companion.pdps import flight
-from companion.pdps.flight import (
+from companion.core.values import value
+from companion.drivers.models import range_models
+from companion.drivers.mounts import Mounts
+from companion.estimation.estimator import Estimator
+from companion.estimation.filters.ceiling import Ceiling
+from companion.estimation.filters.gyro_rest_calibration import RestCalibration
+from companion.estimation.filters.velocity_lag import VelocityLag
+from companion.estimation.solved_flight import Traced
+from companion.link.link import Telemetry
+from companion.mapping.floor_plan import outline_closed, wall_segments
+from companion.mapping.heights import Heights
+from companion.mapping.low_ceilings import Overhead
+from companion.mapping.rays import rays
+from companion.mapping.redrawn_grid import Space
+from companion.navigation.observation import Sight
+from companion.navigation.standoff import standoff_m
+from companion.pdps import flight_phases
+from companion.pdps.flight_phases import (
     FINAL_PHASES,
     UNARMED_PHASES,
     Action,
@@ -52,11 +52,11 @@ from companion.pdps.flight import (
     Phase,
     View,
 )
-from companion.pdps.guard import clear_of_all_m
-from companion.pdps.recalled import recalled_frd_m
-from companion.pdps.sight import Sight
-from companion.pdps.standoff import standoff_m
-from companion.values import value
+from companion.safety.health.watch import Health
+from companion.safety.mapped_obstacles import recalled_frd_m
+from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.obstacle_points import Drift
+from companion.safety.velocity_guard import clear_of_all_m
 
 EXPLORING_PHASES = frozenset(
     {
@@ -297,7 +297,7 @@ class App:
         plan = self._config.mission
         if inputs.order is not None and inputs.order.mission:
             plan = plan.model_copy(update={"kind": inputs.order.mission})
-        self.flight, action = flight.step(self.flight, view, plan)
+        self.flight, action = flight_phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)

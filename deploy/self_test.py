@@ -4,12 +4,13 @@ import sys
 import tempfile
 from pathlib import Path
 
-from companion import calibrate_cli, check_cli, recovery
 from companion.app import App
-from companion.config import Config
-from companion.link.transport import make_codec
-from companion.mapping.files import save
-from companion.messages import FloorPlan, WallSegment
+from companion.commands import calibrate, check
+from companion.config.settings import Config
+from companion.core.messages import FloorPlan, WallSegment
+from companion.export.map_files import save
+from companion.link.transports.transport import make_codec
+from companion.run import resume
 
 if __name__ == "__main__":
     import periphery
@@ -22,5 +23,5 @@ if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
         files = save(FloorPlan(walls), Path(folder))
         missing = [str(file) for file in files if not file.stat().st_size]
-    loaded = all((check_cli, calibrate_cli, recovery, periphery.SPI, serial.Serial, smbus2.SMBus))
+    loaded = all((check, calibrate, resume, periphery.SPI, serial.Serial, smbus2.SMBus))
     sys.exit(f"not written: {missing}" if missing or not loaded else 0)

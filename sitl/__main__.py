@@ -2,9 +2,9 @@
 
 import sys
 
-from companion import terminal
-from companion.errors import MissingExtraError
-from companion.extras import needs_extra
+from companion.core import terminal
+from companion.core.errors import MissingExtraError
+from companion.core.extras import needs_extra
 
 EXIT_REFUSED = 2
 
@@ -14,7 +14,7 @@ def main() -> None:
     terminal.set_up()
     try:
         with needs_extra("sitl"):
-            from sitl import cli  # noqa: PLC0415 - an extra
+            from sitl.commands import cli  # noqa: PLC0415 - an extra
     except MissingExtraError as missing:
         print(f"sitl: {missing}", file=sys.stderr)  # noqa: T201 - a command
         raise SystemExit(EXIT_REFUSED) from None

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from companion.errors import MissingExtraError
-from companion.extras import needs_extra
+from companion.core.errors import MissingExtraError
+from companion.core.extras import needs_extra
 
 if TYPE_CHECKING:
     from sitl.testing.flight import Sitl

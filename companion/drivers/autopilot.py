@@ -9,9 +9,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.config.range_sensors import AutopilotRange
+from companion.core.messages import Beam, RangeReading, RangeState
 from companion.drivers.readings import NOTHING, TOO_NEAR, Latest
-from companion.messages import Beam, RangeReading, RangeState
-from companion.range_config import AutopilotRange
 
 ORIENTATIONS: dict[int, Beam] = {
     mavlink.MAV_SENSOR_ROTATION_NONE: Beam.FRONT,

@@ -10,8 +10,8 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.boot_clock import BootClock
-from companion.messages import GyroSample
+from companion.core.boot_clock import BootClock
+from companion.core.messages import GyroSample
 
 IMU_HZ, NOT_ASKED_FOR = 50.0, 0.0
 MOST_RATE_RAD_S = math.radians(2000)

@@ -2,11 +2,11 @@
 
 from typing import Protocol
 
-from companion.config import SensorsConfig
+from companion.config.settings import SensorsConfig
+from companion.core.messages import GyroSample
 from companion.drivers.autopilot_gyro import AutopilotGyro
-from companion.drivers.bus import Bus
-from companion.drivers.lsm9ds1 import Lsm9ds1
-from companion.messages import GyroSample
+from companion.drivers.chips.lsm9ds1 import Lsm9ds1
+from companion.drivers.wires.bus import Bus
 
 
 class Gyro(Protocol):

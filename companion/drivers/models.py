@@ -1,11 +1,6 @@
 """What is known of each beam's sensor from its kind alone."""
 
-from companion.config import SensorsConfig
-from companion.drivers.autopilot import AutopilotRangeModel
-from companion.drivers.sharp import PROFILES
-from companion.drivers.time_of_flight import SERIAL_KINDS, VL53L1X
-from companion.messages import Beam, RangeModel
-from companion.range_config import (
+from companion.config.range_sensors import (
     AutopilotRange,
     RangeSensor,
     SharpOnAds1115,
@@ -13,6 +8,11 @@ from companion.range_config import (
     TfminiSensor,
     Vl53l1xSensor,
 )
+from companion.config.settings import SensorsConfig
+from companion.core.messages import Beam, RangeModel
+from companion.drivers.autopilot import AutopilotRangeModel
+from companion.drivers.chips.sharp import PROFILES
+from companion.drivers.chips.time_of_flight import SERIAL_KINDS, VL53L1X
 
 
 def range_models(config: SensorsConfig) -> dict[Beam, RangeModel]:

@@ -3,9 +3,9 @@
 import math
 from dataclasses import replace
 
-from companion.config import SensorsConfig
-from companion.errors import ConfigError
-from companion.messages import BEARING_FRD_RAD, RangeScan
+from companion.config.settings import SensorsConfig
+from companion.core.errors import ConfigError
+from companion.core.messages import BEARING_FRD_RAD, RangeScan
 
 MOST_ASIDE_DEG = 20.0
 """How far a mount may be bent, so that the beam still looks where the manoeuvres need it."""

@@ -3,15 +3,8 @@
 from collections.abc import Collection, Iterator, Mapping
 from typing import TypeVar
 
-from companion.config import SensorsConfig
-from companion.drivers.autopilot import AutopilotRanges
-from companion.drivers.bus import Wires
-from companion.drivers.sources import OneByItself, SharpsOnAds1115, SharpsOnMcp3008, Source
-from companion.drivers.tfmini import Tfmini
-from companion.drivers.time_of_flight import SERIAL_KINDS
-from companion.drivers.vl53l1x import Vl53l1x
-from companion.messages import Beam, RangeReading, RangeScan, RangeState
-from companion.range_config import (
+from companion.config.range_places import mux_addresses
+from companion.config.range_sensors import (
     AutopilotRange,
     Calibration,
     RangeSensor,
@@ -20,7 +13,14 @@ from companion.range_config import (
     TfminiSensor,
     Vl53l1xSensor,
 )
-from companion.range_places import mux_addresses
+from companion.config.settings import SensorsConfig
+from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.drivers.autopilot import AutopilotRanges
+from companion.drivers.chips.tfmini import Tfmini
+from companion.drivers.chips.time_of_flight import SERIAL_KINDS
+from companion.drivers.chips.vl53l1x import Vl53l1x
+from companion.drivers.sources import OneByItself, SharpsOnAds1115, SharpsOnMcp3008, Source
+from companion.drivers.wires.bus import Wires
 
 STALE_FOR_S = 0.25
 """A sensor that was well this recently is called stale; after that it has failed."""

@@ -1,6 +1,6 @@
 """Readings without a distance, and how long the latest one counts."""
 
-from companion.messages import RangeReading, RangeState
+from companion.core.messages import RangeReading, RangeState
 
 NOTHING = RangeReading(RangeState.NOTHING)
 TOO_NEAR = RangeReading(RangeState.TOO_NEAR)

@@ -3,13 +3,13 @@
 from collections.abc import Mapping
 from typing import Protocol
 
-from companion.drivers import ads1115
-from companion.drivers.ads1115 import Channel, Sweep
-from companion.drivers.bus import Bus, Spi
-from companion.drivers.mcp3008 import Mcp3008
-from companion.drivers.sharp import PROFILES, Profile
-from companion.messages import Beam, RangeReading
-from companion.range_config import SharpOnAds1115, SharpOnMcp3008
+from companion.config.range_sensors import SharpOnAds1115, SharpOnMcp3008
+from companion.core.messages import Beam, RangeReading
+from companion.drivers.chips import ads1115
+from companion.drivers.chips.ads1115 import Channel, Sweep
+from companion.drivers.chips.mcp3008 import Mcp3008
+from companion.drivers.chips.sharp import PROFILES, Profile
+from companion.drivers.wires.bus import Bus, Spi
 
 
 class Source(Protocol):

@@ -7,10 +7,10 @@
                         ▲                                        flight record
                         └──── all set right every few seconds ◄─── smoother
 
-`heading` keeps heading, gyro bias, gyro scale and the directions of walls; `wall_runs` finds
-straight pieces of wall in each beam's stream of hits; `line_slam` keeps position, odometry scale
-and the walls' offsets together. `smoother` solves for all of the `flight_record`, with
-`association` to say which hit is on which wall, `squares` which walls are meant square, and
-`factors` what that means; `doubt` looks where motion speaks against it; `in_flight` does so a piece
-a tick. `estimator` is the order in which they are called.
+`filters` hold heading, gyro bias and scale, and the directions of walls (`heading_filter`);
+straight pieces of wall in each beam's stream of hits (`wall_runs`); position, odometry scale and
+the walls' offsets (`position_filter`). `smoothing` solves for the whole flight at once, a piece a
+tick while it flies (`sliding_window`). `association` says which hit is on which wall. `hypotheses`
+searches other associations where motion contradicts them. `estimator` is the order in which they
+are called.
 """

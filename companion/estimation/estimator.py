@@ -6,25 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.estimation.dead_reckoning import DeadReckoning, along, moved
-from companion.estimation.doubt import Doubt
-from companion.estimation.factors import SQUARE_SIGMA_RAD, Models
-from companion.estimation.flight_record import FlightRecord, HitColumn
-from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.height import Height
-from companion.estimation.in_flight import InFlightSmoothing, Walls
-from companion.estimation.line_slam import LineSlam
-from companion.estimation.odometry_noise import OdometryNoise
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.restart import restart
-from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
-from companion.estimation.support import Support
-from companion.estimation.traced import Traced
-from companion.estimation.unknowns import Unknowns
-from companion.estimation.wall_runs import Line, RunHit, WallRun
-from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
-from companion.mapping.known_walls import KnownWalls
-from companion.messages import (
+from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.core.known_walls import KnownWalls
+from companion.core.messages import (
     Beam,
     GyroSample,
     Odometry,
@@ -35,6 +19,22 @@ from companion.messages import (
     RangeUnit,
     WallLine,
 )
+from companion.estimation.association.pruning import Support
+from companion.estimation.filter_reset import restart
+from companion.estimation.filters.dead_reckoning import DeadReckoning, along, moved
+from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
+from companion.estimation.filters.height_filter import Height
+from companion.estimation.filters.position_filter import LineSlam
+from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
+from companion.estimation.hypotheses.search import Doubt
+from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, Models
+from companion.estimation.smoothing.flight_record import FlightRecord, HitColumn
+from companion.estimation.smoothing.odometry_noise import OdometryNoise
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.state import Unknowns
+from companion.estimation.solved_flight import Traced
 
 MOST_PLAUSIBLE_SPEED_M_S = 5.0
 """An odometry step faster than this is a jump of the autopilot's estimate, not motion."""

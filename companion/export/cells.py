@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 from scipy.spatial import cKDTree
 
+from companion.export.plan.survey import Survey
 from companion.export.rays import Rays, rays
-from companion.export.survey import Survey
 
 CELL_M = 0.05
 MARGIN_M = 0.5

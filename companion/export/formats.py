@@ -7,16 +7,16 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from companion.errors import CompanionError, OutputError
-from companion.export.survey import Survey
-from companion.extras import needs_extra
-from companion.frames import Place
-from companion.mapping.files import each_by_itself
+from companion.core.errors import CompanionError, OutputError
+from companion.core.extras import needs_extra
+from companion.core.frames import Place
+from companion.export.map_files import each_by_itself
+from companion.export.plan.survey import Survey
 
 WRITERS = {
-    "dxf": ("dxf", "write_dxf"),
-    "svg": ("sheet", "write_svg"),
-    "pdf": ("sheet", "write_pdf"),
+    "dxf": ("plan.dxf", "write_dxf"),
+    "svg": ("plan.sheet", "write_svg"),
+    "pdf": ("plan.sheet", "write_pdf"),
     "pgm": ("ros_map", "write_ros_map"),
     "ply": ("points", "write_ply"),
     "pcd": ("points", "write_pcd"),

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from shapely.geometry.polygon import orient
 
-from companion.export.survey import Room, Survey
-from companion.frames import Place, Vector2
+from companion.core.frames import Place, Vector2
+from companion.export.plan.survey import Room, Survey
 
 DIGITS = 9
 """0.1 mm."""

@@ -12,9 +12,9 @@ import trimesh
 from numpy.typing import NDArray
 from trimesh.visual.material import PBRMaterial
 
-from companion.errors import OutputError
-from companion.export.survey import Survey
-from companion.frames import Vector2, ned_to_gltf
+from companion.core.errors import OutputError
+from companion.core.frames import Vector2, ned_to_gltf
+from companion.export.plan.survey import Survey
 
 WALL, FLOOR, CEILING, OPENING = (
     (0.80, 0.82, 0.84, 1.0),

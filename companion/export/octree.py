@@ -9,9 +9,9 @@ import numpy as np
 import pyoctomap
 
 from companion.export.cells import CELL_M
+from companion.export.plan.survey import Survey
 from companion.export.points import points_enu_m
 from companion.export.rays import rays
-from companion.export.survey import Survey
 
 SURELY_OCCUPIED = 7.0
 """Log odds: more than any number of beams that grazed the wall."""

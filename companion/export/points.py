@@ -6,9 +6,9 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from companion.errors import OutputError
-from companion.export.survey import Survey
-from companion.frames import ned_to_enu
+from companion.core.errors import OutputError
+from companion.core.frames import ned_to_enu
+from companion.export.plan.survey import Survey
 
 
 def points_enu_m(survey: Survey) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.messages import FloorPlan
+from companion.core.messages import FloorPlan
 
 Rays = NDArray[np.float64]
 """(n, 2, 2): from where to where, each (x east, y north), metres."""

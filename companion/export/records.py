@@ -3,8 +3,8 @@
 import json
 from pathlib import Path
 
-from companion.export.survey import Survey
-from companion.messages import WallSegment
+from companion.core.messages import WallSegment
+from companion.export.plan.survey import Survey
 
 
 def write_json(survey: Survey, path: Path) -> None:

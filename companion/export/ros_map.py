@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from companion.export.cells import CELL_M, FREE, OCCUPIED, UNKNOWN, cells
-from companion.export.survey import Survey
+from companion.export.plan.survey import Survey
 
 GREY = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
 

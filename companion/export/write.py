@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from companion.extras import needs_extra
-from companion.frames import Place
-from companion.mapping.files import save_as, save_json
-from companion.mapping.picture import draw
-from companion.messages import FloorPlan
+from companion.core.extras import needs_extra
+from companion.core.frames import Place
+from companion.core.messages import FloorPlan
+from companion.export.map_files import save_as, save_json
+from companion.export.map_png import draw
 
 FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson")
 
@@ -28,7 +28,7 @@ def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:
         case _ if name in FORMATS:
             with needs_extra("export"):
                 from companion.export.formats import Labels, export  # noqa: PLC0415
-                from companion.export.survey import survey  # noqa: PLC0415
+                from companion.export.plan.survey import survey  # noqa: PLC0415
 
                 export(survey(plan), [name], path.parent, path.stem, Labels(title, place))
         case _:

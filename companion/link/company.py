@@ -8,9 +8,9 @@ from collections import deque
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
 from companion.link.dialect import DIALECTS, MULTICOPTERS
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 Source = tuple[int, int]
 """MAVLink system and component."""

@@ -9,7 +9,7 @@ from typing import Any, ClassVar, Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.messages import Command, CommandKind
+from companion.core.messages import Command, CommandKind
 
 Parameters = tuple[float, ...]
 

@@ -12,7 +12,7 @@ flies on.
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import Message, sent_by
+from companion.link.transports.transport import Message, sent_by
 
 COMPONENT: int = mavlink.MAV_COMP_ID_MISSIONPLANNER
 

@@ -12,7 +12,9 @@ from typing import Protocol
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
+from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
+from companion.core.values import value
 from companion.link.company import Company
 from companion.link.dialect import Dialect, Parameter, dialect_of
 from companion.link.ground_station import GroundStation
@@ -23,9 +25,7 @@ from companion.link.pose_report import PoseReport
 from companion.link.pose_source import PoseSource
 from companion.link.requests import CommandSender, Stream
 from companion.link.texts import Texts
-from companion.link.transport import Message, Transport
-from companion.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
-from companion.values import value
+from companion.link.transports.transport import Message, Transport
 
 CONNECTED_S = 3.0
 """A vehicle is gone after this long without any message."""

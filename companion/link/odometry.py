@@ -16,10 +16,10 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.boot_clock import BootClock
-from companion.frames import Vector2, Vector3, wrap_rad
-from companion.link.transport import Message
-from companion.messages import Odometry
+from companion.core.boot_clock import BootClock
+from companion.core.frames import Vector2, Vector3, wrap_rad
+from companion.core.messages import Odometry
+from companion.link.transports.transport import Message
 
 POSITION_HZ = 20.0
 ATTITUDE_HZ = 25.0

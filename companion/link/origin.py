@@ -9,9 +9,9 @@ An autopilot that has one keeps it. Nobody but the companion gives it one.
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
 from companion.link.requests import command_long
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 ASK = (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,)
 

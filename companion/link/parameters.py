@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 
 class ReadParameters:

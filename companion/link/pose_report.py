@@ -11,10 +11,10 @@ import math
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import Vector3, frd_to_ned, wrap_rad
-from companion.link.transport import Message
-from companion.messages import Pose
-from companion.values import value
+from companion.core.frames import Vector3, frd_to_ned, wrap_rad
+from companion.core.messages import Pose
+from companion.core.values import value
+from companion.link.transports.transport import Message
 
 HEIGHT_SIGMA_M = 0.05
 TILT_SIGMA_RAD = 0.05

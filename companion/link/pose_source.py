@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 POSES = frozenset(
     {

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
-from companion.link.transport import Message
-from companion.messages import Beam, RangeModel, RangeReading, RangeScan, RangeState
+from companion.config.settings import LinkConfig
+from companion.core.messages import Beam, RangeModel, RangeReading, RangeScan, RangeState
+from companion.link.transports.transport import Message
 
 PERIOD_S = 0.1
 ORIENTATIONS: dict[Beam, int] = {

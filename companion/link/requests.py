@@ -16,7 +16,7 @@ from typing import ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 RESEND_S = 0.5
 MOST_CONFIRMATIONS = 255

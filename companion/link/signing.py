@@ -21,9 +21,9 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.aside import Aside
-from companion.errors import LinkError
-from companion.textfile import NotTextError, read_text
+from companion.core.aside import Aside
+from companion.core.errors import LinkError
+from companion.core.textfile import NotTextError, read_text
 
 EPOCH_S = 1_420_070_400
 """2015-01-01, by the Unix clock."""

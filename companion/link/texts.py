@@ -5,7 +5,7 @@ has the id 0. PX4 numbers all from 0 on, and ends a text of exactly 50 character
 Such a text ends by the next one, or by silence.
 """
 
-from companion.link.transport import Message
+from companion.link.transports.transport import Message
 
 CHUNK_LENGTH = 50
 OVERDUE_S = 0.5

@@ -8,8 +8,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, wrap_rad
-from companion.messages import WallLine, WallSegment
+from companion.core.frames import Vector2, wrap_rad
+from companion.core.messages import WallLine, WallSegment
 
 Along = NDArray[np.float64]
 """(n,): coordinates along a line, metres."""

@@ -15,8 +15,8 @@ from itertools import product
 import numpy as np
 from scipy.ndimage import label
 
-from companion.frames import Vector2
-from companion.messages import Beam, Pose, RangeScan, Surface
+from companion.core.frames import Vector2
+from companion.core.messages import Beam, Pose, RangeScan, Surface
 
 CELL_M = 0.2
 LEAST_READINGS = 3

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 
 CELL_M = 0.1
 CHUNK_CELLS = 64

@@ -3,9 +3,8 @@
 import math
 from collections.abc import Mapping
 
-from companion.frames import wrap_rad
-from companion.mapping.occupancy import Ray
-from companion.messages import (
+from companion.core.frames import wrap_rad
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     Pose,
@@ -14,6 +13,7 @@ from companion.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.mapping.occupancy import Ray
 
 SEES_SIGMA_M = 0.15
 """Where the sensor's noise has grown to this, it may well have missed something."""

@@ -5,11 +5,11 @@ odometry drifts for an hour every wall is there many times, and with all poses b
 walls the equations would need minutes and a GB.
 """
 
-from companion.estimation import factors
-from companion.estimation.bordered import Array, BorderedSystem, Gradient
-from companion.estimation.estimate import Past
-from companion.estimation.smoother import Smoother
-from companion.estimation.unknowns import POSE_SIZE, Indices, Measured, Unknowns
+from companion.estimation.smoothing import factors
+from companion.estimation.smoothing.bordered_solver import Array, BorderedSystem, Gradient
+from companion.estimation.smoothing.estimate import Past
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, Unknowns
 
 
 class PathAsTold(Smoother):

@@ -12,8 +12,8 @@ from rich.table import Table
 from rich.text import Text
 
 from companion.offline.files import walls_length_m
-from companion.offline.log import Log
 from companion.offline.mapper import LogMap
+from companion.offline.reading.log import Log
 
 
 class LogProgress:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.mapping.files import each_by_itself, save, save_as
-from companion.messages import FloorPlan, WallSegment
-from companion.offline.log import Array, Reading
+from companion.core.messages import FloorPlan, WallSegment
+from companion.export.map_files import each_by_itself, save, save_as
 from companion.offline.mapper import LogMap
+from companion.offline.reading.log import Array, Reading
 from companion.offline.verdict import Agreement
 
 Report = dict[str, object]

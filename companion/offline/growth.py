@@ -14,12 +14,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.candidates import Gate
-from companion.estimation.estimate import Estimate, Past
-from companion.estimation.factors import hit_residuals
-from companion.estimation.flight_record import NO_WALL
-from companion.estimation.smoother import WHOLE, Smoother
-from companion.estimation.unknowns import (
+from companion.estimation.association.gating import Gate
+from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.factors import hit_residuals
+from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.estimation.smoothing.smoother import WHOLE, Smoother
+from companion.estimation.smoothing.state import (
     BIAS,
     YAW,
     Array,

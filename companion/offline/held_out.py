@@ -17,8 +17,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from companion.estimation.range_units import RangeUnits
-from companion.estimation.unknowns import Array, Indices, Measured, Unknowns, project
+from companion.estimation.smoothing.range_noise import RangeUnits
+from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
 from companion.offline.growth import Growth, stages
 
 FOLDS = 5

@@ -4,21 +4,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.estimation.factors import Models
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.smoother import Smoother
-from companion.estimation.support import Support
-from companion.estimation.unknowns import project
-from companion.frames import wrap_rad
+from companion.core.frames import wrap_rad
+from companion.core.messages import Beam, FloorPlan, Hit, Pose
+from companion.estimation.association.pruning import Support
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
-from companion.messages import Beam, FloorPlan, Hit, Pose
 from companion.offline.as_told import PathAsTold
 from companion.offline.growth import Growth
-from companion.offline.log import Array, Log, Watch
 from companion.offline.ranges import horizontal_beams, usable_ranges
+from companion.offline.reading.log import Array, Log, Watch
+from companion.offline.reading.sensors import SensorsConfig
 from companion.offline.record import Record, poses_of_rows, to_record
 from companion.offline.scale import with_supported_scale
-from companion.offline.sensors import SensorsConfig
 from companion.offline.verdict import Agreement, Verdict, agreement, judge
 
 ROWS_TO_OPEN = 2.5

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.odometry_model import averaged
-from companion.estimation.range_units import BEAMS
-from companion.estimation.unknowns import Indices, Measured
-from companion.messages import Beam
-from companion.offline.log import Array, Log
+from companion.core.messages import Beam
+from companion.estimation.smoothing.odometry_model import averaged
+from companion.estimation.smoothing.range_noise import BEAMS
+from companion.estimation.smoothing.state import Indices, Measured
 from companion.offline.ranges import HorizontalBeam
+from companion.offline.reading.log import Array, Log
 
 KEYFRAME_PERIOD_S = 0.2
 MOST_KEYFRAMES = 5_000

@@ -6,8 +6,8 @@ hits still lie on the two walls. A scale error that is unlikely by the model is 
 if the map predicts left-out ranges better with it than without.
 """
 
-from companion.estimation.range_units import RangeUnits
-from companion.estimation.unknowns import Measured
+from companion.estimation.smoothing.range_noise import RangeUnits
+from companion.estimation.smoothing.state import Measured
 from companion.offline.growth import Growth
 from companion.offline.held_out import gain
 

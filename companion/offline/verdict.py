@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.factors import hit_residuals
-from companion.estimation.flight_record import NO_WALL
-from companion.estimation.range_units import RangeUnits
-from companion.estimation.unknowns import project
+from companion.estimation.smoothing.factors import hit_residuals
+from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.estimation.smoothing.range_noise import RangeUnits
+from companion.estimation.smoothing.state import project
 from companion.offline.growth import Growth
 from companion.offline.held_out import gain
 from companion.offline.record import Record

@@ -24,22 +24,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from companion.config import MissionConfig
-from companion.frames import Vector2, wrap_rad
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2, wrap_rad
+from companion.core.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
-from companion.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
-from companion.pdps import travel
-from companion.pdps.control import glide
-from companion.pdps.doorways import Doorway, too_narrow, with_shut
-from companion.pdps.follow import ARRIVED_M
-from companion.pdps.guard import clear_of_all_m
-from companion.pdps.looks import Look, looks
-from companion.pdps.route import START_NE_M, Ground, Ways, find_ground, find_ways
-from companion.pdps.sight import Sight
-from companion.pdps.ties import again, ties
+from companion.navigation import travel
+from companion.navigation.doorways import Doorway, too_narrow, with_shut
+from companion.navigation.grid_planner import START_NE_M, Ground, Ways, find_ground, find_ways
+from companion.navigation.observation import Sight
+from companion.navigation.path_follower import ARRIVED_M
+from companion.navigation.travel import Travel, TravelPhase, stuck_twice
+from companion.pdps.frontiers import Places, still_unseen
+from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
-from companion.pdps.travel import Travel, TravelPhase, stuck_twice
-from companion.pdps.unseen import Places, still_unseen
+from companion.pdps.viewpoints import Look, looks
+from companion.safety.control_laws import glide
+from companion.safety.velocity_guard import clear_of_all_m
 
 FIRST_LOOK_RAD = math.tau
 MOST_LOOK_RAD = math.pi + math.radians(10)

@@ -17,16 +17,17 @@ import enum
 import math
 from dataclasses import dataclass, field, replace
 
-from companion.config import MissionConfig
+from companion.config.settings import MissionConfig
+from companion.core.messages import HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
-from companion.messages import HOLD, Beam, Setpoint
-from companion.pdps import explore, overfly, travel
-from companion.pdps.control import stay
+from companion.navigation import travel
+from companion.navigation.grid_planner import START_NE_M
+from companion.navigation.observation import Sight
+from companion.navigation.travel import Travel, TravelPhase
+from companion.pdps import explore, overflight
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.overfly import Overfly, OverflyPhase
-from companion.pdps.route import START_NE_M
-from companion.pdps.sight import Sight
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.overflight import Overfly, OverflyPhase
+from companion.safety.control_laws import stay
 
 AT_HEIGHT_M = 0.08
 OVER_HEAD_M = 0.25
@@ -100,7 +101,7 @@ def _explore(
 def _overfly(
     layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    over, setpoint = overfly.step(layers.overfly, sight, space, plan)
+    over, setpoint = overflight.step(layers.overfly, sight, space, plan)
     phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
     return replace(layers, phase=phase, overfly=over), setpoint
 

@@ -4,8 +4,8 @@ import numpy as np
 from scipy.ndimage import distance_transform_edt, label
 
 from companion.mapping.occupancy import CELL_M, Occupancy
-from companion.pdps.looks import NEAR_SOMETHING_M
-from companion.pdps.unseen import SQUARE, Places, centres, edges, without_specks
+from companion.pdps.frontiers import SQUARE, Places, centres, edges, without_specks
+from companion.pdps.viewpoints import NEAR_SOMETHING_M
 
 LEAST_OPENING_CELLS = 4
 """Of 10 cm, without those that touch the jambs. Chosen: behind less there is hardly a place."""

@@ -14,8 +14,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from companion.frames import wrap_rad
-from companion.values import value
+from companion.core.frames import wrap_rad
+from companion.core.values import value
 
 HALF_WINDOW_RAD = math.radians(20)
 LEAST_RETURNS = 8

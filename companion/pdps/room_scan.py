@@ -31,17 +31,17 @@ import enum
 import math
 from dataclasses import replace
 
-from companion.config import MissionConfig
-from companion.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
-from companion.mapping.known_walls import KnownWalls
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.core.known_walls import KnownWalls
+from companion.core.messages import HOLD, Beam, RangeState, Setpoint
+from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
-from companion.messages import HOLD, Beam, RangeState, Setpoint
-from companion.pdps.control import approach_speed, clamp, keep_distance, stay, turn_towards
-from companion.pdps.guard import BODY_RADIUS_M
+from companion.navigation.observation import Sight
+from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
-from companion.pdps.sight import Sight
-from companion.pdps.swing import TO_THE_RIGHT, Swing
-from companion.values import value
+from companion.safety.control_laws import approach_speed, clamp, keep_distance, stay, turn_towards
+from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
 ON_HEADING_RAD = math.radians(2.5)

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
-from companion.frames import Vector2
-from companion.pdps.route import Ways, graph
+from companion.core.frames import Vector2
+from companion.navigation.grid_planner import Ways, graph
 
 COARSE_CELLS = 3
 """The order does not hang on a few decimetres."""

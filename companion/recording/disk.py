@@ -11,7 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
 
-from companion.errors import RecordingError
+from companion.core.errors import RecordingError
 
 SYNC_PERIOD_S = 1.0
 LEAST_FREE_BYTES = 16_000_000

@@ -7,8 +7,8 @@ so that fields with a default may be added to the values later.
 from msgspec import msgpack
 
 from companion.app import Inputs
-from companion.messages import FloorPlan
-from companion.values import value
+from companion.core.messages import FloorPlan
+from companion.core.values import value
 
 
 @value

@@ -16,8 +16,8 @@ from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from companion.frames import ned_to_enu, yaw_ned_to_enu
-from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState, WallSegment
+from companion.core.frames import ned_to_enu, yaw_ned_to_enu
+from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState, WallSegment
 
 MAP_FRAME, BODY_FRAME = "map", "base_link"
 HORIZONTAL_BEAMS = (Beam.RIGHT, Beam.FRONT, Beam.LEFT, Beam.BACK)

@@ -7,8 +7,8 @@ from google.protobuf.message import Message
 from msgspec import json
 
 from companion.app import Inputs, Outputs
-from companion.messages import Beam, GyroSample, WallSegment
-from companion.pdps.flight import Flight, Phase
+from companion.core.messages import Beam, GyroSample, WallSegment
+from companion.pdps.flight_phases import Flight, Phase
 from companion.recording import foxglove, topics
 from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord

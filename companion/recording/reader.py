@@ -13,9 +13,9 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from msgspec import MsgspecError, json
 from pydantic import ValidationError
 
-from companion.config import Config
-from companion.errors import RecordingError
-from companion.messages import FloorPlan, Pose, Setpoint
+from companion.config.settings import Config
+from companion.core.errors import RecordingError
+from companion.core.messages import FloorPlan, Pose, Setpoint
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_plan, decode_ticks
 from companion.recording.recorder import FORMAT

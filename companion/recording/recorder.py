@@ -11,18 +11,18 @@ from pathlib import Path
 from typing import Protocol
 
 from companion.app import Inputs, Outputs
-from companion.config import Config
-from companion.errors import RecordingError
-from companion.link.transport import Message as MavlinkMessage
-from companion.link.transport import Transport
-from companion.messages import FloorPlan, WallSegment
+from companion.config.settings import Config
+from companion.core.errors import RecordingError
+from companion.core.messages import FloorPlan, WallSegment
+from companion.core.values import value
+from companion.link.transports.transport import Message as MavlinkMessage
+from companion.link.transports.transport import Transport
 from companion.recording import topics
 from companion.recording.disk import Disk
 from companion.recording.exact import Tick, encode_plan, encode_ticks
 from companion.recording.mcap_file import McapFile
 from companion.recording.notes import Notes
 from companion.recording.tlog import Tap, TlogEncoder
-from companion.values import value
 
 FLUSH_PERIOD_S = 0.5
 """By the clock on the wall; what a crash costs at most, and the writing itself."""

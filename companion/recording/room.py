@@ -8,9 +8,9 @@ import os
 import shutil
 from pathlib import Path
 
-from companion.aside import Aside
-from companion.config import Config
-from companion.errors import OutputError
+from companion.config.settings import Config
+from companion.core.aside import Aside
+from companion.core.errors import OutputError
 from companion.recording.disk import LEAST_FREE_BYTES
 
 BYTES_PER_MIN = 2_000_000

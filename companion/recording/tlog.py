@@ -6,7 +6,7 @@ Mission Planner, MAVExplorer and mavlogdump open it.
 import struct
 from typing import Any
 
-from companion.link.transport import Message, Transport, make_codec
+from companion.link.transports.transport import Message, Transport, make_codec
 
 _TIME = struct.Struct(">Q")
 

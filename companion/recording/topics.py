@@ -30,8 +30,8 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import Writer
 from mcap_protobuf.schema import build_file_descriptor_set
 
-from companion.messages import Beam, Pose, Setpoint
-from companion.values import value
+from companion.core.messages import Beam, Pose, Setpoint
+from companion.core.values import value
 
 INPUTS, RANGES, SCAN, GYRO = "/inputs", "/ranges", "/scan", "/gyro"
 ESTIMATE, POSE, TF, SETPOINT = "/estimate", "/pose", "/tf", "/setpoint"
@@ -48,7 +48,7 @@ class PhaseRecord:
 
     time_s: float
     phase: str
-    """Its name in `companion/pdps/flight.py`."""
+    """Its name in `companion/pdps/flight_phases.py`."""
     activity: str
     trouble: str
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.messages import Beam, FloorPlan, RangeState, WallSegment
 from companion.mapping.floor_plan import outline_closed
-from companion.messages import Beam, FloorPlan, RangeState, WallSegment
 from companion.recording.reader import Recording
 from companion.recording.topics import PhaseRecord
 

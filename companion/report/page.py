@@ -8,9 +8,9 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 
-from companion.errors import OutputError
-from companion.export.survey import Survey, survey
-from companion.messages import FloorPlan, RangeState
+from companion.core.errors import OutputError
+from companion.core.messages import FloorPlan, RangeState
+from companion.export.plan.survey import Survey, survey
 from companion.recording.reader import Recording
 from companion.report.numbers import Span, beam_uses, ending, flown_m, outline_seen, spans
 from companion.report.pictures import plan_picture, plots_picture, timeline_picture

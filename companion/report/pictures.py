@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from companion.export.survey import Survey
-from companion.figures import Axes, Figure, rc_context
-from companion.messages import Beam, FloorPlan
+from companion.core.figures import Axes, Figure, rc_context
+from companion.core.messages import Beam, FloorPlan
+from companion.export.plan.survey import Survey
 from companion.recording.reader import Fault, Recording
 from companion.report.numbers import Span, walls_over_time
 

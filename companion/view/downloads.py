@@ -7,9 +7,9 @@ from pathlib import Path
 
 from viser import ClientHandle
 
+from companion.core.frames import Place
+from companion.core.messages import FloorPlan
 from companion.export.write import write
-from companion.frames import Place
-from companion.messages import FloorPlan
 
 
 def send(client: ClientHandle, plan: FloorPlan, name: str, title: str, place: Place) -> None:

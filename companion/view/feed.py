@@ -19,9 +19,9 @@ from collections.abc import Callable, Iterator
 from typing import Protocol
 
 from companion.app import App, Inputs, Outputs
-from companion.config import Config
-from companion.errors import ViewError
-from companion.view.secret import answer, is_loopback, needs_token, read_token
+from companion.config.settings import Config
+from companion.core.errors import ViewError
+from companion.view.access.secret import answer, is_loopback, needs_token, read_token
 from companion.view.snapshot import encode, snapshot
 
 GREETING = b"PDPS view 1\n"

@@ -4,12 +4,12 @@ import time
 from collections import deque
 from collections.abc import Callable
 
-from companion.view.instruments import PERIOD_S
+from companion.view.access.server import PageServer
+from companion.view.access.turns import Turns
 from companion.view.looker import Looker
-from companion.view.screen import Screen
-from companion.view.server import PageServer
+from companion.view.scene.instruments import PERIOD_S
+from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot
-from companion.view.turns import Turns
 
 REMEMBERED = 700
 """Moments, at ten a second: a minute and more."""

@@ -7,9 +7,9 @@ from collections.abc import Callable
 
 import msgspec
 
-from companion.errors import ViewError
+from companion.core.errors import ViewError
+from companion.view.access.secret import answer
 from companion.view.feed import CHALLENGE_BYTES, GREETING, LENGTH, PATIENCE_S
-from companion.view.secret import answer
 from companion.view.snapshot import Snapshot, decode
 
 FEED_PORT = 5795

@@ -6,18 +6,18 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from companion.errors import CompanionError, RecordingError
+from companion.core.errors import CompanionError, RecordingError
+from companion.core.frames import Place
+from companion.core.messages import FloorPlan
 from companion.export.write import FORMATS
-from companion.frames import Place
-from companion.messages import FloorPlan
 from companion.recording.reader import read
 from companion.view import downloads
-from companion.view.instruments import PERIOD_S
+from companion.view.access.server import PageServer
+from companion.view.access.turns import Event, Turns
 from companion.view.replayed import Replayed
-from companion.view.screen import Screen
-from companion.view.server import PageServer
+from companion.view.scene.instruments import PERIOD_S
+from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot, sketch_of
-from companion.view.turns import Event, Turns
 
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
 FIRST_SPEED = "5 ×"

@@ -7,7 +7,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from companion.app import App
-from companion.messages import FloorPlan
+from companion.core.messages import FloorPlan
 from companion.recording.reader import read
 from companion.view.snapshot import Snapshot, snapshot
 

@@ -6,9 +6,9 @@ from dataclasses import field
 from msgspec import msgpack
 
 from companion.app import MOST_SKETCHED, App, Outputs
+from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Sketch
+from companion.core.values import value
 from companion.estimation.estimator import Estimator
-from companion.messages import Beam, FloorPlan, Pose, RangeReading, Sketch
-from companion.values import value
 
 
 @value

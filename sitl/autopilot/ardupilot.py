@@ -6,10 +6,10 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import Vector3, frd_to_ned, wrap_rad
-from sitl.autopilot.ground_truth import Place, sim_state
+from companion.core.frames import Vector3, frd_to_ned, wrap_rad
+from sitl.autopilot.estimation.ground_truth import Place, sim_state
+from sitl.autopilot.estimation.outside import AROUND, Outside, PoseMessages
 from sitl.autopilot.messages import MARKED
-from sitl.autopilot.outside import AROUND, Outside, PoseMessages
 from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import load_table
@@ -27,7 +27,7 @@ from sitl.autopilot.personality import (
 )
 from sitl.autopilot.response import ARDUCOPTER, Response
 from sitl.autopilot.streams import Message
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20

@@ -14,11 +14,11 @@ import enum
 import math
 from random import Random
 
-from companion.frames import Vector2, Vector3, wrap_rad
-from sitl.autopilot.estimator import Estimator
+from companion.core.frames import Vector2, Vector3, wrap_rad
+from sitl.autopilot.estimation.estimator import Estimator
 from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
 from sitl.autopilot.response import Response
-from sitl.vehicle import STEP_S
+from sitl.simulation.vehicle import STEP_S
 
 CLIMB_M_S = 1.2
 """To a position."""

@@ -10,16 +10,16 @@ from types import MappingProxyType
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import sent_by
-from companion.messages import Beam
-from companion.range_config import AutopilotRange
+from companion.config.range_sensors import AutopilotRange
+from companion.core.messages import Beam
+from companion.link.transports.transport import sent_by
 from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
-from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.estimation.navigation import Navigation
+from sitl.autopilot.estimation.own_sensors import Imu
 from sitl.autopilot.messages import Broadcast, Outbox
-from sitl.autopilot.navigation import Navigation
-from sitl.autopilot.own_sensors import Imu
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.parts import Parts
 from sitl.autopilot.personality import Personality, Throttle, boot_values, system_id
@@ -28,10 +28,10 @@ from sitl.autopilot.px4 import Px4
 from sitl.autopilot.response import SetpointShaper
 from sitl.autopilot.streams import Message, Streams
 from sitl.autopilot.telemetry import Status, Telemetry
-from sitl.noise import stream
 from sitl.sensors.time_of_flight import TofUnit
-from sitl.truth import TrueState
-from sitl.vehicle import STEP_S, Vehicle
+from sitl.simulation.noise import stream
+from sitl.simulation.truth import TrueState
+from sitl.simulation.vehicle import STEP_S, Vehicle
 
 PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "px4": Px4}
 

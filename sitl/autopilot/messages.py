@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.values import value
+from companion.core.values import value
 from sitl.autopilot.streams import Message
 
 TEXT_LENGTH = 50

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from sitl.autopilot.estimation.navigation import Navigation
 from sitl.autopilot.messages import Broadcast
-from sitl.autopilot.navigation import Navigation
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.personality import Personality
 from sitl.autopilot.telemetry import Status, Telemetry

@@ -4,16 +4,16 @@ import enum
 from collections.abc import Callable, Mapping
 from typing import Protocol
 
-from companion.frames import Vector3
-from companion.values import value
-from sitl.autopilot.ground_truth import Place
+from companion.core.frames import Vector3
+from companion.core.values import value
+from sitl.autopilot.estimation.ground_truth import Place
+from sitl.autopilot.estimation.outside import Outside, PoseMessages
 from sitl.autopilot.messages import TextHabit
-from sitl.autopilot.outside import Outside, PoseMessages
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import Table, initial_values
 from sitl.autopilot.response import Response
 from sitl.autopilot.streams import Message
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 
 class Behaviour(enum.Enum):

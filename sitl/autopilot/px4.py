@@ -7,10 +7,11 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import Vector3, frd_to_ned
-from sitl.autopilot.ground_truth import Place, hil_state_quaternion
+from companion.core.frames import Vector3, frd_to_ned
+from sitl.autopilot.estimation.ground_truth import Place, hil_state_quaternion
+from sitl.autopilot.estimation.outside import Outside, PoseMessages
+from sitl.autopilot.estimation.px4_estimate import estimator_flags
 from sitl.autopilot.messages import TextHabit
-from sitl.autopilot.outside import Outside, PoseMessages
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.px4 import Px4Parameters
 from sitl.autopilot.parameters.table import load_table
@@ -26,10 +27,9 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
-from sitl.autopilot.px4_estimate import estimator_flags
 from sitl.autopilot.response import PX4, Response
 from sitl.autopilot.streams import Message
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 
 def custom_mode(main: int, sub: int = 0) -> int:

@@ -9,9 +9,9 @@ docs/autopilot.md has both side by side, `python -m benchmarks.autopilot_respons
 import math
 from dataclasses import dataclass
 
-from companion.frames import Vector3
-from sitl.autopilot.wobble import EstimateError
-from sitl.vehicle import STEP_S, Airframe, Follow
+from companion.core.frames import Vector3
+from sitl.autopilot.estimation.wobble import EstimateError
+from sitl.simulation.vehicle import STEP_S, Airframe, Follow
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,15 +6,15 @@ from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.messages import Beam
-from companion.range_config import AutopilotRange
+from companion.config.range_sensors import AutopilotRange
+from companion.core.messages import Beam
 from sitl.autopilot.control import Manoeuvre
-from sitl.autopilot.navigation import Navigation
-from sitl.autopilot.own_sensors import Imu, rangefinder_messages
+from sitl.autopilot.estimation.navigation import Navigation
+from sitl.autopilot.estimation.own_sensors import Imu, rangefinder_messages
 from sitl.autopilot.personality import ParameterValues, Personality
 from sitl.autopilot.streams import Maker, Message
 from sitl.sensors.time_of_flight import TofUnit
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 BATTERY_CELLS = 4
 CELL_EMPTY_V, CELL_FULL_V = 3.5, 4.2

@@ -10,15 +10,15 @@ from dataclasses import asdict, dataclass, field
 
 import numpy as np
 
-from companion import config as configuration
 from companion.app import App, Inputs, Outputs
-from companion.config import Config
-from companion.messages import FloorPlan
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.messages import FloorPlan
 from sitl.bench.lanes import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
-from sitl.lockstep import fly_in_lockstep
-from sitl.report import Report, make_report
-from sitl.simulation import Setup, Simulation
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.report import Report, make_report
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
 

@@ -13,13 +13,21 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.errors import OutputError
-from sitl.options import Autopilot, Battery, ClutterSeed, Crop, FlightOptions, Profile, Seed
+from companion.core.errors import OutputError
+from sitl.commands.options import (
+    Autopilot,
+    Battery,
+    ClutterSeed,
+    Crop,
+    FlightOptions,
+    Profile,
+    Seed,
+)
 
 if TYPE_CHECKING:
     from sitl.bench.missions import Flown
     from sitl.bench.summary import Summary
-    from sitl.report import Report
+    from sitl.scoring.report import Report
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
 
@@ -124,7 +132,7 @@ def missions(
     ] = None,
 ) -> None:
     """Many missions on all cores: how many are completed, and how well."""
-    from companion.mapping.files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
+    from companion.export.map_files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
     from sitl.bench.lanes import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from companion import config as configuration
 from companion.app import App, Progress
-from companion.errors import OutputError
-from companion.mapping.files import AutoSave, load_json, save_as, save_json
-from companion.pdps.flight import FINAL_PHASES, Phase
+from companion.config import settings as configuration
+from companion.core.errors import OutputError
+from companion.export.map_files import AutoSave, load_json, save_as, save_json
+from companion.pdps.flight_phases import FINAL_PHASES, Phase
 from sitl.bench.fault_cases import Case, draw_case
-from sitl.lockstep import fly_in_lockstep
-from sitl.report import Report
-from sitl.simulation import Setup, Simulation
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.report import Report
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing.script import Play
 
 TIME_LIMIT_S = 150.0

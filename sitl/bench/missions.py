@@ -6,15 +6,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from companion.app import App, Progress
-from companion.frames import Vector2, frd_to_ned
-from companion.health.lateness import TICK_S
-from companion.messages import FloorPlan
+from companion.core.frames import Vector2, frd_to_ned
+from companion.core.messages import FloorPlan
 from companion.pdps.room_scan import ScanPhase
-from sitl.lockstep import fly_in_lockstep
-from sitl.options import FlightOptions
-from sitl.record import TruthRecord
-from sitl.report import Report, make_report
-from sitl.simulation import Simulation
+from companion.safety.health.lateness import TICK_S
+from sitl.commands.options import FlightOptions
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.record import TruthRecord
+from sitl.scoring.report import Report, make_report
+from sitl.simulation.simulation import Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Play
 from sitl.world.format import Segment
@@ -24,7 +24,7 @@ TRACING = ScanPhase.SCAN.value
 """What the companion says that it does while it traces walls; not while it turns, nor when it goes
 round once more."""
 ALARM = "range sensor failed"
-"""So begins the trouble that the companion tells; `companion/health/watch.py`."""
+"""So begins the trouble that the companion tells; `companion/safety/health/watch.py`."""
 WALLS_OF_A_ROOM = 4
 """And nothing else: then the bound (P - 8·d) / v applies."""
 

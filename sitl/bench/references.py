@@ -15,17 +15,22 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.estimation.candidates import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import NO_WALL, FlightRecord, FrameColumn, HitColumn
-from companion.estimation.smoother import Smoother
-from companion.estimation.support import Support
-from companion.estimation.traced import Traced
-from companion.estimation.unknowns import Indices, Measured, Unknowns, project
-from companion.frames import wrap_rad
+from companion.core.frames import wrap_rad
+from companion.core.messages import FloorPlan, WallLine
+from companion.estimation.association.gating import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
+from companion.estimation.association.pruning import Support
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import (
+    NO_WALL,
+    FlightRecord,
+    FrameColumn,
+    HitColumn,
+)
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import Indices, Measured, Unknowns, project
+from companion.estimation.solved_flight import Traced
 from companion.mapping.floor_plan import wall_segments
-from companion.messages import FloorPlan, WallLine
-from sitl.record import TruthRecord
+from sitl.scoring.record import TruthRecord
 from sitl.world.format import Segment
 
 Array = NDArray[np.float64]

@@ -4,10 +4,10 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from companion.figures import Axes, Figure, LineCollection
-from companion.frames import Vector2
+from companion.core.figures import Axes, Figure, LineCollection
+from companion.core.frames import Vector2
 from sitl.bench.missions import Flown
-from sitl.report import Report
+from sitl.scoring.report import Report
 
 PAPER, INK = "#fbfaf7", "#22333b"
 TRUTH, MAPPED, PATH = "#7d8a93", "#e0425a", "#2f7fc1"

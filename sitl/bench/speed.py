@@ -12,12 +12,12 @@ import time
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from companion import config as configuration
-from companion.config import Config
-from sitl.lockstep import fly_in_lockstep
-from sitl.options import FlightOptions
-from sitl.processes import fly_in_two_processes
-from sitl.record import TruthRecord
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from sitl.commands.options import FlightOptions
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.running.processes import fly_in_two_processes
+from sitl.scoring.record import TruthRecord
 
 TRANSPORTS = ("direct", "bytes", "udp")
 

@@ -10,7 +10,7 @@ from rich import box
 from rich.console import Console
 from rich.table import Table
 
-from sitl.report import Report
+from sitl.scoring.report import Report
 
 Summary = dict[str, Any]
 

@@ -9,15 +9,15 @@ from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import Vector3
-from companion.messages import Beam
-from sitl.autopilot.estimator import Estimator
-from sitl.autopilot.ground_truth import quaternion_wxyz
-from sitl.autopilot.outside import rotated
+from companion.core.frames import Vector3
+from companion.core.messages import Beam
+from sitl.autopilot.estimation.estimator import Estimator
+from sitl.autopilot.estimation.ground_truth import quaternion_wxyz
+from sitl.autopilot.estimation.outside import rotated
 from sitl.autopilot.streams import Message
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import BEAM_FRD, to_ned
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 INFRARED = mavlink.MAV_DISTANCE_SENSOR_INFRARED
 LEAST_CM, MOST_CM = 2, 550

@@ -15,10 +15,10 @@ from importlib import resources
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.requests import command_long
-from sitl.autopilot.ground_truth import Place, offset_ned_m
+from sitl.autopilot.estimation.ground_truth import Place, offset_ned_m
+from sitl.autopilot.parameters.file import ParameterFile
 from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.streams import Message
-from sitl.parameter_file import ParameterFile
 
 AUTOPILOTS = {
     mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA: "ardupilot",

@@ -8,10 +8,10 @@ told.
 import math
 from dataclasses import replace
 
-from companion.frames import Vector3, wrap_rad
-from sitl.autopilot.ground_truth import Place, offset_ned_m
+from companion.core.frames import Vector3, wrap_rad
+from sitl.autopilot.estimation.ground_truth import Place, offset_ned_m
 from sitl.autopilot.streams import Message
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 PULL = 0.2
 """Share of the difference that one message corrects."""

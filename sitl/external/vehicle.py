@@ -7,21 +7,21 @@ from collections.abc import Callable
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.requests import command_long
-from companion.link.transport import UdpTransport
-from sitl.autopilot.estimator import REFERENCE_NOISE, Estimator
+from companion.link.transports.transport import UdpTransport
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
 from sitl.external.clock import AutopilotClock, Silence
 from sitl.external.feed import distances, odometry
 from sitl.external.setup import ExternalSetup
 from sitl.external.tracker import TruthTracker
-from sitl.noise import stream
-from sitl.record import TruthRecord
+from sitl.scoring.record import TruthRecord
 from sitl.sensors.board import SensorBoard
-from sitl.simulation import Setup, beam_query, start_state
-from sitl.truth import History
-from sitl.vehicle import STEP_S
-from sitl.world.model import WorldModel
+from sitl.simulation.noise import stream
+from sitl.simulation.simulation import Setup, beam_query, start_state
+from sitl.simulation.truth import History
+from sitl.simulation.vehicle import STEP_S
+from sitl.world.geometry.model import WorldModel
 
 COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 ODOMETRY_STEPS, DISTANCE_STEPS = 2, 10

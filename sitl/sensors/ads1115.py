@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from companion.drivers.ads1115 import (
+from companion.drivers.chips.ads1115 import (
     MUX_SINGLE_ENDED,
     MUX_STEP,
     REG_CONFIG,

@@ -15,11 +15,11 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from companion.frames import Vector3
-from companion.textfile import read_text
+from companion.core.frames import Vector3
+from companion.core.textfile import read_text
 from sitl.errors import SitlError, complaint
-from sitl.noise import stream
-from sitl.world.model import Hit
+from sitl.simulation.noise import stream
+from sitl.world.geometry.model import Hit
 
 RangeQuery = Callable[[Vector3, Vector3, float], float | None]
 """(origin_ned_m, direction_ned, most_m) -> distance to the first surface, or None."""

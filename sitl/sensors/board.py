@@ -5,11 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from typing import TypeVar
 
-from companion.config import SensorsConfig
-from companion.drivers.models import model_of
-from companion.frames import Vector3
-from companion.messages import Beam
-from companion.range_config import (
+from companion.config.range_sensors import (
     AutopilotRange,
     RangeSensor,
     SharpOnAds1115,
@@ -17,7 +13,10 @@ from companion.range_config import (
     TfminiSensor,
     Vl53l1xSensor,
 )
-from sitl.noise import stream
+from companion.config.settings import SensorsConfig
+from companion.core.frames import Vector3
+from companion.core.messages import Beam
+from companion.drivers.models import model_of
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus, Multiplexer
@@ -28,7 +27,8 @@ from sitl.sensors.sharp import PHYSICS, USUAL_MEMORY, SharpPhysics, SharpUnit
 from sitl.sensors.tfmini import TfminiDevice
 from sitl.sensors.time_of_flight import TOF_PHYSICS, TofPhysics, TofUnit
 from sitl.sensors.vl53l1x import Vl53l1xDevice
-from sitl.truth import STEP_S, TrueState
+from sitl.simulation.noise import stream
+from sitl.simulation.truth import STEP_S, TrueState
 
 TruthAt = Callable[[float], TrueState]
 Unit = SharpUnit | TofUnit

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Protocol
 
-from companion.drivers.bus import Transaction
-from companion.drivers.linux_wires import SPI_CLOCK_HZ
+from companion.drivers.wires.bus import Transaction
+from companion.drivers.wires.linux_wires import SPI_CLOCK_HZ
 
 CLOCK_HZ = 400_000
 BYTE_S = 9 / CLOCK_HZ

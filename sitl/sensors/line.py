@@ -4,7 +4,7 @@ import errno
 from collections.abc import Callable
 from typing import TypeVar
 
-from companion.drivers.prompt import PromptWires
+from companion.drivers.wires.prompt import PromptWires
 from sitl.sensors.i2c import DeviceBus
 
 Answer = TypeVar("Answer")

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from companion.drivers.lsm9ds1 import (
+from companion.drivers.chips.lsm9ds1 import (
     FIFO_CONTINUOUS,
     RAD_S_PER_COUNT,
     REG_CTRL_1_G,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 
-from companion.drivers.mcp3008 import CHANNEL_SHIFT, COUNTS, HIGH_BITS, SINGLE_ENDED, START
+from companion.drivers.chips.mcp3008 import CHANNEL_SHIFT, COUNTS, HIGH_BITS, SINGLE_ENDED, START
 
 Voltage = Callable[[int, float], float]
 """(channel, time_s) -> volts at that input."""

@@ -3,8 +3,8 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from companion.drivers.bus import Transaction
-from companion.drivers.served_bus import (
+from companion.drivers.wires.bus import Transaction
+from companion.drivers.wires.served_bus import (
     BAUD,
     CLOCK_REPLY,
     CLOCK_REQUEST,

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER, Profile
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER, Profile
 
 TrueRange = Callable[[float], float | None]
 """time_s -> true distance along the beam, m; None if nothing is there."""

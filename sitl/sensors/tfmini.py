@@ -1,6 +1,6 @@
 """The TFmini-S and TF-Luna as their serial port sees them: a stream of frames."""
 
-from companion.drivers.tfmini import FRAME, HEADER, NO_SIGNAL, checksum
+from companion.drivers.chips.tfmini import FRAME, HEADER, NO_SIGNAL, checksum
 from sitl.sensors.time_of_flight import TofUnit
 
 BAUD = 115200

@@ -5,8 +5,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from companion.drivers.time_of_flight import TF_LUNA, TFMINI_S, VL53L1X
-from companion.messages import RangeModel
+from companion.core.messages import RangeModel
+from companion.drivers.chips.time_of_flight import TF_LUNA, TFMINI_S, VL53L1X
 
 TrueRange = Callable[[float], float | None]
 """time_s -> true distance along the beam, m; None if nothing is there."""

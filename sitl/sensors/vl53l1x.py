@@ -1,6 +1,6 @@
 """The VL53L1X as its bus sees it: identity, start, data ready, result."""
 
-from companion.drivers.vl53l1x import (
+from companion.drivers.chips.vl53l1x import (
     BOOTED,
     MODEL_ID,
     RANGE_AT,

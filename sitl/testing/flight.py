@@ -7,17 +7,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from companion import config as configuration
 from companion.app import App, Progress
-from companion.config import Config
-from companion.messages import FloorPlan
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.autopilot.core import NO_PARAMETERS
-from sitl.lockstep import fly_in_lockstep
-from sitl.record import TruthRecord
-from sitl.report import Report, make_report
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.record import TruthRecord
+from sitl.scoring.report import Report, make_report
 from sitl.sensors.beam import beam_physics
-from sitl.simulation import Setup, Simulation
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, Play
 from sitl.world.clutter import cluttered

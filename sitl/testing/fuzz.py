@@ -6,8 +6,8 @@ from random import Random
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.drivers.served_bus import REQUEST, TRANSACTION
-from companion.link.transport import Message, make_codec
+from companion.drivers.wires.served_bus import REQUEST, TRANSACTION
+from companion.link.transports.transport import Message, make_codec
 
 HANDLED = tuple(
     mavlink.mavlink_map[message_id]

@@ -11,14 +11,14 @@ from types import MappingProxyType
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.app import App
-from companion.frames import Vector3, frd_to_ned
+from companion.core.frames import Vector3, frd_to_ned
+from companion.core.messages import Beam
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
-from companion.messages import Beam
 from sitl.autopilot.personality import Throttle
 from sitl.errors import SitlError
-from sitl.radio import NO_TROUBLES, Troubles
 from sitl.sensors.sharp import USUAL_MEMORY
-from sitl.simulation import Simulation
+from sitl.simulation.radio import NO_TROUBLES, Troubles
+from sitl.simulation.simulation import Simulation
 
 GROUND_STATION = 255
 """The system id of most."""

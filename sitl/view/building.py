@@ -6,10 +6,17 @@ import numpy as np
 import trimesh
 from viser import MeshHandle, ViserServer
 
-from companion.frames import Vector2
-from companion.messages import Beam, RangeReading
-from companion.view.shapes import LEAST_THICKNESS_M, SHOWN_HEIGHT_M, Drone, Trail, Upright, to_scene
-from sitl.truth import TrueState
+from companion.core.frames import Vector2
+from companion.core.messages import Beam, RangeReading
+from companion.view.scene.shapes import (
+    LEAST_THICKNESS_M,
+    SHOWN_HEIGHT_M,
+    Drone,
+    Trail,
+    Upright,
+    to_scene,
+)
+from sitl.simulation.truth import TrueState
 from sitl.world.format import Segment, World
 
 WALL_COLOUR = (108, 117, 125)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from companion.extras import needs_extra
+from companion.core.extras import needs_extra
 from companion.view.options import PAGE_PORT, Host, Port, TokenFile, until_interrupted
 
 RECORDING_SUFFIX = ".mcap"
@@ -21,8 +21,8 @@ def view(
 ) -> None:
     """Fly on a page in the browser, or play a recording back; Ctrl-C ends it."""
     with needs_extra("viewer"):
+        from companion.view.access.server import open_page  # noqa: PLC0415 - an extra
         from companion.view.playback import Playback  # noqa: PLC0415
-        from companion.view.server import open_page  # noqa: PLC0415 - an extra
         from sitl.view.page import Page  # noqa: PLC0415
 
     is_over = until_interrupted()

@@ -10,10 +10,10 @@ from viser import (
     GuiTextHandle,
 )
 
-from companion.config import STANDOFFS
+from companion.config.settings import STANDOFFS
+from companion.core.messages import Beam
 from companion.export.write import FORMATS
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
-from companion.messages import Beam
 from sitl.autopilot.personality import Throttle
 from sitl.errors import SitlError
 from sitl.view.faults import FAULTS

@@ -3,8 +3,8 @@
 import math
 from collections.abc import Callable
 
-from companion.frames import frd_to_ned
-from sitl.simulation import Simulation
+from companion.core.frames import frd_to_ned
+from sitl.simulation.simulation import Simulation
 from sitl.testing.script import Action, break_bus, crash, hang_bus, link_down, somebody, unplug
 
 AHEAD_M = 1.8

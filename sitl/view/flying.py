@@ -4,15 +4,15 @@ import time
 from multiprocessing.connection import Connection
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.config import Config
-from companion.errors import CompanionError
-from companion.link.transport import Transport
-from companion.messages import FloorPlan
+from companion.config.settings import Config
+from companion.core.errors import CompanionError
+from companion.core.messages import FloorPlan
+from companion.link.transports.transport import Transport
 from companion.view.snapshot import snapshot
 from sitl.errors import SitlError
-from sitl.lockstep import Script, fly_in_lockstep
-from sitl.report import make_report
-from sitl.simulation import Simulation
+from sitl.running.lockstep import Script, fly_in_lockstep
+from sitl.scoring.report import make_report
+from sitl.simulation.simulation import Simulation
 from sitl.testing.script import Event, Play, pilot_mode
 from sitl.view.faults import FAULTS
 from sitl.view.news import (

@@ -4,9 +4,9 @@ import threading
 import time
 from collections.abc import Callable
 
-from companion.messages import FloorPlan, WallSegment
-from sitl.score import MapScore, score_map
-from sitl.truth import TrueState
+from companion.core.messages import FloorPlan, WallSegment
+from sitl.scoring.score import MapScore, score_map
+from sitl.simulation.truth import TrueState
 from sitl.world.format import World
 from sitl.world.plan import seeable_points, wall_surfaces
 

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from companion.messages import FloorPlan
+from companion.core.messages import FloorPlan
 from companion.view.snapshot import Snapshot
-from sitl.report import Report
-from sitl.truth import TrueState
+from sitl.scoring.report import Report
+from sitl.simulation.truth import TrueState
 from sitl.view.request import FlightRequest
 
 

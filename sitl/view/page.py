@@ -11,21 +11,21 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
-from companion.config import Config
-from companion.errors import CompanionError
-from companion.frames import Place, wrap_rad
-from companion.messages import FloorPlan
+from companion.config.settings import Config
+from companion.core.errors import CompanionError
+from companion.core.frames import Place, wrap_rad
+from companion.core.messages import FloorPlan
 from companion.view import downloads
-from companion.view.camera import PANEL_PX, Framing
-from companion.view.instruments import PERIOD_S, Instruments
-from companion.view.mapped import MappedSide
-from companion.view.server import PageServer
+from companion.view.access.server import PageServer
+from companion.view.access.turns import Event, Turns
+from companion.view.scene.camera import PANEL_PX, Framing
+from companion.view.scene.instruments import PERIOD_S, Instruments
+from companion.view.scene.mapped import MappedSide
 from companion.view.snapshot import sketch_of
-from companion.view.turns import Event, Turns
 from sitl.errors import SitlError
-from sitl.score import MapScore
-from sitl.simulation import start_state
-from sitl.truth import TrueState
+from sitl.scoring.score import MapScore
+from sitl.simulation.simulation import start_state
+from sitl.simulation.truth import TrueState
 from sitl.view.building import TrueSide
 from sitl.view.controls import Controls
 from sitl.view.hangar import Hangar

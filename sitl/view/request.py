@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from companion.config import Config, validated
-from companion.range_config import USUAL_BEAMS
-from sitl.autopilot.estimator import REFERENCE_NOISE
-from sitl.simulation import Setup
+from companion.config.range_sensors import USUAL_BEAMS
+from companion.config.settings import Config, validated
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
+from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
 OWN_PROFILE = "own"

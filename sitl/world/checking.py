@@ -1,8 +1,8 @@
 """What `sitl world check` says of a world: its size, what is known of it, and what to beware."""
 
 from sitl.world.format import World, WorldError
+from sitl.world.geometry.model import WorldModel
 from sitl.world.known import KnownArea
-from sitl.world.model import WorldModel
 
 LEAST_START_CLEARANCE_M = 0.6
 START_HEIGHT_M = 1.2

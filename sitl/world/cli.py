@@ -7,12 +7,12 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.mapping.files import save_as
+from companion.export.map_files import save_as
 from sitl.world.checking import extent, facts, warnings
 from sitl.world.clutter import cluttered
 from sitl.world.drawing import draw_plan
+from sitl.world.geometry.mesh import visible_mesh
 from sitl.world.loading import RANDOM, load_world, world_names
-from sitl.world.mesh import visible_mesh
 from sitl.world.writing import write_world
 
 WORLD_HELP = "A built-in world, random_SEED, or a world file."

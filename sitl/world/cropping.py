@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import LEAST_LENGTH_M, Box, Panel, Segment, Start, Walls, World, WorldError
 from sitl.world.known import KnownArea
 

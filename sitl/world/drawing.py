@@ -26,7 +26,7 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
 
     What is unknown is shaded, and the border that was closed before it dashed.
     """
-    from companion.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
+    from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")
     axes = figure.add_subplot(aspect="equal", facecolor=PAPER)

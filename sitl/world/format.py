@@ -30,10 +30,10 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field, InstanceOf, ValidationError, model_validator
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.errors import SitlError, complaint
+from sitl.world.geometry.triangles import Mesh
 from sitl.world.known import KnownArea
-from sitl.world.triangles import Mesh
 
 LEAST_LENGTH_M = 0.01
 ON_WALL_M = 0.05

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 
 Points = NDArray[np.float64]
 Cells = NDArray[np.bool_]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from importlib import resources
 from pathlib import Path
 
-from companion.textfile import NotTextError, read_text
+from companion.core.textfile import NotTextError, read_text
 from sitl.world.format import World, WorldError, parse_world
 from sitl.world.generator import random_world, seed_of
 from sitl.world.importers.ros_map import load_ros_map

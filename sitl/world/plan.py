@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Segment, World
-from sitl.world.model import WorldModel
+from sitl.world.geometry.model import WorldModel
 
 Points = NDArray[np.float64]
 Numbers = NDArray[np.int64]

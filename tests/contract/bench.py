@@ -6,15 +6,15 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from companion.config import SensorsConfig
-from companion.drivers.bus import Transaction, Wires
+from companion.config.settings import SensorsConfig
+from companion.core.frames import Vector3
+from companion.core.messages import Beam, RangeScan
 from companion.drivers.ranges import RangeSensors
-from companion.frames import Vector3
-from companion.link.transport import decode, make_codec
-from companion.messages import Beam, RangeScan
-from sitl.autopilot.own_sensors import rangefinder_messages
+from companion.drivers.wires.bus import Transaction, Wires
+from companion.link.transports.transport import decode, make_codec
+from sitl.autopilot.estimation.own_sensors import rangefinder_messages
 from sitl.sensors.board import SensorBoard
-from sitl.truth import TrueState
+from sitl.simulation.truth import TrueState
 
 STILL = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 TICK_S = 0.05

@@ -8,13 +8,13 @@ from typing import Any
 
 import pytest
 
-from companion.config import SensorsConfig
+from companion.config.settings import SensorsConfig
 from companion.drivers.autopilot_gyro import AutopilotGyro
-from companion.drivers.bus import open_bus
 from companion.drivers.gyro import open_gyro
-from companion.link.transport import decode, make_codec
-from sitl.autopilot.own_sensors import Imu
-from sitl.noise import stream
+from companion.drivers.wires.bus import open_bus
+from companion.link.transports.transport import decode, make_codec
+from sitl.autopilot.estimation.own_sensors import Imu
+from sitl.simulation.noise import stream
 from tests.contract.bench import STILL, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
 

@@ -6,13 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from companion.config import SensorsConfig
-from companion.drivers.bus import open_bus
+from companion.config.settings import SensorsConfig
+from companion.core.errors import SensorError
+from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.drivers.models import model_of
-from companion.drivers.prompt import MOST_AT_ONCE_S
 from companion.drivers.ranges import RangeSensors
-from companion.errors import SensorError
-from companion.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.prompt import MOST_AT_ONCE_S
 from sitl.sensors.line import on_virtual_time
 from tests.contract.bench import FIVE, KINDS, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served

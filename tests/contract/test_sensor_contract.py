@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from companion.config import SensorsConfig
-from companion.drivers.bus import open_bus
-from companion.drivers.lsm9ds1 import Lsm9ds1
+from companion.config.settings import SensorsConfig
+from companion.core.errors import SensorError
+from companion.core.messages import Beam, RangeState
+from companion.drivers.chips.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
-from companion.errors import SensorError
-from companion.messages import Beam, RangeState
+from companion.drivers.wires.bus import open_bus
 from tests.contract.bench import STILL, Bench, make_bench
 from tests.contract.serving import Served
 

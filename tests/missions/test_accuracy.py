@@ -4,11 +4,11 @@ import math
 
 import pytest
 
-from companion import config as configuration
 from companion.app import App
-from companion.pdps.flight import Phase
+from companion.config import settings as configuration
+from companion.pdps.flight_phases import Phase
 from sitl.bench.accuracy import fly, summary
-from sitl.simulation import Setup, Simulation
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import Sitl, at, refuse_arming, watch
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM

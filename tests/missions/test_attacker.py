@@ -7,14 +7,14 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.app import App, Progress
-from companion.config import Config
-from companion.fly import fly
+from companion.config.settings import Config
 from companion.link.signing import Signing
-from companion.link.transport import Message, make_codec, pipe_pair
-from companion.rig import make_rig
+from companion.link.transports.transport import Message, make_codec, pipe_pair
+from companion.run.hardware import make_rig
+from companion.run.loop import fly
 from sitl.autopilot.ardupilot import LAND, LOITER
-from sitl.lockstep import LockstepClock
-from sitl.simulation import Setup, Simulation
+from sitl.running.lockstep import LockstepClock
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from companion.app import App
-from companion.export.survey import survey
-from companion.frames import ned_to_frd, wrap_rad
-from sitl.simulation import Simulation
+from companion.core.frames import ned_to_frd, wrap_rad
+from companion.export.plan.survey import survey
+from sitl.simulation.simulation import Simulation
 from sitl.testing import Event, Sitl, somebody, watch, when
 
 ROOMS = "worlds/two_small_rooms.toml"

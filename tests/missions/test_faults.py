@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from companion.app import App
-from companion.pdps.flight import Phase
+from companion.pdps.flight_phases import Phase
 from sitl.autopilot.ardupilot import LAND, LOITER
-from sitl.simulation import Simulation
+from sitl.simulation.simulation import Simulation
 from sitl.testing import (
     Action,
     Event,

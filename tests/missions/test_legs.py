@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from companion.app import App
-from sitl.simulation import Simulation
+from sitl.simulation.simulation import Simulation
 from sitl.testing import Sitl, watch
 from tests.maps import WALL, Shades, cells, nothing, room, write
 

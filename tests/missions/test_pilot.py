@@ -6,9 +6,9 @@ from collections.abc import Callable
 import pytest
 
 from companion.link import requests
-from companion.link.transport import Message
-from companion.pdps.flight import Phase
-from sitl.simulation import Simulation
+from companion.link.transports.transport import Message
+from companion.pdps.flight_phases import Phase
+from sitl.simulation.simulation import Simulation
 from sitl.testing import (
     Action,
     Event,

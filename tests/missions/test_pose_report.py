@@ -4,15 +4,15 @@ import math
 
 import pytest
 
-from companion import config as configuration
 from companion.app import App
-from companion.frames import Vector2
-from companion.health.lateness import TICK_S
-from companion.messages import Pose
-from companion.pdps.flight import Phase
-from sitl.lockstep import fly_in_lockstep
-from sitl.score import score_trajectory
-from sitl.simulation import Setup, Simulation
+from companion.config import settings as configuration
+from companion.core.frames import Vector2
+from companion.core.messages import Pose
+from companion.pdps.flight_phases import Phase
+from companion.safety.health.lateness import TICK_S
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.scoring.score import score_trajectory
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 
 TAKES_POSITION_AND_YAW = {

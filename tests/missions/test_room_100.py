@@ -2,7 +2,7 @@
 
 import pytest
 
-from companion.export.survey import survey
+from companion.export.plan.survey import survey
 from sitl.testing import Flight, Sitl
 
 SMALL = "worlds/small_room.toml"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.export.survey import survey
+from companion.export.plan.survey import survey
 from sitl.testing import Sitl, at, unplug
 
 SMALL = "worlds/small_room.toml"

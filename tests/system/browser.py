@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
 from benchmarks.browser import DEADLINE_MS, FLAGS
-from companion.view.camera import PANEL_PX
+from companion.view.scene.camera import PANEL_PX
 from tests.system.processes import read_until, started, stop
 
 CHROMIUM = "chromium"

@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from companion.mapping.files import load_json
-from sitl.record import TruthRecord
-from sitl.score import score_map
+from companion.export.map_files import load_json
+from sitl.scoring.record import TruthRecord
+from sitl.scoring.score import score_map
 from sitl.world.loading import load_world
 from sitl.world.plan import seeable_points, wall_surfaces
 

@@ -3,8 +3,8 @@
 import re
 from pathlib import Path
 
-from companion import config as configuration
-from companion.config import Config
+from companion.config import settings as configuration
+from companion.config.settings import Config
 from tests.system.processes import companion, read_until, sitl, started, stop
 from tests.system.scoring import assert_good
 

@@ -8,7 +8,7 @@ import signal
 import subprocess
 from pathlib import Path
 
-from companion.fly_cli import EXIT_ENDED
+from companion.commands.fly import EXIT_ENDED
 from companion.recording.reader import read
 from tests.system.processes import companion, flying, read_until, running_sitl
 from tests.worlds import SMALL_ROOM

@@ -10,7 +10,7 @@ import pytest
 
 import companion
 from companion import connect
-from companion.errors import ConfigError, SensorError
+from companion.core.errors import ConfigError, SensorError
 from tests.system.processes import read_until, running_sitl, started
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"

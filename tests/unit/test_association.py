@@ -8,19 +8,19 @@ from random import Random
 import numpy as np
 import pytest
 
-from companion.drivers.sharp import GP2Y0A710K0F
-from companion.estimation.association import Association
-from companion.estimation.estimate import Estimate
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import NO_WALL, FlightRecord
-from companion.estimation.odometry_model import OdometryModel
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.smoother import FINAL_GATES, Smoother
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Array, Measured, Unknowns, project
-from companion.frames import Vector2
+from companion.core.frames import Vector2
+from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit, WallSegment
+from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.estimation.association.association import Association
+from companion.estimation.association.pruning import Support
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import NO_WALL, FlightRecord
+from companion.estimation.smoothing.odometry_model import OdometryModel
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother
+from companion.estimation.smoothing.state import Array, Measured, Unknowns, project
 from companion.mapping.floor_plan import wall_segments
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit, WallSegment
 
 Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})

@@ -5,7 +5,7 @@ import math
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.frames import wrap_rad
+from companion.core.frames import wrap_rad
 from sitl.autopilot.core import Autopilot
 from tests.unit.autopilot_client import (
     ACCEPTED,

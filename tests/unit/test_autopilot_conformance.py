@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import make_codec
+from companion.link.transports.transport import make_codec
 from sitl.autopilot.core import PERSONALITIES
-from sitl.autopilot.ground_truth import sim_state
+from sitl.autopilot.estimation.ground_truth import sim_state
 from sitl.autopilot.messages import Broadcast, Outbox
 from tests.unit.autopilot_client import (
     ACCEPTED,

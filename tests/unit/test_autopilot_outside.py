@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import make_codec, pipe_pair, sent_by
+from companion.link.transports.transport import make_codec, pipe_pair, sent_by
 from sitl.autopilot.core import Autopilot
 from tests.unit.autopilot_client import ACCEPTED, FAILED, ORIGIN, START, Client, as_float, kinds
 

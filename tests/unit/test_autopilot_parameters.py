@@ -10,7 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import make_codec
+from companion.link.transports.transport import make_codec
 from sitl.autopilot.core import PERSONALITIES
 from sitl.autopilot.parameters.table import INTEGER_BITS, ParameterError, load_table
 from tests.unit.autopilot_client import Client, as_float

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.link.transport import Message, make_codec
+from companion.link.transports.transport import Message, make_codec
 from sitl.autopilot.px4 import AUTO_LAND, AUTO_LOITER, AUTO_TAKEOFF, OFFBOARD, POSCTL
 from tests.unit.autopilot_client import (
     ACCEPTED,

@@ -3,9 +3,9 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.config.range_sensors import AutopilotRange
+from companion.core.messages import Beam, RangeState
 from companion.drivers.autopilot import AutopilotRanges
-from companion.messages import Beam, RangeState
-from companion.range_config import AutopilotRange
 
 FRONT = mavlink.MAV_SENSOR_ROTATION_NONE
 

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.frames import Vector3
+from companion.core.frames import Vector3
 from sitl.sensors.beam import (
     RAY,
     BeamError,
@@ -19,7 +19,7 @@ from sitl.sensors.beam import (
     load_beam_physics,
 )
 from sitl.world.format import World
-from sitl.world.model import Hit, WorldModel
+from sitl.world.geometry.model import Hit, WorldModel
 
 NORTH = (1.0, 0.0, 0.0)
 REACH_M = 8.0

@@ -10,15 +10,15 @@ from PIL import Image
 from rich.console import Console
 from typer.testing import CliRunner
 
-from companion.errors import ConfigError
+from companion.core.errors import ConfigError
 from sitl.bench import lanes
 from sitl.bench.missions import Flown, Job, Sketch, Watch, fly, lost
 from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
 from sitl.bench.summary import by_world, complaints, show, sum_up, summarise
-from sitl.cli import commands
-from sitl.options import Autopilot, FlightOptions
-from sitl.report import Report
+from sitl.commands.cli import commands
+from sitl.commands.options import Autopilot, FlightOptions
+from sitl.scoring.report import Report
 from sitl.world.format import WorldError
 
 ROOM = [[0, 0, 5, 0], [5, 0, 5, 8], [5, 8, 0, 8], [0, 8, 0, 0]]

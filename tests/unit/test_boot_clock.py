@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from companion.core.messages import Odometry
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.link.odometry import OdometryReader
-from companion.messages import Odometry
 
 TICK_S = 0.05
 SPEED_M_S, YAW_RATE_RAD_S = 0.5, math.radians(45)

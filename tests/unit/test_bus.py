@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from companion.drivers.bus import LinuxI2cBus, Transaction
+from companion.drivers.wires.bus import LinuxI2cBus, Transaction
 
 
 class Adapter:

@@ -9,11 +9,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.calibration import GAIN, PROFILES, calibrated_unit
-from companion import config as configuration
-from companion.calibration import CalibrationError, TapePoint, fit, tape_point, turn_gain
+from companion.bringup.calibration_fit import (
+    CalibrationError,
+    TapePoint,
+    fit,
+    tape_point,
+    turn_gain,
+)
+from companion.config import settings as configuration
+from companion.core.errors import ConfigError
+from companion.core.messages import RangeReading, RangeState
 from companion.drivers.ranges import corrected
-from companion.errors import ConfigError
-from companion.messages import RangeReading, RangeState
 
 
 @pytest.mark.parametrize("profile", PROFILES)

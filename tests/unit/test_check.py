@@ -8,17 +8,17 @@ from typing import Any
 
 import pytest
 
-from companion.calibrate import readings_of, rest_bias_rad_s, turn_rad
-from companion.check import Examination, Finding, Verdict
-from companion.check_hands import changed_beam, verdict
-from companion.config import Config
-from companion.fly import Rig
-from companion.link.serial_transport import SerialTransport
-from companion.link.transport import direct_pair
-from companion.messages import Beam, RangeReading, RangeState
-from companion.rig import make_rig
-from sitl.radio import Troubles
-from sitl.simulation import Setup, Simulation
+from companion.bringup.capture import readings_of, rest_bias_rad_s, turn_rad
+from companion.bringup.hand_test import changed_beam, verdict
+from companion.bringup.self_test import Examination, Finding, Verdict
+from companion.config.settings import Config
+from companion.core.messages import Beam, RangeReading, RangeState
+from companion.link.transports.serial_transport import SerialTransport
+from companion.link.transports.transport import direct_pair
+from companion.run.hardware import make_rig
+from companion.run.loop import Rig
+from sitl.simulation.radio import Troubles
+from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import battery, claim, mute, other_rates
 from sitl.world.loading import load_world
 from tests.contract.bench import STILL, Bench, make_bench

@@ -15,9 +15,9 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
-from companion.frames import Vector2
-from sitl.cli import commands
-from sitl.options import FlightOptions
+from companion.core.frames import Vector2
+from sitl.commands.cli import commands
+from sitl.commands.options import FlightOptions
 from sitl.testing import Sitl
 from sitl.world.clutter import cluttered, leaves
 from sitl.world.clutter.free_floor import START_CLEAR_M, FreeFloor
@@ -25,8 +25,8 @@ from sitl.world.clutter.furniture import KINDS
 from sitl.world.clutter.pieces import Spot, any_direction
 from sitl.world.format import Panel, Walls, World, WorldError, parse_world
 from sitl.world.generator import random_world
+from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world
-from sitl.world.model import BODY_RADIUS_M, WorldModel
 from sitl.world.plan import samples, seeable_points, wall_surfaces
 from sitl.world.writing import to_toml
 from tests.worlds import SMALL_ROOM

@@ -5,11 +5,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
+from companion.core.messages import Command, CommandKind, VehicleState
 from companion.link.link import Link
-from companion.link.transport import Message
-from companion.messages import Command, CommandKind, VehicleState
-from companion.pdps.flight import CONNECT_TIMEOUT_S, Flight, Phase, step
+from companion.link.transports.transport import Message
+from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, Flight, Phase, step
 from tests.unit.test_pdps_flight import PLAN, view
 
 ARDUPILOT, PX4, GENERIC, NONE = 3, 12, 0, 8

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 
 from companion.app import App
-from companion.config import Config, load, mission_settings
-from companion.errors import ConfigError
-from companion.messages import Beam
+from companion.config.settings import Config, load, mission_settings
+from companion.core.errors import ConfigError
+from companion.core.messages import Beam
 
 
 def refused(tmp_path: Path, text: str) -> str:

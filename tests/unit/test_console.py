@@ -9,10 +9,10 @@ import typer
 from rich.console import Console
 from typer.main import get_command
 
-import companion.cli
-import sitl.cli
+import companion.commands.cli
+import sitl.commands.cli
 from companion.app import Progress
-from companion.console import ProgressLine
+from companion.run.console import ProgressLine
 
 
 def test_on_a_pipe_what_the_pilot_is_to_know_is_plain_text() -> None:
@@ -31,7 +31,7 @@ def parameters(command: Any) -> Iterator[Any]:
             yield from parameters(command.get_command(context, name))
 
 
-@pytest.mark.parametrize("app", [companion.cli.commands, sitl.cli.commands])
+@pytest.mark.parametrize("app", [companion.commands.cli.commands, sitl.commands.cli.commands])
 def test_nothing_in_the_help_is_taken_for_markup(app: typer.Typer) -> None:
     """[mission] was left out of the sentence that names it."""
     told = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.health.coupling import CouplingWatch
-from companion.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.safety.health.coupling import CouplingWatch
 
 FIVE = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 NOISE_V = 0.010

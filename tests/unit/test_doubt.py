@@ -9,19 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import PAPER
-from companion.estimation.candidates import Gate
-from companion.estimation.doubt import STRETCHES_S, Doubt, contradicted, strained
-from companion.estimation.estimate import Estimate
-from companion.estimation.estimator import Estimator
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import FlightRecord
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Array, Measured, Unknowns
-from companion.frames import frd_to_ned
-from companion.messages import (
+from companion.core.frames import frd_to_ned
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     GyroSample,
@@ -32,6 +21,17 @@ from companion.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.drivers.chips.sharp import PAPER
+from companion.estimation.association.gating import Gate
+from companion.estimation.association.pruning import Support
+from companion.estimation.estimator import Estimator
+from companion.estimation.hypotheses.search import STRETCHES_S, Doubt, contradicted, strained
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.state import Array, Measured, Unknowns
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]

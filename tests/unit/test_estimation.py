@@ -8,14 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.estimation.estimator import Estimator
-from companion.estimation.heading import GyroModel, HeadingFilter, WallBearing
-from companion.estimation.line_slam import WALLS, LineSlam, Wall
-from companion.estimation.odometry_model import OdometryModel
-from companion.estimation.rest import RestCalibration
-from companion.estimation.wall_runs import RunHit, WallRun
-from companion.messages import (
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     GyroSample,
@@ -26,6 +19,13 @@ from companion.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
+from companion.estimation.estimator import Estimator
+from companion.estimation.filters.gyro_rest_calibration import RestCalibration
+from companion.estimation.filters.heading_filter import GyroModel, HeadingFilter, WallBearing
+from companion.estimation.filters.position_filter import WALLS, LineSlam, Wall
+from companion.estimation.filters.wall_runs import RunHit, WallRun
+from companion.estimation.smoothing.odometry_model import OdometryModel
 
 
 def units_of(model: RangeModel) -> dict[Beam, RangeUnit]:

@@ -29,13 +29,13 @@ from pypcd4.pypcd4 import PointCloud
 from pypdf import PdfReader
 from pyproj import Geod, Transformer
 
-from companion.errors import OutputError
+from companion.core.errors import OutputError
+from companion.core.frames import Place, ned_to_enu, ned_to_gltf
+from companion.core.messages import FloorPlan, Pose, WallSegment
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, Labels, export
-from companion.export.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
-from companion.export.survey import Survey, survey
-from companion.frames import Place, ned_to_enu, ned_to_gltf
-from companion.messages import FloorPlan, Pose, WallSegment
+from companion.export.plan.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
+from companion.export.plan.survey import Survey, survey
 from sitl.testing import Flight, Sitl
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces

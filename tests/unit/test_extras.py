@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from companion.errors import MissingExtraError
-from companion.extras import needs_extra
+from companion.core.errors import MissingExtraError
+from companion.core.extras import needs_extra
 
 BLOCKER = """
 import os, sys

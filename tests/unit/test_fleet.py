@@ -6,18 +6,18 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import SensorsConfig
+from companion.config.settings import SensorsConfig
+from companion.core.messages import Beam
 from companion.drivers.ranges import RangeSensors
 from companion.link.requests import command_long
-from companion.link.transport import Transport, direct_pair
-from companion.messages import Beam
+from companion.link.transports.transport import Transport, direct_pair
 from sitl.autopilot.core import keep_nothing
 from sitl.errors import SitlError
-from sitl.fleet import Fleet, fleet_setups
-from sitl.simulation import Setup
-from sitl.traffic import clearance_to_others_m, with_others
+from sitl.running.fleet import Fleet, fleet_setups
+from sitl.simulation.simulation import Setup
+from sitl.simulation.traffic import clearance_to_others_m, with_others
 from sitl.world.format import parse_world
-from sitl.world.model import BODY_RADIUS_M
+from sitl.world.geometry.model import BODY_RADIUS_M
 
 HALL = """
 name = "hall"

@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from companion import fly_cli
 from companion.app import App
-from companion.config import Config
-from companion.errors import LinkError, OutputError
-from companion.pdps.flight import Flight, Phase
+from companion.commands import fly as command
+from companion.config.settings import Config
+from companion.core.errors import LinkError, OutputError
+from companion.pdps.flight_phases import Flight, Phase
 from companion.recording.recorder import NOT_RECORDED
 
 
@@ -25,8 +25,8 @@ def no_rig(*_: object) -> Iterator[tuple[None, Any]]:
 
 @pytest.fixture(autouse=True)
 def on_no_drone(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fly_cli, "open_rig", no_rig)
-    monkeypatch.setattr("companion.fly_cli.signal.signal", lambda *_: None)
+    monkeypatch.setattr(command, "open_rig", no_rig)
+    monkeypatch.setattr("companion.commands.fly.signal.signal", lambda *_: None)
 
 
 def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
@@ -34,11 +34,11 @@ def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
         app.flight = Flight(phase, trouble="so it ended")
         return app.flight
 
-    monkeypatch.setattr(fly_cli, "fly", fly)
+    monkeypatch.setattr(command, "fly", fly)
 
 
 def flown(folder: Path, console: Console | None = None) -> int:
-    return fly_cli._fly(Config(), folder, console or Console(quiet=True))
+    return command._fly(Config(), folder, console or Console(quiet=True))
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
@@ -48,8 +48,8 @@ def test_what_is_refused_in_flight_is_not_what_is_refused_at_the_start(
     def fail(*_: object) -> None:
         raise LinkError(os.strerror(number))
 
-    monkeypatch.setattr(fly_cli, "fly", fail)
-    assert flown(tmp_path) == fly_cli.EXIT_FAILED
+    monkeypatch.setattr(command, "fly", fail)
+    assert flown(tmp_path) == command.EXIT_FAILED
     assert (tmp_path / "map.json").exists()
 
 
@@ -68,7 +68,7 @@ def test_a_map_that_cannot_be_saved_makes_no_failure_of_a_flight_that_has_ended_
         raise error
 
     ends(monkeypatch, phase)
-    monkeypatch.setattr(fly_cli, "save", refuse)
+    monkeypatch.setattr(command, "save", refuse)
     console = Console(record=True, quiet=False, width=200, file=open(os.devnull, "w"))  # noqa: SIM115
     assert flown(tmp_path, console) == status
     assert "the map is not saved" in console.export_text()

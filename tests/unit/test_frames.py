@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.frames import frd_to_ned, ned_to_enu, ned_to_frd, wrap_rad
+from companion.core.frames import frd_to_ned, ned_to_enu, ned_to_frd, wrap_rad
 
 ANGLE = st.floats(-100, 100)
 LENGTH = st.floats(-1000, 1000)

@@ -5,7 +5,7 @@ from random import Random
 import pytest
 
 from benchmarks.fuzz import TARGETS, fuzz
-from companion.link.transport import decode, make_codec
+from companion.link.transports.transport import decode, make_codec
 from sitl.testing.fuzz import OTHER_SYSTEM, foreign_frame
 
 INPUTS = {

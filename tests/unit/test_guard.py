@@ -9,11 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.mapping.met import KEPT_S, NO_DRIFT, Drift
-from companion.mapping.near import Near, Surroundings
-from companion.mapping.passed import all_passed
-from companion.messages import (
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     Odometry,
@@ -24,7 +20,11 @@ from companion.messages import (
     RangeUnit,
     Setpoint,
 )
-from companion.pdps.guard import guarded
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
+from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.obstacle_points import KEPT_S, NO_DRIFT, Drift
+from companion.safety.seen_free import all_passed
+from companion.safety.velocity_guard import guarded
 
 CLEARANCE_M = 0.3
 KEEP_OFF_M = 0.5

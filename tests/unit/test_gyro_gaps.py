@@ -9,9 +9,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from companion.estimation.heading import GyroModel, HeadingFilter
-from companion.health.gyro import GyroWatch
-from companion.messages import GyroSample, Odometry
+from companion.core.messages import GyroSample, Odometry
+from companion.estimation.filters.heading_filter import GyroModel, HeadingFilter
+from companion.safety.health.gyro import GyroWatch
 
 TICK_S, PERIOD_S, FIFO = 0.05, 1 / 119, 32
 BEGINS_S = 2.0

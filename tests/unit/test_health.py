@@ -11,11 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.health.gyro import GyroWatch
-from companion.health.mounting import MountingWatch, misplaced
-from companion.health.odometry import SteadyOdometry
-from companion.health.ranges import RangeWatch
-from companion.messages import (
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     GyroSample,
@@ -24,6 +20,10 @@ from companion.messages import (
     RangeScan,
     RangeState,
 )
+from companion.safety.health.gyro import GyroWatch
+from companion.safety.health.mounting import MountingWatch, misplaced
+from companion.safety.health.odometry import SteadyOdometry
+from companion.safety.health.ranges import RangeWatch
 
 TICK_S = 0.05
 STILL = Odometry(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0)

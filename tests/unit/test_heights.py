@@ -2,8 +2,8 @@
 
 import pytest
 
+from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.mapping.heights import Heights
-from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 
 OFFSET_M = 0.08
 

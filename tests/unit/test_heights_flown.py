@@ -4,11 +4,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.estimation.height import Height
+from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
+from companion.estimation.filters.height_filter import Height
+from companion.mapping.low_ceilings import Overhead
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.mapping.overhead import Overhead
-from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState
-from companion.pdps.route import find_ground, find_ways
+from companion.navigation.grid_planner import find_ground, find_ways
 
 TICK_S = 0.05
 OFFSET_M = 0.08

@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual import TextureVisuals
 
-from companion.frames import Vector3
+from companion.core.frames import Vector3
 from sitl.world.format import Segment, World, WorldError
+from sitl.world.geometry.model import WorldModel
+from sitl.world.geometry.polylines import legs
 from sitl.world.loading import load_world
-from sitl.world.model import WorldModel
 from sitl.world.plan import samples, wall_surfaces
-from sitl.world.polylines import legs
 
 CELL_M = 0.05
 WALL_M = 0.15

@@ -4,12 +4,12 @@ import math
 
 import pytest
 
-from companion.config import MissionConfig
-from companion.frames import Vector2
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.messages import Beam, Pose, RangeReading, RangeScan, RangeState
-from companion.pdps.landing_site import landing_site
+from companion.navigation.landing_site import landing_site
 
 PLAN = MissionConfig()
 HEIGHT_M = 1.2

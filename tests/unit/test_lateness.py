@@ -7,9 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.health.lateness import Lateness
-from companion.health.watch import Health
-from companion.messages import (
+from companion.core.messages import (
     Beam,
     GyroSample,
     Odometry,
@@ -19,6 +17,8 @@ from companion.messages import (
     Setpoint,
     VehicleState,
 )
+from companion.safety.health.lateness import Lateness
+from companion.safety.health.watch import Health
 
 TICK_S = 0.05
 HEARD = VehicleState(connected=True, silent_s=0.0, armed=True)

@@ -5,8 +5,8 @@ import math
 import pytest
 
 from companion.mapping.occupancy import Occupancy, Ray
+from companion.pdps.frontiers import Places
 from companion.pdps.left_unseen import in_words, left_unseen
-from companion.pdps.unseen import Places
 
 AHEAD_M, ASIDE_M = 2.0, 0.5
 """How far a beam that is lost in an opening has gone, and where the opening is, to the right."""

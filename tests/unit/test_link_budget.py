@@ -5,12 +5,12 @@ from typing import Any
 
 import pytest
 
-from companion.check import Examination, Verdict
-from companion.config import Config
-from companion.errors import ConfigError
-from companion.link.transport import direct_pair
-from companion.link_budget import budget_complaint, link_budget
-from companion.rig import open_rig
+from companion.bringup.self_test import Examination, Verdict
+from companion.config.settings import Config
+from companion.core.errors import ConfigError
+from companion.link.link_budget import budget_complaint, link_budget
+from companion.link.transports.transport import direct_pair
+from companion.run.hardware import open_rig
 from tests.contract.bench import make_bench
 
 

@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.errors import LinkError
-from companion.link import transport
-from companion.link.transport import Message, UdpTransport, direct_pair, pipe_pair
+from companion.core.errors import LinkError
+from companion.link.transports import transport
+from companion.link.transports.transport import Message, UdpTransport, direct_pair, pipe_pair
 
 FLOATS = st.floats(width=32, allow_nan=False) | st.floats(-1e30, 1e30, allow_nan=False)
 

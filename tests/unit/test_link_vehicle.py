@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
+from companion.core.messages import Command, CommandKind, LandedState, Setpoint
 from companion.link.link import Link, Telemetry
 from companion.link.requests import Stream
-from companion.link.transport import Message, pipe_pair, sent_by
-from companion.messages import Command, CommandKind, LandedState, Setpoint
+from companion.link.transports.transport import Message, pipe_pair, sent_by
 from sitl.autopilot.core import Autopilot
 from tests.unit.autopilot_client import START, as_float
 
@@ -256,7 +256,7 @@ def test_a_pause_before_reading_costs_one_odometry(vehicle: Vehicle) -> None:
 
 
 def test_other_vehicles_do_not_count(vehicle: Vehicle) -> None:
-    from companion.link.transport import make_codec  # noqa: PLC0415 - only here
+    from companion.link.transports.transport import make_codec  # noqa: PLC0415 - only here
 
     stranger = heartbeat(4).pack(make_codec(2, 1))
     vehicle.transport._outbox.append(stranger)  # type: ignore[attr-defined]

@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import pytest
 import serial
 
-from companion.drivers.bus import open_bus
-from companion.errors import SensorError
+from companion.core.errors import SensorError
+from companion.drivers.wires.bus import open_bus
 
 
 class SpiError(OSError):
@@ -73,7 +73,7 @@ def test_an_exchange_goes_to_the_device_that_is_named() -> None:
 
 def test_a_port_that_is_pulled_out_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [0.0]
-    monkeypatch.setattr("companion.drivers.linux_wires.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr("companion.drivers.wires.linux_wires.time.monotonic", lambda: now_s[0])
     wires = open_bus("/dev/i2c-99")
     assert wires.receive("/dev/ttyUSB0", 115200) == b"abc"
     Port.is_there = False
@@ -94,7 +94,7 @@ def test_a_missing_port_is_told_with_the_remedy() -> None:
 
 
 def test_a_missing_i2c_adapter_is_told_with_the_remedy() -> None:
-    from companion.drivers.bus import Transaction  # noqa: PLC0415 - only here
+    from companion.drivers.wires.bus import Transaction  # noqa: PLC0415 - only here
 
     with pytest.raises(SensorError, match="raspi-config"):
         open_bus("/dev/i2c-99").transfer([Transaction(0x48, b"\x00")])

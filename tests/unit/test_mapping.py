@@ -11,11 +11,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from companion.errors import OutputError
-from companion.estimation.flight_record import NO_WALL
-from companion.mapping.files import AutoSave, load_json, save
+from companion.core.errors import OutputError
+from companion.core.messages import Beam, FloorPlan, Hit, Pose, WallLine, WallSegment
+from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.export.map_files import AutoSave, load_json, save
 from companion.mapping.floor_plan import outline_closed, wall_segments
-from companion.messages import Beam, FloorPlan, Hit, Pose, WallLine, WallSegment
 
 SQUARE_M = 2.0
 LINES = [WallLine(math.radians(90 * i), SQUARE_M, 0.01) for i in range(4)]

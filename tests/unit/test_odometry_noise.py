@@ -6,18 +6,18 @@ from random import Random
 import numpy as np
 import pytest
 
-from companion.estimation.heading import HeadingFilter
-from companion.estimation.line_slam import LineSlam
-from companion.estimation.odometry_model import (
+from companion.estimation.filters.heading_filter import HeadingFilter
+from companion.estimation.filters.position_filter import LineSlam
+from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
+from companion.estimation.smoothing.odometry_model import (
     LEAST_WANDER_M,
     WANDER_S,
     Array,
     OdometryModel,
     averaged,
 )
-from companion.estimation.odometry_noise import OdometryNoise
-from companion.estimation.wall_runs import Line, RunHit, WallRun
-from sitl.autopilot.wobble import KICK_S, Wobble
+from companion.estimation.smoothing.odometry_noise import OdometryNoise
+from sitl.autopilot.estimation.wobble import KICK_S, Wobble
 
 TICK_S, WALL_M, RANGE_SIGMA_M = 0.05, 2.0, 0.02
 

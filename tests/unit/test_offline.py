@@ -12,12 +12,12 @@ from typer.testing import CliRunner
 
 from benchmarks.offline import outcome
 from benchmarks.offline_logs import ROOM, SCENARIOS, Flight, Log, Noise, Scenario, record, write_csv
-from companion.cli import commands
-from companion.messages import Beam
-from companion.offline.log import Log as ReadLog
-from companion.offline.log import Reading
+from companion.commands.cli import commands
+from companion.core.messages import Beam
 from companion.offline.mapper import LogMap, map_log
-from companion.offline.sensors import BeamConfig, SensorsConfig
+from companion.offline.reading.log import Log as ReadLog
+from companion.offline.reading.log import Reading
+from companion.offline.reading.sensors import BeamConfig, SensorsConfig
 
 SHORT = Scenario(ROOM, Flight([(1.5, 1.5), (5.0, 1.5), (5.0, 3.0), (2.0, 3.0)], rate_hz=5))
 

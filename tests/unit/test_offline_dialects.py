@@ -14,11 +14,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from companion.errors import LogError
-from companion.messages import Beam
-from companion.offline.log import Log
-from companion.offline.readers import read_log
-from companion.offline.sensors import load
+from companion.core.errors import LogError
+from companion.core.messages import Beam
+from companion.offline.reading.log import Log
+from companion.offline.reading.readers import read_log
+from companion.offline.reading.sensors import load
 
 NAMES = ("time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad", "front_m", "left_m", "note")
 ROWS = [

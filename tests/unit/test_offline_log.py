@@ -8,13 +8,13 @@ import pytest
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
-from companion.errors import ConfigError, LogError
-from companion.messages import Beam
+from companion.core.errors import ConfigError, LogError
+from companion.core.messages import Beam
 from companion.offline.files import report, trajectory_tum
-from companion.offline.log import Log
 from companion.offline.mapper import map_log
-from companion.offline.readers import read_log
-from companion.offline.sensors import SensorsConfig, load
+from companion.offline.reading.log import Log
+from companion.offline.reading.readers import read_log
+from companion.offline.reading.sensors import SensorsConfig, load
 
 HEADER = "time_s,odom_x_m,odom_y_m,odom_yaw_rad,front_m"
 

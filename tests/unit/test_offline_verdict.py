@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from benchmarks.logs import outcome, row
 from benchmarks.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
-from companion.messages import Beam
-from companion.offline.log import Log as ReadLog
-from companion.offline.log import Reading
+from companion.core.messages import Beam
 from companion.offline.mapper import LogMap, map_log
-from companion.offline.sensors import SensorsConfig
+from companion.offline.reading.log import Log as ReadLog
+from companion.offline.reading.log import Reading
+from companion.offline.reading.sensors import SensorsConfig
 from sitl.world.format import Segment
 
 LOGS = Path(__file__).parents[3] / "shared" / "logs"

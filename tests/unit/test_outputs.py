@@ -14,18 +14,17 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
-from companion.cli import commands as companion
-from companion.errors import OutputError
-from companion.export import formats
-from companion.export.dxf import write_dxf
+from companion.commands.cli import commands as companion
+from companion.core.errors import OutputError
+from companion.core.frames import Place, Vector2
+from companion.core.messages import FloorPlan, WallSegment
+from companion.export import formats, map_files
 from companion.export.formats import Labels, export
+from companion.export.map_files import save
+from companion.export.plan.dxf import write_dxf
+from companion.export.plan.survey import survey
 from companion.export.ros_map import write_ros_map
-from companion.export.survey import survey
-from companion.frames import Place, Vector2
-from companion.mapping import files
-from companion.mapping.files import save
-from companion.messages import FloorPlan, WallSegment
-from sitl.cli import commands as sitl
+from sitl.commands.cli import commands as sitl
 from sitl.errors import SitlError
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import load_world
@@ -124,7 +123,7 @@ def broken(*_: object) -> None:
 def test_a_map_file_that_fails_does_not_take_the_others_along(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, victim: str
 ) -> None:
-    monkeypatch.setitem(files.MAP_WRITERS, victim, broken)
+    monkeypatch.setitem(map_files.MAP_WRITERS, victim, broken)
     with pytest.raises(OutputError, match=rf"^\S+{victim}: .*a library's own trouble"):
         save(room(), tmp_path)
     left = {"map.json", "map.png", "map.ply"} - {victim}

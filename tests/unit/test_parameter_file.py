@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sitl.autopilot.parameters.file import ParameterFile, beyond_range, parse_assignments
 from sitl.autopilot.parameters.table import ParameterError, load_table
-from sitl.parameter_file import ParameterFile, beyond_range, parse_assignments
 
 TABLE = load_table("ardupilot")
 

@@ -8,10 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import GP2Y0A710K0F
-from companion.mapping.near import Near, Surroundings
-from companion.mapping.passed import LATELY_S, LEG_M, NARROW, TO_M, Lane, Passed
-from companion.messages import (
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     Odometry,
@@ -21,7 +18,10 @@ from companion.messages import (
     RangeUnit,
     Setpoint,
 )
-from companion.pdps.guard import CRAWL_M_S, STOPS_M_S2, guarded
+from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.seen_free import LATELY_S, LEG_M, NARROW, TO_M, Lane, Passed
+from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
 SWING_RAD = math.radians(14)

@@ -9,26 +9,34 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.config import MissionConfig
-from companion.frames import Vector2
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.mapping.passed import Lane
-from companion.messages import HOLD, Beam, Pose, RangeReading, RangeState, Setpoint
+from companion.navigation import sweep as sweeping
+from companion.navigation import travel as travelling
+from companion.navigation.doorways import Doorway
+from companion.navigation.grid_planner import Ways, find_ground, find_ways
+from companion.navigation.observation import Sight
+from companion.navigation.path_follower import (
+    ARRIVED_M,
+    Course,
+    Way,
+    faced,
+    follow,
+    is_blocked,
+    passed,
+)
+from companion.navigation.sweep import Sweep, over_jambs
+from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps import layers as layering
-from companion.pdps import sweep as sweeping
-from companion.pdps import travel as travelling
-from companion.pdps.doorways import Doorway
 from companion.pdps.explore import Explore, ExplorePhase, step
-from companion.pdps.follow import ARRIVED_M, Course, Way, faced, follow, is_blocked, passed
+from companion.pdps.frontiers import TRIES, frontiers, known_cells, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.looks import LEAST_SHOWN, OPEN_LOOKS, Look, looks
-from companion.pdps.route import Ways, find_ground, find_ways
-from companion.pdps.sight import Sight
-from companion.pdps.sweep import Sweep, over_jambs
 from companion.pdps.tour import first_of_tour, shortest_first
-from companion.pdps.travel import Travel, TravelPhase
-from companion.pdps.unseen import TRIES, frontiers, known_cells, vague_surfaces
-from companion.pdps.views import sights
+from companion.pdps.viewpoints import LEAST_SHOWN, OPEN_LOOKS, Look, looks
+from companion.pdps.visibility import sights
+from companion.safety.seen_free import Lane
 
 PLAN, OUTSIDE = MissionConfig(kind="building"), MissionConfig(kind="exterior")
 CLEAR_M = 0.5

@@ -6,11 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.config import MissionConfig
-from companion.mapping.heights import Heights
-from companion.mapping.near import Surroundings
-from companion.mapping.occupancy import Occupancy, Ray
-from companion.messages import (
+from companion.config.settings import MissionConfig
+from companion.core.messages import (
     HOLD,
     Beam,
     CommandKind,
@@ -22,14 +19,17 @@ from companion.messages import (
     RangeState,
     VehicleState,
 )
+from companion.mapping.heights import Heights
+from companion.mapping.occupancy import Occupancy, Ray
+from companion.navigation.energy_reserve import Reserve, Spent
+from companion.navigation.observation import Sight
+from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight import Action, Flight, Phase, View, step
+from companion.pdps.flight_phases import Action, Flight, Phase, View, step
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.looks import Look
-from companion.pdps.reserve import Reserve, Spent
 from companion.pdps.room_scan import RoomScan, ScanPhase
-from companion.pdps.sight import Sight
-from companion.pdps.travel import Travel, TravelPhase
+from companion.pdps.viewpoints import Look
+from companion.safety.obstacle_memory import Surroundings
 
 PLAN = MissionConfig()
 ON_GROUND = VehicleState(

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.messages import HOLD, CommandKind, Order, Task
+from companion.core.messages import HOLD, CommandKind, Order, Task
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight import Flight, Phase, View, step
+from companion.pdps.flight_phases import Flight, Phase, View, step
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from tests.unit.test_pdps_flight import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
 

@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from companion.config import MissionConfig
-from companion.frames import Vector2
-from companion.mapping.known_walls import KnownWalls
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.known_walls import KnownWalls
+from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.mapping.passed import Lane
-from companion.messages import Beam, Pose, RangeReading, RangeState, Setpoint
+from companion.navigation.observation import Sight
 from companion.pdps.room_scan import Mark, RoomScan, ScanPhase, step
-from companion.pdps.sight import Sight
+from companion.safety.seen_free import Lane
 
 PLAN = MissionConfig()
 

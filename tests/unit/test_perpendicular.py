@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.frames import wrap_rad
+from companion.core.frames import wrap_rad
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
 
 

@@ -4,10 +4,9 @@ from dataclasses import replace
 
 import pytest
 
-from companion.fly_cli import EXIT_ENDED, EXIT_FAILED, exit_status
-from companion.messages import CommandKind, Fault, LandedState, VehicleState
-from companion.pdps import preflight
-from companion.pdps.flight import (
+from companion.commands.fly import EXIT_ENDED, EXIT_FAILED, exit_status
+from companion.core.messages import CommandKind, Fault, LandedState, VehicleState
+from companion.pdps.flight_phases import (
     FLYING_PHASES,
     NOTHING,
     Action,
@@ -15,6 +14,7 @@ from companion.pdps.flight import (
     Phase,
     step,
 )
+from companion.safety import preflight
 from tests.unit.test_pdps_flight import FLYING, ON_GROUND, PLAN, asks, flying, view
 
 GUIDED = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True)

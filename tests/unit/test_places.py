@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from companion import config as configuration
-from companion.config import Config
-from companion.errors import ConfigError
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.errors import ConfigError
 
 
 def tof(mux: int | None = None, channel: int = 0, address: int = 0x29) -> dict[str, Any]:

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
-from companion.drivers.bus import Transaction
-from companion.drivers.prompt import (
+from companion.drivers.wires.bus import Transaction
+from companion.drivers.wires.prompt import (
     MOST_AT_ONCE_S,
     PATIENCE_S,
     PROBE_S,

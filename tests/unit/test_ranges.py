@@ -8,12 +8,12 @@ import pytest
 from numpy.typing import NDArray
 
 from benchmarks.ranges import hall
-from companion.frames import Vector3
+from companion.core.frames import Vector3
 from sitl.world.format import World
+from sitl.world.geometry.mesh import obstacle_mesh
+from sitl.world.geometry.model import WorldModel
+from sitl.world.geometry.triangles import Mesh
 from sitl.world.loading import load_world
-from sitl.world.mesh import obstacle_mesh
-from sitl.world.model import WorldModel
-from sitl.world.triangles import Mesh
 
 Points = NDArray[np.float64]
 

@@ -5,12 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from companion.mapping.met import KEPT_S
-from companion.mapping.near import Surroundings
+from companion.core.messages import Pose, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.messages import Pose, Setpoint
-from companion.pdps.guard import guarded
-from companion.pdps.recalled import recalled_frd_m
+from companion.safety.mapped_obstacles import recalled_frd_m
+from companion.safety.obstacle_memory import Surroundings
+from companion.safety.obstacle_points import KEPT_S
+from companion.safety.velocity_guard import guarded
 
 NOTHING_LATELY = np.empty((0, 2))
 LATER_S = KEPT_S + 20.0

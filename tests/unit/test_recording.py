@@ -18,14 +18,12 @@ from mcap_protobuf.decoder import DecoderFactory
 from pymavlink import mavutil
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion import config as configuration
 from companion.app import Inputs, Progress
-from companion.config import Config
-from companion.errors import RecordingError
-from companion.frames import wrap_rad, yaw_ned_to_enu
-from companion.link.link import Telemetry
-from companion.link.transport import pipe_pair
-from companion.messages import (
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.errors import RecordingError
+from companion.core.frames import wrap_rad, yaw_ned_to_enu
+from companion.core.messages import (
     Beam,
     FloorPlan,
     GyroSample,
@@ -35,14 +33,16 @@ from companion.messages import (
     RangeState,
     VehicleState,
 )
+from companion.link.link import Telemetry
+from companion.link.transports.transport import pipe_pair
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_ticks, encode_plan, encode_ticks
 from companion.recording.reader import read
 from companion.recording.recorder import FlightRecorder, open_recorder
 from companion.recording.replay import is_same_map, replay
 from companion.recording.tlog import Tap
-from sitl.lockstep import fly_in_lockstep
-from sitl.simulation import Setup
+from sitl.running.lockstep import fly_in_lockstep
+from sitl.simulation.simulation import Setup
 from sitl.testing import Flight, Sitl, link_down, unplug, when
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM

@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
 from companion.link.link import Link
-from companion.link.transport import Message, pipe_pair
-from companion.recovery import hold
+from companion.link.transports.transport import Message, pipe_pair
+from companion.run.resume import hold
 
 GUIDED, LOITER, LAND = 4, 5, 9
 REQUESTS = (511, 512)

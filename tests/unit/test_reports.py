@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
+from companion.config.settings import LinkConfig
+from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.drivers.autopilot import ORIENTATIONS
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
 from companion.link.reports import UNKNOWN_SECTOR, Reports
-from companion.link.transport import Message, decode, make_codec
-from companion.messages import Beam, RangeReading, RangeScan, RangeState
+from companion.link.transports.transport import Message, decode, make_codec
 
 ALL = dict.fromkeys(Beam, GP2Y0A710K0F)
 

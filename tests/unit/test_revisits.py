@@ -9,17 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import PAPER
-from companion.estimation.doubt import Doubt
-from companion.estimation.estimate import Estimate
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import FlightRecord
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.revisits import doubting
-from companion.estimation.smoother import FINAL_GATES, Smoother, at_once
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Indices, Measured, Unknowns
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
+from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
+from companion.drivers.chips.sharp import PAPER
+from companion.estimation.association.pruning import Support
+from companion.estimation.hypotheses.search import Doubt
+from companion.estimation.hypotheses.split_revisits import doubting
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.state import Indices, Measured, Unknowns
 
 EASTWARDS_RAD = math.pi / 2
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})

@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from companion import config as configuration
-from companion.aside import Aside
-from companion.errors import OutputError
+from companion.config import settings as configuration
+from companion.core.aside import Aside
+from companion.core.errors import OutputError
 from companion.recording import room
 from companion.recording.room import refuse_no_room
-from companion.rig import open_rig
+from companion.run.hardware import open_rig
 
 TEN_MINUTES = {"mission.time_limit_s": 600}
 Usage = namedtuple("Usage", "total used free")

@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from companion.frames import Vector2, frd_to_ned
-from companion.messages import FloorPlan, Pose, WallSegment
-from sitl.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
-from sitl.truth import TrueState
-from sitl.world.nearest import NearestWall
+from companion.core.frames import Vector2, frd_to_ned
+from companion.core.messages import FloorPlan, Pose, WallSegment
+from sitl.scoring.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
+from sitl.simulation.truth import TrueState
+from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples
 
 Points = NDArray[np.float64]

@@ -13,13 +13,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.config import LinkConfig
-from companion.errors import LinkError
+from companion.config.settings import LinkConfig
+from companion.core.errors import LinkError
+from companion.core.messages import HOLD, Pose
 from companion.link.link import Link
-from companion.link.serial_line import MOST_BACKLOG_S, SerialLine
-from companion.link.serial_transport import SerialTransport
-from companion.link.transport import decode_stream, make_codec
-from companion.messages import HOLD, Pose
+from companion.link.transports.serial_line import MOST_BACKLOG_S, SerialLine
+from companion.link.transports.serial_transport import SerialTransport
+from companion.link.transports.transport import decode_stream, make_codec
 
 URL = "serial:/dev/ttyTEST:921600"
 
@@ -115,7 +115,9 @@ def test_a_port_that_vanishes_is_silence_until_it_is_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s = [10.0]
-    monkeypatch.setattr("companion.link.serial_transport.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr(
+        "companion.link.transports.serial_transport.time.monotonic", lambda: now_s[0]
+    )
     port = Port()
     transport = opened(port)
     port.is_there = False
@@ -142,7 +144,9 @@ TICK_S = 0.05
 def flown(port: Port, monkeypatch: pytest.MonkeyPatch, baud: int, ticks: int = 200) -> list[float]:
     """How old each setpoint is when it has left the port, whole; poses are told as well."""
     now_s = [0.0]
-    monkeypatch.setattr("companion.link.serial_transport.time.monotonic", lambda: now_s[0])
+    monkeypatch.setattr(
+        "companion.link.transports.serial_transport.time.monotonic", lambda: now_s[0]
+    )
     transport = opened(port, f"serial:/dev/ttyTEST:{baud}")
     link = Link(transport, LinkConfig(send_pose=True))
     codec = make_codec(1, 1)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from companion.service import Service
+from companion.run.systemd import Service
 
 
 @pytest.fixture
@@ -74,5 +74,5 @@ def test_without_a_file_to_open_it_flies_on(
         raise OSError(errno.EMFILE, "Too many open files")
 
     service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
-    monkeypatch.setattr("companion.service.socket.socket", refuse)
+    monkeypatch.setattr("companion.run.systemd.socket.socket", refuse)
     service.alive("scanning")

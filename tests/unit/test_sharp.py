@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.drivers import ads1115
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER, PROFILES
-from companion.messages import RangeState
+from companion.core.messages import RangeState
+from companion.drivers.chips import ads1115
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER, PROFILES
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.inputs import AdcInputs

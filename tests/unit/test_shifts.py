@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.drivers.sharp import PAPER
-from companion.estimation.estimate import Estimate
-from companion.estimation.factors import Models
-from companion.estimation.flight_record import FlightRecord
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.shifts import Shift, shifted, shifts
-from companion.estimation.smoother import Smoother
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Array, Measured, Unknowns
-from companion.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
+from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
+from companion.drivers.chips.sharp import PAPER
+from companion.estimation.association.pruning import Support
+from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import Array, Measured, Unknowns
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 SMOOTHER = Smoother(Models(UNITS), Support())

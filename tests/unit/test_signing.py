@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.errors import LinkError
+from companion.core.errors import LinkError
 from companion.link.signing import RESERVE, TICKS_PER_S, Signing, load_signing
-from companion.link.transport import decode, make_codec
+from companion.link.transports.transport import decode, make_codec
 from tests.system.processes import until
 
 KEY, OTHER_KEY = b"k" * 32, b"x" * 32

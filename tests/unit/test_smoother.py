@@ -9,20 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from benchmarks.yaw_consistency import consistency
-from companion.drivers.sample_clock import SampleClock
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER
-from companion.estimation.association import Association
-from companion.estimation.bordered import BorderedSystem
-from companion.estimation.candidates import Gate
-from companion.estimation.estimator import Estimator
-from companion.estimation.flight_record import FlightRecord
-from companion.estimation.in_flight import PERIOD_S
-from companion.estimation.odometry_model import OdometryModel
-from companion.estimation.range_units import BEAMS, RangeUnits
-from companion.estimation.smoother import Smoother
-from companion.estimation.support import Support
-from companion.estimation.unknowns import Measured, Unknowns
-from companion.messages import (
+from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
     GyroSample,
@@ -34,6 +21,19 @@ from companion.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.drivers.chips.sample_clock import SampleClock
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
+from companion.estimation.association.association import Association
+from companion.estimation.association.gating import Gate
+from companion.estimation.association.pruning import Support
+from companion.estimation.estimator import Estimator
+from companion.estimation.smoothing.bordered_solver import BorderedSystem
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.odometry_model import OdometryModel
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.sliding_window import PERIOD_S
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import Measured, Unknowns
 
 
 @settings(deadline=None)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from companion.mapping import space as spaces
+from companion.mapping import redrawn_grid as spaces
 from companion.mapping.occupancy import Ray
-from companion.mapping.space import Space
+from companion.mapping.redrawn_grid import Space
 
 STEP_M, KEYFRAMES = 0.1, 400
 LAST = 40

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.estimation.squares import square_pairs
+from companion.estimation.association.right_angles import square_pairs
 
 FIRST_DEG = 0.1
 

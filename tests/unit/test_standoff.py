@@ -2,8 +2,8 @@
 
 import pytest
 
-from companion.drivers.sharp import GP2Y0A710K0F, PAPER, PROFILES
-from companion.pdps.standoff import standoff_m
+from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER, PROFILES
+from companion.navigation.standoff import standoff_m
 
 OFFSET_M = 0.08
 

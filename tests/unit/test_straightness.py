@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.estimation.straightness import bend, longer_side
+from companion.estimation.association.straightness import bend, longer_side
 
 SIGMA_M = 0.05
 LENGTH_M = 4.0

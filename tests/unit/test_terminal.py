@@ -9,9 +9,9 @@ import pytest
 
 BACKENDS = ["module://matplotlib_inline.backend_inline", "Qt4Agg", "no such thing"]
 OWN = """
-import companion.mapping.picture, pathlib
-from companion.messages import FloorPlan
-companion.mapping.picture.draw(FloorPlan(), pathlib.Path("plan.png"))
+import companion.export.map_png, pathlib
+from companion.core.messages import FloorPlan
+companion.export.map_png.draw(FloorPlan(), pathlib.Path("plan.png"))
 import matplotlib, os
 print(matplotlib.rcParams["backend"], os.environ["MPLBACKEND"])
 """

@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion import config
-from companion.errors import ConfigError
-from companion.textfile import NotTextError, decoded
-from companion.view.secret import read_token
+from companion.config import settings
+from companion.core.errors import ConfigError
+from companion.core.textfile import NotTextError, decoded
+from companion.view.access.secret import read_token
+from sitl.autopilot.parameters.file import ParameterFile
 from sitl.autopilot.parameters.table import load_table
-from sitl.parameter_file import ParameterFile
 from sitl.sensors.beam import load_beam_physics
 from sitl.testing.mission_file import load_mission
 from sitl.world.format import WorldError
@@ -65,9 +65,9 @@ def test_a_plan_is_read(saved) -> None:  # type: ignore[no-untyped-def]
 
 def test_the_drones_configuration_is_read_and_changed(saved) -> None:  # type: ignore[no-untyped-def]
     path = saved("drone.toml", '# Küche\n[mission]\nkind = "building"\n')
-    assert config.load(path, {}).mission.kind == "building"
-    config.update(path, "sensors.gyro_gain", 1.01)
-    assert config.load(path, {}).sensors.gyro_gain == 1.01
+    assert settings.load(path, {}).mission.kind == "building"
+    settings.update(path, "sensors.gyro_gain", 1.01)
+    assert settings.load(path, {}).sensors.gyro_gain == 1.01
     assert "# Küche" in path.read_text(encoding="utf-8")
 
 
@@ -107,9 +107,9 @@ def test_a_configuration_of_an_untold_encoding_is_one_line(tmp_path: Path) -> No
     path = tmp_path / "drone.toml"
     path.write_bytes('[link]\n# Küche\nurl = "udpin:0.0.0.0:1"\n'.encode("cp1252"))
     with pytest.raises(ConfigError, match=rf"^{path}: line 2: byte 0xfc is not UTF-8; save"):
-        config.load(path, {})
+        settings.load(path, {})
     with pytest.raises(ConfigError, match=rf"^{tmp_path / 'none'}: No such file or directory$"):
-        config.load(tmp_path / "none", {})
+        settings.load(tmp_path / "none", {})
 
 
 def test_utf_16_without_its_mark_is_told() -> None:

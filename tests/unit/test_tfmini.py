@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.drivers.tfmini import FRAME, HEADER, Tfmini, checksum, latest_frame
-from companion.drivers.time_of_flight import TFMINI_S
-from companion.messages import RangeState
+from companion.core.messages import RangeState
+from companion.drivers.chips.tfmini import FRAME, HEADER, Tfmini, checksum, latest_frame
+from companion.drivers.chips.time_of_flight import TFMINI_S
 from sitl.sensors.tfmini import frame
 
 

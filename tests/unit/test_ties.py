@@ -10,19 +10,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from companion.config import MissionConfig
-from companion.estimation.heading import HeadingFilter, WallBearing
-from companion.estimation.line_slam import WALLS, LineSlam, Wall
-from companion.estimation.odometry_model import OdometryModel
-from companion.frames import Vector2
-from companion.mapping.known_walls import KnownWalls
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.known_walls import KnownWalls
+from companion.core.messages import Beam, Pose, RangeReading, RangeState
+from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
+from companion.estimation.filters.position_filter import WALLS, LineSlam, Wall
+from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.messages import Beam, Pose, RangeReading, RangeState
+from companion.navigation.grid_planner import Ways, find_ground, find_ways
+from companion.navigation.observation import Sight
 from companion.pdps.explore import Explore, ExplorePhase, step
-from companion.pdps.looks import Look
-from companion.pdps.route import Ways, find_ground, find_ways
-from companion.pdps.sight import Sight
-from companion.pdps.ties import (
+from companion.pdps.loop_views import (
     AGAIN_WITHIN_M,
     LOOSE_M,
     TIES_FROM_M,
@@ -32,7 +31,8 @@ from companion.pdps.ties import (
     again,
     ties,
 )
-from companion.pdps.views import is_clear
+from companion.pdps.viewpoints import Look
+from companion.pdps.visibility import is_clear
 
 PLAN = MissionConfig(kind="building")
 HALF_M, REACH_M = 3.5, 5.0

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from companion.estimation.heading import GyroModel
-from companion.estimation.two_gyros import ToldModel, steadied
-from companion.estimation.unknowns import Measured
+from companion.estimation.filters.heading_filter import GyroModel
+from companion.estimation.smoothing.state import Measured
+from companion.estimation.smoothing.two_gyro_bias import ToldModel, steadied
 
 STEP_S, KEYFRAMES = 0.2, 1500
 OWN_SCALE, THEIR_SCALE, THEIR_BIAS_DEG_S = 1.02, 0.99, 0.1

@@ -5,8 +5,8 @@ from collections.abc import Callable
 
 import pytest
 
-from companion.health.unasked import UnaskedWatch
-from companion.messages import HOLD, Odometry, Setpoint
+from companion.core.messages import HOLD, Odometry, Setpoint
+from companion.safety.health.unasked import UnaskedWatch
 
 TICK_S = 0.05
 AT_S = 10.0

@@ -10,15 +10,15 @@ from hypothesis import strategies as st
 from PIL import Image
 from typer.testing import CliRunner
 
-from companion.messages import FloorPlan, WallSegment
-from sitl.cli import commands as flying
-from sitl.score import MapScore, score_map
-from sitl.truth import TrueState
+from companion.core.messages import FloorPlan, WallSegment
+from sitl.commands.cli import commands as flying
+from sitl.scoring.score import MapScore, score_map
+from sitl.simulation.truth import TrueState
 from sitl.world.cli import commands
 from sitl.world.cropping import cropped
 from sitl.world.format import Segment, World, WorldError
+from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
-from sitl.world.model import WorldModel
 from sitl.world.plan import seeable_points, wall_surfaces
 from tests.maps import CELL_M, FREE, UNKNOWN, WALL, Shades, cells, fill, nothing, room, write
 

@@ -5,12 +5,12 @@ from random import Random
 
 import pytest
 
-from companion.estimation.velocity_lag import VelocityLag
-from companion.messages import FIRST_LAG_S, HOLD, Odometry, Setpoint
-from companion.pdps.control import approach_speed
+from companion.core.messages import FIRST_LAG_S, HOLD, Odometry, Setpoint
+from companion.estimation.filters.velocity_lag import VelocityLag
+from companion.safety.control_laws import approach_speed
 from sitl.autopilot.response import ARDUCOPTER, PX4, Response, SetpointShaper
-from sitl.truth import TrueState
-from sitl.vehicle import STEP_S, Gusts, Vehicle
+from sitl.simulation.truth import TrueState
+from sitl.simulation.vehicle import STEP_S, Gusts, Vehicle
 
 TICK_STEPS = 5
 

@@ -43,5 +43,5 @@ def test_without_the_extra_the_remedy_is_told(program: str) -> None:
 
 
 def test_the_drone_does_not_load_what_draws_pages() -> None:
-    loaded = run("-c", "import sys, companion.cli; print('viser' in sys.modules)")
+    loaded = run("-c", "import sys, companion.commands.cli; print('viser' in sys.modules)")
     assert loaded.stdout.strip() == "False"

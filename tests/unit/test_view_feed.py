@@ -10,10 +10,9 @@ from threading import Event, Thread
 import pytest
 
 from companion.app import App, Inputs, Outputs, Progress
-from companion.config import Config, ViewConfig, load
-from companion.errors import ConfigError, ViewError
-from companion.link.link import Telemetry
-from companion.messages import (
+from companion.config.settings import Config, ViewConfig, load
+from companion.core.errors import ConfigError, ViewError
+from companion.core.messages import (
     Beam,
     Pose,
     RangeReading,
@@ -23,7 +22,8 @@ from companion.messages import (
     VehicleState,
     WallSegment,
 )
-from companion.pdps.flight import Flight
+from companion.link.link import Telemetry
+from companion.pdps.flight_phases import Flight
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.looker import Looker, parse_address
 from companion.view.snapshot import Snapshot, decode, encode

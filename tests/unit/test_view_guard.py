@@ -13,10 +13,10 @@ from websockets.http11 import Request
 from websockets.sync.client import connect
 from websockets.typing import Origin, Subprotocol
 
-from companion.errors import ViewError
-from companion.view.guard import Guard
-from companion.view.secret import answer, is_loopback, read_token
-from companion.view.server import PageServer, open_page
+from companion.core.errors import ViewError
+from companion.view.access.guard import Guard
+from companion.view.access.secret import answer, is_loopback, read_token
+from companion.view.access.server import PageServer, open_page
 
 TOKEN = "0123456789abcdef"
 TIMEOUT_S = 10

@@ -4,9 +4,9 @@ from random import Random
 
 import pytest
 
-from companion.drivers.bus import Transaction
-from companion.drivers.vl53l1x import MEANINGS, REG_MODE_START, TIMED, Vl53l1x
-from companion.messages import RangeState
+from companion.core.messages import RangeState
+from companion.drivers.chips.vl53l1x import MEANINGS, REG_MODE_START, TIMED, Vl53l1x
+from companion.drivers.wires.bus import Transaction
 from sitl.sensors.i2c import DeviceBus, Multiplexer
 from sitl.sensors.time_of_flight import TOF_PHYSICS, TofUnit
 from sitl.sensors.vl53l1x import Vl53l1xDevice

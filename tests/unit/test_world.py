@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.frames import Vector3
+from companion.core.frames import Vector3
 from sitl.world.format import World, WorldError
+from sitl.world.geometry.mesh import obstacle_mesh, visible_mesh
+from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world, world_names
-from sitl.world.mesh import obstacle_mesh, visible_mesh
-from sitl.world.model import BODY_RADIUS_M, WorldModel
 from sitl.world.plan import seeable_points, wall_surfaces
 
 FURNISHED = World.model_validate(

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.frames import Vector2
-from sitl.options import FlightOptions
+from companion.core.frames import Vector2
+from sitl.commands.options import FlightOptions
 from sitl.world.cropping import cropped
 from sitl.world.format import World, WorldError
-from sitl.world.mesh import visible_mesh
-from sitl.world.model import WorldModel
+from sitl.world.geometry.mesh import visible_mesh
+from sitl.world.geometry.model import WorldModel
 
 SIDE_M = 10.0
 FAR_M = 200.0

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Box, Segment, Walls, World, WorldError
 from sitl.world.generator import random_world, seed_of
+from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
-from sitl.world.model import WorldModel
 from sitl.world.plan import samples, wall_surfaces
 
 GRID_M = 0.1

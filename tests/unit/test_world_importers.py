@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sitl.world.format import WorldError
+from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
-from sitl.world.model import WorldModel
 
 PLANS = Path(__file__).parents[3] / "shared" / "floorplans"
 SQUARE = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]]

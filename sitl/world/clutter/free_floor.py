@@ -8,12 +8,12 @@ import shapely
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.clutter.pieces import Piece
 from sitl.world.clutter.standing import standing
 from sitl.world.format import World, WorldError
-from sitl.world.model import BODY_RADIUS_M
-from sitl.world.nearest import NearestWall
+from sitl.world.geometry.model import BODY_RADIUS_M
+from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import NARROWEST_DOOR_M
 
 Cells = NDArray[np.bool_]

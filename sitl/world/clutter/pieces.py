@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import shapely
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Walls
 
 DECIMALS = 3

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from math import dist
 from typing import Protocol
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.clutter.pieces import Spot
 from sitl.world.format import Panel, Segment, World
 

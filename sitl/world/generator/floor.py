@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import NamedTuple
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Segment
 
 SIDES_M = (8, 16)

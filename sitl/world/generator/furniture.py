@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Box, Segment
 from sitl.world.generator.floor import Doorway, Rectangle
 

@@ -7,7 +7,7 @@ Points are (column, row) in cells: cell (row, column) of the grid reaches from (
 import numpy as np
 from numpy.typing import NDArray
 
-from sitl.world.polylines import Points, is_loop, join, simplify
+from sitl.world.geometry.polylines import Points, is_loop, join, simplify
 
 TOLERANCE_CELLS = 0.7
 """Lets a straight wall that cells have turned into steps be straight again, and a wall one cell

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from companion.textfile import NotTextError, read_text
+from companion.core.textfile import NotTextError, read_text
 from sitl.errors import complaint
 from sitl.world.format import Metres, WorldError
 from sitl.world.known import Cells, Raster

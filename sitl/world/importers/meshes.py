@@ -10,8 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import World, WorldError
+from sitl.world.geometry.model import WorldModel
+from sitl.world.geometry.triangles import Mesh
 from sitl.world.importers.formats import MeshError, Part
 from sitl.world.importers.formats.gltf import read_gltf
 from sitl.world.importers.formats.obj import read_obj
@@ -19,8 +21,6 @@ from sitl.world.importers.formats.ply import read_ply
 from sitl.world.importers.formats.stl import read_stl
 from sitl.world.importers.mending import Triangles, mended, numbered
 from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
-from sitl.world.model import WorldModel
-from sitl.world.triangles import Mesh
 
 MOST_BYTES = 200_000_000
 MOST_TRIANGLES = 500_000

@@ -16,8 +16,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import LEAST_LENGTH_M, Segment, World, WorldError
+from sitl.world.geometry.polylines import legs
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
 from sitl.world.importers.contours import (
     borders,
@@ -32,7 +33,6 @@ from sitl.world.importers.space import Space, enclosed, near, reached, space_of
 from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
 from sitl.world.known import Cells, KnownArea, Points
 from sitl.world.plan import NARROWEST_DOOR_M
-from sitl.world.polylines import legs
 
 MOST_EDGES = 400_000
 """Of cells, along walls; a building has some ten thousand, noise has millions."""

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from companion.textfile import read_text
+from companion.core.textfile import read_text
 from sitl.world.format import World, WorldError
 from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
 from sitl.world.importers.starts import free_starts

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from sitl.world.geometry.model import BODY_RADIUS_M
 from sitl.world.known import Cells, Numbers
-from sitl.world.model import BODY_RADIUS_M
 from sitl.world.plan import NARROWEST_DOOR_M
 
 GAP_M = 0.2

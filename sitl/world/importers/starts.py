@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from companion.frames import Vector2
+from companion.core.frames import Vector2
 from sitl.world.format import Segment, WorldError
 from sitl.world.plan import samples
 

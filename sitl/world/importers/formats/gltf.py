@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.textfile import decoded
+from companion.core.textfile import decoded
 from sitl.world.importers.formats import Faces, MeshError, Part, Points, fan, strip
 
 MAGIC, VERSION = b"glTF", 2

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from companion.textfile import encoding_of
+from companion.core.textfile import encoding_of
 from sitl.world.importers.formats import MeshError, Part, part
 from sitl.world.importers.formats.polygons import triangles
 

@@ -1,0 +1,1 @@
+"""Before the first flight: self-test, wiring, calibration."""

@@ -1,0 +1,273 @@
+"""Is everything there, and well? Every sensor, the gyro, the link, the autopilot, each by itself.
+
+Nothing flies and nothing is armed. Each part is opened alone, so that one that is missing does not
+hide the others.
+"""
+
+import enum
+import math
+from collections import deque
+from collections.abc import Iterator
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.bringup.bus_scan import Overheard, wiring_remedy
+from companion.bringup.link_test import not_taken, slow_streams
+from companion.config.range_sensors import TfminiSensor
+from companion.config.settings import Config
+from companion.core.errors import SensorError
+from companion.core.messages import Beam, GyroSample, RangeReading, RangeState, VehicleState
+from companion.core.values import value
+from companion.drivers.autopilot_gyro import AutopilotGyro
+from companion.drivers.gyro import calibrated, open_gyro
+from companion.drivers.models import model_of, range_models
+from companion.drivers.ranges import RangeSensors
+from companion.drivers.wires.bus import Wires
+from companion.link.link import Link, Listener
+from companion.link.link_budget import budget_complaint
+from companion.link.transports.serial_transport import SerialTransport
+from companion.link.transports.transport import Message, Transport
+from companion.navigation.standoff import standoff_m
+from companion.safety.preflight import refusal
+
+GYRO_WINDOW = 60
+SILENT_S = 1.0
+STILL_RAD_S = math.radians(2.0)
+LARGE_BIAS_RAD_S = math.radians(30.0)
+AVOID_PROXIMITY_BIT = 2
+LEAST_AVOID_MARGIN_M = 1.0
+ASKED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
+ASK_PERIOD_S = 1.0
+
+
+class Verdict(enum.Enum):
+    """In a word."""
+
+    GOOD = "good"
+    WAIT = "wait"
+    BAD = "bad"
+
+
+@value
+class Finding:
+    """One part, and what is to be done about it."""
+
+    part: str
+    verdict: Verdict
+    seen: str
+    remedy: str = ""
+
+
+class Parameters:
+    """Hears what the autopilot's parameters are; a `Listener`."""
+
+    streams_hz = {mavlink.MAVLINK_MSG_ID_PARAM_VALUE: 0.0}  # noqa: RUF012 - never changed
+
+    def __init__(self) -> None:
+        self.values: dict[str, float] = {}
+
+    def hear(self, message: Message, now_s: float) -> None:
+        self.values[message.param_id] = message.param_value
+
+
+class Examination:
+    """All parts of one drone; `step` is called at every tick."""
+
+    def __init__(self, config: Config, transport: Transport, wires: Wires) -> None:
+        self._config = config
+        self._transport = transport
+        self._wires = Overheard(wires)
+        self._refused: dict[str, str] = {}
+        self._parameters = Parameters()
+        self._sensors = dict(self._open_ranges())
+        listeners: list[Listener] = [self._parameters]
+        listeners += [s.from_autopilot for s in self._sensors.values() if s.from_autopilot]
+        try:
+            gyro = open_gyro(wires, config.sensors)
+            self._gyro = calibrated(gyro, config.sensors)
+            listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
+        except SensorError as error:
+            self._refused["gyro"] = str(error)
+        self._link = Link(transport, config.link, listeners)
+        self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
+        self._asked_s = -math.inf
+        self._too_much = budget_complaint(config)
+        self.readings: dict[Beam, RangeReading] = {}
+
+    def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:
+        for beam, sensor in self._config.sensors.beams.items():
+            try:
+                yield beam, RangeSensors(self._wires, self._config.sensors, only=[beam])
+            except SensorError as error:
+                elsewhere = wiring_remedy(self._wires, sensor)
+                self._refused[beam.value] = f"{error}{elsewhere}"
+
+    def step(self, now_s: float) -> list[Finding]:
+        """What is known by now, worst news included."""
+        telemetry = self._link.poll(now_s)
+        self._link.send(now_s, None, None)
+        findings = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
+        findings.append(self._of_gyro(now_s))
+        findings += self._of_traffic()
+        vehicle = telemetry.vehicle
+        if not vehicle.connected:
+            return [*findings, self._of_silent_link(vehicle.unfit)]
+        link = f"{vehicle.mode}, {'armed' if vehicle.armed else 'disarmed'}"
+        fitness = Verdict.BAD if vehicle.unfit else Verdict.GOOD
+        findings.append(Finding("link", fitness, link, vehicle.unfit))
+        findings.append(self._of_battery(vehicle))
+        remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
+        if vehicle.waits_for:
+            verdict = Verdict.BAD if "send_pose" in vehicle.waits_for else Verdict.WAIT
+            findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
+        else:
+            findings.append(Finding("autopilot", Verdict.GOOD, "its estimate is ready"))
+        self._ask(now_s)
+        return [*findings, *self._of_avoidance()]
+
+    def _of_beam(self, beam: Beam, now_s: float) -> Finding:
+        if beam.value in self._refused:
+            return Finding(beam.value, Verdict.BAD, "absent", self._refused[beam.value])
+        reading = self._sensors[beam].read(now_s).readings[beam]
+        self.readings[beam] = reading
+        sensor = self._config.sensors.beams[beam]
+        match reading.state:
+            case RangeState.DISTANCE:
+                sigma_cm = 100 * math.sqrt(reading.variance_m2)
+                return Finding(
+                    beam.value, Verdict.GOOD, f"{reading.distance_m:.2f} m ± {sigma_cm:.0f} cm"
+                )
+            case RangeState.NOTHING:
+                far = f"nothing within {model_of(sensor).max_m:g} m"
+                return Finding(beam.value, Verdict.GOOD, far)
+            case RangeState.TOO_NEAR:
+                near = f"something nearer than {model_of(sensor).min_m:g} m"
+                return Finding(beam.value, Verdict.GOOD, near)
+            case RangeState.STALE | RangeState.FAILED:
+                remedy = "check its plug and its 5 V"
+                if isinstance(sensor, TfminiSensor):
+                    remedy = self._wires.remedy(sensor)
+                seen = "silent"
+                if not math.isnan(reading.raw):
+                    seen = f"{reading.raw:.2f} V, which no sensor that is well puts out"
+                return Finding(beam.value, Verdict.BAD, seen, remedy)
+
+    def _of_gyro(self, now_s: float) -> Finding:
+        if "gyro" in self._refused:
+            return Finding("gyro", Verdict.BAD, "absent", self._refused["gyro"])
+        self._rates.extend(self._gyro.read(now_s))
+        if len(self._rates) < GYRO_WINDOW:
+            return Finding("gyro", Verdict.WAIT, "listening")
+        if now_s - self._rates[-1].time_s > SILENT_S:
+            return Finding("gyro", Verdict.BAD, "silent", "check its wiring and supply")
+        rates = [sample.yaw_rate_rad_s for sample in self._rates]
+        mean = sum(rates) / len(rates)
+        seen = f"{math.degrees(mean):+.2f} °/s, clockwise positive"
+        if max(abs(rate - mean) for rate in rates) > STILL_RAD_S:
+            return Finding(
+                "gyro", Verdict.WAIT, seen, "it turns; to take off it has to stand still"
+            )
+        if abs(mean) > LARGE_BIAS_RAD_S:
+            remedy = "a bias this large is a broken chip, or a drone that is turned evenly"
+            return Finding("gyro", Verdict.BAD, seen, remedy)
+        return Finding("gyro", Verdict.GOOD, seen)
+
+    def _of_battery(self, vehicle: VehicleState) -> Finding:
+        if vehicle.battery is None:
+            remedy = (
+                "the companion will not turn back when it is low; ArduPilot: BATT_MONITOR, "
+                "PX4: BAT1_SOURCE"
+            )
+            return Finding("battery", Verdict.GOOD, "not told", remedy)
+        why = refusal(vehicle, self._config.mission)
+        verdict = Verdict.BAD if why and not vehicle.unfit else Verdict.GOOD
+        left = f"{100 * vehicle.battery:.0f} % left"
+        return Finding("battery", verdict, left, why if verdict is Verdict.BAD else "")
+
+    def _of_silent_link(self, strangers: str) -> Finding:
+        url = self._config.link.url
+        if strangers:
+            return Finding("link", Verdict.BAD, "heard, but not flown", strangers)
+        transport = self._transport
+        if isinstance(transport, SerialTransport) and transport.messages_received == 0:
+            if transport.bytes_received:
+                remedy = f"bytes, but no MAVLink: {url} has another baud rate than SERIALn_BAUD"
+                return Finding("link", Verdict.BAD, "garbage", remedy)
+            remedy = (
+                f"nothing comes in at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
+                "and take the login shell off the port"
+            )
+            return Finding("link", Verdict.BAD, "silent", remedy)
+        remedy = (
+            f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "
+            "link.system_id, and that the router sends there"
+        )
+        if self._config.link.signing_key is not None:
+            remedy += "; or what it sends is not signed with our link.signing_key"
+        return Finding("link", Verdict.BAD, "silent", remedy)
+
+    def _of_traffic(self) -> Iterator[Finding]:
+        """Only what is wrong with it."""
+        if self._too_much:
+            yield Finding("baud rate", Verdict.BAD, "too low", self._too_much)
+        if told := not_taken(self._transport):
+            yield Finding("sending", Verdict.BAD, *told)
+        if told := slow_streams(self._link.streams):
+            yield Finding("streams", Verdict.BAD, *told)
+
+    def _ask(self, now_s: float) -> None:
+        if now_s - self._asked_s < ASK_PERIOD_S:
+            return
+        self._asked_s = now_s
+        target = self._config.link.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1
+        for name in ASKED:
+            if name not in self._parameters.values:
+                self._transport.send(
+                    mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
+                )
+
+    def _of_avoidance(self) -> Iterator[Finding]:
+        """ArduPilot's avoidance also stops the velocities that we ask for."""
+        told = self._parameters.values
+        if not all(name in told for name in ASKED):
+            return
+        margin_m = told["AVOID_MARGIN"]
+        seen = f"AVOID_MARGIN {margin_m:g} m"
+        if not int(told["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not told["PRX1_TYPE"]:
+            yield Finding("avoidance", Verdict.GOOD, "off")
+            return
+        sensors = self._config.sensors
+        front = range_models(sensors)[Beam.FRONT]
+        wanted_m = standoff_m(self._config.mission.standoff, front, sensors.mount_offset_m)
+        sides = [self.readings.get(beam) for beam in (Beam.LEFT, Beam.RIGHT)]
+        width_m = sum(r.distance_m if r and r.is_distance else math.inf for r in sides)
+        if margin_m < wanted_m and 2 * margin_m < width_m:
+            yield Finding("avoidance", Verdict.GOOD, seen)
+            return
+        reason = (
+            f"it keeps the drone from its stand-off of {wanted_m:g} m"
+            if margin_m >= wanted_m
+            else f"the room is {width_m:.1f} m wide here"
+        )
+        remedy = (
+            f"{reason}: set AVOID_MARGIN to {LEAST_AVOID_MARGIN_M:g}, "
+            "or take bit 1 (proximity) out of AVOID_ENABLE"
+        )
+        yield Finding("avoidance", Verdict.BAD, seen, remedy)
+
+
+REMEDIES = (
+    ("has not settled", "let it stand still; if that lasts, calibrate its accelerometers"),
+    (
+        "no velocity source",
+        "optical flow (ArduPilot: FLOW_TYPE, EK3_SRC1_VELXY = 5; PX4: EKF2_OF_CTRL = 1), "
+        "or other odometry; on the ground flow may need some light and texture",
+    ),
+    ("no position", "wait for the origin; ArduPilot: EK3_SRC1_POSXY, PX4: EKF2_HGT_REF"),
+    ("LOCAL_POSITION_NED", "its position has not begun; look at its messages"),
+    (
+        "EXTENDED_SYS_STATE",
+        "does the link or its router let all messages through? ArduCopter 4.6 and PX4 1.16 tell it",
+    ),
+    ("does not confirm", "is another program setting it, or is the link one-way?"),
+)

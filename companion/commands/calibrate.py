@@ -1,0 +1,106 @@
+"""`companion calibrate range` and `gyro`: a walk with a tape measure, and a turn."""
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.bringup.calibration_fit import fit, tape_point, turn_gain
+from companion.bringup.capture import readings_of, rest_bias_rad_s, suggested_distances_m, turn_rad
+from companion.commands.options import BusUrl, LinkUrl, load_settings
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from companion.core.errors import ConfigError
+from companion.core.messages import Beam
+from companion.drivers.models import range_models
+from companion.drivers.wires.bus import open_bus
+from companion.link.transports.open_link import open_transport
+from companion.run.clocks import open_clock
+from companion.run.hardware import make_rig
+from companion.run.loop import Rig
+
+commands = typer.Typer(no_args_is_help=True, help="Measure sensors, and write it into the config.")
+Written = Annotated[Path, typer.Option(help="TOML file; read, and written to.")]
+DRONE = Path("drone.toml")
+
+
+@commands.command("range")
+def calibrate_range(
+    beam: Annotated[Beam, typer.Argument(help="Which sensor.")],
+    config: Written = DRONE,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    distances: Annotated[
+        str, typer.Option(help="Metres from the sensor's front, as 1.2,1.4,1.7,2,2.5.")
+    ] = "",
+    seconds: Annotated[float, typer.Option(help="How long to look at each.", min=1)] = 30.0,
+) -> None:
+    """Measure one range sensor against a tape measure, at three to five distances."""
+    console = Console(highlight=False, markup=False)
+    settings = _uncalibrated(config, link, bus)
+    models = range_models(settings.sensors)
+    if beam not in models:
+        raise ConfigError(f"{beam.value}: no such sensor; {', '.join(models)} are configured")
+    rig = _rig(settings, console)
+    asked_m = _metres(distances) or suggested_distances_m(models[beam])
+    points = []
+    for true_m in asked_m:
+        console.input(
+            f"put a flat, light board square before {beam.value}, {true_m:.2f} m from its front, "
+            "then press Enter"
+        )
+        points.append(tape_point(true_m, readings_of(rig, beam, seconds)))
+        console.print(f"  told {points[-1].told_m:.3f} m ± {1000 * points[-1].sigma_m:.1f} mm")
+    found = fit(points)
+    gain, offset_m = found.calibration.gain, found.calibration.offset_m
+    console.print(
+        f"{beam.value} reads {gain:.4f} (± {100 * found.gain_sigma:.2f} %) × distance "
+        f"{1000 * offset_m:+.0f} mm; {1000 * found.residual_m:.1f} mm are left unexplained"
+    )
+    configuration.update(
+        config, f"sensors.calibration.{beam.value}", found.calibration.model_dump()
+    )
+    console.print(f"written to {config}")
+
+
+@commands.command("gyro")
+def calibrate_gyro(
+    config: Written = DRONE,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    turns: Annotated[int, typer.Option(help="How many full turns.", min=1, max=10)] = 3,
+) -> None:
+    """Measure the gyro against full turns by hand; its bias is measured before every flight."""
+    console = Console(highlight=False, markup=False)
+    settings = _uncalibrated(config, link, bus)
+    rig = _rig(settings, console)
+    console.input("put the drone down on a mark, take your hands away, then press Enter")
+    bias = rest_bias_rad_s(rig, settings.sensors.rest_s)
+    console.print(f"  bias {math.degrees(bias):+.3f} °/s")
+    console.print(f"turn it clockwise, seen from above, {turns} times, back onto the mark")
+    gain = turn_gain(turn_rad(rig, bias), turns)
+    console.print(f"the gyro reads {gain:.4f} × rate")
+    configuration.update(config, "sensors.gyro_gain", gain)
+    console.print(f"written to {config}")
+
+
+def _uncalibrated(config: Path, link: str | None, bus: str | None) -> Config:
+    """As the sensors read by themselves."""
+    settings = load_settings(config if config.exists() else None, link, bus, None)
+    raw = settings.sensors.model_copy(update={"calibration": {}, "gyro_gain": 1.0})
+    return settings.model_copy(update={"sensors": raw})
+
+
+def _rig(settings: Config, console: Console) -> Rig:
+    transport = open_transport(settings.link, console.print)
+    wires = open_bus(settings.sensors.bus)
+    return make_rig(settings, transport, wires, open_clock(settings, transport, console.print))
+
+
+def _metres(text: str) -> tuple[float, ...]:
+    try:
+        return tuple(float(part) for part in text.split(",")) if text else ()
+    except ValueError:
+        raise ConfigError(f"--distances {text}: should be metres such as 1.2,1.6,2") from None

@@ -1,0 +1,68 @@
+"""`companion check`: every part of the drone, live, with a verdict and what to do."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.live import Live
+from rich.table import Table
+
+from companion.bringup.hand_test import ask_for_hands
+from companion.bringup.self_test import Examination, Finding, Verdict
+from companion.commands.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
+from companion.drivers.wires.bus import open_bus
+from companion.link.transports.open_link import open_transport
+from companion.run.clocks import open_clock
+from companion.safety.health.lateness import TICK_S
+
+EXIT_NOT_READY = 1
+COLOURS = {Verdict.GOOD: "green", Verdict.WAIT: "yellow", Verdict.BAD: "red"}
+
+
+commands = typer.Typer()
+
+
+@commands.command()
+def check(
+    config: ConfigFile = None,
+    link: LinkUrl = None,
+    bus: BusUrl = None,
+    profile: Profile = None,
+    seconds: Annotated[float, typer.Option(help="How long to look.", min=1)] = 10.0,
+    hands: Annotated[
+        bool, typer.Option(help="Then ask for a hand before each sensor: are any swapped?")
+    ] = False,
+) -> None:
+    """Show every sensor, the gyro, the link and the autopilot; exit status 0 if all are good."""
+    settings = load_settings(config, link, bus, profile)
+    console = Console(highlight=False)
+    transport = open_transport(settings.link, console.print)
+    examination = Examination(settings, transport, open_bus(settings.sensors.bus))
+    clock = open_clock(settings, transport, console.print)
+    now_s = clock.wait_until(0.0)
+    end_s = now_s + seconds
+    findings: Sequence[Finding] = ()
+    live = Live(console=console, refresh_per_second=8, transient=True)
+    with live:
+        while now_s < end_s:
+            findings = examination.step(now_s)
+            if console.is_terminal:
+                live.update(table(findings))
+            now_s = clock.wait_until(now_s + TICK_S)
+    console.print(table(findings))
+    swapped = hands and ask_for_hands(examination, clock, console)
+    good = not swapped and all(finding.verdict is Verdict.GOOD for finding in findings)
+    raise typer.Exit(0 if good else EXIT_NOT_READY)
+
+
+def table(findings: Sequence[Finding]) -> Table:
+    """One row for each part, with the remedy under what is seen."""
+    rows = Table(box=None, pad_edge=False)
+    for heading in ("part", "", "seen"):
+        rows.add_column(heading, no_wrap=heading != "seen", overflow="fold")
+    for finding in findings:
+        colour = COLOURS[finding.verdict]
+        seen = f"{finding.seen}\n[dim]{finding.remedy}[/]" if finding.remedy else finding.seen
+        rows.add_row(finding.part, f"[{colour}]{finding.verdict.value}[/]", seen)
+    return rows

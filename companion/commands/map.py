@@ -1,0 +1,37 @@
+"""The command that maps a log which somebody else recorded."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.core.errors import OutputError
+from companion.offline.console import LogProgress, log_summary
+from companion.offline.files import save_results
+from companion.offline.mapper import map_log
+from companion.offline.reading import sensors as log_sensors
+from companion.offline.reading.readers import read_log
+
+commands = typer.Typer()
+
+
+@commands.command("map")
+def map_command(
+    log: Annotated[Path, typer.Argument(help="CSV file; see docs/offline.md.")],
+    config: Annotated[
+        Path | None, typer.Option(help="TOML file of the sensors; else LOG's name with .toml.")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
+) -> None:
+    """Make the map of a recorded log: map.png, map.ply, map.json, trajectory.tum, report.json."""
+    console = Console(highlight=False, markup=False)
+    sensors = log_sensors.load(config, log)
+    with LogProgress(console) as progress:
+        result = map_log(read_log(log, progress.show), sensors, progress.show)
+    try:
+        files = save_results(result, out)
+    except OutputError:  # what is known of the log is told, whatever becomes of its files
+        console.print(log_summary(result, []))
+        raise
+    console.print(log_summary(result, files))

@@ -1,0 +1,45 @@
+"""Options that several commands share."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from companion.config import settings as configuration
+from companion.config.settings import Config
+
+ConfigFile = Annotated[Path | None, typer.Option(help="TOML file; see docs/config.md.")]
+LinkUrl = Annotated[
+    str | None, typer.Option(help="udpin:HOST:PORT, udpout:HOST:PORT or serial:/dev/PORT:BAUD.")
+]
+BusUrl = Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")]
+Profile = Annotated[str | None, typer.Option(help="Range sensors, all of one kind.")]
+MissionSet = Annotated[
+    list[str] | None,
+    typer.Option("--set", help=r"KEY=VALUE of \[mission], as in speed_m_s=0.6; repeatable."),
+]
+
+
+def load_settings(
+    config: Path | None,
+    link: str | None,
+    bus: str | None,
+    profile: str | None,
+    *,
+    mission: str | None = None,
+    mission_set: Sequence[str] = (),
+) -> Config:
+    """The file, with what was given on the command line above it.
+
+    Raises:
+        ConfigError: one line that says what to mend.
+    """
+    given = {
+        "link.url": link,
+        "sensors.bus": bus,
+        "sensors.profile": profile,
+        "mission.kind": mission,
+    }
+    chosen = {key: value for key, value in given.items() if value is not None}
+    return configuration.load(config, {**chosen, **configuration.mission_settings(mission_set)})

@@ -1,0 +1,326 @@
+"""Configuration: typed groups with unit, default and bounds, read from one TOML file.
+
+Whatever cannot be used ends in a `ConfigError` of one line that names file, key, value and what
+is allowed; an unknown key is refused, never ignored.
+"""
+
+import math
+import tomllib
+from collections.abc import Mapping, Sequence
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self, TypeVar, get_args
+
+import tomlkit
+from pydantic import BaseModel, Field, PlainValidator, ValidationError, model_validator
+
+from companion.config.range_places import check_places
+from companion.config.range_sensors import (
+    AdcChannel,
+    Calibration,
+    Group,
+    Profile,
+    RangeSensor,
+    TfminiSensor,
+    usual_channels,
+    usual_sensors,
+)
+from companion.core.errors import ConfigError
+from companion.core.messages import BEARING_FRD_RAD, Beam
+from companion.core.textfile import NotTextError, read_text, reason
+
+_G = TypeVar("_G", bound=Group)
+
+MissionKind = Literal["room", "building", "exterior", "layers"]
+STANDOFFS = ("range", "accurate")
+LEAST_STANDOFF_M, MOST_STANDOFF_M = 0.6, 5.0
+
+
+def _standoff(value: object) -> object:
+    if value in STANDOFFS:
+        return value
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    if is_number and LEAST_STANDOFF_M <= value <= MOST_STANDOFF_M:  # type: ignore[operator]
+        return float(value)  # type: ignore[arg-type]
+    names = " or ".join(repr(name) for name in STANDOFFS)
+    raise ValueError(
+        f"should be from {LEAST_STANDOFF_M:g} to {MOST_STANDOFF_M:g} metres, or {names}"
+    )
+
+
+Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_standoff)]
+
+
+class LinkConfig(Group):
+    """MAVLink to the autopilot."""
+
+    url: str = Field(
+        "udpin:127.0.0.1:14550",
+        pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
+    )
+    """udpin waits for the autopilot at this address; udpout speaks first; serial:/dev/PORT:BAUD."""
+    system_id: int = Field(1, ge=1, le=255)
+    """The vehicle's system id, which the companion shares."""
+    component_id: int = Field(191, ge=1, le=255)
+    """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    signing_key: Path | None = None
+    """File of 64 hexadecimal digits, mode 600: frames are signed with it, and others refused."""
+    signing_timestamp: Path | None = None
+    """Where the latest time stamp is kept; None: beside the key."""
+    tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
+    """What the autopilot's own avoidance and terrain following get to know of our ranges."""
+    tell_texts: bool = True
+    """Phases and faults as STATUSTEXT, for whoever looks on at a ground station."""
+    origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
+    """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
+    All three at zero count as not told."""
+    origin_lon_deg: float = Field(8.5456, ge=-180, le=180)
+    origin_alt_m: float = Field(488.0, ge=-500, le=9000)
+    send_pose: bool = False
+    """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
+    setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
+    """So long after the last setpoint ArduPilot stops and PX4 lands, which each is set to."""
+
+
+class SensorsConfig(Group):
+    """Range sensors and gyro."""
+
+    bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
+    """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
+    profile: Profile = "gp2y0a710k0f"
+    """Five sensors of one kind, wired in the usual way."""
+    ranges: dict[Beam, RangeSensor] = Field(default_factory=dict)
+    """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
+    calibration: dict[Beam, Calibration] = Field(default_factory=dict)
+    """Of each unit against a tape measure, written by `companion calibrate range`."""
+    channels: dict[Beam, AdcChannel] = Field(default_factory=usual_channels)
+    mount_offset_m: float = Field(0.08, ge=0, le=1)
+    """How far from the drone's centre each sensor sits, along its own beam."""
+    gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
+    """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
+    gyro_gain: float = Field(1.0, ge=0.8, le=1.2)
+    """What it reads is gain × rate, written by `companion calibrate gyro`."""
+    gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
+    rest_s: float = Field(3.0, ge=1, le=60)
+    """How long the gyro's bias is averaged before arming."""
+
+    @cached_property
+    def beams(self) -> dict[Beam, RangeSensor]:
+        """What looks where."""
+        return self.ranges or usual_sensors(self.profile, self.channels)
+
+    def mount_of_m(self, beam: Beam) -> float:
+        """How far from the drone's centre along its beam."""
+        own = self.beams[beam].mount_offset_m
+        return self.mount_offset_m if own is None else own
+
+    def bearing_of_rad(self, beam: Beam) -> float:
+        """Where a level beam points, clockwise from the nose."""
+        own_deg = self.beams[beam].bearing_deg
+        return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
+
+    @model_validator(mode="after")
+    def _can_be_wired_so(self) -> Self:
+        check_places(self.beams, self.gyro_address if self.gyro == "lsm9ds1" else None)
+        return self
+
+
+class MissionConfig(Group):
+    """How the room is flown."""
+
+    kind: MissionKind = "room"
+    """room: trace the walls of one room; building: see everything that can be reached; exterior:
+    go round whatever stands there, and not far off; layers: a building at several heights."""
+    height_m: float = Field(1.2, ge=0.5, le=10)
+    standoff: Standoff = 1.5
+    """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
+    layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
+    """Between the layers, from `height_m` up to the ceiling."""
+    speed_m_s: float = Field(1.0, ge=0.1, le=2)
+    turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
+    clearance_m: float = Field(0.3, ge=0.1, le=2)
+    """Between the drone's body and anything, as far as the mission plans it."""
+    time_limit_s: float = Field(600.0, gt=0, le=3600)
+    """Of the flight: the drone turns back in time to be home by then."""
+    reserve_s: float = Field(20.0, ge=0, le=600)
+    """Left of the limit, and of what the battery lasts, when it is home."""
+    after_crash: Literal["land", "resume"] = "land"
+    """What `companion recover` does with a drone that it finds in the air."""
+    battery_home_percent: float = Field(20.0, ge=0, le=100)
+    """With no more than this the drone turns back; 0: never."""
+    battery_land_percent: float = Field(10.0, ge=0, le=100)
+    """With no more than this it lands where it is."""
+
+
+class RecordingConfig(Group):
+    """The flight recorder."""
+
+    enabled: bool = True
+
+
+class ViewConfig(Group):
+    """Looking on while it flies: map and pose, read-only."""
+
+    listen: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
+    """HOST:PORT for `companion view`; empty: nobody looks on."""
+    token_file: Path | None = None
+    """File with the token that lookers must have; needed unless only this machine can connect."""
+
+
+class Config(Group):
+    """Everything that can be set."""
+
+    link: LinkConfig = LinkConfig()
+    sensors: SensorsConfig = SensorsConfig()
+    mission: MissionConfig = MissionConfig()
+    recording: RecordingConfig = RecordingConfig()
+    view: ViewConfig = ViewConfig()
+
+    @model_validator(mode="after")
+    def _no_sensor_at_the_links_port(self) -> Self:
+        for beam, sensor in self.sensors.beams.items():
+            if isinstance(sensor, TfminiSensor) and self.link.url.startswith(
+                f"serial:{sensor.port}:"
+            ):
+                raise ValueError(
+                    f"link.url and sensors.ranges.{beam.value}.port are both {sensor.port}; "
+                    "give each a port of its own"
+                )
+        return self
+
+
+def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Config:
+    """The configuration in `path`, or the defaults, with `overrides` such as {"link.url": ...}.
+
+    Raises:
+        ConfigError: one line that says what to mend.
+    """
+    source = str(path) if path else "command line"
+    values: dict[str, Any] = read_toml(path) if path else {}
+    for key, value in (overrides or {}).items():
+        group, name = key.split(".", 1)
+        values[group] = {**values.get(group, {}), name: value}
+    return validated(Config, values, source)
+
+
+def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
+    """Of the command line: "speed_m_s=0.6" as {"mission.speed_m_s": 0.6}, for `load`.
+
+    Raises:
+        ConfigError: one is not KEY=VALUE.
+    """
+    settings: dict[str, object] = {}
+    for assignment in assignments:
+        key, sign, text = assignment.partition("=")
+        if not key or not sign:
+            raise ConfigError(f"--set {assignment}: should be KEY=VALUE, as in speed_m_s=0.6")
+        settings[f"mission.{key}"] = _toml_value(text)
+    return settings
+
+
+def _toml_value(text: str) -> object:
+    """As in a file; a word needs no quotes on the command line."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except (ValueError, RecursionError):
+        return text
+
+
+def to_toml(config: Config) -> str:
+    """The text of a file that `load` makes the same configuration of."""
+    return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
+
+
+def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
+    """Set one key, such as "sensors.calibration.front"; the rest of the file stays as it is.
+
+    Raises:
+        ConfigError: the file cannot be read or written, or could not be used afterwards.
+    """
+    document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
+    group: Any = document
+    *groups, name = key.split(".")
+    for part in groups:
+        group = group.setdefault(part, tomlkit.table())
+    group[name] = _item(value)
+    text = tomlkit.dumps(document)
+    try:
+        Config.model_validate(tomllib.loads(text))
+        path.write_text(text, encoding="utf-8")
+    except ValidationError as error:
+        raise ConfigError(f"{path}: {_first_complaint(Config, error)}") from error
+    except OSError as error:
+        raise ConfigError(f"{path}: {error.strerror}") from error
+
+
+def _item(value: Mapping[str, object] | float) -> Any:
+    """As it is written into a file: groups on one line."""
+    if not isinstance(value, Mapping):
+        return tomlkit.item(value)
+    table = tomlkit.inline_table()
+    table.update(value)
+    return table
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """What a file says, not yet checked."""
+    text = _text(path)
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+        raise ConfigError(f"{path}: not TOML: {error}") from error
+
+
+def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
+    """The settings, or a `ConfigError` of one line about the first that cannot be used."""
+    try:
+        return model.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError(f"{source}: {_first_complaint(model, error)}") from error
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_text(path)
+    except (OSError, NotTextError) as error:
+        raise ConfigError(f"{path}: {reason(error)}") from error
+
+
+def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
+    first = error.errors()[0]
+    key = ".".join(str(part) for part in first["loc"])
+    if first["type"] == "union_tag_invalid":
+        context = first["ctx"]
+        return f"{key}.kind = {context['tag']!r}: should be one of {context['expected_tags']}"
+    if first["type"] == "extra_forbidden":
+        known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
+        return f"{key} = {first['input']!r}: no such key; known here: {known}"
+    complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
+    told = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
+    return f"{told}: {complaint}"
+
+
+def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
+    """The keys that are known at a place: in a group, or in one of a table's entries."""
+    if not path:
+        return list(group.model_fields)
+    field, *rest = path
+    annotation = group.model_fields[str(field)].annotation
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return _keys_at(annotation, tuple(rest))
+    _, entry = get_args(annotation)  # a table by beam
+    _, *kind = rest
+    groups = [g for g in _groups(entry) if not kind or kind[0] in _kinds(g)]
+    return _keys_at(groups[0], ())
+
+
+def _groups(entry: Any) -> list[type[BaseModel]]:
+    """Of a union that is told apart by `kind`, or of one group."""
+    if isinstance(entry, type):
+        return [entry]
+    union, *_ = get_args(entry)
+    return list(get_args(union))
+
+
+def _kinds(group: type[BaseModel]) -> tuple[object, ...]:
+    return get_args(group.model_fields["kind"].annotation)

@@ -1,0 +1,1 @@
+"""One module a chip or sensor: its registers, its frames, and what its values mean."""

@@ -1,0 +1,108 @@
+"""Texas Instruments ADS1115: four single-ended 16-bit channels, one conversion at a time.
+
+Registers and bits as in the datasheet (SBAS444), table 8 and figure 36.
+"""
+
+from collections.abc import Sequence
+
+from companion.core.errors import SensorError
+from companion.drivers.wires.bus import Bus, Transaction
+
+REG_CONVERSION, REG_CONFIG = 0x00, 0x01
+START = 0x8000
+"""OS bit: written, starts a conversion; read, says that none is running."""
+MUX_SINGLE_ENDED = 0x4000
+MUX_STEP = 0x1000
+PGA_4_096_V = 0x0200
+SINGLE_SHOT = 0x0100
+RATE_860_SPS = 0x00E0
+COMPARATOR_OFF = 0x0003
+CONVERSION_S = 1 / 860 * 1.1
+"""The chip's own clock may be 10 % slow."""
+VOLTS_PER_COUNT = 4.096 / 32768
+READ_BACK_BITS = 0x7FFF
+Channel = tuple[int, int]
+"""I2C address of the chip, and its input."""
+
+
+def config_word(channel: int) -> int:
+    """Start one conversion of AINn against ground at ±4.096 V, 860 samples a second."""
+    mux = MUX_SINGLE_ENDED + channel * MUX_STEP
+    return START | mux | PGA_4_096_V | SINGLE_SHOT | RATE_860_SPS | COMPARATOR_OFF
+
+
+def start(address: int, channel: int, wait_s: float = 0.0) -> Transaction:
+    """Start a conversion; its result can be read `CONVERSION_S` later."""
+    data = bytes([REG_CONFIG]) + config_word(channel).to_bytes(2, "big")
+    return Transaction(address, data, wait_s=wait_s)
+
+
+def read(address: int) -> Transaction:
+    """Read the latest finished conversion."""
+    return Transaction(address, bytes([REG_CONVERSION]), 2)
+
+
+def volts(answer: bytes) -> float:
+    """What the answer to `read` says."""
+    return int.from_bytes(answer, "big", signed=True) * VOLTS_PER_COUNT
+
+
+def check(bus: Bus, address: int) -> None:
+    """Make sure that an ADS1115 is there: it has no identity, but keeps what it is told.
+
+    Raises:
+        SensorError: names the address and the remedy.
+    """
+    try:
+        read_back = Transaction(address, bytes([REG_CONFIG]), 2)
+        _, answer = bus.transfer([start(address, 0), read_back])
+    except SensorError:
+        raise
+    except OSError as error:
+        raise SensorError(
+            f"no ADS1115 at 0x{address:02x} ({error}); check wiring and its ADDR pin"
+        ) from error
+    found = int.from_bytes(answer, "big") & READ_BACK_BITS
+    if found != config_word(0) & READ_BACK_BITS:
+        raise SensorError(
+            f"the chip at 0x{address:02x} is no ADS1115 (its config reads 0x{found:04x}); "
+            "check the addresses in [sensors]"
+        )
+
+
+class Sweep:
+    """One conversion of every channel in one transfer, all chips converting at the same time."""
+
+    def __init__(self, channels: Sequence[Channel]) -> None:
+        self._transactions: list[Transaction] = []
+        self._read_at: dict[Channel, int] = {}
+        """Which transaction reads a channel."""
+        for round_ in rounds(channels):
+            *others, last = round_
+            self._transactions += [start(*channel) for channel in others]
+            self._transactions.append(start(*last, wait_s=CONVERSION_S))
+            for channel in round_:
+                self._read_at[channel] = len(self._transactions)
+                self._transactions.append(read(channel[0]))
+
+    def volts(self, bus: Bus) -> dict[Channel, float]:
+        """What stands at each input.
+
+        Raises:
+            OSError: a chip does not answer.
+        """
+        answers = bus.transfer(self._transactions)
+        return {channel: volts(answers[at]) for channel, at in self._read_at.items()}
+
+
+def rounds(channels: Sequence[Channel]) -> list[list[Channel]]:
+    """Order channels so that in each round every chip converts one."""
+    waiting = list(channels)
+    ordered: list[list[Channel]] = []
+    while waiting:
+        now: dict[int, Channel] = {}
+        for channel in waiting:
+            now.setdefault(channel[0], channel)
+        ordered.append(list(now.values()))
+        waiting = [channel for channel in waiting if channel not in ordered[-1]]
+    return ordered

@@ -1,0 +1,121 @@
+"""STMicroelectronics LSM9DS1: its gyro, through the chip's FIFO so that no sample is lost.
+
+Registers as in the datasheet (DocID025715), section 7. Mounted with the chip's z axis up, its
+positive rate is counter-clockwise seen from above; FRD yaw is clockwise, hence the minus sign.
+"""
+
+import math
+import struct
+
+from companion.core.errors import SensorError
+from companion.core.messages import GyroSample
+from companion.drivers.chips.sample_clock import SampleClock
+from companion.drivers.wires.bus import Bus, Transaction
+
+REG_WHO_AM_I = 0x0F
+WHO_AM_I = 0x68
+REG_CTRL_1_G = 0x10
+REG_OUT_X_G = 0x18
+REG_CTRL_6_XL = 0x20
+REG_CTRL_8 = 0x22
+REG_CTRL_9 = 0x23
+REG_FIFO_CTRL = 0x2E
+REG_FIFO_SRC = 0x2F
+
+ODR_119_HZ_245_DPS = 0x60
+ACCELEROMETER_OFF = 0x00
+BLOCK_UPDATE_AND_AUTO_INCREMENT = 0x44
+FIFO_ENABLE = 0x02
+FIFO_CONTINUOUS = 0xC0
+FIFO_COUNT_BITS = 0x3F
+FIFO_OVERRUN = 0x40
+RAD_S_PER_COUNT = math.radians(8.75e-3)
+SAMPLE = struct.Struct("<hhh")
+"""OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
+of these registers to the first, to the FIFO's next sample."""
+NOMINAL_ODR_HZ = 119.0
+SILENT_S = 0.1
+"""Whose FIFO has been empty for so long does not sample: its supply has broken down, and it has
+forgotten what it was set to."""
+
+
+class Lsm9ds1:
+    """The gyro.
+
+    Raises:
+        SensorError: no LSM9DS1 answers at the address.
+    """
+
+    def __init__(self, bus: Bus, address: int) -> None:
+        self._bus = bus
+        self._address = address
+        self._ask_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
+        self._clock: SampleClock | None = None
+        self._heard_s = -math.inf
+        self._configured = False
+        try:
+            found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
+            self._configure()
+        except SensorError:
+            raise
+        except OSError as error:
+            raise SensorError(
+                f"no LSM9DS1 at 0x{address:02x} ({error}); check wiring and its SDO_AG pin"
+            ) from error
+        if found != WHO_AM_I:
+            raise SensorError(
+                f"the chip at 0x{address:02x} is no LSM9DS1 (it says 0x{found:02x}, not 0x68); "
+                "check sensors.gyro_address"
+            )
+
+    def _configure(self) -> None:
+        settings = (
+            (REG_CTRL_8, BLOCK_UPDATE_AND_AUTO_INCREMENT),
+            (REG_CTRL_6_XL, ACCELEROMETER_OFF),
+            (REG_CTRL_1_G, ODR_119_HZ_245_DPS),
+            (REG_CTRL_9, FIFO_ENABLE),
+            (REG_FIFO_CTRL, FIFO_CONTINUOUS),
+        )
+        self._bus.transfer([Transaction(self._address, bytes(setting)) for setting in settings])
+        self._configured = True
+
+    def read(self, time_s: float) -> list[GyroSample]:
+        """All samples since the last read, as they were taken; [] on a fault."""
+        try:
+            if not self._configured:
+                self._configure()
+            counts, is_whole = self._drain()
+        except OSError:
+            self._configured = False  # it may come back freshly powered
+            self._clock = None
+            return []
+        if counts or self._clock is None:
+            self._heard_s = time_s
+        elif time_s - self._heard_s > SILENT_S:
+            self._configured, self._clock = False, None
+            return []
+        if not is_whole:  # those before were lost, these are the latest
+            first_s = time_s - len(counts) / NOMINAL_ODR_HZ
+            last_s = self._clock.newest_s if self._clock else first_s
+            self._clock = SampleClock(max(first_s, last_s), NOMINAL_ODR_HZ)
+        if self._clock is None:  # what had been waiting is of unknown age
+            self._clock = SampleClock(time_s, NOMINAL_ODR_HZ)
+            return []
+        if not counts:
+            return []
+        times_s = self._clock.stamp(time_s, len(counts))
+        return [
+            GyroSample(sample_s, -count * RAD_S_PER_COUNT)
+            for sample_s, count in zip(times_s, counts, strict=True)
+        ]
+
+    def _drain(self) -> tuple[list[int], bool]:
+        """The z axis of all that the FIFO holds, in one burst, and whether nothing was lost."""
+        ((source,),) = self._bus.transfer([self._ask_level])
+        count = source & FIFO_COUNT_BITS
+        is_whole = not source & FIFO_OVERRUN
+        if not count:
+            return [], is_whole
+        burst = Transaction(self._address, bytes([REG_OUT_X_G]), count * SAMPLE.size)
+        (answer,) = self._bus.transfer([burst])
+        return [z for _, _, z in SAMPLE.iter_unpack(answer)], is_whole

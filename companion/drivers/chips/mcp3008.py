@@ -1,0 +1,69 @@
+"""Microchip MCP3008: eight single-ended 10-bit channels over SPI.
+
+Three bytes each way, as in the datasheet (DS21295, figure 6-1): a start bit, the channel, and back
+a null bit before the ten bits of the result.
+"""
+
+import errno
+from collections.abc import Sequence
+
+from companion.core.errors import SensorError
+from companion.drivers.wires.bus import Spi
+
+START = 0x01
+SINGLE_ENDED = 0x80
+CHANNEL_SHIFT = 4
+NULL_BIT = 0x04
+HIGH_BITS = 0x03
+COUNTS = 1024
+
+
+def request(channel: int) -> bytes:
+    """Convert one channel against ground."""
+    return bytes([START, SINGLE_ENDED | channel << CHANNEL_SHIFT, 0])
+
+
+def counts(answer: bytes) -> int:
+    """What was measured, 0 to 1023.
+
+    Raises:
+        OSError: nobody pulls the line down: there is no chip.
+    """
+    if len(answer) != 3 or answer[1] & NULL_BIT:
+        raise OSError(errno.EREMOTEIO, f"no null bit in {answer.hex(' ')}")
+    return (answer[1] & HIGH_BITS) << 8 | answer[2]
+
+
+class Mcp3008:
+    """One chip.
+
+    Raises:
+        SensorError: nothing answers there; a chip without an identity cannot be told from
+            another that answers like it.
+    """
+
+    def __init__(self, spi: Spi, device: str, reference_v: float) -> None:
+        self._spi = spi
+        self._device = device
+        self._volts_per_count = reference_v / COUNTS
+        try:
+            self.volts([0])
+        except SensorError:
+            raise
+        except OSError as error:
+            raise SensorError(
+                f"no MCP3008 at {device} ({error}); check wiring, chip select and "
+                "sensors.ranges.*.device"
+            ) from error
+
+    def volts(self, channels: Sequence[int]) -> dict[int, float]:
+        """What stands at each input.
+
+        Raises:
+            OSError: the chip does not answer.
+        """
+        return {
+            channel: counts(self._spi.exchange(self._device, request(channel)))
+            * self._volts_per_count
+            for channel in channels
+        }

@@ -1,0 +1,205 @@
+"""Analogue infrared range sensors: from voltage to distance, with its variance, or why not.
+
+`GP2Y0A710K0F` follows the points of its datasheet. `PAPER` is the sensor as the 2018 paper
+describes it (2 cm to 5 m, an error of 5 cm at any distance), which no $20 part is.
+"""
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass
+from typing import Protocol
+
+from companion.core.messages import RangeModel, RangeReading, RangeState
+from companion.drivers.readings import FAILED, NOTHING, TOO_NEAR
+
+
+class Profile(RangeModel, Protocol):
+    """One kind of sensor."""
+
+    @property
+    def noise_v(self) -> float:
+        """Sigma of its output."""
+        ...
+
+    def reading(self, volts: float) -> RangeReading:
+        """What a voltage says."""
+        ...
+
+    def volts(self, distance_m: float | None) -> float:
+        """What the sensor puts out before noise; None: nothing returns its light."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """Piecewise linear y over ascending x; the end pieces go on beyond the ends."""
+
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+
+    def at(self, x: float) -> tuple[float, float]:
+        """Y and the slope dy/dx."""
+        i = bisect_right(self.x, x, 1, len(self.x) - 1) - 1
+        slope = (self.y[i + 1] - self.y[i]) / (self.x[i + 1] - self.x[i])
+        return self.y[i] + slope * (x - self.x[i]), slope
+
+    def inverse(self) -> "Curve":
+        """X over y, for a rising curve."""
+        return Curve(self.y, self.x)
+
+
+@dataclass(frozen=True, slots=True)
+class SharpProfile:
+    """Triangulating sensor: voltage is nearly linear in 1/distance, and folds back when near."""
+
+    volts_by_inverse_m: Curve
+    """Over the specified range."""
+    inverse_m_by_volts: Curve
+    volts_by_near_m: Curve
+    """Below it."""
+    noise_v: float
+    gain_sigma: float
+    """What calibration leaves of the unit's gain error."""
+    period_s: float
+    """A fresh value comes so often; the output holds the last one in between."""
+    open_v: float
+    """Output when nothing returns."""
+    least_v: float
+    most_v: float
+    """What a powered sensor puts out lies between; an open input or one at a rail may not."""
+
+    @property
+    def min_m(self) -> float:
+        return 1 / self.volts_by_inverse_m.x[-1]
+
+    @property
+    def max_m(self) -> float:
+        return 1 / self.volts_by_inverse_m.x[0]
+
+    @property
+    def mean_age_s(self) -> float:
+        return self.period_s / 2
+
+    def reading(self, volts: float) -> RangeReading:
+        """Distance by the datasheet's curve, linear in 1/distance between its points."""
+        if not self.least_v <= volts <= self.most_v:
+            return FAILED
+        if volts > self.inverse_m_by_volts.x[-1]:
+            return RangeReading(RangeState.TOO_NEAR, self._near_m(volts))
+        if volts < self.inverse_m_by_volts.x[0]:
+            return NOTHING
+        inverse_m, inverse_m_per_volt = self.inverse_m_by_volts.at(volts)
+        sigma_m = self._sigma_m(1 / inverse_m, inverse_m_per_volt)
+        return RangeReading(RangeState.DISTANCE, 1 / inverse_m, sigma_m**2)
+
+    def sigma_m(self, distance_m: float) -> float:
+        _, volts_per_inverse_m = self.volts_by_inverse_m.at(1 / distance_m)
+        return self._sigma_m(distance_m, 1 / volts_per_inverse_m)
+
+    def _sigma_m(self, distance_m: float, inverse_m_per_volt: float) -> float:
+        """Output noise through the curve's slope, d(1/d)/dV, and what calibration leaves."""
+        noise_m = self.noise_v * inverse_m_per_volt * distance_m**2
+        return math.hypot(noise_m, self.gain_sigma * distance_m)
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """On the rising branch, from the lens to the curve's peak."""
+        volts, near, peak = self.volts(distance_m), self.volts_by_near_m, self._peak
+        rising = Curve(near.x[: peak + 1], near.y[: peak + 1]).inverse()
+        return rising.at(volts)[0] if volts >= near.y[0] else None
+
+    @property
+    def _peak(self) -> int:
+        """Where the curve folds back, as an index of the near points."""
+        return max(range(len(self.volts_by_near_m.y)), key=self.volts_by_near_m.y.__getitem__)
+
+    def _near_m(self, volts: float) -> float:
+        """A guess for what is too near: on the branch that falls from the peak."""
+        near, peak = self.volts_by_near_m, self._peak
+        falling = Curve(near.y[: peak - 1 : -1], near.x[: peak - 1 : -1])
+        return min(max(falling.at(volts)[0], near.x[peak]), near.x[-1])
+
+    def volts(self, distance_m: float | None) -> float:
+        """The datasheet's curve; beyond its end it falls on towards the open output."""
+        if distance_m is None:
+            return self.open_v
+        if distance_m < self.min_m:
+            return self.volts_by_near_m.at(max(distance_m, 0.0))[0]
+        return max(self.volts_by_inverse_m.at(1 / distance_m)[0], self.open_v)
+
+
+@dataclass(frozen=True, slots=True)
+class LinearProfile:
+    """An ideal sensor: voltage linear in distance, the same error everywhere.
+
+    Its zero is well above that of the wires, so that an open input looks like no distance.
+    """
+
+    min_m: float
+    max_m: float
+    error_m: float
+    period_s: float
+    gain_sigma: float = 0.0
+    noise_v: float = 0.0
+    """None where nothing returns."""
+    zero_v: float = 1.2
+    volts_per_m: float = 0.36
+    open_v: float = 3.1
+
+    @property
+    def mean_age_s(self) -> float:
+        return self.period_s / 2
+
+    def reading(self, volts: float) -> RangeReading:
+        if abs(volts - self.open_v) < OPEN_WITHIN_V:
+            return NOTHING
+        distance_m = (volts - self.zero_v) / self.volts_per_m
+        if not -SIGMAS * self.error_m < distance_m < self.max_m + ADC_STEP_V / self.volts_per_m:
+            return FAILED
+        if distance_m < self.min_m:
+            return TOO_NEAR
+        return RangeReading(RangeState.DISTANCE, min(distance_m, self.max_m), self.error_m**2)
+
+    def sigma_m(self, distance_m: float) -> float:
+        return self.error_m
+
+    def alias_m(self, distance_m: float) -> float | None:
+        """It does not fold."""
+        return None
+
+    def volts(self, distance_m: float | None) -> float:
+        if distance_m is None or distance_m > self.max_m:
+            return self.open_v
+        return self.zero_v + self.volts_per_m * distance_m
+
+
+SIGMAS = 6.0
+"""Noise is never larger."""
+ADC_STEP_V = 0.005
+"""The coarsest: ten bits of 5 V."""
+OPEN_WITHIN_V = 0.04
+"""The ideal sensor's output without light has no noise, but a reference may be 1 % off."""
+_GP2Y_POINTS = (
+    *((5.5, 1.37), (5.0, 1.39), (4.7, 1.40), (4.4, 1.42), (4.1, 1.44), (3.8, 1.47)),
+    *((3.5, 1.50), (3.2, 1.52), (2.9, 1.57), (2.6, 1.63), (2.3, 1.70), (2.0, 1.80)),
+    *((1.8, 1.90), (1.6, 2.00), (1.4, 2.10), (1.2, 2.30), (1.0, 2.50)),
+)
+"""Distance in metres and volts, from the datasheet's figure."""
+_GP2Y_FAR = Curve(
+    tuple(1 / metres for metres, _ in _GP2Y_POINTS), tuple(volts for _, volts in _GP2Y_POINTS)
+)
+GP2Y0A710K0F = SharpProfile(
+    volts_by_inverse_m=_GP2Y_FAR,
+    inverse_m_by_volts=_GP2Y_FAR.inverse(),
+    volts_by_near_m=Curve(
+        (0.0, 0.2, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0),
+        (1.20, 1.45, 2.30, 3.13, 3.08, 3.00, 2.80, 2.60, 2.50),
+    ),
+    noise_v=0.010,
+    gain_sigma=0.003,
+    period_s=0.0165,
+    open_v=1.25,
+    least_v=1.25 - SIGMAS * 0.010,
+    most_v=3.13 + SIGMAS * 0.010,
+)
+PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05, period_s=0.050)
+PROFILES: dict[str, Profile] = {"gp2y0a710k0f": GP2Y0A710K0F, "paper": PAPER}

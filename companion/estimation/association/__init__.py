@@ -1,0 +1,1 @@
+"""Which hit belongs to which wall, and which walls there are."""

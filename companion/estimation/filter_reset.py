@@ -1,0 +1,57 @@
+"""The filters go on from what the smoother knows, with its covariance.
+
+The heading filter takes heading, bias, gyro scale and directions; the position filter takes
+position, odometry scale, wander, and the walls' offsets from anchors in the middle of what has been
+seen of each, where direction and offset depend on each other least.
+"""
+
+import numpy as np
+
+from companion.estimation.filters.heading_filter import HeadingFilter
+from companion.estimation.filters.position_filter import LineSlam, Wall
+from companion.estimation.smoothing import factors
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.state import (
+    BIAS,
+    EAST,
+    NORTH,
+    POSE_SIZE,
+    WALL_SIZE,
+    WANDER_EAST,
+    WANDER_NORTH,
+    YAW,
+)
+
+_GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + factors.GYRO_SCALE, POSE_SIZE + factors.ODOMETRY_SCALE
+_WALLS = POSE_SIZE + factors.WALLS
+
+
+def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
+    """Set both filters to the last keyframe."""
+    x = estimate.x
+    covariance = estimate.solution.covariance_of_last(POSE_SIZE)
+    pose = x.poses[-1]
+    directions = _WALLS + WALL_SIZE * np.arange(len(x.walls))
+    chosen = np.array([YAW, BIAS, _GYRO_SCALE, *directions])
+    heading.restart(
+        np.array([pose[YAW], pose[BIAS], x.gyro_scale, *x.walls[:, 0]]),
+        covariance[np.ix_(chosen, chosen)],
+    )
+    # d = ρ - a·n(α):  δd = δρ - (a·t) δα
+    middle_m = x.reach_m.mean(axis=1)
+    half_m = 0.5 * np.ptp(x.reach_m, axis=1)
+    anchors = x.walls[:, 1:] * x.normals + middle_m[:, None] * x.tangents
+    moving = [NORTH, EAST, _ODOMETRY_SCALE, WANDER_NORTH, WANDER_EAST]
+    offset_by = np.zeros((len(moving) + len(x.walls), len(covariance)))
+    offset_by[np.arange(len(moving)), moving] = 1.0
+    row = len(moving) + np.arange(len(x.walls))
+    offset_by[row, directions], offset_by[row, directions + 1] = -middle_m, 1.0
+    state = np.zeros(len(moving) + len(x.walls))
+    state[: len(moving)] = (*pose[:YAW], x.odometry_scale, *pose[WANDER_NORTH:])
+    walls = [
+        Wall(i, (north, east), -half, half)
+        for i, ((north, east), half) in enumerate(
+            zip(anchors.tolist(), half_m.tolist(), strict=True)
+        )
+    ]
+    slam.restart(state, offset_by @ covariance @ offset_by.T, walls)

@@ -1,0 +1,1 @@
+"""Other associations of a whole flight, searched for and compared by likelihood."""

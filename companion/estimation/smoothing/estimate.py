@@ -1,0 +1,68 @@
+"""What the smoother gives, and what it is given of what came before."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from companion.core.frames import wrap_rad
+from companion.core.messages import WallLine
+from companion.estimation.smoothing import factors
+from companion.estimation.smoothing.bordered_solver import Belief, Solution
+from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Array, Indices, Unknowns
+
+
+@dataclass(frozen=True, slots=True)
+class Past:
+    """What the keyframes before one tell of it and of all that is shared."""
+
+    frame: int
+    at: Array
+    """(pose + shared,): the point that the belief is about."""
+    belief: Belief
+
+    @property
+    def walls(self) -> int:
+        """How many were known."""
+        return (len(self.at) - POSE_SIZE - factors.WALLS) // WALL_SIZE
+
+    def beside(self, x: Unknowns) -> Array:
+        """(pose + shared,): how far `x` is from what the belief is about."""
+        delta: Array = values(x, 0)[: len(self.at)] - self.at
+        angles = np.array([YAW, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
+        delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
+        return delta
+
+
+@dataclass(slots=True)
+class Estimate:
+    """The likeliest flight from some keyframe on."""
+
+    x: Unknowns
+    wall_of: Indices
+    solution: Solution
+
+    @property
+    def wall_lines(self) -> tuple[WallLine, ...]:
+        """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
+        lines = []
+        for i, (normal_rad, offset_m) in enumerate(self.x.walls):
+            at = factors.WALLS + WALL_SIZE * i
+            block = self.solution.shared_covariance[at : at + 2, at : at + 2]
+            (direction, both), (_, offset) = block
+            lines.append(
+                WallLine(
+                    wrap_rad(float(normal_rad)),
+                    float(offset_m),
+                    math.sqrt(max(offset - both**2 / direction, 0.0)),
+                    math.sqrt(direction),
+                    float(both / direction),
+                )
+            )
+        return tuple(lines)
+
+
+def values(x: Unknowns, frame: int) -> Array:
+    """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
+    shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
+    return np.array([*x.poses[frame], *shared])

@@ -1,0 +1,204 @@
+"""The smoother's residuals, each divided by its sigma, with their gradients.
+
+odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - (1 + s)·d_k
+wander     w_{k+1} - w_k·exp(-dt/τ)
+gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
+bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyro_bias.py`)
+hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
+square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+
+The gradient by s is -mean(d)_k, of the motion averaged over the time around (`odometry_model.py`).
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from companion.estimation.filters.heading_filter import GyroModel
+from companion.estimation.smoothing.bordered_solver import BorderedSystem, cauchy
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.odometry_model import OdometryModel, wander_kept
+from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.state import (
+    POSE_SIZE,
+    WALL_SIZE,
+    WANDER_EAST,
+    WANDER_NORTH,
+    Array,
+    Indices,
+    Measured,
+    Unknowns,
+    project,
+)
+from companion.estimation.smoothing.two_gyro_bias import ToldModel, steadied
+
+GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
+WALLS = GAINS + len(BEAMS)
+"""Places of the shared unknowns."""
+LEAST_SIGMA = 1e-4
+SQUARE_SIGMA_RAD = math.radians(0.5)
+"""How exactly rooms are built."""
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """How far the sensors may be trusted."""
+
+    ranges: RangeUnits
+    rest_bias_rad_s: float = 0.0
+    """The gyro's, as averaged before take-off."""
+    gyro: GyroModel = field(default_factory=GyroModel)
+    odometry: OdometryModel = field(default_factory=OdometryModel)
+    told: ToldModel = field(default_factory=ToldModel)
+
+    def measured(self, record: FlightRecord) -> Measured:
+        """All that was recorded so far, and what two gyros tell that one does not."""
+        return steadied(Measured.of(record, self.ranges), self.gyro, self.told)
+
+    def bias_variance(self, m: Measured) -> Array:
+        """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².
+
+        Where two gyros tell, that is only what the other one's moves; but at take-off, before they
+        do, motors shake ours at once.
+        """
+        alone = self.gyro.bias_variance_per_s(m.age_s)
+        per_s = np.where(m.is_steadied, self.told.bias_walk_rad_s_sqrt_s**2, alone)
+        takes_off = m.is_steadied & np.diff(m.is_steadied, prepend=False)
+        variance: Array = per_s * m.dt_s
+        variance += np.where(takes_off, self.gyro.settling_variance(m.age_s), 0.0)
+        return variance
+
+
+def new_system(x: Unknowns) -> BorderedSystem:
+    return BorderedSystem(x.poses.size, WALLS + x.walls.size, 2 * POSE_SIZE)
+
+
+def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
+    p = x.poses
+    at = POSE_SIZE * np.arange(len(p) - 1)
+    after = at + POSE_SIZE
+    cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
+    north, east = np.diff(x.tracks, axis=0).T
+    forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
+    told, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
+    walk_m = model.step_sigma_m(m.dt_s)
+    for by_pose, axis, to_north, to_east, by_yaw in (
+        (forward, 0, cos_yaw, sin_yaw, right),
+        (right, 1, -sin_yaw, cos_yaw, -forward),
+    ):
+        system.add(
+            by_pose - told[:, axis],
+            walk_m,
+            [
+                *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
+                *((after, to_north), (after + 1, to_east)),
+                *((at + WANDER_NORTH, -to_north), (at + WANDER_EAST, -to_east)),
+                *((after + WANDER_NORTH, to_north), (after + WANDER_EAST, to_east)),
+            ],
+            [(ODOMETRY_SCALE, -mean[:, axis])],
+        )
+
+
+def wander_steps_m(x: Unknowns, m: Measured) -> Array:
+    """(k - 1, 2): by how much the wander, north and east, has done more than fade."""
+    wander_m = x.poses[:, WANDER_NORTH:]
+    steps_m: Array = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
+    return steps_m
+
+
+def add_wander(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
+    at = POSE_SIZE * np.arange(len(x.poses) - 1)
+    kept, sigma_m = wander_kept(m.dt_s), model.wander_step_sigma_m(m.dt_s)
+    for axis, steps_m in zip((WANDER_NORTH, WANDER_EAST), wander_steps_m(x, m).T, strict=True):
+        system.add(
+            steps_m,
+            sigma_m,
+            [(at + axis, -kept), (at + POSE_SIZE + axis, np.ones(len(at)))],
+        )
+
+
+def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, models: Models) -> None:
+    p = x.poses
+    at = POSE_SIZE * np.arange(len(p) - 1)
+    after = at + POSE_SIZE
+    one = np.ones(len(at))
+    system.add(
+        p[1:, 2] - p[:-1, 2] - (1 - x.gyro_scale) * m.turned_rad + p[:-1, 3] * m.dt_s,
+        models.gyro.turn_sigma_rad(m.dt_s, m.gap_rad2),
+        [(at + 2, -one), (after + 2, one), (at + 3, m.dt_s)],
+        [(GYRO_SCALE, m.turned_rad)],
+    )
+    system.add(
+        p[1:, 3] - p[:-1, 3] - m.bias_moved_rad_s,
+        np.sqrt(models.bias_variance(m)),
+        [(at + 3, -one), (after + 3, one)],
+    )
+
+
+def hit_residuals(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Array:
+    """(hits on walls,): how far off their walls they are, in sigmas of their ranges."""
+    return _hits_on_walls(x, m, wall_of, units)[1]
+
+
+def _hits_on_walls(
+    x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
+) -> tuple[Indices, Array, Array, Array, Array]:
+    """Which hits are on walls, their residuals, expected distances, cos(incidence), and points."""
+    used: Indices = np.flatnonzero(wall_of >= 0)
+    seen = project(x, m)
+    eyes, beams = seen.eyes[used], seen.beams[used]
+    wall, beam = wall_of[used], m.beam[used]
+    normals = x.normals[wall]
+    cos_incidence = (beams * normals).sum(axis=1)
+    expected_m = (x.walls[wall, 1] - (eyes * normals).sum(axis=1)) / cos_incidence
+    met = eyes + expected_m[:, None] * beams
+    distance_m = np.clip(expected_m - m.mount_m[used], units.min_m[beam], units.max_m[beam])
+    measured_m = (1 - x.range_gain[beam]) * m.distance_m[used]
+    residual = units.signal(beam, measured_m) - units.signal(beam, distance_m)
+    return used, residual, distance_m, cos_incidence, met
+
+
+def add_hits(
+    system: BorderedSystem, x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
+) -> None:
+    """Where the wall's line moves, the expected range moves by 1 / cos(incidence) of it."""
+    used, residual, distance_m, cos_incidence, met = _hits_on_walls(x, m, wall_of, units)
+    wall, frame, beam = wall_of[used], m.frame[used], m.beam[used]
+    per_sigma = 1 / (units.sigma_m(beam, distance_m) * cos_incidence)
+    cos_a, sin_a = x.normals[wall].T
+    arm = met - x.poses[frame, :2]
+    pose_column, wall_column = POSE_SIZE * frame, WALLS + WALL_SIZE * wall
+    system.add(
+        residual,
+        cauchy(residual),
+        [
+            (pose_column, per_sigma * cos_a),
+            (pose_column + 1, per_sigma * sin_a),
+            (pose_column + 2, per_sigma * (arm[:, 0] * sin_a - arm[:, 1] * cos_a)),
+        ],
+        [
+            (wall_column, per_sigma * (met[:, 1] * cos_a - met[:, 0] * sin_a)),
+            (wall_column + 1, -per_sigma),
+            (GAINS + beam, -per_sigma * cos_incidence * distance_m),
+        ],
+    )
+
+
+def off_square_rad(between_rad: Array) -> Array:
+    """How far angles between walls are from the nearest multiple of 90°."""
+    off_rad: Array = (between_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4
+    return off_rad
+
+
+def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> None:
+    """Softly, and softer the farther off it is: not every room is built so."""
+    between_rad = x.walls[[wall], 0] - x.walls[[other], 0]
+    residual = off_square_rad(between_rad) / SQUARE_SIGMA_RAD
+    per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
+    system.add(
+        residual,
+        cauchy(residual),
+        [],
+        [(WALLS + WALL_SIZE * wall, per_sigma), (WALLS + WALL_SIZE * other, -per_sigma)],
+    )

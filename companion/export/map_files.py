@@ -1,0 +1,236 @@
+"""The map as files: JSON for programs, PNG for people, PLY for 3-D viewers.
+
+JSON keeps local NED as the program has it; PNG and PLY are ENU, as their readers expect. Every
+file is written beside its place and then moved there, so that a crash never leaves half a map.
+"""
+
+import contextlib
+import json
+from collections.abc import Callable, Iterable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
+
+from companion.core.aside import Aside
+from companion.core.errors import CompanionError, OutputError
+from companion.core.frames import Vector2, ned_to_enu
+from companion.core.messages import FloorPlan, Pose, Surface, WallSegment
+from companion.core.textfile import read_text
+from companion.export.map_png import draw
+
+_T = TypeVar("_T")
+
+UNKNOWN_CEILING_M = 2.5
+"""How high walls are drawn when the up beam never met a ceiling."""
+WALL_COLOUR = (90, 110, 130, 255)
+HIT_COLOUR = (230, 120, 40, 255)
+
+
+def save(plan: FloorPlan, folder: Path) -> list[Path]:
+    """Write map.json, map.png and map.ply, each as far as the others allow; their paths.
+
+    Raises:
+        OutputError: one cannot be written; names all of them.
+    """
+    paths = [folder / name for name in MAP_WRITERS]
+    each_by_itself(partial(save_as, MAP_WRITERS[path.name], plan, path) for path in paths)
+    return paths
+
+
+def each_by_itself(writings: Iterable[Callable[[], object]]) -> None:
+    """Write files, each as far as the others allow.
+
+    Raises:
+        OutputError: some cannot be written; names all of them.
+    """
+    complaints = []
+    for write in writings:
+        try:
+            write()
+        except CompanionError as error:
+            complaints.append(str(error))
+    if complaints:
+        raise OutputError("; ".join(complaints))
+
+
+def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> None:
+    """Write a file beside its place, then move it there.
+
+    Raises:
+        OutputError: that names the file, and why it cannot be written.
+    """
+    unfinished = path.with_name(f".unfinished-{path.name}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write(content, unfinished)
+        unfinished.replace(path)
+    except Exception as error:  # also whatever a library makes of it
+        with contextlib.suppress(OSError):
+            unfinished.unlink(missing_ok=True)
+        if isinstance(error, CompanionError):
+            raise
+        reason = (error.strerror or error) if isinstance(error, OSError) else repr(error)
+        raise OutputError(f"{path}: {reason}") from error
+
+
+def save_json(plan: FloorPlan, path: Path) -> None:
+    """Walls with their uncertainty, and the path flown; local NED, metres, radians, seconds."""
+    path.write_text(
+        json.dumps(
+            {
+                "frame": "local NED: origin at take-off, x along the first heading, z down",
+                "ceiling_m": plan.ceiling_m,
+                "floor_m": plan.floor_m,
+                "tops": [_surface_record(surface) for surface in plan.tops],
+                "walls": [_wall_record(wall) for wall in plan.walls],
+                "path": [_pose_record(pose) for pose in plan.path],
+            },
+            indent=1,
+        ),
+        encoding="utf-8",
+    )
+
+
+def _wall_record(wall: WallSegment) -> dict[str, object]:
+    return {
+        "start_ne_m": wall.start_ne_m,
+        "end_ne_m": wall.end_ne_m,
+        "sigma_m": wall.sigma_m,
+        "normal_sigma_rad": wall.normal_sigma_rad,
+        "hits": wall.hits,
+    }
+
+
+def _surface_record(surface: Surface) -> dict[str, object]:
+    return {
+        "centre_ne_m": surface.centre_ne_m,
+        "height_m": surface.height_m,
+        "area_m2": surface.area_m2,
+    }
+
+
+def _pose_record(pose: Pose) -> dict[str, float]:
+    return {
+        "time_s": pose.time_s,
+        "north_m": pose.north_m,
+        "east_m": pose.east_m,
+        "down_m": pose.down_m,
+        "yaw_rad": pose.yaw_rad,
+    }
+
+
+def load_json(path: Path) -> FloorPlan:
+    """The map of `save_json`; hits are not kept there."""
+    record = json.loads(read_text(path))
+    return FloorPlan(
+        walls=tuple(
+            WallSegment(
+                tuple(w["start_ne_m"]),
+                tuple(w["end_ne_m"]),
+                w["sigma_m"],
+                w["hits"],
+                w["normal_sigma_rad"],
+            )
+            for w in record["walls"]
+        ),
+        path=tuple(Pose(**pose) for pose in record["path"]),
+        ceiling_m=record["ceiling_m"],
+        floor_m=record["floor_m"],
+        tops=tuple(
+            Surface(tuple(s["centre_ne_m"]), s["height_m"], s["area_m2"]) for s in record["tops"]
+        ),
+    )
+
+
+def save_ply(plan: FloorPlan, path: Path) -> None:
+    """Walls from floor to ceiling as faces, hits as points; ENU metres, z = 0 at take-off."""
+    import trimesh  # noqa: PLC0415 - slow to load, and only needed at the end
+
+    ceiling_m = plan.ceiling_m if plan.ceiling_m is not None else UNKNOWN_CEILING_M
+    corners = [corner for wall in plan.walls for corner in _wall_corners(wall, ceiling_m)]
+    points = [ned_to_enu(hit.position_ned_m) for hit in plan.hits]
+    faces = [
+        (4 * wall + a, 4 * wall + b, 4 * wall + c)
+        for wall in range(len(plan.walls))
+        for a, b, c in ((0, 1, 2), (0, 2, 3))
+    ]
+    mesh = trimesh.Trimesh(
+        np.array([*corners, *points]).reshape(-1, 3),
+        np.array(faces, dtype=int).reshape(-1, 3),
+        process=False,
+    )
+    if len(mesh.vertices):
+        colours = [WALL_COLOUR] * len(corners) + [HIT_COLOUR] * len(points)
+        mesh.visual = trimesh.visual.ColorVisuals(mesh, vertex_colors=np.array(colours))
+    with path.open("wb") as file:
+        mesh.export(file, file_type="ply")
+
+
+def _wall_corners(wall: WallSegment, ceiling_m: float) -> list[tuple[float, float, float]]:
+    def corner(end: Vector2, height_m: float) -> tuple[float, float, float]:
+        return ned_to_enu((end[0], end[1], -height_m))
+
+    start, end = wall.start_ne_m, wall.end_ne_m
+    return [
+        corner(start, 0.0),
+        corner(end, 0.0),
+        corner(end, ceiling_m),
+        corner(start, ceiling_m),
+    ]
+
+
+MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path], None]] = {
+    "map.json": save_json,
+    "map.png": draw,
+    "map.ply": save_ply,
+}
+
+
+class AutoSave:
+    """Keeps map.json on disk while the flight goes on, for the case that the program dies.
+
+    It is written aside. A disk that refuses it is told of once, and tried again.
+    """
+
+    PERIOD_S = 5.0
+    AT_ONCE_S = 1.0
+    """A program that has failed in the air does not wait longer: it is to be taken up again."""
+    SETTLE_S = 5.0
+
+    def __init__(
+        self, folder: Path, plan: Callable[[], FloorPlan], warn: Callable[[str], None]
+    ) -> None:
+        self._plan = plan
+        self._warn = warn
+        self._has_warned = False
+        self._last_s = 0.0
+        path = folder / "map.json"
+        self._writer = Aside[FloorPlan](lambda plan: save_as(save_json, plan, path))
+
+    def update(self, time_s: float) -> None:
+        if self._writer.trouble and not self._has_warned:
+            self._has_warned = True
+            self._warn(f"the map so far is not saved: {self._writer.trouble}")
+        if time_s - self._last_s < self.PERIOD_S:
+            return
+        self._last_s = time_s
+        self._give()
+
+    def save_at_once(self) -> None:
+        """After an error, as far as it can be."""
+        self._give()
+        self._writer.wait(self.AT_ONCE_S)
+
+    def settle(self) -> None:
+        """Let it finish, but not for ever, before somebody else writes the file."""
+        self._writer.wait(self.SETTLE_S)
+
+    def _give(self) -> None:
+        try:
+            plan = self._plan()
+        except Exception as error:  # a map that cannot be drawn up is no reason to end the flight
+            self._writer.trouble = repr(error)
+            return
+        self._writer.give(plan)

@@ -1,0 +1,1 @@
+"""How MAVLink messages travel: UDP, serial ports, memory."""

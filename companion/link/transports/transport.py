@@ -1,0 +1,329 @@
+"""How MAVLink messages travel: UDP, bytes through memory, or message objects handed over.
+
+All three deliver the same messages to the bit. The emulated autopilot of SITL uses the same
+classes for its end.
+"""
+
+import errno
+import re
+import select
+import socket
+import struct
+import time
+from collections import deque
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.core.errors import LinkError
+from companion.link.signing import Signing, SigningCodec
+
+URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
+TAKEOVER_S = 1.5
+"""More than the second between two heartbeats of a peer that has nothing else to say."""
+Message = Any
+"""A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
+
+
+AUTOPILOT_COMPONENT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
+COMPANION_COMPONENT: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+"""The two ends of an in-process link; they share the vehicle's system."""
+
+
+class Transport(Protocol):
+    """One end of a link."""
+
+    def receive(self) -> list[Message]:
+        """All that has arrived; never waits."""
+        ...
+
+    def send(self, message: Message) -> None:
+        """Send it whole, or lose it silently, as a radio would; never waits."""
+        ...
+
+    def close(self) -> None: ...
+
+
+def make_codec(system_id: int, component_id: int, signing: Signing | None = None) -> Any:
+    """The one place where pymavlink's encoder and parser is made."""
+    kind = mavlink.MAVLink if signing is None else SigningCodec
+    codec = kind(None, srcSystem=system_id, srcComponent=component_id)
+    codec.robust_parsing = True
+    if signing is not None:
+        codec.signing = signing
+    return codec
+
+
+def sent_by(message: Message, component_id: int, number: int) -> Message:
+    """The same message from another component of ours, which numbers what it sends itself."""
+    message.sent_by = component_id, number % 256
+    return message
+
+
+def frame(codec: Any, message: Message) -> bytes:
+    """Its bytes, from the component that it is sent by."""
+    ours = codec.srcComponent, codec.seq
+    other = getattr(message, "sent_by", None)
+    codec.srcComponent, codec.seq = other or ours
+    data: bytes = message.pack(codec)
+    codec.srcComponent, codec.seq = ours[0], (ours[1] + (other is None)) % 256
+    return data
+
+
+def decode(codec: Any, data: bytes) -> list[Message]:
+    """Whole messages in a packet; what cannot be parsed or is not known is left out.
+
+    Half a message at the packet's end is forgotten, or it would swallow the next packet.
+    """
+    messages = decode_stream(codec, data)
+    if codec.buf_len():
+        codec.buf, codec.buf_index = bytearray(), 0
+        codec.expected_length = mavlink.HEADER_LEN_V1 + 2
+    return messages
+
+
+def decode_stream(codec: Any, data: bytes) -> list[Message]:
+    """Whole messages in a stream so far; the beginning of the next one is kept.
+
+    A message's number is asked for, not read from its `id`: some messages have a field of that
+    name.
+    """
+    messages = codec.parse_buffer(data) or []
+    return [
+        m for m in messages if m.get_type() != "BAD_DATA" and m.get_msgId() in mavlink.mavlink_map
+    ]
+
+
+class UdpTransport:
+    """MAVLink in datagrams.
+
+    "udpin:HOST:PORT" waits there for a peer; "udpout:HOST:PORT" speaks first. Port 0 with udpin
+    takes a free one.
+
+    A link has one peer: the address that first sent a MAVLink message, or that was spoken to. What
+    others send is dropped, or any program that happens to know the port could take the link over,
+    and with it the vehicle. Only when the peer has said nothing for `TAKEOVER_S` while others
+    spoke, the next of them becomes the peer: so a companion that was restarted, or an application
+    that comes back from another port, is heard after its third heartbeat. This keeps mishaps away,
+    not an attacker, who can write any address on a datagram.
+
+    Raises:
+        LinkError: the address cannot be used.
+    """
+
+    def __init__(
+        self, url: str, system_id: int, component_id: int, signing: Signing | None = None
+    ) -> None:
+        if not re.fullmatch(URL_PATTERN, url):
+            raise LinkError(f"{url}: not a link; write udpin:HOST:PORT or udpout:HOST:PORT")
+        kind, host, port = url.split(":")
+        self._url = url
+        self._codec = make_codec(system_id, component_id, signing)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+        self._peer: tuple[str, int] | None = None
+        self._others_since_s: float | None = None
+        """Since when others have spoken, and the peer has not."""
+        self._waiting: list[Message] = []
+        self.datagrams_sent = 0
+        self.datagrams_received = 0
+        """Both are counted with the present peer."""
+        self.messages_dropped = 0
+        """The kernel had no room for them, or no way."""
+        try:
+            if kind == "udpin":
+                self._socket.bind((host, int(port)))
+            else:
+                self._socket.bind(("", 0))
+                self._peer = (socket.gethostbyname(host), int(port))
+        except (OSError, OverflowError) as error:
+            self._socket.close()
+            remedy = "is another program using it? choose another port"
+            raise LinkError(f"{url}: {error}; {remedy}") from error
+
+    @property
+    def local_port(self) -> int:
+        port: int = self._socket.getsockname()[1]
+        return port
+
+    @property
+    def address(self) -> str:
+        """As a URL, with the port that was taken where any would do."""
+        start, _, port = self._url.rpartition(":")
+        return f"{start}:{self.local_port if port == '0' else port}"
+
+    @property
+    def peer_port(self) -> int | None:
+        return self._peer[1] if self._peer else None
+
+    def receive(self) -> list[Message]:
+        self._drain()
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def _drain(self) -> None:
+        while True:
+            try:
+                data, sender = self._socket.recvfrom(65535)
+            except BlockingIOError:
+                return
+            except OSError as error:
+                if error.errno == errno.ECONNREFUSED:  # nobody there yet: ICMP of an earlier send
+                    continue
+                return
+            messages = decode(self._codec, data)
+            if not messages or not self._is_peer(sender):
+                continue
+            self.datagrams_received += 1
+            self._waiting += messages
+
+    def _is_peer(self, sender: tuple[str, int]) -> bool:
+        """Who has sent a message is the peer, or has just become it."""
+        if sender == self._peer:
+            self._others_since_s = None
+            return True
+        if self._peer is not None:
+            now_s = time.monotonic()
+            if self._others_since_s is None:
+                self._others_since_s = now_s
+            if now_s - self._others_since_s < TAKEOVER_S:
+                return False
+        self._peer, self._others_since_s = sender, None
+        self.datagrams_sent = self.datagrams_received = 0
+        return True
+
+    def await_datagrams(self, total: int, timeout_s: float) -> None:
+        """Wait until `total` datagrams have come in, in all; lost ones are given up in time."""
+        deadline_s = time.monotonic() + timeout_s
+        self._drain()
+        while self.datagrams_received < total:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0 or not select.select([self._socket], [], [], left_s)[0]:
+                self.datagrams_received = total
+                return
+            self._drain()
+
+    def send(self, message: Message) -> None:
+        if self._peer is None:
+            return
+        try:
+            self._socket.sendto(frame(self._codec, message), self._peer)
+        except OSError:
+            self.messages_dropped += 1
+            return
+        self.datagrams_sent += 1
+
+    def close(self) -> None:
+        self._socket.close()
+
+
+class _PipeEnd:
+    """Bytes through memory."""
+
+    def __init__(
+        self,
+        inbox: deque[bytes],
+        outbox: deque[bytes],
+        identity: tuple[int, int],
+        signing: Signing | None,
+    ) -> None:
+        self._inbox, self._outbox = inbox, outbox
+        self._codec = make_codec(*identity, signing)
+
+    def receive(self) -> list[Message]:
+        data = b"".join(self._inbox)
+        self._inbox.clear()
+        return decode(self._codec, data)
+
+    def send(self, message: Message) -> None:
+        self._outbox.append(frame(self._codec, message))
+
+    def close(self) -> None:
+        self._outbox.clear()
+
+
+class _DirectEnd:
+    """Message objects, as they would have come out of the bytes."""
+
+    def __init__(
+        self, inbox: deque[Message], outbox: deque[Message], system_id: int, component_id: int
+    ) -> None:
+        self._inbox, self._outbox = inbox, outbox
+        self._system_id, self._component_id = system_id, component_id
+
+    def receive(self) -> list[Message]:
+        messages = list(self._inbox)
+        self._inbox.clear()
+        return messages
+
+    def send(self, message: Message) -> None:
+        message._header.srcSystem = self._system_id
+        sender = getattr(message, "sent_by", (self._component_id,))
+        message._header.srcComponent = sender[0]
+        _round_floats(message)
+        self._outbox.append(message)
+
+    def close(self) -> None:
+        self._outbox.clear()
+
+
+@dataclass(frozen=True, slots=True)
+class _FloatFields:
+    """What of a kind of message travels as float32."""
+
+    singles: tuple[str, ...]
+    packer: struct.Struct
+    arrays: tuple[str, ...]
+
+    @classmethod
+    def of(cls, message: Message) -> "_FloatFields":
+        types = zip(message.fieldnames, message.fieldtypes, strict=True)
+        floats = [name for name, type_ in types if type_ == "float"]
+        arrays = tuple(name for name in floats if isinstance(getattr(message, name), list | tuple))
+        singles = tuple(name for name in floats if name not in arrays)
+        return cls(singles, struct.Struct(f"<{len(singles)}f"), arrays)
+
+
+_float_fields: dict[type, _FloatFields] = {}
+
+
+def _round_floats(message: Message) -> None:
+    """Give every float32 field the value that it has on the wire."""
+    kind, fields = type(message), message.__dict__
+    floats = _float_fields.get(kind) or _float_fields.setdefault(kind, _FloatFields.of(message))
+    packer = floats.packer
+    rounded = packer.unpack(packer.pack(*[fields[name] for name in floats.singles]))
+    fields.update(zip(floats.singles, rounded, strict=True))
+    for name in floats.arrays:
+        array = getattr(message, name)
+        setattr(
+            message,
+            name,
+            list(struct.unpack(f"<{len(array)}f", struct.pack(f"<{len(array)}f", *array))),
+        )
+
+
+NO_SIGNING = (None, None)
+
+
+def pipe_pair(
+    system_id: int = 1, signing: tuple[Signing | None, Signing | None] = NO_SIGNING
+) -> tuple[Transport, Transport]:
+    """Two ends handing MAVLink bytes through memory: the autopilot's, the companion's."""
+    to_companion: deque[bytes] = deque()
+    to_autopilot: deque[bytes] = deque()
+    return (
+        _PipeEnd(to_autopilot, to_companion, (system_id, AUTOPILOT_COMPONENT), signing[0]),
+        _PipeEnd(to_companion, to_autopilot, (system_id, COMPANION_COMPONENT), signing[1]),
+    )
+
+
+def direct_pair(system_id: int = 1) -> tuple[Transport, Transport]:
+    """Two ends handing message objects over: the autopilot's, the companion's."""
+    to_companion: deque[Message] = deque()
+    to_autopilot: deque[Message] = deque()
+    return (
+        _DirectEnd(to_autopilot, to_companion, system_id, AUTOPILOT_COMPONENT),
+        _DirectEnd(to_companion, to_autopilot, system_id, COMPANION_COMPONENT),
+    )

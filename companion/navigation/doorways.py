@@ -1,0 +1,244 @@
+"""Doorways on a way: where their middles are, and how to pass them squarely.
+
+On a slant a doorway is narrower by the cosine of it, and the drone nearer to one of its jambs. So
+the way leads to a place before it, and straight on to one after it:
+
+         jamb █
+    before ─────► after
+         jamb █
+
+A doorway that was found once is remembered: from the other side, or after a while, its jambs may
+not stand out from what is known there. How wide it is, cells tell to two of them; what the front
+beam meets as it passes over both jambs, to centimetres.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from companion.core.frames import Vector2
+from companion.core.values import value
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.navigation.grid_planner import Ground
+from companion.navigation.path_follower import Way
+
+DOORWAY_ROOM_M = 0.7
+"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
+JAMBS_WITHIN_M = 1.0
+LEAST_WIDTH_M = 0.80
+"""What measures narrower is an opening not entered. Between the innermost of what is met on its
+jambs, noise and all, a doorway of 0.9 m measures 0.82 to 0.89 m in flights."""
+LOOKS = 2
+"""No opening is refused for one look: while the drone turns, its pose may drift by a decimetre."""
+JAMB_DEEP_M = 0.3
+"""Before and behind the line between the jambs, what is met is of one of them."""
+SAME_WITHIN_M = 0.8
+OPPOSITE_COS = -0.5
+AWAY_M = 0.7
+"""Before and after its middle a doorway's wall is passed, with room to turn."""
+
+
+@value
+class Doorway:
+    """A narrow place with something on both sides."""
+
+    leg: int
+    """Which of the way's corners is the next after it."""
+    middle_ne_m: Vector2
+    through_ne: Vector2
+    """Unit vector square to the line between the jambs, the way that it is passed."""
+    half_m: float
+    """From its middle to either jamb."""
+    swept_s: float = -math.inf
+    """When the front beam last passed over both jambs."""
+    widths_m: tuple[float, ...] = ()
+    """As the last looks have measured it, NaN where one did not meet both."""
+
+    @property
+    def is_too_narrow(self) -> bool:
+        """An opening not to be entered."""
+        return len(self.widths_m) == LOOKS and self.looks_narrow
+
+    @property
+    def looks_narrow(self) -> bool:
+        """No look has shown it wide enough."""
+        met_m = [width_m for width_m in self.widths_m if math.isfinite(width_m)]
+        return bool(met_m) and max(met_m) < LEAST_WIDTH_M
+
+    def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
+        """A place before (negative) or after the middle, and aside of it, to the right."""
+        (north, east), (x, y) = self.middle_ne_m, self.through_ne
+        return north + along_m * x - aside_m * y, east + along_m * y + aside_m * x
+
+    def jambs_ne_m(self) -> tuple[Vector2, Vector2]:
+        """Left and right as it is passed."""
+        return self.at_m(0.0, -self.half_m), self.at_m(0.0, self.half_m)
+
+    def along_m(self, place_ne_m: Vector2) -> float:
+        """How far past the middle a place is."""
+        return (place_ne_m[0] - self.middle_ne_m[0]) * self.through_ne[0] + (
+            place_ne_m[1] - self.middle_ne_m[1]
+        ) * self.through_ne[1]
+
+    def aside_m(self, place_ne_m: Vector2) -> float:
+        """How far to the right of its middle line a place is."""
+        return (place_ne_m[1] - self.middle_ne_m[1]) * self.through_ne[0] - (
+            place_ne_m[0] - self.middle_ne_m[0]
+        ) * self.through_ne[1]
+
+    def measured(self, met_ne_m: Sequence[Vector2]) -> "Doorway":
+        """With its width as this look has measured it."""
+        jambs = [at for at in met_ne_m if abs(self.along_m(at)) < JAMB_DEEP_M]
+        aside_m = [self.aside_m(at) for at in jambs]
+        right_m = min((m for m in aside_m if m > 0), default=math.nan)
+        left_m = max((m for m in aside_m if m <= 0), default=math.nan)
+        return replace(self, widths_m=(right_m - left_m,))
+
+    def is_same(self, other: "Doorway") -> bool:
+        return math.dist(self.middle_ne_m, other.middle_ne_m) < SAME_WITHIN_M
+
+    def towards(self, place_ne_m: Vector2) -> Vector2:
+        """Through it, to the side on which a place is."""
+        sign = math.copysign(1.0, self.along_m(place_ne_m))
+        return sign * self.through_ne[0], sign * self.through_ne[1]
+
+    def is_between(self, start: Vector2, end: Vector2) -> bool:
+        """The straight line between two places leads through it, or close by its jambs."""
+        before_m, after_m = self.along_m(start), self.along_m(end)
+        if before_m * after_m >= 0:
+            return False
+        share = before_m / (before_m - after_m)
+        at = start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])
+        return math.dist(at, self.middle_ne_m) < self.half_m
+
+
+def find_doorways(ground: Ground, here: Vector2, way: Way) -> tuple[Doorway, ...]:
+    """At the narrowest place of each stretch of the way that is narrow."""
+    narrowest: list[tuple[int, Vector2, Vector2]] = []
+    least_m = math.inf
+    for leg, place, heading in _along(here, way):
+        room_m = ground.clear_m(place)
+        if room_m >= DOORWAY_ROOM_M:
+            least_m = math.inf
+            continue
+        if math.isinf(least_m):
+            narrowest.append((leg, place, heading))
+        elif room_m < least_m:
+            narrowest[-1] = leg, place, heading
+        least_m = min(room_m, least_m)
+    found = (_doorway(ground, *one) for one in narrowest)
+    return tuple(doorway for doorway in found if doorway is not None)
+
+
+def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Doorway, ...]:
+    """All of them, as they were found last."""
+    new = []
+    for doorway in found:
+        same = [old for old in known if old.is_same(doorway)]
+        swept_s = max((doorway.swept_s, *(old.swept_s for old in same)))
+        before_m = next((old.widths_m for old in same if old.widths_m), ())
+        widths_m = (*before_m, *doorway.widths_m)[-LOOKS:]
+        new.append(replace(doorway, swept_s=swept_s, widths_m=widths_m))
+    kept = (old for old in known if not any(old.is_same(doorway) for doorway in new))
+    return (*kept, *new)
+
+
+def on_the_way(
+    known: Sequence[Doorway], found: Sequence[Doorway], here: Vector2, way: Way
+) -> tuple[Doorway, ...]:
+    """Those found on the way, and those known through which it leads, in its order."""
+    passed = list(found)
+    for leg, (start, end) in enumerate(pairwise((here, *way))):
+        passed += [
+            replace(doorway, leg=leg, through_ne=doorway.towards(end))
+            for doorway in known
+            if doorway.is_between(start, end) and not any(map(doorway.is_same, found))
+        ]
+    return tuple(sorted(passed, key=lambda doorway: doorway.leg))
+
+
+def too_narrow(known: Sequence[Doorway], grid: Occupancy) -> tuple[Doorway, ...]:
+    """Those not to be entered; through some the drone has come before they were measured."""
+    narrow = (doorway for doorway in known if doorway.is_too_narrow)
+    return tuple(doorway for doorway in narrow if not _came_through(doorway, grid))
+
+
+def _came_through(doorway: Doorway, grid: Occupancy) -> bool:
+    row, column = grid.cell(doorway.middle_ne_m)
+    rows, columns = (slice(max(at - 3, 0), max(at + 4, 0)) for at in (row, column))
+    return bool(grid.flown[rows, columns].any())
+
+
+def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
+    """As if the doorways were walls, but where the drone is."""
+    if not doorways:
+        return ground
+    passable, cost = ground.passable.copy(), ground.cost.copy()
+    for doorway in doorways:
+        reach_m = doorway.half_m + CELL_M
+        for aside_m in np.arange(-reach_m, reach_m, CELL_M / 2).tolist():
+            for along_m in (-CELL_M, 0.0, CELL_M):  # ways go diagonally, too
+                cell = ground.grid.cell(doorway.at_m(along_m, aside_m))
+                if ground.grid.has(cell) and cell != ground.start:
+                    passable[cell], cost[cell] = False, np.inf
+    return replace(ground, passable=passable, cost=cost)
+
+
+def passed_squarely(ground: Ground, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
+    """The way, through the doorways' middles."""
+    squared: list[Vector2] = []
+    for leg, corner in enumerate(way):
+        is_last = leg == len(way) - 1
+        for doorway in doorways:
+            if doorway.leg != leg:
+                continue
+            goes_to_m = doorway.along_m(corner) if is_last else math.inf
+            squared += [
+                doorway.at_m(along_m)
+                for along_m in (-AWAY_M, AWAY_M)
+                if doorway.along_m(here) < along_m < goes_to_m
+                and ground.fits(doorway.at_m(along_m))
+            ]
+        if is_last or all(math.dist(corner, d.middle_ne_m) > AWAY_M for d in doorways):
+            squared.append(corner)
+    return tuple(squared)
+
+
+def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
+    """Places along the way, a cell apart: their leg, and its direction."""
+    start = here
+    for leg, corner in enumerate(way):
+        length_m = math.dist(start, corner)
+        heading = (corner[0] - start[0], corner[1] - start[1])
+        for share in np.linspace(0, 1, max(1, round(length_m / CELL_M))).tolist():
+            yield leg, (start[0] + share * heading[0], start[1] + share * heading[1]), heading
+        start = corner
+
+
+def _doorway(ground: Ground, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
+    """Between the nearest thing and the nearest on the other side; None without one as near."""
+    met, _ = ground.grid.met_near(place, JAMBS_WITHIN_M)
+    jambs = met - place
+    away_m = np.hypot(*jambs.T)
+    if not len(jambs) or away_m.min() < 0.5 * CELL_M:
+        return None
+    nearest = jambs[away_m.argmin()]
+    cos_between = jambs @ nearest / (away_m * away_m.min())
+    opposite = jambs[cos_between < OPPOSITE_COS]
+    if not len(opposite):
+        return None
+    other = opposite[np.hypot(*opposite.T).argmin()]
+    middle, across = 0.5 * (nearest + other), other - nearest
+    if math.hypot(*across) > 2 * DOORWAY_ROOM_M:
+        return None
+    through = np.array([-across[1], across[0]]) / math.hypot(*across)
+    through *= 1.0 if through @ heading >= 0 else -1.0
+    return Doorway(
+        leg,
+        (place[0] + float(middle[0]), place[1] + float(middle[1])),
+        (float(through[0]), float(through[1])),
+        0.5 * math.hypot(*across),
+    )

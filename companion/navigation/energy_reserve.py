@@ -1,0 +1,131 @@
+"""When to turn back: what is left of time and battery, and what the way home takes of it.
+
+The way home is asked for only when it may matter. Since it was asked last it has grown by no more
+than what was flown since.
+"""
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from statistics import fmean
+
+import numpy as np
+
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.values import value
+from companion.mapping.occupancy import Occupancy
+from companion.navigation.doorways import find_doorways
+from companion.navigation.grid_planner import START_NE_M, Ways, find_ground, find_ways, retraced
+from companion.navigation.observation import Sight
+from companion.navigation.path_follower import Way, most_speed_m_s
+from companion.safety.velocity_guard import clear_of_all_m
+
+ASK_AGAIN_S = 5.0
+SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
+"""What a way takes: of the speed that its room allows, for each doorway, for the turns at its
+ends."""
+ROUGHLY = 1.1
+"""What a way may take, over what is reckoned: out of a maze it was a twentieth more."""
+AMONG_LEGS_MEAN_M_S = 0.25
+"""Below the 0.27 m/s that `benchmarks/legs.py` finds there: a flight went home at 0.22 m/s."""
+STEP_M = 0.3
+UNKNOWN_SPEED_SHARE = 0.4
+"""Straight home where no way is known, and so much may the way home have grown meanwhile."""
+RATE_KNOWN_S = 30.0
+"""Whole per cents are told, one in 6 s or so: after so long it is known how quickly they go."""
+NOTED_S = 5.0
+"""So often the battery is noted."""
+
+
+@value
+class Spent:
+    """What the flight has cost so far."""
+
+    flown_s: float
+    battery: float | None
+    """What is left of it, 0 to 1; None if the autopilot does not tell."""
+
+
+@value
+class Reserve:
+    """What is known of the way home, and of the battery."""
+
+    noted: tuple[Spent, ...] = ()
+    """How the battery went down in the second half of the flight so far, and a note before it."""
+    way_home_s: float = TURNS_S
+    """What it would have taken when it was last asked for,"""
+    asked_s: float = 0.0
+    """so long after the start."""
+
+
+def step(
+    reserve: Reserve, spent: Spent, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Reserve, str]:
+    """One tick of a mission: why the drone must turn back now; empty if it need not."""
+    flown_s = spent.flown_s
+    reserve = _noted(reserve, spent)
+    left_s, why = _left_s(reserve, spent, plan)
+    since_s = flown_s - reserve.asked_s
+    if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
+        return reserve, ""
+    if since_s > ASK_AGAIN_S:
+        way_home_s = _way_home_s(sight, space, plan)
+        reserve = replace(reserve, asked_s=flown_s, way_home_s=way_home_s)
+    return reserve, "" if left_s > ROUGHLY * reserve.way_home_s else why
+
+
+def _noted(reserve: Reserve, spent: Spent) -> Reserve:
+    noted = reserve.noted
+    if spent.battery is None or (noted and spent.flown_s < noted[-1].flown_s + NOTED_S):
+        return reserve
+    while len(noted) > 1 and noted[1].flown_s < spent.flown_s / 2:
+        noted = noted[1:]
+    return replace(reserve, noted=(*noted, spent))
+
+
+def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float, str]:
+    """Until it must be home, and because of what.
+
+    The battery is taken to go on as in the second half of the flight so far: what is told of it by
+    its voltage falls by the load of the take-off, too.
+    """
+    flown_s, battery = spent.flown_s, spent.battery
+    by_limit_s = plan.time_limit_s - flown_s - plan.reserve_s
+    limit = by_limit_s, f"for the limit of {plan.time_limit_s:.0f} s"
+    if battery is None or flown_s < 2 * RATE_KNOWN_S:
+        return limit
+    then = reserve.noted[0]
+    window_s, used = flown_s - then.flown_s, (then.battery or 0.0) - battery
+    if window_s < RATE_KNOWN_S or used <= 0:
+        return limit
+    share_left = battery - 0.01 * plan.battery_land_percent
+    by_battery_s = window_s * share_left / used - plan.reserve_s
+    return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
+
+
+def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
+    here = sight.pose.north_m, sight.pose.east_m
+    ground = find_ground(space, here, clear_of_all_m(plan))
+    ways = find_ways(ground)
+    if not ways.reaches(START_NE_M):
+        ways = find_ways(retraced(ground))
+    if not ways.reaches(START_NE_M):
+        return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
+    way = ways.to(START_NE_M)
+    doorways = find_doorways(ways.ground, here, way)
+    most_m_s = AMONG_LEGS_MEAN_M_S if sight.is_among_legs else plan.speed_m_s
+    return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
+
+
+def _flown_s(ways: Ways, here: Vector2, way: Way, plan: MissionConfig, most_m_s: float) -> float:
+    """Along a way, slow where that is narrow."""
+    flown_s = 0.0
+    for start, end in pairwise((here, *way)):
+        length_m = math.dist(start, end)
+        places = np.linspace(start, end, 1 + math.ceil(length_m / STEP_M)).tolist()
+        room_m = (ways.ground.clear_m((north, east)) for north, east in places)
+        wide_m_s = (SPEED_SHARE * most_speed_m_s(metres, plan) for metres in room_m)
+        speeds_m_s = [min(speed, most_m_s) for speed in wide_m_s]
+        flown_s += length_m * fmean(1 / speed for speed in speeds_m_s)
+    return flown_s

@@ -1,0 +1,95 @@
+"""Turning on the spot, so that the beams pass over what has to be known.
+
+    to the first heading ─► to the next ─► … ─► done
+
+All round, or over the two jambs of a doorway: from beyond the one to beyond the other it turns
+slowly, and notes what the front beam meets.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2, wrap_rad
+from companion.core.messages import Beam, Setpoint
+from companion.navigation.doorways import Doorway
+from companion.navigation.observation import Sight
+from companion.safety.control_laws import stay, turn_towards
+
+BESIDE_JAMB_RAD, SLOWLY_RAD_S = math.radians(15), math.radians(25)
+"""So far beyond either jamb, slowly enough for a reading every few centimetres."""
+AT_PLACE_M = 0.5
+"""From where it is to stay: a step of the pose is less."""
+ON_HEADING_RAD = math.radians(5)
+
+
+@dataclass(frozen=True, slots=True)
+class Sweep:
+    """A sweep's whole memory."""
+
+    headings_rad: tuple[float, ...]
+    """Still to be turned to; none: it is done."""
+    stay_ne_m: Vector2
+    resets: int
+    """Of the pose, when it was last looked at."""
+    doorway: Doorway | None = None
+    """What it looks at,"""
+    met_ne_m: tuple[Vector2, ...] = ()
+    """and what the front beam has met there."""
+
+    @property
+    def is_done(self) -> bool:
+        return not self.headings_rad
+
+
+def all_round(sight: Sight, stay_ne_m: Vector2) -> Sweep:
+    """In thirds: the way to a heading is the short one."""
+    thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
+    return Sweep(tuple(thirds), stay_ne_m, sight.pose.reset_counter)
+
+
+def over_jambs(doorway: Doorway, sight: Sight) -> Sweep:
+    """From beyond the right one to beyond the left one."""
+    here = sight.pose.north_m, sight.pose.east_m
+    left_rad, right_rad = (
+        math.atan2(east_m - here[1], north_m - here[0]) for north_m, east_m in doorway.jambs_ne_m()
+    )
+    headings_rad = right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD
+    swept = replace(doorway, swept_s=sight.pose.time_s)
+    return Sweep(headings_rad, here, sight.pose.reset_counter, swept)
+
+
+def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    if sight.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
+        sweep = _as_posed(sweep, sight)
+    holding = stay(sweep.stay_ne_m, sight)
+    heading_rad, *later = sweep.headings_rad
+    if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) <= ON_HEADING_RAD:
+        return replace(sweep, headings_rad=tuple(later)), holding
+    if not later:
+        sweep = replace(sweep, met_ne_m=(*sweep.met_ne_m, *_met_ahead(sight)))
+    most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SLOWLY_RAD_S
+    rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
+    return sweep, replace(holding, yaw_rate_rad_s=rate_rad_s)
+
+
+def _as_posed(sweep: Sweep, sight: Sight) -> Sweep:
+    """After a step of the pose: where it is, and what it has met, as far as it had got there."""
+    sweep = replace(sweep, resets=sight.pose.reset_counter)
+    here = sight.pose.north_m, sight.pose.east_m
+    north_m, east_m = here[0] - sweep.stay_ne_m[0], here[1] - sweep.stay_ne_m[1]
+    if math.hypot(north_m, east_m) >= AT_PLACE_M:
+        return sweep
+    met_ne_m = tuple((north + north_m, east + east_m) for north, east in sweep.met_ne_m)
+    return replace(sweep, stay_ne_m=here, met_ne_m=met_ne_m)
+
+
+def _met_ahead(sight: Sight) -> tuple[Vector2, ...]:
+    reading = sight.ranges.get(Beam.FRONT)
+    if reading is None or not reading.is_distance:
+        return ()
+    away_m = reading.distance_m + sight.mount_offset_m
+    bearing_rad = sight.pose.yaw_rad + sight.bearings_frd_rad[Beam.FRONT]
+    north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
+    return ((sight.pose.north_m + north_m, sight.pose.east_m + east_m),)

@@ -1,0 +1,434 @@
+"""To a place, through known free space.
+
+    FLY ───────────────────────────► ARRIVED
+     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly,
+     │ │ from farther off if it is too near to measure them, again if it looks too narrow;
+     │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it,
+     │ │ where it last had room, if the straight way back there is free
+     │ ▼
+    SWEEP
+
+    FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
+    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut; and
+    on its way home as if any place that it is stuck at were: a map that is bent leads into walls.
+    Where it was stuck on two ways it does not go again, except on its way home
+
+The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
+anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
+it leads through a doorway, after each step of the pose, with which the map moved under it. Somebody
+who stands in the way is waited for; when he has stood for a while he is on the map, and it leads
+round him, or there is none.
+
+Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
+appears ahead stops it.
+"""
+
+import enum
+import math
+from dataclasses import dataclass, replace
+
+from companion.config.settings import MissionConfig
+from companion.core.frames import Vector2
+from companion.core.messages import HOLD, Setpoint
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.navigation import sweep as sweeping
+from companion.navigation.doorways import (
+    AWAY_M,
+    DOORWAY_ROOM_M,
+    Doorway,
+    find_doorways,
+    on_the_way,
+    passed_squarely,
+    remembered,
+    too_narrow,
+    with_shut,
+)
+from companion.navigation.grid_planner import (
+    START_NE_M,
+    TIGHT_CLEAR_M,
+    Ground,
+    Ways,
+    find_ground,
+    find_ways,
+    retraced,
+)
+from companion.navigation.observation import Sight
+from companion.navigation.path_follower import (
+    ARRIVED_M,
+    Course,
+    Way,
+    faced,
+    follow,
+    is_blocked,
+    passed,
+)
+from companion.navigation.sweep import Sweep
+from companion.safety.velocity_guard import clear_of_all_m
+
+CHECK_S, PLAN_S = 2.0, 8.0
+DETOUR_M = 3.0
+STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
+"""So long without getting so far, and it gives up. Between walls that keep it off it moves to and
+fro by more than in the open."""
+SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
+"""So far before a doorway; nearer the sensor cannot measure the jambs."""
+SWEEP_ROOM_M = 0.65
+"""With so much room it may turn on the spot: in a corridor, but not in a doorway."""
+BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
+"""So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
+NEARLY_M, NEARLY_S = 0.3, 4.0
+"""In a tight place it may not come nearer to its goal: what is too near for the sensors keeps it
+off. It does not wait there longer, for what it knows of that drifts."""
+IN_DOORWAY_M = 0.2
+SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
+"""What was swept is known exactly only for so long, and near it: the pose drifts."""
+AHEAD_M, MOST_SHUT = 0.5, 8
+"""So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
+way."""
+
+
+class TravelPhase(enum.Enum):
+    """Where in the diagram above."""
+
+    FLY = "on the way"
+    SWEEP = "looking for the way"
+    ARRIVED = "arrived"
+    GAVE_UP = "no way"
+
+
+@dataclass(frozen=True, slots=True)
+class Travel:
+    """The whole memory of going to one place."""
+
+    goal_ne_m: Vector2
+    within_m: float = ARRIVED_M
+    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there; and
+    where it is tight, so near as it gets."""
+    phase: TravelPhase = TravelPhase.FLY
+    way: Way = ()
+    course: Course | None = None
+    """To the next corner, once it was faced."""
+    planned_s: float = -math.inf
+    checked_s: float = -math.inf
+    """When the way was found, and when it was last found free."""
+    resets: int = 0
+    """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
+    doorways: tuple[Doorway, ...] = ()
+    known: tuple[Doorway, ...] = ()
+    """All doorways found so far."""
+    shut: tuple[Doorway, ...] = ()
+    """Those that it could not get through, and other places as if they were doorways."""
+    stuck_at: tuple[Doorway, ...] = ()
+    """The same, of all ways so far."""
+    sweep: Sweep | None = None
+    """In SWEEP."""
+    roomy_ne_m: Vector2 | None = None
+    """Where it last had room to turn round."""
+    looked_round: bool = False
+    """It does so once, when there is no way."""
+    progress_s: float | None = None
+    progress_ne_m: Vector2 = (0.0, 0.0)
+    """When and where it last got on."""
+
+    @property
+    def goes_home(self) -> bool:
+        """On which it stops before less."""
+        return self.goal_ne_m == START_NE_M
+
+
+def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel:
+    """To another place, with what was found on the way so far."""
+    if before is None:
+        return Travel(goal_ne_m, within_m)
+    return Travel(
+        goal_ne_m,
+        within_m,
+        course=before.course,
+        known=before.known,
+        shut=stuck_twice(before),
+        stuck_at=before.stuck_at,
+        roomy_ne_m=before.roomy_ne_m,
+    )
+
+
+def stuck_twice(travel: Travel) -> tuple[Doorway, ...]:
+    """Where it was stuck on two ways; somebody may have stood there the first time."""
+    places = travel.stuck_at
+    return tuple(at for i, at in enumerate(places) if any(map(at.is_same, places[:i])))
+
+
+def step(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    """One tick: the next state and the velocity to fly."""
+    match travel.phase:
+        case TravelPhase.FLY:
+            return _fly(travel, sight, space, plan)
+        case TravelPhase.SWEEP:
+            return _sweep(travel, sight, plan)
+        case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
+            return travel, HOLD
+
+
+def _fly(
+    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
+    now_s = sight.pose.time_s
+    is_open = in_the_open(sight, space)
+    travel = _progress(travel, sight, STUCK_M if is_open else TIGHT_STUCK_M)
+    travel = replace(travel, known=_still_swept(travel, sight))
+    has_stepped = sight.pose.reset_counter != travel.resets
+    if has_stepped or now_s - travel.checked_s > CHECK_S:
+        travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
+        if is_open:
+            here = sight.pose.north_m, sight.pose.east_m
+            travel = replace(travel, roomy_ne_m=here)
+        if _must_plan(travel, sight, space, has_stepped=has_stepped):
+            travel = _planned(travel, sight, space, plan)
+    if travel.phase is not TravelPhase.FLY:
+        return travel, HOLD
+    if _has_room(sight, space, SWEEP_ROOM_M) and (sweep := _begin_sweep(travel, sight)):
+        return sweep, HOLD
+    if is_blocked(travel.way, sight):
+        return replace(travel, course=None), HOLD
+    within_m = travel.within_m if is_open and travel.course else ARRIVED_M
+    way = passed(travel.way, sight, within_m)
+    if not way or (not is_open and _is_as_near_as_it_gets(travel, sight)):
+        return replace(travel, phase=TravelPhase.ARRIVED), HOLD
+    course = faced(travel.course, way, sight)
+    return replace(travel, way=way, course=course), follow(way, course, sight, space, plan)
+
+
+def _is_as_near_as_it_gets(travel: Travel, sight: Sight) -> bool:
+    away_m = math.dist((sight.pose.north_m, sight.pose.east_m), travel.goal_ne_m)
+    return away_m < NEARLY_M and _without_progress_s(travel, sight.pose.time_s) >= NEARLY_S
+
+
+def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:
+    """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
+    now_s = sight.pose.time_s
+    if not travel.way or _is_stuck(travel, now_s):
+        return True
+    if _passes_doorway(travel, sight):
+        return False
+    is_due = now_s - travel.planned_s > PLAN_S or (has_stepped and bool(travel.doorways))
+    return is_due or not _is_free(travel.way, sight, space)
+
+
+def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
+    """Whether there is a way, and it is known to be free, as wide as a doorway."""
+    start = sight.pose.north_m, sight.pose.east_m
+    for corner in way:
+        length_m = math.dist(start, corner)
+        bearing_rad = math.atan2(corner[1] - start[1], corner[0] - start[0])
+        if space.known_free_m(start, bearing_rad, TIGHT_CLEAR_M, length_m) < length_m:
+            return False
+        start = corner
+    return bool(way)
+
+
+def in_the_open(sight: Sight, space: Occupancy) -> bool:
+    """Not in a doorway, nor where it is as narrow."""
+    return _has_room(sight, space, DOORWAY_ROOM_M)
+
+
+def _has_room(sight: Sight, space: Occupancy, room_m: float) -> bool:
+    here = sight.pose.north_m, sight.pose.east_m
+    return space.nearest_m(here, room_m) >= room_m
+
+
+def _passes_doorway(travel: Travel, sight: Sight) -> bool:
+    """It is in one: it must not turn there for a way that is better by a decimetre."""
+    here = sight.pose.north_m, sight.pose.east_m
+    return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
+
+
+def _progress(travel: Travel, sight: Sight, least_m: float) -> Travel:
+    here = sight.pose.north_m, sight.pose.east_m
+    if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < least_m:
+        return travel
+    return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
+
+
+def _is_stuck(travel: Travel, now_s: float) -> bool:
+    return _without_progress_s(travel, now_s) >= STUCK_S
+
+
+def _without_progress_s(travel: Travel, now_s: float) -> float:
+    return 0.0 if travel.progress_s is None else now_s - travel.progress_s
+
+
+def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+    now_s = sight.pose.time_s
+    here = sight.pose.north_m, sight.pose.east_m
+    gets_on = not _is_stuck(travel, now_s)
+    ways = _ways(travel, here, space, plan)
+    if gets_on and ways.reaches(travel.goal_ne_m):
+        return along(ways, travel, sight)
+    if gets_on and travel.way:  # whoever stands there may go
+        return replace(travel, planned_s=now_s)
+    roomy = travel.roomy_ne_m or here
+    may_look = not travel.looked_round and ways.ground.fits_along(here, roomy)
+    travel = replace(travel, looked_round=True)
+    if not may_look:
+        return _another_way(travel, sight, space, plan)
+    sweep = sweeping.all_round(sight, roomy)
+    return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep, way=())
+
+
+def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+    """Through another doorway; home, round any place that it is stuck at."""
+    here = sight.pose.north_m, sight.pose.east_m
+    doorway = next(
+        (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M), None
+    )
+    stuck_at = doorway or _ahead(travel, here)
+    if stuck_at is None:
+        return replace(travel, phase=TravelPhase.GAVE_UP)
+    travel = replace(
+        travel,
+        shut=(*travel.shut, stuck_at),
+        stuck_at=(*travel.stuck_at, stuck_at),
+        progress_s=sight.pose.time_s,
+    )
+    may_go_round = doorway is not None or travel.goes_home
+    if may_go_round and (ways := _ways(travel, here, space, plan)).reaches(travel.goal_ne_m):
+        return along(ways, travel, sight)
+    return replace(travel, phase=TravelPhase.GAVE_UP)
+
+
+def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
+    """What it does not get through, as if it were a doorway; on its way home not for ever."""
+    if not travel.way or (travel.goes_home and len(travel.shut) >= MOST_SHUT):
+        return None
+    north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
+    away_m = max(math.hypot(north_m, east_m), CELL_M)
+    unit = north_m / away_m, east_m / away_m
+    ahead_m = min(AHEAD_M, away_m)
+    middle = here[0] + ahead_m * unit[0], here[1] + ahead_m * unit[1]
+    return Doorway(0, middle, unit, AHEAD_M)
+
+
+def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
+    """As far as they are needed: near the way so far, if one there leads to the goal.
+
+    Not through what is too narrow, but for home. If there is none to the start, even after it has
+    looked, it goes back the way that it came, and stops before what is really there.
+    """
+    clear_m = clear_of_all_m(plan)
+    narrow = () if travel.goes_home else too_narrow(travel.known, space)
+    shut = (*travel.shut, *narrow)
+    nearby = space.window((here, *travel.way, travel.goal_ne_m), DETOUR_M)
+    ways = find_ways(with_shut(find_ground(nearby, here, clear_m), shut))
+    if ways.reaches(travel.goal_ne_m):
+        return ways
+    ground = find_ground(space, here, clear_m)
+    ways = find_ways(with_shut(ground, shut))
+    if ways.reaches(travel.goal_ne_m) or not travel.goes_home or not travel.looked_round:
+        return ways
+    return find_ways(with_shut(retraced(ground), shut))
+
+
+def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
+    """On the way to its goal, which the ways found from here reach."""
+    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+    way = ways.to(travel.goal_ne_m)
+    found = find_doorways(ways.ground, here, way)
+    travel = replace(travel, known=remembered(travel.known, found))
+    doorways = on_the_way(travel.known, found, here, way)
+    squared = passed_squarely(ways.ground, here, way, doorways)
+    back = _backed_off(ways.ground, travel, sight, doorways)
+    return replace(
+        travel,
+        way=squared if back is None else (back, *squared),
+        doorways=doorways,
+        planned_s=now_s,
+        checked_s=now_s,
+        resets=sight.pose.reset_counter,
+    )
+
+
+def _backed_off(
+    ground: Ground, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
+) -> Vector2 | None:
+    """A place from where the next doorway's jambs can be measured, if it has come too near.
+
+    There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
+    would go to and fro.
+    """
+    here = sight.pose.north_m, sight.pose.east_m
+    if not doorways:
+        return None
+    doorway = doorways[0]
+    is_too_near = math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
+    is_before = doorway.along_m(here) < -IN_DOORWAY_M
+    if not is_too_near or not is_before or _was_swept(travel, doorway):
+        return None
+    places = (doorway.at_m(-off_m, aside_m) for off_m, aside_m in BACK_OFF_M)
+    near = (place for place in places if ground.fits_along(here, place))
+    return next((place for place in near if ground.clear_m(place) >= SWEEP_ROOM_M), None)
+
+
+def _was_swept(travel: Travel, doorway: Doorway) -> bool:
+    return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
+
+
+def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
+    """The doorways, those not swept any more that are far, or were swept long ago."""
+    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+
+    def is_exact(doorway: Doorway) -> bool:
+        is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
+        return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
+
+    if not any(math.isfinite(doorway.swept_s) for doorway in travel.known):
+        return travel.known  # as nearly always
+    return tuple(
+        doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
+        for doorway in travel.known
+    )
+
+
+def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet."""
+    here = sight.pose.north_m, sight.pose.east_m
+    for doorway in travel.doorways:
+        middle = doorway.middle_ne_m
+        to_go_m = math.dist(here, middle)
+        if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
+            continue
+        if _was_swept(travel, doorway):
+            continue
+        sweep = sweeping.over_jambs(doorway, sight)
+        return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep)
+    return None
+
+
+def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+    assert travel.sweep is not None
+    sweep, setpoint = sweeping.step(travel.sweep, sight, plan)
+    travel = replace(travel, sweep=sweep, resets=sweep.resets)
+    if not sweep.is_done:
+        return travel, setpoint
+    flying = replace(
+        _measured(travel, sweep),
+        phase=TravelPhase.FLY,
+        sweep=None,
+        planned_s=-math.inf,
+        checked_s=-math.inf,
+        progress_s=sight.pose.time_s,
+    )
+    return flying, setpoint
+
+
+def _measured(travel: Travel, sweep: Sweep) -> Travel:
+    """What was found of the doorway; if it is too narrow, there is another way, or none."""
+    if sweep.doorway is None:
+        return travel
+    looked = sweep.doorway.measured(sweep.met_ne_m)
+    *others, doorway = remembered(travel.known, [looked])
+    if travel.goes_home or not doorway.looks_narrow:
+        return replace(travel, known=(*others, doorway))
+    if doorway.is_too_narrow:
+        return replace(travel, known=(*others, doorway), way=(), looked_round=True)
+    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # looks again

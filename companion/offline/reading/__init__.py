@@ -1,0 +1,1 @@
+"""Readers of logs: from a file's text to arrays in SI units."""

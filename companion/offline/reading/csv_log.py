@@ -1,0 +1,182 @@
+"""Reader of logs as plain CSV; docs/offline.md describes the columns.
+
+What cannot be used is skipped and counted, row by row or range by range, with the line where it
+was first met; only a file without a usable row is refused.
+"""
+
+import math
+import os
+import zlib
+from array import array
+from collections.abc import Callable
+from dataclasses import dataclass
+from gzip import BadGzipFile
+from pathlib import Path
+from typing import TextIO
+
+import numpy as np
+
+from companion.core.errors import LogError
+from companion.core.messages import Beam
+from companion.offline.reading.dialect import Numbers, opened, read_header
+from companion.offline.reading.log import Array, Log, Reading, Watch
+
+MOTION = ("time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad")
+MOST = (1e11, 1e6, 1e6, 1e4)
+"""Larger values than these, whatever the sign, are no time, place or heading."""
+GYRO = "gyro_z_rad_s"
+BEAM_COLUMNS = {f"{beam}_m": beam for beam in Beam}
+KNOWN = {*MOTION, *BEAM_COLUMNS, GYRO}
+MOST_RANGE_M = 200.0
+ROWS_BETWEEN_NEWS = 20_000
+LEAST_SIGNS = 10
+"""So many different ranges beyond the most are no sign for nothing, but another unit."""
+SHOWN = 40
+"""Characters of a cell that a message repeats."""
+
+
+def read_csv(path: Path, watch: Watch) -> Log:
+    """The log in a CSV file.
+
+    Raises:
+        LogError: not readable, a column is missing, there is no row to use, or the numbers are in
+            other units than the columns' names tell.
+    """
+    try:
+        with opened(path) as (text, raw):
+            size = max(os.fstat(raw.fileno()).st_size, 1)
+            return _read(text, lambda: watch("reading", min(raw.tell() / size, 1.0)))
+    except LogError as error:
+        raise LogError(f"{path}: {error}") from error
+    except (EOFError, BadGzipFile, zlib.error) as error:
+        raise LogError(f"{path}: compressed, and cut short or damaged: {error}") from error
+    except OSError as error:
+        raise LogError(f"{path}: {error.strerror}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    """Where each column stands."""
+
+    width: int
+    motion: tuple[int, ...]
+    beams: dict[str, int]
+    gyro: int | None
+    ignored: tuple[str, ...]
+
+
+def _read(file: TextIO, news: Callable[[], None]) -> Log:
+    lines, dialect, names = read_header(file, KNOWN)
+    header, numbers = _header(names, lines), Numbers()
+    reading = Reading(columns_ignored=header.ignored)
+    motion, ranges = array("d"), {name: _Ranges(name, numbers, reading) for name in header.beams}
+    gyro = array("d")
+    for line, text in dialect.lines(file):
+        if not text.strip():
+            continue
+        row = _of_width(dialect.cells(text), header.width)
+        reading.rows += 1
+        if reading.rows % ROWS_BETWEEN_NEWS == 0:
+            news()
+        where = f"line {line + lines + 1}"
+        values = _motion(row, header, numbers, reading, where)
+        if values is None:
+            continue
+        motion.extend(values)
+        for name, column in header.beams.items():
+            ranges[name].add(row[column], where)
+        if header.gyro is not None:
+            gyro.append(numbers.read(row[header.gyro]))
+    table = np.array(motion).reshape(-1, len(MOTION))
+    by_beam = {BEAM_COLUMNS[name]: values.checked() for name, values in ranges.items()}
+    rates: Array | None = np.array(gyro) if header.gyro is not None else None
+    return Log.of(table[:, 0], table[:, 1:].copy(), by_beam, rates, reading)
+
+
+def _of_width(row: list[str], width: int) -> list[str]:
+    """Without the empty cells that spreadsheets write behind a row."""
+    return row[:width] if not any(cell.strip() for cell in row[width:]) else row
+
+
+def _header(names: list[str], line: int) -> _Header:
+    if not any(names):
+        raise LogError(f"line {line}: no header; expected {','.join(MOTION)} and beams")
+    missing = [name for name in MOTION if name not in names]
+    if missing:
+        found = ",".join(names)[: 2 * SHOWN]
+        raise LogError(f"line {line}: no column {', '.join(missing)}; found {found!r}")
+    twice = sorted({name for name in names if name in KNOWN and names.count(name) > 1})
+    if twice:
+        raise LogError(f"line {line}: column {twice[0]} stands there {names.count(twice[0])} times")
+    return _Header(
+        len(names),
+        tuple(names.index(name) for name in MOTION),
+        {name: names.index(name) for name in BEAM_COLUMNS if name in names},
+        names.index(GYRO) if GYRO in names else None,
+        tuple(name for name in names if name not in KNOWN and name),
+    )
+
+
+def _motion(
+    row: list[str], header: _Header, numbers: Numbers, reading: Reading, where: str
+) -> tuple[float, ...] | None:
+    if len(row) != header.width:
+        reading.skip_row("wrong number of cells", f"{where}: {len(row)} cells")
+        return None
+    values = tuple(numbers.read(row[column]) for column in header.motion)
+    for name, column, value, most in zip(MOTION, header.motion, values, MOST, strict=True):
+        if not abs(value) <= most:
+            reason = f"{name} missing, not a number, or beyond {most:g}"
+            if name == "time_s" and math.isfinite(value):
+                reason = f"time_s beyond {most:g} s; of milliseconds or nanoseconds make seconds"
+            reading.skip_row(reason, f"{where}: {row[column][:SHOWN]!r}")
+            return None
+    return values
+
+
+class _Ranges:
+    """Of one beam."""
+
+    def __init__(self, name: str, numbers: Numbers, reading: Reading) -> None:
+        self._name = name
+        self._numbers = numbers
+        self._reading = reading
+        self._values = array("d")
+        self._too_far = 0
+        self._of_them: set[float] = set()
+
+    def add(self, cell: str, where: str) -> None:
+        self._values.append(self._range_m(cell, where))
+
+    def checked(self) -> Array:
+        """All of them; NaN where nothing returned.
+
+        Raises:
+            LogError: most are no ranges in metres; a number that only says that there is none is
+                no sign of that.
+        """
+        values = np.array(self._values)
+        if len(self._of_them) >= LEAST_SIGNS and self._too_far > np.isfinite(values).sum():
+            raise LogError(
+                f"{self._name}: {self._too_far} of {len(values)} are beyond {MOST_RANGE_M:g} m: "
+                "if these are millimetres, divide by 1000; if centimetres, by 100"
+            )
+        return values
+
+    def _range_m(self, cell: str, where: str) -> float:
+        """NaN if nothing returned, which an empty cell, NaN and infinity all say."""
+        if not cell or cell.isspace():
+            return math.nan
+        value = self._numbers.read(cell)
+        if 0 < value <= MOST_RANGE_M:
+            return value
+        if math.isnan(value) and cell.strip().lower().lstrip("+-") != "nan":
+            self._reading.skip_cell(f"{self._name} not a number", f"{where}: {cell[:SHOWN]!r}")
+        elif math.isfinite(value):
+            reason = f"{self._name} not between 0 and {MOST_RANGE_M:g}"
+            self._reading.skip_cell(reason, f"{where}: {cell[:SHOWN]!r}")
+            if value > MOST_RANGE_M:
+                self._too_far += 1
+                if len(self._of_them) < LEAST_SIGNS:
+                    self._of_them.add(value)
+        return math.nan

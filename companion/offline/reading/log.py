@@ -1,0 +1,111 @@
+"""A recorded log as arrays, whichever file it came from."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.errors import LogError
+from companion.core.messages import Beam
+from companion.offline.reading.plausible import check_clock, check_units
+
+Array = NDArray[np.float64]
+Watch = Callable[[str, float], None]
+"""Told what is being done, and the share of it that is done."""
+
+
+@dataclass(slots=True)
+class Skipped:
+    """Rows or cells left out for one reason."""
+
+    count: int = 0
+    first: str = ""
+    """Where the first of them stands, and what it says."""
+
+
+@dataclass(slots=True)
+class Reading:
+    """How the reading of a log went."""
+
+    rows: int = 0
+    """In the file, whether used or not."""
+    rows_skipped: dict[str, Skipped] = field(default_factory=dict)
+    cells_skipped: dict[str, Skipped] = field(default_factory=dict)
+    """Ranges that say nothing, in rows that were used."""
+    columns_ignored: tuple[str, ...] = ()
+    rows_sorted: int = 0
+    """Rows that stood before an earlier one."""
+
+    def skip_row(self, reason: str, where: str) -> None:
+        _note(self.rows_skipped, reason, where)
+
+    def skip_cell(self, reason: str, where: str) -> None:
+        _note(self.cells_skipped, reason, where)
+
+
+def _note(table: dict[str, Skipped], reason: str, where: str) -> None:
+    entry = table.setdefault(reason, Skipped(first=where))
+    entry.count += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Log:
+    """Rows in order of time, each with its own.
+
+    Odometry is in its own drifting NED frame, yaw clockwise and unwrapped; a range is NaN where
+    nothing returned.
+    """
+
+    time_s: Array
+    """(n,), strictly rising."""
+    odometry: Array
+    """(n, 3): north, east, yaw."""
+    ranges_m: dict[Beam, Array]
+    """(n,) each, as the sensor told them."""
+    gyro_rad_s: Array | None
+    """(n,): yaw rate, clockwise; NaN where it is missing."""
+    reading: Reading
+
+    @staticmethod
+    def of(
+        time_s: Array,
+        odometry: Array,
+        ranges_m: dict[Beam, Array],
+        gyro_rad_s: Array | None,
+        reading: Reading,
+    ) -> "Log":
+        """Rows of any order: sorted, and of those of one time only the first kept.
+
+        Raises:
+            LogError: there is no row at all, or the clock or the units cannot be right.
+        """
+        if not len(time_s):
+            raise LogError("no row that can be used" + _told(reading.rows_skipped))
+        check_clock(time_s)
+        reading.rows_sorted = int((np.diff(time_s) < 0).sum())
+        order = np.argsort(time_s, kind="stable")
+        is_new = np.diff(time_s[order], prepend=-np.inf) > 0
+        repeated = int((~is_new).sum())
+        if repeated:
+            at_s = float(time_s[order][~is_new][0])
+            reading.rows_skipped["time repeated"] = Skipped(repeated, f"time_s = {at_s:g}")
+        kept = order[is_new]
+        odometry = odometry[kept]
+        gyro_rad_s = gyro_rad_s[kept] if gyro_rad_s is not None else None
+        check_units(time_s[kept], odometry, gyro_rad_s)
+        odometry[:, 2] = np.unwrap(odometry[:, 2])
+        return Log(
+            time_s[kept],
+            odometry,
+            {beam: values[kept] for beam, values in ranges_m.items()},
+            gyro_rad_s,
+            reading,
+        )
+
+
+def _told(skipped: dict[str, Skipped]) -> str:
+    if not skipped:
+        return ""
+    reason, entry = next(iter(skipped.items()))
+    return f"; {entry.count} rows skipped ({reason}), the first at {entry.first}"

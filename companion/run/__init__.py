@@ -1,0 +1,1 @@
+"""A flight as a process: its loop, hardware, clocks, console, and how it is resumed."""

@@ -1,0 +1,62 @@
+"""All that a flight touches outside itself, put together as the configuration says."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from companion.config.settings import Config
+from companion.drivers.autopilot_gyro import AutopilotGyro
+from companion.drivers.gyro import calibrated, open_gyro
+from companion.drivers.models import range_models
+from companion.drivers.ranges import RangeSensors
+from companion.drivers.wires.bus import Wires, open_bus
+from companion.link.link import Link, Listener
+from companion.link.link_budget import refuse_too_much
+from companion.link.reports import Reports
+from companion.link.transports.open_link import open_transport
+from companion.link.transports.transport import Transport
+from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
+from companion.recording.room import refuse_no_room
+from companion.run.clocks import Clock, open_clock
+from companion.run.loop import Rig
+
+
+def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -> Rig:
+    """Sensors, gyro and link; those sensors that are the autopilot's listen at the link.
+
+    Raises:
+        SensorError: a sensor is missing or is not what it should be.
+    """
+    ranges = RangeSensors(wires, config.sensors)
+    gyro = open_gyro(wires, config.sensors)
+    listeners: list[Listener] = []
+    if ranges.from_autopilot is not None:
+        listeners.append(ranges.from_autopilot)
+    if isinstance(gyro, AutopilotGyro):
+        listeners.append(gyro)
+    link = Link(transport, config.link, listeners)
+    reports = Reports(config.link, range_models(config.sensors))
+    return Rig(link, ranges, calibrated(gyro, config.sensors), clock, reports)
+
+
+@contextmanager
+def open_rig(
+    config: Config, out: Path | None, warn: Callable[[str], None]
+) -> Iterator[tuple[Rig, Recorder]]:
+    """As the configuration says where everything is; recorded into `out`, which must have room.
+
+    Raises:
+        CompanionError: something is missing or is not what it should be.
+    """
+    refuse_too_much(config)
+    if out is not None:
+        refuse_no_room(out, config)
+    transport = open_transport(config.link, warn)
+    with (
+        closing(transport),
+        closing(open_bus(config.sensors.bus)) as wires,
+        closing(open_clock(config, transport, warn)) as clock,
+    ):
+        recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
+        yield make_rig(config, recorder.tap(transport), wires, clock), recorder

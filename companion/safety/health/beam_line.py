@@ -1,0 +1,119 @@
+"""Whether what a level beam meets on the way is a wall, if the beam looks where it should.
+
+The ends of its readings lie on a line then, whichever way the drone goes and turns its nose. If it
+looks elsewhere they do not, but would if they were turned about the drone:
+
+    a beam to the right,             ends, as taken      ends, turned
+    taken for the front one              │ │ │                 .
+    ─────────────────── wall             │ │ │           ·····
+      ▲ ▲ ▲  meets                       . . .           drone ►
+      drone ►                        drone ►
+
+How far they are off it is measured along the beam, as the sensor measures: ends that run along with
+the drone, on the beam itself, are on no wall.
+"""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from companion.core.messages import BEARING_FRD_RAD, Beam, RangeReading
+
+READINGS, LEAST_READINGS = 40, 15
+"""Of three seconds at most, at 20 a second; of fewer a line is no proof. Chosen."""
+WAY_M = 0.4
+"""So far the drone goes before they are looked at again: more than its odometry errs meanwhile."""
+EDGE_M, EDGE_SIGMAS = 0.25, 5.0
+"""A change between two readings that is an edge."""
+ODOMETRY_M = 0.03
+"""Sigma of the drone's place within a second. Source: velocity errors of 0.1 to 0.25 m/s that last
+for a second or two (docs/autopilot.md), of which the line takes up most."""
+INCIDENCES_RAD = np.radians(np.arange(-84, 85, 3))
+"""Of the walls that are tried, beside the one that fits the ends best: nothing is met beyond."""
+FITS_SIGMAS, MISSES_SIGMAS = 1.6, 3.0
+"""Root mean square of ends on a line, and of others: in recorded flights 0.4 to 1.2 of sound beams,
+and more than 6 of beams that looked elsewhere."""
+AGAINST, WITHIN_S = 2, 5.0
+"""So often within so long it would have to look elsewhere."""
+Row = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Where the drone is and looks, in a frame of its own that only odometry and gyro move."""
+
+    ahead_m: float = 0.0
+    right_m: float = 0.0
+    yaw_rad: float = 0.0
+
+
+class BeamLine:
+    """Of one beam."""
+
+    def __init__(self, beam: Beam) -> None:
+        self._bearing_rad = BEARING_FRD_RAD[beam]
+        self._rows: deque[tuple[float, float, float, float, float]] = deque(maxlen=READINGS)
+        """Place, heading, distance and its sigma."""
+        self._judged_at_m = (0.0, 0.0)
+        self._against_s: deque[float] = deque(maxlen=AGAINST)
+
+    def is_off(self, now_s: float) -> bool:
+        """The ends would have been on a line only if the beam looked elsewhere, so often lately."""
+        return len(self._against_s) == AGAINST and now_s - self._against_s[0] < WITHIN_S
+
+    def take(self, now_s: float, reading: RangeReading, stand: Stand) -> None:
+        """Take in one reading."""
+        sigma_m = math.sqrt(reading.variance_m2)
+        edge_m = max(EDGE_M, EDGE_SIGMAS * sigma_m)
+        if not reading.is_distance or (
+            self._rows and abs(reading.distance_m - self._rows[-1][3]) > edge_m
+        ):
+            self._rows.clear()
+        if not reading.is_distance:
+            return
+        place = stand.ahead_m, stand.right_m
+        self._rows.append((*place, stand.yaw_rad, reading.distance_m, sigma_m))
+        if len(self._rows) == 1:
+            self._judged_at_m = place
+        if len(self._rows) >= LEAST_READINGS and math.dist(place, self._judged_at_m) > WAY_M:
+            self._judged_at_m = place
+            self._judge(now_s)
+
+    def _judge(self, now_s: float) -> None:
+        own, *others = (
+            _misfit_sigmas(np.array(self._rows), self._bearing_rad + quarter * math.pi / 2)
+            for quarter in range(4)
+        )
+        if own > MISSES_SIGMAS and min(others) < FITS_SIGMAS:
+            self._against_s.append(now_s)
+        elif own < FITS_SIGMAS and min(others) > MISSES_SIGMAS:
+            self._against_s.clear()
+
+
+def _misfit_sigmas(rows: Row, bearing_rad: float) -> float:
+    """Root mean square, in sigmas, of how far readings (n, 5) are off the wall that fits best."""
+    place, yaw_rad, distance_m, sigma_m = rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4]
+    along = np.column_stack([np.cos(yaw_rad + bearing_rad), np.sin(yaw_rad + bearing_rad)])
+    ends = place + distance_m[:, None] * along
+    normals = _normals(along, ends)
+    least_cos = math.cos(INCIDENCES_RAD[-1])
+    incidence_cos = np.maximum(np.abs(along @ normals), least_cos)  # (n, w)
+    weights = 1 / ((sigma_m**2 + ODOMETRY_M**2)[:, None] * incidence_cos**2)
+    off_m = ends @ normals
+    off_m -= (weights * off_m).sum(axis=0) / weights.sum(axis=0)
+    return float(np.sqrt((weights * off_m**2).mean(axis=0).min()))
+
+
+def _normals(along: Row, ends: Row) -> Row:
+    """(2, w): of the walls that are tried, for beams (n, 2) and their ends (n, 2)."""
+    middle = along.mean(axis=0)
+    normal_rad = math.atan2(middle[1], middle[0]) + INCIDENCES_RAD
+    tried: Row = np.stack([np.cos(normal_rad), np.sin(normal_rad)])
+    off = ends - ends.mean(axis=0)
+    best = np.linalg.eigh(off.T @ off)[1][:, 0]
+    if abs(best @ middle) < math.cos(INCIDENCES_RAD[-1]) * np.hypot(*middle):
+        return tried
+    return np.column_stack([tried, best])

@@ -1,0 +1,1 @@
+"""What the page shows: the map, the drone, numbers and plots."""

@@ -1,0 +1,80 @@
+"""Where the page looks from: south of what is shown and above it, all of it in view."""
+
+import math
+
+import numpy as np
+from viser import CameraHandle, ClientHandle, ViserServer
+
+from companion.core.frames import Vector2, Vector3
+
+ELEVATION_RAD = math.radians(58)
+FIELD_RAD = math.radians(40)
+LEAST_EXTENT_M = 4.0
+LEAST_ASPECT = 0.3
+PANEL_PX = 320
+"""Of the panels on either side of the scene."""
+MOVED_M = 0.1
+RESIZED = 0.02
+
+
+class Framing:
+    """A rectangle of floor, (north, east), that everybody gets to see until they look elsewhere."""
+
+    def __init__(self, server: ViserServer, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
+        self._server = server
+        self._extent = least_ne_m, most_ne_m
+        self._placed: dict[int, tuple[Vector3, float]] = {}
+        """Where each client's camera was put, and for which shape of its window."""
+        server.on_client_connect(self._welcome)
+        server.on_client_disconnect(self._forget)
+
+    def frame(self, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
+        self._extent = least_ne_m, most_ne_m
+        self.all_in_view()
+
+    def all_in_view(self) -> None:
+        for client in self._server.get_clients().values():
+            self._place(client)
+
+    def _welcome(self, client: ClientHandle) -> None:
+        self._place(client)
+        client.camera.on_update(lambda camera: self._follow_window(client, camera))
+
+    def _forget(self, client: ClientHandle) -> None:
+        self._placed.pop(client.client_id, None)
+
+    def _follow_window(self, client: ClientHandle, camera: CameraHandle) -> None:
+        """A window that has another shape, as when panels come up, from where it was put."""
+        place, aspect = self._placed.get(client.client_id, ((0.0, 0.0, 0.0), camera.aspect))
+        is_where_put = np.allclose(camera.position, place, atol=MOVED_M)
+        if is_where_put and abs(camera.aspect - aspect) > RESIZED:
+            self._place(client)
+
+    def _place(self, client: ClientHandle) -> None:
+        camera = client.camera
+        centre, distance_m = _framed(*self._extent, camera.aspect)
+        eye = _eye(centre, distance_m)
+        self._placed[client.client_id] = eye, camera.aspect
+        with client.atomic():
+            camera.fov = FIELD_RAD
+            camera.position = eye
+            camera.look_at = centre
+
+
+def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vector3, float]:
+    """The middle in ENU, and from how far all is seen."""
+    (south, west), (north, east) = least_ne_m, most_ne_m
+    deep_m = max(north - south, LEAST_EXTENT_M)
+    wide_m = max(east - west, LEAST_EXTENT_M)
+    half = math.tan(FIELD_RAD / 2)
+    # the near edge stands nearer to the eye, and so wider, than the middle
+    nearer_m = 0.5 * deep_m * math.cos(ELEVATION_RAD)
+    for_width_m = 0.5 * wide_m / (half * max(aspect, LEAST_ASPECT)) + nearer_m
+    for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / half + nearer_m
+    return ((west + east) / 2, (south + north) / 2, 0.0), 1.08 * max(for_width_m, for_depth_m)
+
+
+def _eye(centre: Vector3, distance_m: float) -> Vector3:
+    south_m, up_m = math.cos(ELEVATION_RAD) * distance_m, math.sin(ELEVATION_RAD) * distance_m
+    east, north, floor = centre
+    return east, north - south_m, floor + up_m

@@ -1,0 +1,137 @@
+"""Numbers and plots beside the scene: ranges, heading and what the gyro is off by."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from viser import GuiApi, GuiUplotHandle, uplot
+
+from companion.core.messages import Beam, RangeReading
+from companion.view.scene.mapped import SIGMA_COLOURS, UNSURE_M
+from companion.view.snapshot import Snapshot
+
+Series = NDArray[np.float64]
+WINDOW_S = 60.0
+PERIOD_S = 1.0
+"""By the clock on the wall: plots cost a browser more than the scene does."""
+MOST_DOTS = 150
+"""Of one series."""
+PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
+COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
+HEIGHT_PX = 150
+MOST_RANGE_M = 8.0
+BIAS_DEG_S = (-1.0, 1.0)
+
+
+class Instruments:
+    """A table of numbers, which others may add to, and three plots over the last minute."""
+
+    def __init__(self, gui: GuiApi) -> None:
+        self._table = gui.add_html("")
+        gui.add_html(_legend())
+        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MOST_RANGE_M))
+        self._yaw = _plot(
+            gui, "heading, °", ("estimated", "true"), (COLOURS[4], COLOURS[2]), (-180, 180)
+        )
+        self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
+
+    def tell(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
+        """The numbers of this moment."""
+        pose = snapshot.pose
+        rows = {
+            "doing": snapshot.activity,
+            **({"trouble": snapshot.trouble} if snapshot.trouble else {}),
+            "time": f"{snapshot.time_s:.2f} s",
+            "height": "–" if pose is None else f"{pose.height_m:.2f} m",
+            "position known to": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
+            **more,
+        }
+        self._table.content = _html_table(rows)
+
+    def plot(self, window: Sequence[Snapshot], true_yaw_rad: Sequence[float] | None = None) -> None:
+        """The last minute of these snapshots, in their order."""
+        if not window:
+            return
+        since_s = window[-1].time_s - WINDOW_S
+        first = next(i for i, snapshot in enumerate(window) if snapshot.time_s >= since_s)
+        stride = max(1, (len(window) - first) // MOST_DOTS)
+        shown = list(window)[first::stride]
+        times = np.array([snapshot.time_s for snapshot in shown])
+        self._ranges.data = (
+            times,
+            *(_column(shown, lambda s, b=beam: _range_m(s.readings.get(b))) for beam in PLOTTED),  # type: ignore[misc]
+        )
+        yaw = _column(shown, lambda s: math.degrees(s.pose.yaw_rad) if s.pose else math.nan)
+        true = (
+            np.degrees(true_yaw_rad[first::stride])
+            if true_yaw_rad
+            else np.full(len(shown), math.nan)
+        )
+        self._yaw.data = (times, yaw, np.asarray(true, dtype=float))
+        self._bias.data = (times, _column(shown, _bias_deg_s))
+
+
+def _column(shown: Sequence[Snapshot], value: Callable[[Snapshot], float]) -> Series:
+    return np.array([value(snapshot) for snapshot in shown], dtype=float)
+
+
+def _bias_deg_s(snapshot: Snapshot) -> float:
+    bias_rad_s = snapshot.gyro_bias_rad_s
+    return math.nan if bias_rad_s is None else math.degrees(bias_rad_s)
+
+
+def _range_m(reading: RangeReading | None) -> float:
+    return reading.distance_m if reading is not None and reading.is_distance else math.nan
+
+
+def _plot(
+    gui: GuiApi,
+    title: str,
+    names: Sequence[str],
+    colours: Sequence[str],
+    between: tuple[float, float],
+) -> GuiUplotHandle:
+    """What is not known is NaN, of which uPlot can make no scale."""
+    empty = np.zeros(1)
+    # dots, because a line would go on where there is nothing
+    dots = [
+        uplot.Series(
+            label=str(name),
+            stroke=colour,
+            width=0,
+            points=uplot.Series_Points(show=True, size=3, fill=colour),
+        )
+        for name, colour in zip(names, colours, strict=True)
+    ]
+    return gui.add_uplot(
+        (empty, *(np.full(1, math.nan) for _ in names)),
+        (uplot.Series(label="s"), *dots),
+        title=title,
+        scales={"x": uplot.Scale(time=False), "y": uplot.Scale(range=between)},
+        legend=uplot.Legend(show=len(names) > 1),
+        height=HEIGHT_PX,
+    )
+
+
+def _html_table(rows: Mapping[str, str]) -> str:
+    cells = "".join(
+        f'<tr><td style="opacity:.65;padding-right:.8em;white-space:nowrap">{_plain(key)}</td>'
+        f"<td><b>{_plain(value)}</b></td></tr>"
+        for key, value in rows.items()
+    )
+    return f'<table style="font-size:.85em;margin:.4em .8em">{cells}</table>'
+
+
+def _plain(text: str) -> str:
+    """As text, whatever stands in it."""
+    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
+
+
+def _legend() -> str:
+    gradient = ",".join("rgb({},{},{})".format(*colour) for colour in SIGMA_COLOURS)
+    return (
+        '<div style="font-size:.8em;margin:.2em 1em .6em">walls are known to (1σ): 0 '
+        '<span style="display:inline-block;width:7em;height:.7em;'
+        f'background:linear-gradient(90deg,{gradient})"></span> {100 * UNSURE_M:.0f} cm</div>'
+    )

@@ -1,0 +1,178 @@
+"""The mapped side of the scene: what the drone knows, and how sure it is of it."""
+
+import math
+import time
+
+import numpy as np
+from viser import LabelHandle, PointCloudHandle, ViserServer
+
+from companion.core.frames import Vector2, Vector3, ned_to_enu
+from companion.core.messages import Sketch, WallSegment
+from companion.view.scene.shapes import (
+    LEAST_THICKNESS_M,
+    SHOWN_HEIGHT_M,
+    Array,
+    Drone,
+    Trail,
+    Upright,
+    about_up,
+    position_ned_m,
+    to_scene,
+)
+from companion.view.snapshot import Snapshot
+
+UNSURE_M = 0.10
+"""The sigma from which on a wall has the last of these colours."""
+SIGMA_COLOURS = ((0, 150, 136), (255, 193, 7), (211, 47, 47))
+BAND_SIGMAS = 2
+BAND_HEIGHT_M = 0.02
+LABELLED_FROM_M = 1.5
+MOST_LABELS = 60
+LABELS_APART_M = 1.0
+LABEL_SCALE = 1.2
+LABEL_PERIOD_S = 2.0
+"""By the clock on the wall; letters cost a browser much."""
+POINT_COLOUR = (84, 98, 111)
+PATH_COLOUR = (58, 134, 200)
+DRONE_COLOUR = (29, 53, 87)
+
+
+class MappedSide:
+    """Walls in the colour of their sigma with a band of so many times two sigma, points, path."""
+
+    def __init__(self, server: ViserServer, name: str = "/mapped") -> None:
+        scene = server.scene
+        self._server = server
+        self._name = name
+        self._frame = scene.add_frame(name, show_axes=False)
+        self._walls = Upright(scene, f"{name}/walls")
+        self._bands = Upright(scene, f"{name}/bands", opacity=0.3)
+        self._points: PointCloudHandle = scene.add_point_cloud(
+            f"{name}/points",
+            np.zeros((1, 3)),
+            POINT_COLOUR,
+            point_size=0.025,
+            point_shape="circle",
+            precision="float32",
+            visible=False,
+        )
+        self._path = Trail(scene, f"{name}/path", PATH_COLOUR)
+        self._drone = Drone(scene, f"{name}/drone", DRONE_COLOUR)
+        self._labels: dict[int, LabelHandle] = {}
+        self._sketch = Sketch()
+        self._exaggeration = 5.0
+        self._labelled_wall_s = 0.0
+
+    def place(self, origin_ned_m: Vector3, heading_rad: float) -> None:
+        """Where in the scene the take-off is drawn, and whither it pointed."""
+        self._frame.position = ned_to_enu(origin_ned_m)
+        self._frame.wxyz = about_up(-heading_rad)
+
+    def exaggerate(self, times: float) -> None:
+        """How much wider than true to scale the bands of uncertainty are drawn."""
+        self._exaggeration = times
+        self._draw(self._sketch)
+
+    def show(self, snapshot: Snapshot) -> None:
+        if snapshot.has_ended:
+            self._labelled_wall_s = 0.0  # the last map is labelled in any case
+        if snapshot.sketch is not None:
+            self._draw(snapshot.sketch)
+        if snapshot.pose is None:
+            self._drone.hide()
+            self._path.show([])
+            return
+        here = position_ned_m(snapshot.pose)
+        self._drone.move(here, snapshot.pose.yaw_rad)
+        self._drone.look(snapshot.readings, snapshot.mount_offset_m)
+        if snapshot.sketch is not None:
+            self._path.show(snapshot.sketch.path_ned_m)
+        self._path.extend(here)
+
+    @property
+    def in_numbers(self) -> dict[str, str]:
+        """What is mapped so far."""
+        walls = self._sketch.walls
+        length_m = sum(wall.length_m for wall in walls)
+        return {"walls mapped": f"{len(walls)}, {length_m:.1f} m"}
+
+    def clear(self) -> None:
+        self._drone.hide()
+        self._path.show([])
+        self._draw(Sketch())
+
+    def _draw(self, sketch: Sketch) -> None:
+        self._sketch = sketch
+        top_m = min(SHOWN_HEIGHT_M, sketch.ceiling_m or SHOWN_HEIGHT_M)
+        ends = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.walls]
+        sigmas_m = np.array([wall.sigma_m for wall in sketch.walls])
+        colours = colours_of(sigmas_m)
+        with self._server.atomic():
+            thickness_m = LEAST_THICKNESS_M
+            self._walls.show(ends, 0.0, top_m, thickness_m, colours, overlap_m=thickness_m)
+            widths_m = 2 * BAND_SIGMAS * self._exaggeration * sigmas_m
+            self._bands.show(ends, 0.0, BAND_HEIGHT_M, widths_m, colours)
+            points = to_scene(sketch.points_ned_m)
+            self._points.visible = len(points) > 0
+            if len(points):
+                self._points.points = points.astype(np.float32)
+            if time.monotonic() - self._labelled_wall_s > LABEL_PERIOD_S or not sketch.walls:
+                self._labelled_wall_s = time.monotonic()
+                self._label(sketch.walls, top_m)
+
+    def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
+        """Sigma of each longer wall, over its middle."""
+        told = _apart(sorted(walls, key=lambda wall: -wall.length_m))
+        for number, wall in enumerate(told):
+            text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
+            place = ned_to_enu((*_middle(wall), -top_m - 0.1))
+            label = self._labels.get(number)
+            if label is None:
+                self._labels[number] = self._server.scene.add_label(
+                    f"{self._name}/labels/{number}",
+                    text,
+                    position=place,
+                    anchor="bottom-center",
+                    font_screen_scale=LABEL_SCALE,
+                )
+                continue
+            label.visible = True
+            if label.text != text:
+                label.text = text
+            label.position = place
+        for number in range(len(told), len(self._labels)):
+            self._labels[number].visible = False
+
+
+def colours_of(sigmas_m: Array) -> Array:
+    """The colour of each sigma, (n, 3)."""
+    steps_m = np.linspace(0, UNSURE_M, len(SIGMA_COLOURS))
+    channels = np.array(SIGMA_COLOURS, dtype=float).T
+    return np.column_stack([np.interp(sigmas_m, steps_m, channel) for channel in channels])
+
+
+def _apart(walls: list[WallSegment]) -> list[WallSegment]:
+    """Those that get a label: long ones whose labels do not cover each other."""
+    told: list[WallSegment] = []
+    for wall in walls:
+        is_free = all(math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in told)
+        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MOST_LABELS:
+            told.append(wall)
+    return told
+
+
+def _middle(wall: WallSegment) -> Vector2:
+    (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
+    return (north_a + north_b) / 2, (east_a + east_b) / 2
+
+
+def extent_ne_m(sketch: Sketch) -> tuple[Vector2, Vector2]:
+    """Least and greatest north and east of the map, with some room around it."""
+    places = [point for wall in sketch.walls for point in (wall.start_ne_m, wall.end_ne_m)]
+    places += [(north, east) for north, east, _ in sketch.path_ned_m]
+    norths, easts = zip(*places, strict=True) if places else ((0.0,), (0.0,))
+    margin_m = 1.0 if places else 5.0
+    return (
+        (min(norths) - margin_m, min(easts) - margin_m),
+        (max(norths) + margin_m, max(easts) + margin_m),
+    )

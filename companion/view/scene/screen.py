@@ -1,0 +1,53 @@
+"""A page without a truth to compare with: the map, the numbers and the plots."""
+
+from collections.abc import Sequence
+
+from companion.core.frames import Vector2
+from companion.core.messages import Sketch
+from companion.view.access.server import PageServer
+from companion.view.scene.camera import PANEL_PX, Framing
+from companion.view.scene.instruments import Instruments
+from companion.view.scene.mapped import MappedSide, extent_ne_m
+from companion.view.snapshot import Snapshot
+
+
+class Screen:
+    """The camera steps back when the map outgrows the view."""
+
+    def __init__(self, server: PageServer) -> None:
+        self._server = server
+        self._mapped = MappedSide(server)
+        server.gui.main_panel.dock_left()
+        server.gui.main_panel.set_width(PANEL_PX)
+        panel = server.gui.add_panel()
+        with panel.add_tab("Flight"):
+            self._instruments = Instruments(server.gui)
+        panel.dock_right()
+        panel.set_width(PANEL_PX)
+        self._extent = extent_ne_m(Sketch())
+        self._framing = Framing(server, *self._extent)
+
+    def show(self, snapshot: Snapshot) -> None:
+        with self._server.atomic():
+            self._mapped.show(snapshot)
+        self._instruments.tell(snapshot, self._mapped.in_numbers)
+        if snapshot.sketch is not None:
+            extent = extent_ne_m(snapshot.sketch)
+            if _reaches_beyond(extent, self._extent):
+                self._extent = extent
+                self._framing.frame(*extent)
+
+    def plot(self, window: Sequence[Snapshot]) -> None:
+        self._instruments.plot(window)
+
+    def exaggerate(self, times: float) -> None:
+        self._mapped.exaggerate(times)
+
+    def fit(self) -> None:
+        self._framing.all_in_view()
+
+
+def _reaches_beyond(extent: tuple[Vector2, Vector2], shown: tuple[Vector2, Vector2]) -> bool:
+    (south, west), (north, east) = extent
+    (least_north, least_east), (most_north, most_east) = shown
+    return south < least_north or west < least_east or north > most_north or east > most_east

@@ -1,0 +1,1 @@
+"""What the emulated autopilot knows of its own motion, and tells of it."""

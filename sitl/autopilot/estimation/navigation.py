@@ -1,0 +1,101 @@
+"""Where the vehicle thinks it is, out of its own sensors and of what it is told."""
+
+import math
+from dataclasses import replace
+
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.estimation.outside import Outside
+from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality, Sources
+from sitl.simulation.truth import TrueState
+
+SOURCES_STEPS = 10
+"""Parameters are looked up so often."""
+AT_REST_S = 1.0
+"""On the ground for longer, the vehicle is at rest (PX4, LandDetector.cpp)."""
+
+
+class Navigation:
+    """The estimator with its sources as the parameters choose them."""
+
+    def __init__(
+        self,
+        start: TrueState,
+        seed: int,
+        personality: Personality,
+        parameters: ParameterValues,
+        noise: OdometryNoise = REFERENCE_NOISE,
+    ) -> None:
+        self._is = personality
+        self._parameters = parameters
+        self._steps = 0
+        self.estimator = Estimator(start, seed, noise, personality.response.estimate)
+        self.outside = Outside(personality.pose_messages)
+        self.sources = personality.sources(parameters)
+        self.origin: tuple[int, int, int] | None = None
+        """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""
+        self.time_s = 0.0
+        self._flow_lost_s: float | None = None
+        self._floor_m = start.position_ned_m[2]
+        self._moved_s = -math.inf
+        """When it was last in the air."""
+
+    def lose_flow(self, *, lost: bool) -> None:
+        """A fault for tests: the floor shows no texture."""
+        self._flow_lost_s = self.time_s if lost else None
+        self.sources = self._read_sources()
+
+    def restart(self) -> None:
+        """As after power-on."""
+        self.origin = None
+        self.estimator.restart()
+
+    def update(self, truth: TrueState) -> None:
+        """Take in one step of true motion."""
+        if self._steps % SOURCES_STEPS == 0:
+            self.sources = self._read_sources()
+        self._steps += 1
+        self.time_s = truth.time_s
+        if truth.position_ned_m[2] < self._floor_m:
+            self._moved_s = self.time_s
+        self.estimator.update(truth, self.sources, self.outside.take_pose())
+
+    def _read_sources(self) -> Sources:
+        sources = self._is.sources(self._parameters)
+        return sources if self._flow_lost_s is None else replace(sources, flow=False)
+
+    @property
+    def unaided_s(self) -> float:
+        """How long nothing has told it how it moves; infinite if nothing ever did."""
+        if self.sources.flow:
+            return 0.0
+        if self.sources.needs_outside:
+            return self.outside_age_s
+        return 0.0 if self._flow_lost_s is None else self.time_s - self._flow_lost_s
+
+    @property
+    def outside_age_s(self) -> float:
+        return self.outside.pose_age_s(self.time_s)
+
+    @property
+    def has_position(self) -> bool:
+        if not self.estimator.has_settled or (self._is.position_needs_origin and not self.origin):
+            return False
+        if self.sources.flow:
+            return True
+        return self.sources.needs_outside and self.outside_age_s <= self._is.outside_lost_s
+
+    @property
+    def health(self) -> EstimatorHealth:
+        return EstimatorHealth(
+            self.estimator.has_settled,
+            self.has_position,
+            self.sources,
+            self.outside_age_s,
+            is_at_rest=self.time_s - self._moved_s > AT_REST_S,
+            has_origin=self.origin is not None,
+        )
+
+    @property
+    def sees_outside(self) -> bool:
+        """SYS_STATUS calls it vision."""
+        return math.isfinite(self.outside_age_s) and self.outside_age_s <= 1.0

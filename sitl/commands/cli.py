@@ -1,0 +1,305 @@
+"""The simulator's commands."""
+
+import signal
+from collections.abc import Callable
+from enum import StrEnum
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from companion.commands.options import MissionSet
+from companion.config.settings import mission_settings
+from companion.core import terminal
+from companion.core.errors import CompanionError
+from companion.core.extras import needs_extra
+from companion.export.map_files import each_by_itself, save
+from sitl.bench.cli import commands as bench_commands
+from sitl.commands.options import (
+    Autopilot,
+    Battery,
+    BeamFile,
+    Clutter,
+    ClutterSeed,
+    ConfigFile,
+    Crop,
+    FlightOptions,
+    Param,
+    Params,
+    Profile,
+    Seed,
+    Start,
+    WorldName,
+)
+from sitl.commands.score import score
+from sitl.errors import SitlError
+from sitl.external.held_speed import HeldSpeed
+from sitl.running.bare import fly_bare
+from sitl.running.server import Door, Server
+from sitl.running.sockets import external_door, fleet_doors
+from sitl.scoring.record import TruthRecord
+from sitl.view.cli import view
+from sitl.world.cli import commands as world_commands
+from sitl.world.format import WorldError
+
+EXIT_NOT_COMPLETED = 1
+EXIT_REFUSED = 2
+DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
+MOST_SPEED = 1000.0
+EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--battery-s", "--lockstep")
+
+commands = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Simulated rooms, autopilot and sensors for the companion.",
+)
+commands.add_typer(world_commands, name="world")
+commands.add_typer(bench_commands, name="bench")
+commands.command()(view)
+commands.command()(score)
+
+
+class RunAutopilot(StrEnum):
+    """Emulated here, or elsewhere."""
+
+    ARDUPILOT = "ardupilot"
+    PX4 = "px4"
+    EXTERNAL = "external"
+
+
+class Transport(StrEnum):
+    """How the companion and SITL meet."""
+
+    DIRECT = "direct"
+    BYTES = "bytes"
+    UDP = "udp"
+
+
+BusPort = Annotated[int, typer.Option(help="TCP port of the sensor bus; 0: any.")]
+Mavlink = Annotated[
+    list[str] | None,
+    typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT; repeatable, the companion's first."),
+]
+"""14550 if left out."""
+
+
+@commands.command()
+def run(
+    world: WorldName,
+    seed: Seed = 1,
+    profile: Profile = "gp2y0a710k0f",
+    autopilot: Annotated[
+        RunAutopilot, typer.Option(help="Emulated here, or external: one that flies by itself.")
+    ] = RunAutopilot.ARDUPILOT,
+    start: Start = None,
+    params: Params = None,
+    param: Param = None,
+    beam: BeamFile = None,
+    crop: Crop = None,
+    battery_s: Battery = None,
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = None,
+    config: ConfigFile = None,
+    vehicles: Annotated[
+        int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
+    ] = 1,
+    mavlink: Mavlink = None,
+    signing_key: Annotated[
+        Path | None,
+        typer.Option(help="The vehicles sign, and refuse who does not, with the key in this file."),
+    ] = None,
+    connect: Annotated[
+        str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
+    ] = "udpin:127.0.0.1:14551",
+    bus_port: BusPort = 5790,
+    speed: Annotated[
+        float,
+        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MOST_SPEED),
+    ] = 1.0,
+    lockstep: Annotated[
+        bool, typer.Option(help="Time stands still until every companion asks for it.")
+    ] = False,
+    truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
+) -> None:
+    """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
+    print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
+    external = autopilot is RunAutopilot.EXTERNAL
+    if external:
+        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, battery_s, lockstep)
+    options = FlightOptions(
+        world,
+        seed,
+        profile,
+        Autopilot.ARDUPILOT.value if external else autopilot.value,
+        start,
+        params,
+        param or (),
+        beam,
+        crop,
+        config,
+        battery_s,
+        clutter,
+        clutter_seed,
+    )
+    if external:
+        _run_external(options, connect, bus_port, truth)
+        return
+    setup, watch = options.setup()
+    links = mavlink or [DEFAULT_MAVLINK]
+    fleet, doors = fleet_doors(setup, watch, vehicles, links, bus_port, signing_key=signing_key)
+    for number, door in enumerate(doors):
+        _tell_door(door, f"system {setup.system_id + number}" if vehicles > 1 else "")
+    _serve(Server(fleet, doors, speed=speed, lockstep=lockstep))
+    _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
+
+
+def _refuse_what_is_set_there(*given: object) -> None:
+    """An external autopilot has its own links and parameters, and flies alone in its own time."""
+    for name, value in zip(EMULATED_ONLY, given, strict=True):
+        if value:
+            raise SitlError(f"{name} is for emulated autopilots, not for an external one")
+
+
+def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
+    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
+    print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
+    print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
+    _serve(Server(vehicle, [door], speed=MOST_SPEED, attendance=HeldSpeed(_say)))
+    _save_truth([vehicle.record], truth)
+
+
+def _say(text: str) -> None:
+    print(text, flush=True)
+
+
+def _tell_door(door: Door, whose: str) -> None:
+    for transport in door.transports:
+        print(f"MAVLink  {transport.address}  {whose}".rstrip())
+    print(f"sensors  sitl://127.0.0.1:{door.bus_port}  {whose}".rstrip(), flush=True)
+
+
+def _serve(server: Server) -> None:
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: server.stop())
+    server.serve()
+    print(f"attended {server.attended_for_s:.3f} s", flush=True)
+
+
+def _save_truth(records: list[TruthRecord], path: Path | None) -> None:
+    """One file for each vehicle; those after the first are numbered."""
+    if path is None:
+        return
+    paths = [path, *(path.with_stem(f"{path.stem}_{n + 2}") for n in range(len(records) - 1))]
+    each_by_itself(partial(record.save, to) for record, to in zip(records, paths, strict=True))
+
+
+@commands.command()
+def autopilot(
+    autopilot: Autopilot = Autopilot.ARDUPILOT,
+    seed: Seed = 1,
+    params: Params = None,
+    param: Param = None,
+    mavlink: Mavlink = None,
+    speed: Annotated[float, typer.Option(help="Times real time.", min=0.1, max=100)] = 1.0,
+) -> None:
+    """An emulated autopilot alone on an endless field, telling its true state; Ctrl-C ends it."""
+    fly_bare(
+        autopilot.value,
+        seed,
+        mavlink or [DEFAULT_MAVLINK],
+        parameter_file=params,
+        assignments=param or (),
+        speed=speed,
+        tell=_say,
+    )
+
+
+@commands.command()
+def fly(
+    world: WorldName,
+    seed: Seed = 1,
+    profile: Profile = "gp2y0a710k0f",
+    autopilot: Autopilot = Autopilot.ARDUPILOT,
+    start: Start = None,
+    params: Params = None,
+    param: Param = None,
+    beam: BeamFile = None,
+    crop: Crop = None,
+    battery_s: Battery = None,
+    clutter: Clutter = 0.0,
+    clutter_seed: ClutterSeed = None,
+    mission: Annotated[
+        str,
+        typer.Option(
+            help="What to fly: room, building, exterior, layers, or a mission file, .toml or .py."
+        ),
+    ] = "room",
+    mission_set: MissionSet = None,
+    config: ConfigFile = None,
+    transport: Annotated[
+        Transport, typer.Option(help="direct, bytes: one process; udp: two.")
+    ] = Transport.DIRECT,
+    speed: Annotated[
+        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MOST_SPEED)
+    ] = MOST_SPEED,
+    report: Annotated[Path | None, typer.Option(help="Write the report here as JSON.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
+) -> None:
+    """Fly a whole mission and score it; exit status 0 only if it was completed."""
+    # They load the companion, its filters and the scorer, which a mere server does without.
+    from sitl.running.missions import fly_in_one_process, fly_in_two  # noqa: PLC0415
+    from sitl.scoring.report import report_table, save_report  # noqa: PLC0415
+    from sitl.testing.mission_file import load_mission  # noqa: PLC0415
+
+    options = FlightOptions(
+        world,
+        seed,
+        profile,
+        autopilot.value,
+        start,
+        params,
+        param or (),
+        beam,
+        crop,
+        config,
+        battery_s,
+        clutter,
+        clutter_seed,
+    )
+    flown = load_mission(mission)
+    settings = options.settings({**flown.settings, **mission_settings(mission_set or ())})
+    console = Console(highlight=False, markup=False)
+    outputs: list[Callable[[], object]] = []
+    missed = ""
+    if transport is Transport.UDP:
+        result = fly_in_two(
+            options, flown, settings, speed, out=out or Path("out"), console=console
+        )
+    else:
+        result, plan, missed = fly_in_one_process(
+            options, flown, settings, transport.value, out=out, console=console
+        )
+        outputs += [partial(save, plan, out)] if out else []
+    console.print(report_table(result))
+    for path in filter(None, (report, out / "report.json" if out else None)):
+        outputs.append(partial(save_report, result, path))
+    each_by_itself(outputs)
+    if missed:
+        raise SitlError(f"{mission}: the flight ended before these events: {missed}")
+    raise typer.Exit(0 if result["completed"] else EXIT_NOT_COMPLETED)
+
+
+def main() -> None:
+    """Run a command; anything refused is one line on stderr and exit status 2."""
+    terminal.set_up()
+    try:
+        with needs_extra("sitl"):
+            commands()
+    except (SitlError, WorldError, CompanionError) as error:
+        # what stands in a file may look like the console's markup
+        console = Console(stderr=True, highlight=False, markup=False)
+        console.print(f"sitl: {error}", soft_wrap=True)
+        raise SystemExit(EXIT_REFUSED) from None

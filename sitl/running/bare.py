@@ -1,0 +1,74 @@
+"""`sitl autopilot`: an emulated autopilot alone, in real time, as if on an endless field.
+
+It tells its true state as simulated autopilots do, and lets others give it a world: the stand-in
+for ArduPilot SITL and PX4 SIH.
+"""
+
+import signal
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from companion.link.transports.transport import AUTOPILOT_COMPONENT, UdpTransport
+from sitl.autopilot.core import Autopilot
+from sitl.commands.options import read_parameters
+from sitl.running.server import Pace
+from sitl.simulation.truth import TrueState
+from sitl.simulation.vehicle import STEP_S
+
+MOST_BEHIND_S = 0.1
+"""Wall time that is caught up with; a machine that loses more flies slower, never in leaps."""
+ON_THE_FIELD = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+
+
+def fly_bare(
+    personality: str,
+    seed: int,
+    mavlink: Sequence[str],
+    *,
+    parameter_file: Path | None,
+    assignments: Sequence[str],
+    speed: float,
+    tell: Callable[[str], None],
+) -> None:
+    """Run until interrupted.
+
+    Raises:
+        SitlError, LinkError: one line that says what to mend.
+    """
+    values, watch = read_parameters(personality, parameter_file, assignments)
+    vehicle = Autopilot(
+        seed,
+        ON_THE_FIELD,
+        personality=personality,
+        parameters=values,
+        watch=watch,
+        links=len(mavlink),
+        tells_truth=True,
+    )
+    transports = [UdpTransport(url, vehicle.system_id, AUTOPILOT_COMPONENT) for url in mavlink]
+    for transport in transports:
+        tell(f"MAVLink  {transport.address}")
+    running = True
+
+    def stop(*_: object) -> None:
+        nonlocal running
+        running = False
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, stop)
+    pace = Pace(speed)
+    while running:
+        pace.hold_back(vehicle.time_s + STEP_S)
+        _step(vehicle, transports)
+        if pace.due_s() - vehicle.time_s > MOST_BEHIND_S * speed:
+            pace.resume(vehicle.time_s)
+
+
+def _step(vehicle: Autopilot, transports: Sequence[UdpTransport]) -> None:
+    for link, transport in enumerate(transports):
+        for message in transport.receive():
+            vehicle.receive(message, link)
+    vehicle.step()
+    for link, transport in enumerate(transports):
+        for message in vehicle.take_outbox(link):
+            transport.send(message)

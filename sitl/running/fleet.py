@@ -1,0 +1,80 @@
+"""Several vehicles in one world; their time passes together, 10 ms at a time."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from companion.core.frames import Vector3
+from companion.link.transports.transport import Transport
+from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.parameters.protocol import ParameterWatch
+from sitl.errors import SitlError
+from sitl.simulation.simulation import Setup, Simulation
+from sitl.simulation.traffic import Others, nobody
+from sitl.simulation.vehicle import STEP_S
+
+SEEDS_APART = 1000
+
+
+def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
+    """One setup for each vehicle: system ids and start poses in order, noise of its own.
+
+    Raises:
+        SitlError: the world has too few start poses.
+    """
+    starts = len(setup.world.starts)
+    if vehicles > starts:
+        raise SitlError(
+            f"{setup.world_name} has {starts} start poses, {vehicles} vehicles need one each; "
+            "add [[starts]] to it"
+        )
+    if vehicles == 1:
+        return [setup]
+    parameter = PERSONALITIES[setup.autopilot]().system_id_parameter
+    return [
+        replace(
+            setup,
+            seed=setup.seed + SEEDS_APART * number,
+            start=(setup.start + number) % starts,
+            parameters={**setup.parameters, parameter: setup.system_id + number},
+        )
+        for number in range(vehicles)
+    ]
+
+
+class Fleet:
+    """Simulations that see each other."""
+
+    def __init__(
+        self,
+        setups: Sequence[Setup],
+        transports: Sequence[Sequence[Transport]],
+        watch: ParameterWatch,
+    ) -> None:
+        self.vehicles: list[Simulation] = []
+        for number, (setup, links) in enumerate(zip(setups, transports, strict=True)):
+            others = self._others_of(number) if len(setups) > 1 else nobody
+            self.vehicles.append(Simulation(setup, links, watch, others))
+
+    def _others_of(self, number: int) -> Others:
+        def others() -> list[Vector3]:
+            return [
+                vehicle.autopilot.truth.position_ned_m
+                for other, vehicle in enumerate(self.vehicles)
+                if other != number
+            ]
+
+        return others
+
+    @property
+    def time_s(self) -> float:
+        return self.vehicles[0].time_s
+
+    def advance(self, time_s: float) -> None:
+        """Let time pass for all of them."""
+        if len(self.vehicles) == 1:
+            self.vehicles[0].advance(time_s)
+            return
+        while self.time_s < time_s - 1e-9:
+            step_to_s = self.time_s + STEP_S
+            for vehicle in self.vehicles:
+                vehicle.advance(step_to_s)

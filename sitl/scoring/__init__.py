@@ -1,0 +1,1 @@
+"""How good the map and the flight were, against the truth."""

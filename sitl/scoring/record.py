@@ -1,0 +1,80 @@
+"""What the scorer needs to know of the true flight."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from companion.core.textfile import read_text
+from companion.export.map_files import save_as
+from sitl.simulation.truth import TrueState
+
+PERIOD_S = 0.1
+AIRBORNE_M = 0.05
+
+
+class TruthRecord:
+    """The true path ten times a second, least clearance, collisions and time in the air."""
+
+    def __init__(self, take_off: TrueState) -> None:
+        self.path: list[TrueState] = [take_off]
+        self.clearance_m = math.inf
+        self.collisions = 0
+        self.air_time_s = 0.0
+        self._touching = False
+        self._last_s = take_off.time_s
+
+    @property
+    def take_off(self) -> TrueState:
+        return self.path[0]
+
+    def observe(self, state: TrueState, clearance_m: float) -> bool:
+        """Note one step; True when the body has just hit something."""
+        if state.time_s - self.path[-1].time_s >= PERIOD_S - 1e-9:
+            self.path.append(state)
+        if -state.position_ned_m[2] > AIRBORNE_M:
+            self.air_time_s += state.time_s - self._last_s
+        self._last_s = state.time_s
+        self.clearance_m = min(self.clearance_m, clearance_m)
+        hit = clearance_m <= 0 and not self._touching
+        self._touching = clearance_m <= 0
+        self.collisions += hit
+        return hit
+
+    def save(self, path: Path) -> None:
+        """As JSON.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        save_as(TruthRecord._write, self, path)
+
+    def _write(self, path: Path) -> None:
+        path.write_text(
+            json.dumps(
+                {
+                    "path": [asdict(state) for state in self.path],
+                    "clearance_m": self.clearance_m,
+                    "collisions": self.collisions,
+                    "air_time_s": self.air_time_s,
+                }
+            ),
+            encoding="utf-8",
+        )
+
+    @classmethod
+    def load(cls, path: Path) -> "TruthRecord":
+        record = json.loads(read_text(path))
+        states = [_state(state) for state in record["path"]]
+        truth = cls(states[0])
+        truth.path = states
+        truth.clearance_m = record["clearance_m"]
+        truth.collisions = record["collisions"]
+        truth.air_time_s = record["air_time_s"]
+        return truth
+
+
+def _state(record: dict[str, Any]) -> TrueState:
+    lists = {key: tuple(value) for key, value in record.items() if isinstance(value, list)}
+    return TrueState(**(record | lists))

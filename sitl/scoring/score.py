@@ -1,0 +1,280 @@
+"""How good the map and the flight were, against the truth. Every score is defined here, once.
+
+The map arrives in its own frame, local NED with its origin at take-off; the true pose at take-off
+puts it into the world. *Aligned* scores first move it rigidly to where it fits the true walls
+best, which takes out the error of that first pose and leaves the error of the map's shape.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from evo.core import metrics, sync
+from evo.core.geometry import GeometryException
+from evo.core.trajectory import PoseTrajectory3D
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from companion.core.messages import FloorPlan, Pose
+from sitl.simulation.truth import TrueState
+from sitl.world.format import Segment
+from sitl.world.geometry.nearest import NearestWall
+from sitl.world.plan import samples
+
+Points = NDArray[np.float64]
+
+COVERED_WITHIN_M = 0.10
+FALSE_BEYOND_M = 0.20
+PASSAGE_M, EITHER_SIDE_COS = 1.2, -0.1
+"""Between what stands on either side of the drone: through less, as a door, it may pass closer."""
+ALIGNMENT_STEPS = 30
+ALIGNMENT_REACH_M = 1.0
+"""Samples farther than this from any true wall do not pull on the alignment."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapScore:
+    """Wall errors in cm, shares from 0 to 1."""
+
+    wall_error_cm: float
+    wall_error_p95_cm: float
+    wall_error_aligned_cm: float
+    wall_error_aligned_p95_cm: float
+    coverage: float
+    """Share of the true wall that could be seen with a mapped one within 10 cm, aligned."""
+    false_walls: float
+    """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
+    wall_sigma_cm: float
+    """What the map claims: its walls' standard deviation at their middles, mean by length."""
+    wall_error_sigmas: float
+    """RMS of how far the middles are from the nearest true wall, take-off frame, in their sigmas;
+    about 1 if the map knows how exact it is. False walls do not count."""
+
+
+NOTHING_MAPPED = MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
+"""The score of a map without a wall that counts."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrajectoryScore:
+    """Absolute trajectory error, RMSE in cm: rigidly aligned, as ATE is defined, and as it is."""
+
+    ate_cm: float
+    ate_take_off_frame_cm: float
+
+
+def score_map(
+    plan: FloorPlan,
+    surfaces: Sequence[Segment],
+    seeable: Points,
+    take_off: TrueState,
+    closed: Sequence[Segment] = (),
+) -> MapScore:
+    """Compare the mapped walls with the true ones (world frame, north and east).
+
+    `seeable` are samples (n, 2) of those surfaces that could be seen; coverage is taken of them.
+    `closed` are walls that the simulator made up where the unknown begins: a mapped wall there is
+    neither right nor wrong.
+    """
+    truth = _Truth(surfaces, closed)
+    mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
+    error_m = _those_that_count(truth.errors_m(mapped))
+    if not len(error_m):
+        return NOTHING_MAPPED
+    aligned = align(mapped, truth.standing)
+    aligned_error_m = _those_that_count(truth.errors_m(aligned))
+    if not len(aligned_error_m):
+        return NOTHING_MAPPED
+    covered = _distance_to_points(seeable, aligned) <= COVERED_WITHIN_M
+    return MapScore(
+        wall_error_cm=100 * float(error_m.mean()),
+        wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),
+        wall_error_aligned_cm=100 * float(aligned_error_m.mean()),
+        wall_error_aligned_p95_cm=100 * float(np.percentile(aligned_error_m, 95)),
+        coverage=float(covered.mean()) if len(covered) else 0.0,
+        false_walls=float((aligned_error_m > FALSE_BEYOND_M).mean()),
+        wall_sigma_cm=100 * _mean_sigma_m(plan),
+        wall_error_sigmas=_error_in_sigmas(plan, truth, take_off),
+    )
+
+
+class _Truth:
+    """The true walls, and those that stand in the simulated world where the unknown begins."""
+
+    def __init__(self, surfaces: Sequence[Segment], closed: Sequence[Segment]) -> None:
+        self._walls = _nearest_of(surfaces)
+        self._closed = _nearest_of(closed) if closed else None
+        self.standing = _nearest_of([*surfaces, *closed]) if closed else self._walls
+        """All that a beam could meet: the map is aligned to it."""
+
+    def errors_m(self, points: Points) -> Points:
+        """Distance of each point (n, 2) to the true walls; NaN where it does not count.
+
+        That is what is mapped where the border was closed: nearer to it than to a true wall.
+        """
+        error_m, _ = self._walls.query(points)
+        if self._closed is None:
+            return error_m
+        closed_m, _ = self._closed.query(points)
+        return np.where((closed_m <= FALSE_BEYOND_M) & (closed_m < error_m), math.nan, error_m)
+
+
+def _those_that_count(errors_m: Points) -> Points:
+    return errors_m[~np.isnan(errors_m)]
+
+
+def _nearest_of(segments: Sequence[Segment]) -> NearestWall:
+    return NearestWall(np.array(segments, dtype=float).reshape(-1, 2, 2))
+
+
+def _mean_sigma_m(plan: FloorPlan) -> float:
+    lengths_m = [wall.length_m for wall in plan.walls]
+    return float(np.average([wall.sigma_m for wall in plan.walls], weights=lengths_m))
+
+
+def _error_in_sigmas(plan: FloorPlan, truth: _Truth, take_off: TrueState) -> float:
+    middles = np.array([np.add(wall.start_ne_m, wall.end_ne_m) / 2 for wall in plan.walls])
+    error_m = truth.errors_m(_to_world(middles, take_off))
+    sigma_m = np.array([wall.sigma_m for wall in plan.walls])
+    counts = (error_m < FALSE_BEYOND_M) & (sigma_m > 0)
+    return (
+        float(np.sqrt(np.mean((error_m[counts] / sigma_m[counts]) ** 2))) if counts.any() else 0.0
+    )
+
+
+def score_trajectory(
+    path: Sequence[Pose], truth: Sequence[TrueState], take_off: TrueState
+) -> TrajectoryScore:
+    """ATE by evo, against the truth interpolated to the times of the poses."""
+    truth = _at_times(truth, [pose.time_s for pose in path])
+    estimated = _trajectory(
+        [pose.time_s for pose in path],
+        _to_world(np.array([[pose.north_m, pose.east_m] for pose in path]), take_off),
+        [pose.yaw_rad + take_off.yaw_rad for pose in path],
+    )
+    true = _trajectory(
+        [state.time_s for state in truth],
+        np.array([state.position_ned_m[:2] for state in truth]),
+        [state.yaw_rad for state in truth],
+    )
+    true, estimated = sync.associate_trajectories(true, estimated, max_diff=0.001)
+    as_is_cm = _rmse_cm(true, estimated)
+    try:
+        estimated.align(true)
+    except GeometryException:  # it never moved
+        return TrajectoryScore(as_is_cm, as_is_cm)
+    return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
+
+
+def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: float) -> float:
+    """Least distance of a body's hull to any surface, where it is in no passage.
+
+    Of the places (n, 2) that it comes to; infinite if all are in one, or nothing stands there.
+    """
+    walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
+    if not len(walls) or not len(places):
+        return math.inf
+    least_m = math.inf
+    for place in places[NearestWall(walls).query(places)[0].argsort()]:
+        foot = _feet(place[None], walls)[0] - place
+        away_m = np.hypot(*foot.T)
+        nearest = int(away_m.argmin())
+        if away_m[nearest] - radius_m >= least_m:
+            break
+        towards = foot / np.maximum(away_m, 1e-9)[:, None]
+        other_side = foot[towards @ towards[nearest] < EITHER_SIDE_COS]
+        across_m = np.hypot(*(other_side - foot[nearest]).T)
+        if across_m.min(initial=math.inf) >= PASSAGE_M:
+            least_m = float(away_m[nearest]) - radius_m
+    return least_m
+
+
+def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: float) -> float:
+    """Least time to trace a room with four square corners: (P - 8·d) / v."""
+    perimeter_m = sum(math.dist(*surface) for surface in surfaces)
+    return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
+
+
+def align(points: Points, walls: NearestWall) -> Points:
+    """Move points (n, 2) rigidly onto walls: iterated closest points."""
+    for _ in range(ALIGNMENT_STEPS):
+        distance_m, nearest = walls.query(points)
+        pull = distance_m < ALIGNMENT_REACH_M
+        if pull.sum() < 3:
+            return points
+        moved = _rigid_fit(points[pull], nearest[pull], points)
+        if float(np.abs(moved - points).max()) < 1e-5:
+            return moved
+        points = moved
+    return points
+
+
+def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
+    """Kabsch: the rotation and shift that bring `source` to `target`, applied to `points`."""
+    source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
+    u, _, vt = np.linalg.svd((source - source_mean).T @ (target - target_mean))
+    flip = np.diag([1.0, np.sign(np.linalg.det(u @ vt))])
+    moved: Points = (points - source_mean) @ (u @ flip @ vt) + target_mean
+    return moved
+
+
+def _to_world(points: Points, take_off: TrueState) -> Points:
+    """Local NED (north, east) to the world's, by the true pose at take-off."""
+    cos_yaw, sin_yaw = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
+    rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
+    moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
+    return moved
+
+
+def _feet(points: Points, walls: Points) -> Points:
+    """The closest points (n, m, 2) on each of the segments (m, 2, 2)."""
+    start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
+    length2 = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = ((points[:, None] - start) * along).sum(axis=2) / length2
+    feet: Points = start + np.clip(share, 0, 1)[..., None] * along
+    return feet
+
+
+def _distance_to_points(points: Points, others: Points) -> Points:
+    nearest: Points = cKDTree(others).query(points)[0]
+    return nearest
+
+
+def _at_times(truth: Sequence[TrueState], times_s: Sequence[float]) -> list[TrueState]:
+    """The true states at these times, linearly between those recorded; none outside them.
+
+    Taking the nearest instead would add what the vehicle flies in half a record's period.
+    """
+    known_s = [state.time_s for state in truth]
+    within = [time_s for time_s in times_s if known_s[0] <= time_s <= known_s[-1]]
+    north, east, down = (
+        np.interp(within, known_s, [state.position_ned_m[axis] for state in truth])
+        for axis in range(3)
+    )
+    yaw = np.interp(within, known_s, np.unwrap([state.yaw_rad for state in truth]))
+    return [
+        replace(
+            truth[0],
+            time_s=time_s,
+            position_ned_m=(float(north[i]), float(east[i]), float(down[i])),
+            yaw_rad=float(yaw[i]),
+        )
+        for i, time_s in enumerate(within)
+    ]
+
+
+def _trajectory(time_s: Sequence[float], xy: Points, yaw_rad: Sequence[float]) -> PoseTrajectory3D:
+    half = np.array(yaw_rad) / 2
+    zero = np.zeros(len(half))
+    return PoseTrajectory3D(
+        positions_xyz=np.column_stack([xy, zero]),
+        orientations_quat_wxyz=np.column_stack([np.cos(half), zero, zero, np.sin(half)]),
+        timestamps=np.array(time_s),
+    )
+
+
+def _rmse_cm(true: PoseTrajectory3D, estimated: PoseTrajectory3D) -> float:
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data((true, estimated))
+    return 100 * float(error.get_statistic(metrics.StatisticsType.rmse))

@@ -1,0 +1,1 @@
+"""The world at one moment and how it moves on: vehicle, noise, radio, truth."""

@@ -1,0 +1,56 @@
+"""A radio that is not perfect: messages get lost, come twice, late, or one after the next."""
+
+import heapq
+from collections.abc import Iterable
+from dataclasses import dataclass
+from random import Random
+
+from companion.link.transports.transport import Message
+
+OUT_OF_ORDER_S = 0.06
+"""A message that is overtaken is this late."""
+
+
+@dataclass(frozen=True, slots=True)
+class Troubles:
+    """Shares of all messages, 0 to 1, and the most by which one may be late."""
+
+    loss: float = 0.0
+    duplicates: float = 0.0
+    reordering: float = 0.0
+    jitter_s: float = 0.0
+
+
+NO_TROUBLES = Troubles()
+
+
+class Radio:
+    """One direction of a link."""
+
+    def __init__(self, random: Random) -> None:
+        self.troubles = NO_TROUBLES
+        self._random = random
+        self._under_way: list[tuple[float, int, Message]] = []
+        self._count = 0
+
+    def carry(self, messages: Iterable[Message], now_s: float) -> Iterable[Message]:
+        """Take what is sent; give what arrives by now."""
+        if self.troubles is NO_TROUBLES and not self._under_way:
+            return messages
+        for message in messages:
+            self._launch(message, now_s)
+        arrived = []
+        while self._under_way and self._under_way[0][0] <= now_s:
+            arrived.append(heapq.heappop(self._under_way)[2])
+        return arrived
+
+    def _launch(self, message: Message, now_s: float) -> None:
+        random, troubles = self._random, self.troubles
+        if random.random() < troubles.loss:
+            return
+        for _ in range(2 if random.random() < troubles.duplicates else 1):
+            late_s = random.uniform(0.0, troubles.jitter_s)
+            if random.random() < troubles.reordering:
+                late_s += OUT_OF_ORDER_S
+            self._count += 1
+            heapq.heappush(self._under_way, (now_s + late_s, self._count, message))

@@ -1,0 +1,50 @@
+"""Other vehicles in the same world: to be seen by beams, and to be hit."""
+
+import math
+from collections.abc import Callable, Sequence
+
+from companion.core.frames import Vector3
+from sitl.sensors.beam import RangeQuery
+from sitl.world.geometry.model import BODY_RADIUS_M
+
+Others = Callable[[], Sequence[Vector3]]
+"""Where the other vehicles are now, world NED, metres."""
+
+
+def nobody() -> Sequence[Vector3]:
+    """For a vehicle that has the world to itself."""
+    return ()
+
+
+def clearance_to_others_m(position: Vector3, others: Sequence[Vector3]) -> float:
+    """Between the bodies, ≤ 0 when two touch; infinite where there is nobody."""
+    nearest_m = min((math.dist(position, other) for other in others), default=math.inf)
+    return nearest_m - 2 * BODY_RADIUS_M
+
+
+def with_others(walls: RangeQuery, others: Others) -> RangeQuery:
+    """What a beam meets first: walls, or the body of another vehicle."""
+
+    def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
+        bodies = others()
+        if not bodies:
+            return walls(origin, direction, most_m)
+        to_bodies = (_to_body_m(origin, direction, body) for body in bodies)
+        nearest_m = min((d for d in to_bodies if d <= most_m), default=math.inf)
+        to_wall_m = walls(origin, direction, most_m)
+        if to_wall_m is not None and to_wall_m <= nearest_m:
+            return to_wall_m
+        return nearest_m if nearest_m < math.inf else None
+
+    return range_m
+
+
+def _to_body_m(origin: Vector3, direction: Vector3, body: Vector3) -> float:
+    """Distance along a unit ray to a sphere; infinite if it misses or starts inside."""
+    off = [b - o for b, o in zip(body, origin, strict=True)]
+    along = sum(x * d for x, d in zip(off, direction, strict=True))
+    inside2 = BODY_RADIUS_M**2 - (sum(x * x for x in off) - along**2)
+    if inside2 < 0:
+        return math.inf
+    distance_m = along - math.sqrt(inside2)
+    return distance_m if distance_m >= 0 else math.inf

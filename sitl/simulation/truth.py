@@ -1,0 +1,45 @@
+"""What really happens. Only the simulation's own parts, the scorer and the viewer may read it."""
+
+from collections import deque
+
+from companion.core.frames import Vector3
+from companion.core.values import value
+
+
+@value
+class TrueState:
+    """The vehicle in the world's frame: NED, origin and axes of the world file, floor at down = 0.
+
+    `yaw_rad` is clockwise from north; `roll_rad` and `pitch_rad` as in MAVLink ATTITUDE.
+    """
+
+    time_s: float
+    position_ned_m: Vector3
+    velocity_ned_m_s: Vector3
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    yaw_rate_rad_s: float
+
+
+STEP_S = 0.01
+"""Between two states."""
+HISTORY_STEPS = 8
+"""Enough for the slowest sensor, whose value may be 50 ms old."""
+
+
+class History:
+    """The latest states: sensors hold values of moments that have passed."""
+
+    def __init__(self, start: TrueState, steps: int = HISTORY_STEPS) -> None:
+        self._states = deque([start], maxlen=steps)
+
+    def add(self, state: TrueState) -> None:
+        self._states.append(state)
+
+    def at(self, time_s: float) -> TrueState:
+        """The state nearest to `time_s`, so that nothing is late on average; else the oldest."""
+        for state in reversed(self._states):
+            if state.time_s <= time_s + 0.5 * STEP_S:
+                return state
+        return self._states[0]

@@ -1,0 +1,153 @@
+"""The quadrotor as a moving point with a heading, in 10 ms steps.
+
+Velocity follows what the autopilot's shaping asks for as each firmware was measured to follow it: a
+second-order lag, of which a share comes late with the velocity integrator (`docs/autopilot.md`). At
+rest on the ground the body's centre is at down = 0.
+"""
+
+import math
+from dataclasses import dataclass
+from random import Random
+
+from companion.core.frames import Vector2, Vector3, ned_to_frd, wrap_rad
+from sitl.simulation.truth import TrueState
+
+STEP_S = 0.01
+GUST_STEPS = 5
+MAX_YAW_RATE_RAD_S = math.radians(90)
+GRAVITY_M_S2 = 9.81
+
+STILL: Vector2 = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Gusts:
+    """Slow random air movement that the velocity loop only partly holds against."""
+
+    sigma_m_s: float = 0.03
+    time_constant_s: float = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Follow:
+    """How one axis follows its reference; fitted to measured steps."""
+
+    natural_rad_s: float
+    """Of the closed loop: how quickly it follows,"""
+    damping: float
+    """and how much it overshoots."""
+    slow_share: float
+    """What share of a change comes late,"""
+    slow_s: float
+    """with this time constant."""
+
+
+@dataclass(frozen=True, slots=True)
+class Airframe:
+    """All axes of one vehicle."""
+
+    horizontal: Follow
+    vertical: Follow
+    yaw: Follow
+
+
+class Loop:
+    """One axis: v'' = ω²·(reference - v) - 2·ζ·ω·v'."""
+
+    def __init__(self, follow: Follow) -> None:
+        self._follow = follow
+        self._slow = 0.0
+        self.acceleration = 0.0
+        self.velocity = 0.0
+
+    def reset(self) -> None:
+        self._slow = self.velocity = self.acceleration = 0.0
+
+    def step(self, wanted: float) -> float:
+        """One step on."""
+        f = self._follow
+        self._slow += (wanted - self._slow) * STEP_S / f.slow_s
+        reference = (1 - f.slow_share) * wanted + f.slow_share * self._slow
+        pull = f.natural_rad_s**2 * (reference - self.velocity)
+        self.acceleration += (pull - 2 * f.damping * f.natural_rad_s * self.acceleration) * STEP_S
+        self.velocity += self.acceleration * STEP_S
+        return self.velocity
+
+
+class Vehicle:
+    """True motion. Commands are velocities in the world's NED and a yaw rate."""
+
+    def __init__(
+        self, start: TrueState, random: Random, airframe: Airframe, gusts: Gusts = Gusts()
+    ) -> None:
+        self._random = random
+        self._gusts = gusts
+        self._steps = 0
+        self._north, self._east = Loop(airframe.horizontal), Loop(airframe.horizontal)
+        self._down, self._yaw = Loop(airframe.vertical), Loop(airframe.yaw)
+        self._gust_ne = STILL
+        self._floor = start.position_ned_m[2]
+        self.wind_ne_m_s: Vector2 = STILL
+        """A fault for tests: a gust that carries the vehicle along."""
+        self.state = start
+
+    @property
+    def on_ground(self) -> bool:
+        return self.state.position_ned_m[2] >= self._floor
+
+    def step(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> TrueState:
+        """Fly for one step towards a commanded velocity."""
+        if self._steps % GUST_STEPS == 0:
+            self._blow()
+        wanted_n, wanted_e, wanted_d = velocity_ned_m_s
+        gust_n, gust_e = self._gust_ne
+        wind_n, wind_e = self.wind_ne_m_s
+        north = self._north.step(wanted_n) + gust_n + wind_n
+        east = self._east.step(wanted_e) + gust_e + wind_e
+        wanted_rate = max(-MAX_YAW_RATE_RAD_S, min(MAX_YAW_RATE_RAD_S, yaw_rate_rad_s))
+        turning = self._yaw.step(wanted_rate)
+        accelerations = self._north.acceleration, self._east.acceleration
+        return self._move((north, east, self._down.step(wanted_d)), accelerations, turning)
+
+    def _blow(self) -> None:
+        """Ornstein-Uhlenbeck process."""
+        fade = GUST_STEPS * STEP_S / self._gusts.time_constant_s
+        kick = self._gusts.sigma_m_s * math.sqrt(2 * fade)
+        north, east = self._gust_ne
+        north += -fade * north + self._random.gauss(0, kick)
+        east += -fade * east + self._random.gauss(0, kick)
+        self._gust_ne = north, east
+
+    def rest(self) -> TrueState:
+        """One step with the motors off: on the ground it stays; in the air it falls."""
+        for loop in (self._north, self._east, self._down, self._yaw):
+            loop.reset()
+        falling = self.state.velocity_ned_m_s[2]
+        if not self.on_ground:
+            falling += GRAVITY_M_S2 * STEP_S
+        return self._move((0.0, 0.0, falling), STILL, 0.0)
+
+    def _move(
+        self, velocity_ned_m_s: Vector3, acceleration_ne_m_s2: Vector2, yaw_rate_rad_s: float
+    ) -> TrueState:
+        """On for one step, tilted into the acceleration."""
+        was = self.state
+        north, east, down = velocity_ned_m_s
+        x, y, z = was.position_ned_m
+        z += down * STEP_S
+        if z >= self._floor:  # it stands, and does not slide
+            z, down = self._floor, min(down, 0.0)
+            north = east = yaw_rate_rad_s = 0.0
+        yaw_rad = wrap_rad(was.yaw_rad + yaw_rate_rad_s * STEP_S)
+        forward, right = ned_to_frd(*acceleration_ne_m_s2, yaw_rad)
+        self._steps += 1
+        self.state = TrueState(
+            time_s=self._steps * STEP_S,
+            position_ned_m=(x + north * STEP_S, y + east * STEP_S, z),
+            velocity_ned_m_s=(north, east, down),
+            roll_rad=math.atan2(right, GRAVITY_M_S2),
+            pitch_rad=-math.atan2(forward, GRAVITY_M_S2),
+            yaw_rad=yaw_rad,
+            yaw_rate_rad_s=yaw_rate_rad_s,
+        )
+        return self.state

@@ -1,0 +1,1 @@
+"""Triangles, rays and distances."""
