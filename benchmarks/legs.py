@@ -3,8 +3,8 @@
 One straight way of 20 m with legs of 3 to 5 cm all over it, at random headings to the grid of
 `safety/seen_free.py`, wide or narrow cells. The nose swings as `navigation/swing.py` says, the
 speed is bounded as by `safety/velocity_guard.py`, by the grid alone: no leg changes the flight.
-Nose and drone follow as ArduCopter's do, and overshoot. It prints the mean speed, and how many of the legs that the body
-would touch no beam has met while the drone can still stop.
+Nose and drone follow as ArduCopter's do, and overshoot. It prints the mean speed, and how many of
+the legs that the body would touch no beam has met while the drone can still stop.
 """
 
 import argparse

@@ -15,7 +15,7 @@ from companion.config.settings import Config
 from companion.core.errors import ConfigError
 from companion.core.messages import Beam
 from companion.drivers.models import range_models
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from companion.link.transports.open_link import open_transport
 from companion.run.clocks import open_clock
 from companion.run.hardware import make_rig

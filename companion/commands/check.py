@@ -11,7 +11,7 @@ from rich.table import Table
 from companion.bringup.hand_test import ask_for_hands
 from companion.bringup.self_test import Examination, Finding, Verdict
 from companion.commands.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from companion.link.transports.open_link import open_transport
 from companion.run.clocks import open_clock
 from companion.safety.health.lateness import TICK_S

@@ -17,8 +17,14 @@ from companion.core.messages import Beam, Pose, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Sight
 from companion.navigation.swing import MOST_RAD, TO_THE_RIGHT, Swing
-from companion.pdps.room_scan import FULL_STOP_BEFORE_M
-from companion.safety.control_laws import CLOSE_M, approach_speed, clamp, stay, turn_towards
+from companion.safety.control_laws import (
+    CLOSE_M,
+    FULL_STOP_BEFORE_M,
+    approach_speed,
+    clamp,
+    stay,
+    turn_towards,
+)
 from companion.safety.velocity_guard import clear_of_all_m
 
 ARRIVED_M = 0.10
@@ -139,7 +145,7 @@ def _towards(
 ) -> Setpoint:
     distance_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
     if distance_m < CLOSE_M and len(way) == 1:
-        return stay(way[0], sight)
+        return stay(way[0], sight.pose)
     bearing_rad = _bearing_rad(way, sight)
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     most_rad_s = math.radians(plan.turn_rate_deg_s)

@@ -63,7 +63,7 @@ def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoi
     """One tick: the next state and the velocity to fly."""
     if sight.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
         sweep = _as_posed(sweep, sight)
-    holding = stay(sweep.stay_ne_m, sight)
+    holding = stay(sweep.stay_ne_m, sight.pose)
     heading_rad, *later = sweep.headings_rad
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) <= ON_HEADING_RAD:
         return replace(sweep, headings_rad=tuple(later)), holding

@@ -5,7 +5,8 @@ ask of the autopilot. None of them does I/O or reads a clock.
 
     flight_phases ─┬─► room_scan: the tracing of one room, begun by `perpendicular`
                    ├─► explore: the seeing of a building: `frontiers` says what is unseen,
-                   │            `viewpoints` and `visibility` where to look from, `tour` in which order
+                   │            `viewpoints` and `visibility` from where to see it, `tour` in
+                   │            which order
                    ├─► layers: a building at several heights; `overflight` from above
                    └─► home
 """

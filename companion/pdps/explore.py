@@ -148,7 +148,7 @@ def _look(
     if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not _left_of(look, space)
-    gliding = glide(here, sight, GLIDE_SHARE * plan.speed_m_s)
+    gliding = glide(here, sight.pose, GLIDE_SHARE * plan.speed_m_s, sight.lag_s)
     if is_enough:
         return replace(_to_choose(explore, look), here_ne_m=here), gliding
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
@@ -232,7 +232,7 @@ def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionCo
         going, setpoint = travel.step(explore.travel, sight, space, plan)
         return setpoint if going.phase is TravelPhase.FLY else HOLD
     if explore.here_ne_m is not None:
-        return glide(explore.here_ne_m, sight, GLIDE_SHARE * plan.speed_m_s)
+        return glide(explore.here_ne_m, sight.pose, GLIDE_SHARE * plan.speed_m_s, sight.lag_s)
     return HOLD
 
 

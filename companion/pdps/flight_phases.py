@@ -501,7 +501,7 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight))
+            return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight.pose))
         case TravelPhase.GAVE_UP:
             since_s = min(flight.lost_since_s, view.time_s)
             return replace(flight, lost_since_s=since_s, lost_s=view.time_s), Action(HOLD)
@@ -547,7 +547,7 @@ def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
         flight = _go(flight, _after(Phase.DESCEND, view), view)
-    return flight, Action(stay(START_NE_M, view.sight))
+    return flight, Action(stay(START_NE_M, view.sight.pose))
 
 
 def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
@@ -555,7 +555,7 @@ def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     if is_low or _age_s(flight, view) > DESCENT_TIMEOUT_S:
         return _go(flight, Phase.LAND, view), Action(HOLD)
     over_ne_m = flight.diversion.goal_ne_m if flight.diversion else START_NE_M
-    return flight, Action(stay(over_ne_m, view.sight))
+    return flight, Action(stay(over_ne_m, view.sight.pose))
 
 
 def _after(planned: Phase, view: View) -> Phase:

@@ -129,4 +129,4 @@ def _fits_above(layers: Layers, sight: Sight, plan: MissionConfig) -> bool:
 def _climb(layers: Layers, sight: Sight, plan: MissionConfig) -> tuple[Layers, Setpoint]:
     if abs(sight.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
         return Layers(LayersPhase.EXPLORE, layers.number), HOLD
-    return layers, stay(START_NE_M, sight)
+    return layers, stay(START_NE_M, sight.pose)

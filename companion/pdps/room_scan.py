@@ -40,7 +40,14 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Sight
 from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
-from companion.safety.control_laws import approach_speed, clamp, keep_distance, stay, turn_towards
+from companion.safety.control_laws import (
+    FULL_STOP_BEFORE_M,
+    approach_speed,
+    clamp,
+    keep_distance,
+    stay,
+    turn_towards,
+)
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
@@ -65,8 +72,6 @@ MARK_EVERY_M = 0.5
 REFINEMENT_RAD = math.radians(30)
 """Of its heading at once: so far a step of the pose may turn the map, of which the heading knows
 nothing."""
-FULL_STOP_BEFORE_M = 0.7
-"""Nearer than this to anything ahead the drone does not move on, whatever the phase."""
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
 HALF_WAY_M = 0.5
@@ -296,7 +301,7 @@ def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
 
 def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     heading_rad, *later = scan.sweep_rad
-    holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, sight)
+    holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, sight.pose)
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
         most_rad_s = math.radians(plan.turn_rate_deg_s)
         rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
@@ -315,7 +320,7 @@ def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan
         scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=TO_THE_RIGHT)
         return scan, _along_wall(scan, sight, plan)
     is_nearly_round = abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ROUND_CORNER_RAD
-    turning = stay(scan.corner_ne_m, sight)
+    turning = stay(scan.corner_ne_m, sight.pose)
     moving = _along_wall(scan, sight, plan) if is_nearly_round else turning
     return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 

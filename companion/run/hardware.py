@@ -10,7 +10,8 @@ from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.gyro import calibrated, open_gyro
 from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
-from companion.drivers.wires.bus import Wires, open_bus
+from companion.drivers.wires.bus import Wires
+from companion.drivers.wires.opening import open_bus
 from companion.link.link import Link, Listener
 from companion.link.link_budget import refuse_too_much
 from companion.link.reports import Reports

@@ -16,12 +16,11 @@ from pathlib import Path
 from rich.console import Console
 
 from companion.app import App
-from companion.commands.fly import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.config.settings import Config
 from companion.core.errors import CompanionError
 from companion.core.messages import HOLD, GyroSample, RangeScan, is_ours
 from companion.drivers.models import range_models
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from companion.export.map_files import save
 from companion.link.link import Link
 from companion.link.reports import Reports
@@ -37,6 +36,7 @@ from companion.run.console import summary
 from companion.run.hardware import make_rig
 from companion.run.loop import Rig, fly
 from companion.run.systemd import Service
+from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.safety.health.lateness import TICK_S
 
 REPLAY_S = 0.04
@@ -104,7 +104,7 @@ class Recovery:
             return self.map_only()
         if app.estimator is None or app.flight.phase not in FLYING_PHASES:
             return self._land()
-        return fly_to_the_end(app, rig, recorder, self._out, self._console)
+        return fly_to_the_end(app, rig, recorder, out=self._out, console=self._console)
 
     def _land(self) -> int:
         """By a flight that does nothing else; the map is that of the recording."""

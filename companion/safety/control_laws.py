@@ -3,8 +3,7 @@
 import math
 
 from companion.core.frames import Vector2, ned_to_frd, wrap_rad
-from companion.core.messages import Setpoint
-from companion.navigation.observation import Sight
+from companion.core.messages import Pose, Setpoint
 
 TURN_GAIN_1_S = 2.0
 HEIGHT_GAIN_1_S = 0.8
@@ -17,6 +16,8 @@ MOST_SIDE_M_S = 0.3
 """The drone trims its place without turning."""
 CLIMB_LAG_S = 0.45
 """The drone climbs on for so long at the speed that it has (docs/autopilot.md)."""
+FULL_STOP_BEFORE_M = 0.7
+"""Nearer than this to anything ahead the drone does not move on, whatever the phase."""
 BRAKING_M_S2 = 0.5
 """Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
 
@@ -50,23 +51,21 @@ def approach_speed(room_m: float, most_m_s: float, lag_s: float) -> float:
     return min(most_m_s, BRAKING_M_S2 * (root - lag_s))
 
 
-def glide(place_ne_m: Vector2, sight: Sight, most_m_s: float) -> Setpoint:
+def glide(place_ne_m: Vector2, pose: Pose, most_m_s: float, lag_s: float) -> Setpoint:
     """Straight to a place nearby, whatever way the nose points, and stay there."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = pose.north_m, pose.east_m
     distance_m = math.dist(here, place_ne_m)
     if distance_m < CLOSE_M:
-        return stay(place_ne_m, sight)
-    speed_m_s = approach_speed(distance_m, most_m_s, sight.lag_s) / distance_m
-    forward_m, right_m = ned_to_frd(
-        place_ne_m[0] - here[0], place_ne_m[1] - here[1], sight.pose.yaw_rad
-    )
+        return stay(place_ne_m, pose)
+    speed_m_s = approach_speed(distance_m, most_m_s, lag_s) / distance_m
+    forward_m, right_m = ned_to_frd(place_ne_m[0] - here[0], place_ne_m[1] - here[1], pose.yaw_rad)
     return Setpoint(speed_m_s * forward_m, speed_m_s * right_m)
 
 
-def stay(place_ne_m: Vector2, sight: Sight) -> Setpoint:
+def stay(place_ne_m: Vector2, pose: Pose) -> Setpoint:
     """Hold a place against drift and gusts."""
     forward_m, right_m = ned_to_frd(
-        place_ne_m[0] - sight.pose.north_m, place_ne_m[1] - sight.pose.east_m, sight.pose.yaw_rad
+        place_ne_m[0] - pose.north_m, place_ne_m[1] - pose.east_m, pose.yaw_rad
     )
     return Setpoint(
         clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),

@@ -11,7 +11,7 @@ import pytest
 from companion.config.settings import SensorsConfig
 from companion.drivers.autopilot_gyro import AutopilotGyro
 from companion.drivers.gyro import open_gyro
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from companion.link.transports.transport import decode, make_codec
 from sitl.autopilot.estimation.own_sensors import Imu
 from sitl.simulation.noise import stream

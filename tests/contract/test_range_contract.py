@@ -11,7 +11,7 @@ from companion.core.errors import SensorError
 from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.drivers.models import model_of
 from companion.drivers.ranges import RangeSensors
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from companion.drivers.wires.prompt import MOST_AT_ONCE_S
 from sitl.sensors.line import on_virtual_time
 from tests.contract.bench import FIVE, KINDS, TICK_S, Bench, Noisy, Switched, make_bench

@@ -12,7 +12,7 @@ from companion.core.errors import SensorError
 from companion.core.messages import Beam, RangeState
 from companion.drivers.chips.lsm9ds1 import Lsm9ds1
 from companion.drivers.ranges import RangeSensors
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 from tests.contract.bench import STILL, Bench, make_bench
 from tests.contract.serving import Served
 

@@ -8,8 +8,8 @@ import signal
 import subprocess
 from pathlib import Path
 
-from companion.commands.fly import EXIT_ENDED
 from companion.recording.reader import read
+from companion.run.unattended import EXIT_ENDED
 from tests.system.processes import companion, flying, read_until, running_sitl
 from tests.worlds import SMALL_ROOM
 

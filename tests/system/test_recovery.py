@@ -14,7 +14,6 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.commands.fly import EXIT_ENDED
 from companion.commands.recover import listen
 from companion.config.settings import LinkConfig
 from companion.link.link import Link
@@ -22,6 +21,7 @@ from companion.link.reports import Reports
 from companion.link.transports.transport import pipe_pair
 from companion.recording.reader import read
 from companion.run.clocks import SystemClock
+from companion.run.unattended import EXIT_ENDED
 from tests.system.processes import companion, free_udp_port, read_until, sitl, started, stop
 from tests.worlds import SMALL_ROOM
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.commands.fly import EXIT_ENDED
 from companion.link.transports.transport import UdpTransport
+from companion.run.unattended import EXIT_ENDED
 from tests.system.processes import companion, flying, read_until, running_sitl, sitl
 from tests.worlds import SMALL_ROOM
 

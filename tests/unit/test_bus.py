@@ -9,7 +9,8 @@ from typing import Any
 
 import pytest
 
-from companion.drivers.wires.bus import LinuxI2cBus, Transaction
+from companion.drivers.wires.bus import Transaction
+from companion.drivers.wires.linux_i2c import LinuxI2cBus
 
 
 class Adapter:

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 
 from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
-from companion.commands.fly import exit_status
 from companion.config import settings as configuration
 from companion.pdps.flight_phases import Flight, Phase
+from companion.run.unattended import exit_status
 from sitl.autopilot.parameters.table import load_table
 
 _spec = importlib.util.spec_from_file_location("boot_config", DEPLOY / "boot_config.py")

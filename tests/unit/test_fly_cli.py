@@ -16,6 +16,7 @@ from companion.config.settings import Config
 from companion.core.errors import LinkError, OutputError
 from companion.pdps.flight_phases import Flight, Phase
 from companion.recording.recorder import NOT_RECORDED
+from companion.run import unattended
 
 
 @contextmanager
@@ -26,7 +27,7 @@ def no_rig(*_: object) -> Iterator[tuple[None, Any]]:
 @pytest.fixture(autouse=True)
 def on_no_drone(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(command, "open_rig", no_rig)
-    monkeypatch.setattr("companion.commands.fly.signal.signal", lambda *_: None)
+    monkeypatch.setattr("companion.run.unattended.signal.signal", lambda *_: None)
 
 
 def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
@@ -34,7 +35,7 @@ def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
         app.flight = Flight(phase, trouble="so it ended")
         return app.flight
 
-    monkeypatch.setattr(command, "fly", fly)
+    monkeypatch.setattr(unattended, "fly", fly)
 
 
 def flown(folder: Path, console: Console | None = None) -> int:
@@ -48,8 +49,8 @@ def test_what_is_refused_in_flight_is_not_what_is_refused_at_the_start(
     def fail(*_: object) -> None:
         raise LinkError(os.strerror(number))
 
-    monkeypatch.setattr(command, "fly", fail)
-    assert flown(tmp_path) == command.EXIT_FAILED
+    monkeypatch.setattr(unattended, "fly", fail)
+    assert flown(tmp_path) == unattended.EXIT_FAILED
     assert (tmp_path / "map.json").exists()
 
 
@@ -68,7 +69,7 @@ def test_a_map_that_cannot_be_saved_makes_no_failure_of_a_flight_that_has_ended_
         raise error
 
     ends(monkeypatch, phase)
-    monkeypatch.setattr(command, "save", refuse)
+    monkeypatch.setattr(unattended, "save", refuse)
     console = Console(record=True, quiet=False, width=200, file=open(os.devnull, "w"))  # noqa: SIM115
     assert flown(tmp_path, console) == status
     assert "the map is not saved" in console.export_text()

@@ -8,7 +8,7 @@ import pytest
 import serial
 
 from companion.core.errors import SensorError
-from companion.drivers.wires.bus import open_bus
+from companion.drivers.wires.opening import open_bus
 
 
 class SpiError(OSError):

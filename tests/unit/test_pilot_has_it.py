@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import pytest
 
-from companion.commands.fly import EXIT_ENDED, EXIT_FAILED, exit_status
 from companion.core.messages import CommandKind, Fault, LandedState, VehicleState
 from companion.pdps.flight_phases import (
     FLYING_PHASES,
@@ -14,6 +13,7 @@ from companion.pdps.flight_phases import (
     Phase,
     step,
 )
+from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, exit_status
 from companion.safety import preflight
 from tests.unit.test_pdps_flight import FLYING, ON_GROUND, PLAN, asks, flying, view
 

@@ -1,15 +1,8 @@
-"""The wires as the drivers see them, I2C, SPI and serial, and how the real ones are opened.
+"""The wires as the drivers see them: I2C, SPI and serial."""
 
-`open_bus("/dev/i2c-1")` is this machine's, `open_bus("sitl://127.0.0.1:5790")` what SITL serves;
-nothing above this file can tell them apart.
-"""
-
-import time
 from collections.abc import Sequence
-from contextlib import suppress
 from typing import Protocol
 
-from companion.core.errors import SensorError
 from companion.core.values import value
 
 
@@ -65,71 +58,3 @@ class Uart(Protocol):
 
 class Wires(Bus, Spi, Uart, Protocol):
     """All that sensors can be connected to."""
-
-
-MOST_TRANSACTIONS = 21
-"""The kernel takes 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
-I2C_RETRIES, I2C_TIMEOUT = 0x0701, 0x0702
-"""Requests of linux/i2c-dev.h."""
-GIVEN_UP_AFTER_10_MS = 5
-"""A call on a hung bus, in the kernel's unit; by itself it takes a second, the longest 20 ms."""
-
-
-class LinuxI2cBus:
-    """An I2C adapter of the Linux kernel, such as /dev/i2c-1 on a Raspberry Pi."""
-
-    def __init__(self, path: str) -> None:
-        import fcntl  # noqa: PLC0415 - as the next one
-
-        import smbus2  # noqa: PLC0415 - absent on machines without I2C
-
-        self._i2c_msg = smbus2.i2c_msg
-        try:
-            self._bus = smbus2.SMBus(path)
-        except OSError as error:
-            raise SensorError(
-                f"{path}: {error.strerror}; enable I2C (raspi-config, Interface Options) "
-                "and add this user to the group i2c"
-            ) from error
-        with suppress(OSError):  # an adapter that has no such limit: `prompt` has one for all wires
-            for request, argument in ((I2C_RETRIES, 0), (I2C_TIMEOUT, GIVEN_UP_AFTER_10_MS)):
-                fcntl.ioctl(self._bus.fd, request, argument)  # type: ignore[arg-type] # it is open
-
-    def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        answers: list[bytes] = []
-        batch: list[Transaction] = []
-        for transaction in transactions:
-            batch.append(transaction)
-            if transaction.wait_s > 0 or len(batch) == MOST_TRANSACTIONS:
-                answers += self._transfer(batch)
-                batch.clear()
-                time.sleep(transaction.wait_s)
-        return answers + (self._transfer(batch) if batch else [])
-
-    def _transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        writes = [self._i2c_msg.write(t.address, t.data) for t in transactions]
-        reads = [self._i2c_msg.read(t.address, t.count) if t.count else None for t in transactions]
-        pairs = zip(writes, reads, strict=True)
-        self._bus.i2c_rdwr(*[message for pair in pairs for message in pair if message is not None])
-        return [b"" if read is None else bytes(read) for read in reads]
-
-    def close(self) -> None:
-        self._bus.close()
-
-
-def open_bus(url: str) -> Wires:
-    """The wires of this machine, with the I2C adapter "/dev/i2c-N", or of "sitl://HOST:PORT".
-
-    Raises:
-        SensorError: nothing serves them there; names the url and the remedy.
-    """
-    # both implement what is declared here
-    if url.startswith("sitl://"):
-        from companion.drivers.wires.served_bus import ServedBus  # noqa: PLC0415
-
-        host, port = url.removeprefix("sitl://").rsplit(":", 1)
-        return ServedBus(host, int(port))
-    from companion.drivers.wires.linux_wires import LinuxWires  # noqa: PLC0415
-    from companion.drivers.wires.prompt import PromptWires  # noqa: PLC0415
-
-    return PromptWires(LinuxWires(url))

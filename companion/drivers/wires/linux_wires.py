@@ -5,7 +5,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from companion.core.errors import SensorError
-from companion.drivers.wires.bus import Bus, LinuxI2cBus, Transaction
+from companion.drivers.wires.bus import Bus, Transaction
+from companion.drivers.wires.linux_i2c import LinuxI2cBus
 
 SPI_CLOCK_HZ = 1_000_000
 """An MCP3008 at 2.7 V takes 1.35 MHz at most."""
