@@ -7,7 +7,7 @@ autopilot's clock.
 
 from sitl.autopilot.core import PERSONALITIES
 from sitl.autopilot.response import Shaper
-from sitl.simulation.vehicle import Loop
+from sitl.core.vehicle import Loop
 
 Shares = dict[float, float]
 MEASURED: dict[tuple[str, str, float], tuple[Shares, Shares]] = {

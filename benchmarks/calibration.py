@@ -14,9 +14,9 @@ from companion.config.settings import SensorsConfig
 from companion.core.messages import Beam, RangeReading
 from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
+from sitl.core.truth import TrueState
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import SensorBoard
-from sitl.simulation.truth import TrueState
 
 GAIN = 1.05
 UNITS = 20

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.recording.reader import Recording, read
-from sitl.commands.options import Autopilot, FlightOptions
 from sitl.commands.score import scored
-from sitl.scoring.record import TruthRecord
+from sitl.running.options import Autopilot, FlightOptions
+from sitl.simulation.record import TruthRecord
 
 Array = NDArray[np.float64]
 PROFILE = "gp2y0a710k0f"

@@ -12,8 +12,8 @@ from statistics import mean
 
 from companion.app import Progress
 from companion.config import settings as configuration
-from sitl.running.lockstep import fly_in_lockstep
 from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 

@@ -33,10 +33,10 @@ from companion.link.transports.transport import Message, decode, make_codec
 from companion.offline.reading.readers import read_log
 from companion.recording.reader import read
 from sitl.autopilot.core import Autopilot
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
+from sitl.core.truth import TrueState
 from sitl.sensors.board import SensorBoard
 from sitl.sensors.server import BusConnection
-from sitl.simulation.truth import TrueState
 from sitl.testing.fuzz import bus_request, mavlink_frame, serial_bytes, vehicle_frame
 from sitl.testing.mission_file import load_mission
 from sitl.world.format import parse_world

@@ -22,7 +22,7 @@ from pymavlink import mavutil
 from companion.recording.reader import read
 from companion.recording.replay import replay
 from sitl.running.processes import END_TIMEOUT_S, SERVE_LOCKSTEP, ports
-from sitl.scoring.record import TruthRecord
+from sitl.simulation.record import TruthRecord
 
 WORLD = "room_100"
 OPEN_TIMEOUT_S = 60.0

@@ -19,7 +19,7 @@ from companion.navigation.swing import TO_THE_RIGHT
 from companion.safety.seen_free import BODY_M, EYE_M, NARROW, WIDE, Fill, Passed
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
-from sitl.simulation.vehicle import STEP_S, Follow, Loop
+from sitl.core.vehicle import STEP_S, Follow, Loop
 
 Row = NDArray[np.float64]
 

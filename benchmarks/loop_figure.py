@@ -18,9 +18,9 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.safety.health.lateness import TICK_S
 from sitl.bench.references import Recorded, dead_reckoned, to_local
-from sitl.running.lockstep import fly_in_lockstep
-from sitl.scoring.record import TruthRecord
 from sitl.scoring.report import make_report
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces

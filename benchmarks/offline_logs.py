@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from companion.core.frames import Vector2
 from companion.core.messages import Beam
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 from sitl.world.format import Segment
 
 Array = NDArray[np.float64]

@@ -18,7 +18,7 @@ from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from sitl.bench.speed import on_one_core
-from sitl.running.lockstep import fly_in_lockstep
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 

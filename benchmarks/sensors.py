@@ -10,11 +10,11 @@ import statistics
 from collections.abc import Iterator
 from random import Random
 
+from sitl.core.noise import stream
 from sitl.sensors.beam import BeamPhysics, LightBeam
 from sitl.sensors.lsm9ds1 import draw_warming
 from sitl.sensors.sharp import PHYSICS, SharpUnit
 from sitl.sensors.time_of_flight import TOF_PHYSICS, TofUnit
-from sitl.simulation.noise import stream
 from sitl.world.format import World
 from sitl.world.geometry.model import Hit, WorldModel
 

@@ -14,7 +14,7 @@ import tomlkit
 
 from sitl.bench.lanes import fly_and_show
 from sitl.bench.missions import Job
-from sitl.commands.options import Autopilot, FlightOptions
+from sitl.running.options import Autopilot, FlightOptions
 from sitl.scoring.report import Report
 
 WORLDS = ("room_100", "room_200", "room_300")

@@ -17,9 +17,9 @@ from scipy.stats import chi2
 from companion.drivers.chips.lsm9ds1 import Lsm9ds1
 from companion.estimation.filters.gyro_rest_calibration import RestCalibration
 from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
+from sitl.core.noise import stream
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
-from sitl.simulation.noise import stream
 
 ADDRESS = 0x6B
 TICK_S = 0.05

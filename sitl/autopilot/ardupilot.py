@@ -27,7 +27,7 @@ from sitl.autopilot.personality import (
 )
 from sitl.autopilot.response import ARDUCOPTER, Response
 from sitl.autopilot.streams import Message
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20

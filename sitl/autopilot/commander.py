@@ -18,7 +18,7 @@ from sitl.autopilot.personality import (
     VelocityTarget,
 )
 from sitl.autopilot.streams import Message
-from sitl.simulation.vehicle import STEP_S, Vehicle
+from sitl.core.vehicle import STEP_S, Vehicle
 
 STREAM_STEPS = 50
 """Setpoints no farther apart than this are a stream."""

@@ -18,7 +18,7 @@ from companion.core.frames import Vector2, Vector3, wrap_rad
 from sitl.autopilot.estimation.estimator import Estimator
 from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
 from sitl.autopilot.response import Response
-from sitl.simulation.vehicle import STEP_S
+from sitl.core.vehicle import STEP_S
 
 CLIMB_M_S = 1.2
 """To a position."""

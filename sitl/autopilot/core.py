@@ -28,10 +28,10 @@ from sitl.autopilot.px4 import Px4
 from sitl.autopilot.response import SetpointShaper
 from sitl.autopilot.streams import Message, Streams
 from sitl.autopilot.telemetry import Status, Telemetry
+from sitl.core.noise import stream
+from sitl.core.truth import TrueState
+from sitl.core.vehicle import STEP_S, Vehicle
 from sitl.sensors.time_of_flight import TofUnit
-from sitl.simulation.noise import stream
-from sitl.simulation.truth import TrueState
-from sitl.simulation.vehicle import STEP_S, Vehicle
 
 PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "px4": Px4}
 

@@ -13,7 +13,7 @@ from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import Table, initial_values
 from sitl.autopilot.response import Response
 from sitl.autopilot.streams import Message
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 
 class Behaviour(enum.Enum):

@@ -29,7 +29,7 @@ from sitl.autopilot.personality import (
 )
 from sitl.autopilot.response import PX4, Response
 from sitl.autopilot.streams import Message
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 
 def custom_mode(main: int, sub: int = 0) -> int:

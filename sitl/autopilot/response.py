@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 from companion.core.frames import Vector3
 from sitl.autopilot.estimation.wobble import EstimateError
-from sitl.simulation.vehicle import STEP_S, Airframe, Follow
+from sitl.core.vehicle import STEP_S, Airframe, Follow
 
 
 @dataclass(frozen=True, slots=True)

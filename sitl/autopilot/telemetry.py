@@ -13,8 +13,8 @@ from sitl.autopilot.estimation.navigation import Navigation
 from sitl.autopilot.estimation.own_sensors import Imu, rangefinder_messages
 from sitl.autopilot.personality import ParameterValues, Personality
 from sitl.autopilot.streams import Maker, Message
+from sitl.core.truth import TrueState
 from sitl.sensors.time_of_flight import TofUnit
-from sitl.simulation.truth import TrueState
 
 BATTERY_CELLS = 4
 CELL_EMPTY_V, CELL_FULL_V = 3.5, 4.2

@@ -16,8 +16,8 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from sitl.bench.lanes import with_a_bar
 from sitl.bench.references import Recorded, dead_reckoned, ideal
-from sitl.running.lockstep import fly_in_lockstep
 from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from companion.core.errors import OutputError
-from sitl.commands.options import (
+from sitl.running.options import (
     Autopilot,
     Battery,
     ClutterSeed,

@@ -8,7 +8,7 @@ from types import MappingProxyType
 from typing import Any
 
 from companion.core.messages import Beam
-from sitl.simulation.noise import stream
+from sitl.core.noise import stream
 from sitl.testing.script import ACTIONS, Event, at
 from sitl.world.cropping import cropped
 from sitl.world.format import Box, Start, Walls, World

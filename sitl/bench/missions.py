@@ -10,10 +10,10 @@ from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
 from companion.pdps.room_scan import ScanPhase
 from companion.safety.health.lateness import TICK_S
-from sitl.commands.options import FlightOptions
-from sitl.running.lockstep import fly_in_lockstep
-from sitl.scoring.record import TruthRecord
+from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Play

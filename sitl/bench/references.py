@@ -30,7 +30,7 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Indices, Measured, Unknowns, project
 from companion.estimation.solved_flight import Traced
 from companion.mapping.floor_plan import wall_segments
-from sitl.scoring.record import TruthRecord
+from sitl.simulation.record import TruthRecord
 from sitl.world.format import Segment
 
 Array = NDArray[np.float64]

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from sitl.bench.missions import Job
-from sitl.commands.options import Autopilot, FlightOptions
+from sitl.running.options import Autopilot, FlightOptions
 from sitl.testing.mission_file import load_mission
 from sitl.world.format import WorldError
 from sitl.world.loading import IMPORTERS, load_world, world_names

@@ -14,10 +14,10 @@ from pathlib import Path
 
 from companion.config import settings as configuration
 from companion.config.settings import Config
-from sitl.commands.options import FlightOptions
-from sitl.running.lockstep import fly_in_lockstep
+from sitl.running.options import FlightOptions
 from sitl.running.processes import fly_in_two_processes
-from sitl.scoring.record import TruthRecord
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.record import TruthRecord
 
 TRANSPORTS = ("direct", "bytes", "udp")
 

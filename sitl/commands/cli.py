@@ -17,7 +17,11 @@ from companion.core.errors import CompanionError
 from companion.core.extras import needs_extra
 from companion.export.map_files import each_by_itself, save
 from sitl.bench.cli import commands as bench_commands
-from sitl.commands.options import (
+from sitl.commands.score import score
+from sitl.core.errors import SitlError
+from sitl.external.held_speed import HeldSpeed
+from sitl.running.bare import fly_bare
+from sitl.running.options import (
     Autopilot,
     Battery,
     BeamFile,
@@ -33,13 +37,9 @@ from sitl.commands.options import (
     Start,
     WorldName,
 )
-from sitl.commands.score import score
-from sitl.errors import SitlError
-from sitl.external.held_speed import HeldSpeed
-from sitl.running.bare import fly_bare
 from sitl.running.server import Door, Server
 from sitl.running.sockets import external_door, fleet_doors
-from sitl.scoring.record import TruthRecord
+from sitl.simulation.record import TruthRecord
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError

@@ -10,7 +10,8 @@ from rich.console import Console
 
 from companion.core.values import value
 from companion.export.map_files import load_json
-from sitl.commands.options import (
+from sitl.core.errors import SitlError
+from sitl.running.options import (
     Autopilot,
     Clutter,
     ClutterSeed,
@@ -22,8 +23,7 @@ from sitl.commands.options import (
     Start,
     WorldName,
 )
-from sitl.errors import SitlError
-from sitl.scoring.record import TruthRecord
+from sitl.simulation.record import TruthRecord
 
 if TYPE_CHECKING:
     from sitl.scoring.report import Report

@@ -15,9 +15,9 @@ from sitl.autopilot.estimation.estimator import Estimator
 from sitl.autopilot.estimation.ground_truth import quaternion_wxyz
 from sitl.autopilot.estimation.outside import rotated
 from sitl.autopilot.streams import Message
+from sitl.core.truth import TrueState
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import BEAM_FRD, to_ned
-from sitl.simulation.truth import TrueState
 
 INFRARED = mavlink.MAV_DISTANCE_SENSOR_INFRARED
 LEAST_CM, MOST_CM = 2, 550

@@ -11,7 +11,7 @@ from dataclasses import replace
 from companion.core.frames import Vector3, wrap_rad
 from sitl.autopilot.estimation.ground_truth import Place, offset_ned_m
 from sitl.autopilot.streams import Message
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 PULL = 0.2
 """Share of the difference that one message corrects."""

@@ -11,16 +11,16 @@ from companion.link.transports.transport import UdpTransport
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
+from sitl.core.noise import stream
+from sitl.core.truth import History
+from sitl.core.vehicle import STEP_S
 from sitl.external.clock import AutopilotClock, Silence
 from sitl.external.feed import distances, odometry
 from sitl.external.setup import ExternalSetup
 from sitl.external.tracker import TruthTracker
-from sitl.scoring.record import TruthRecord
 from sitl.sensors.board import SensorBoard
-from sitl.simulation.noise import stream
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup, beam_query, start_state
-from sitl.simulation.truth import History
-from sitl.simulation.vehicle import STEP_S
 from sitl.world.geometry.model import WorldModel
 
 COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY

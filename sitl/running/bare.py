@@ -10,10 +10,10 @@ from pathlib import Path
 
 from companion.link.transports.transport import AUTOPILOT_COMPONENT, UdpTransport
 from sitl.autopilot.core import Autopilot
-from sitl.commands.options import read_parameters
+from sitl.core.truth import TrueState
+from sitl.core.vehicle import STEP_S
+from sitl.running.options import read_parameters
 from sitl.running.server import Pace
-from sitl.simulation.truth import TrueState
-from sitl.simulation.vehicle import STEP_S
 
 MOST_BEHIND_S = 0.1
 """Wall time that is caught up with; a machine that loses more flies slower, never in leaps."""

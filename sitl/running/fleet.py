@@ -7,10 +7,10 @@ from companion.core.frames import Vector3
 from companion.link.transports.transport import Transport
 from sitl.autopilot.core import PERSONALITIES
 from sitl.autopilot.parameters.protocol import ParameterWatch
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
+from sitl.core.vehicle import STEP_S
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.simulation.traffic import Others, nobody
-from sitl.simulation.vehicle import STEP_S
 
 SEEDS_APART = 1000
 

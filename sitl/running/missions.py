@@ -9,11 +9,11 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from companion.run.console import ProgressLine
-from sitl.commands.options import FlightOptions
-from sitl.errors import SitlError
-from sitl.running.lockstep import fly_in_lockstep
+from sitl.core.errors import SitlError
+from sitl.running.options import FlightOptions
 from sitl.running.processes import fly_in_two_processes
 from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.testing.mission_file import MissionFile
 from sitl.testing.script import Play
 from sitl.world.checking import warnings

@@ -18,8 +18,8 @@ from companion.config import settings as configuration
 from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.export.map_files import load_json
-from sitl.errors import SitlError
-from sitl.scoring.record import TruthRecord
+from sitl.core.errors import SitlError
+from sitl.simulation.record import TruthRecord
 
 END_TIMEOUT_S = 20.0
 TRUTH_FILE = "truth.json"

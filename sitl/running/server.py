@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from companion.link.transports.transport import UdpTransport
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.server import BusConnection
 

@@ -16,8 +16,8 @@ from companion.core.messages import Beam, FloorPlan
 from companion.drivers.models import range_models
 from companion.export.map_files import save_as
 from companion.navigation.standoff import standoff_m
-from sitl.scoring.record import AIRBORNE_M, TruthRecord
 from sitl.scoring.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
+from sitl.simulation.record import AIRBORNE_M, TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.world.format import Segment, World
 from sitl.world.geometry.model import BODY_RADIUS_M

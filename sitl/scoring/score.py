@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from companion.core.messages import FloorPlan, Pose
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 from sitl.world.format import Segment
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples

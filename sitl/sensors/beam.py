@@ -17,8 +17,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from companion.core.frames import Vector3
 from companion.core.textfile import read_text
-from sitl.errors import SitlError, complaint
-from sitl.simulation.noise import stream
+from sitl.core.errors import SitlError, complaint
+from sitl.core.noise import stream
 from sitl.world.geometry.model import Hit
 
 RangeQuery = Callable[[Vector3, Vector3, float], float | None]

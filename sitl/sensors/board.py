@@ -17,6 +17,8 @@ from companion.config.settings import SensorsConfig
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
 from companion.drivers.models import model_of
+from sitl.core.noise import stream
+from sitl.core.truth import STEP_S, TrueState
 from sitl.sensors.ads1115 import Ads1115Device
 from sitl.sensors.beam import RangeQuery
 from sitl.sensors.i2c import Device, DeviceBus, Multiplexer
@@ -27,8 +29,6 @@ from sitl.sensors.sharp import PHYSICS, USUAL_MEMORY, SharpPhysics, SharpUnit
 from sitl.sensors.tfmini import TfminiDevice
 from sitl.sensors.time_of_flight import TOF_PHYSICS, TofPhysics, TofUnit
 from sitl.sensors.vl53l1x import Vl53l1xDevice
-from sitl.simulation.noise import stream
-from sitl.simulation.truth import STEP_S, TrueState
 
 TruthAt = Callable[[float], TrueState]
 Unit = SharpUnit | TofUnit

@@ -1,1 +1,1 @@
-"""The world at one moment and how it moves on: vehicle, noise, radio, truth."""
+"""The world at one moment and how it moves on; a flight in lockstep with it."""

@@ -21,14 +21,14 @@ from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, Autopilot, keep
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.personality import boot_values, system_id
-from sitl.scoring.record import TruthRecord
+from sitl.core.noise import stream
+from sitl.core.radio import Radio, Troubles
+from sitl.core.truth import History, TrueState
 from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
-from sitl.simulation.noise import stream
-from sitl.simulation.radio import Radio, Troubles
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.starvation import Starvation
 from sitl.simulation.traffic import Others, clearance_to_others_m, nobody, with_others
-from sitl.simulation.truth import History, TrueState
 from sitl.world.format import World
 from sitl.world.geometry.model import WorldModel
 

@@ -13,10 +13,10 @@ from companion.config.settings import Config
 from companion.core.messages import FloorPlan
 from companion.recording.recorder import NOT_RECORDED, open_recorder
 from sitl.autopilot.core import NO_PARAMETERS
-from sitl.running.lockstep import fly_in_lockstep
-from sitl.scoring.record import TruthRecord
 from sitl.scoring.report import Report, make_report
 from sitl.sensors.beam import beam_physics
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing.mission_file import load_mission
 from sitl.testing.script import Event, Play

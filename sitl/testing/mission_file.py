@@ -24,7 +24,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator, validate_call
 
 from companion.core.textfile import read_text
-from sitl.errors import SitlError, complaint
+from sitl.core.errors import SitlError, complaint
 from sitl.testing.script import ACTIONS, Action, Event, at, optional, when
 
 SUFFIXES = (".toml", ".py")

@@ -15,9 +15,9 @@ from companion.core.frames import Vector3, frd_to_ned
 from companion.core.messages import Beam
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from sitl.autopilot.personality import Throttle
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
+from sitl.core.radio import NO_TROUBLES, Troubles
 from sitl.sensors.sharp import USUAL_MEMORY
-from sitl.simulation.radio import NO_TROUBLES, Troubles
 from sitl.simulation.simulation import Simulation
 
 GROUND_STATION = 255

@@ -16,7 +16,7 @@ from companion.view.scene.shapes import (
     Upright,
     to_scene,
 )
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 from sitl.world.format import Segment, World
 
 WALL_COLOUR = (108, 117, 125)

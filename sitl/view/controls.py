@@ -15,7 +15,7 @@ from companion.core.messages import Beam
 from companion.export.write import FORMATS
 from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
 from sitl.autopilot.personality import Throttle
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 from sitl.view.faults import FAULTS
 from sitl.view.news import Inject, TakeOver
 from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest

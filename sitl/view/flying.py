@@ -9,9 +9,9 @@ from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
 from companion.link.transports.transport import Transport
 from companion.view.snapshot import snapshot
-from sitl.errors import SitlError
-from sitl.running.lockstep import Script, fly_in_lockstep
+from sitl.core.errors import SitlError
 from sitl.scoring.report import make_report
+from sitl.simulation.lockstep import Script, fly_in_lockstep
 from sitl.simulation.simulation import Simulation
 from sitl.testing.script import Event, Play, pilot_mode
 from sitl.view.faults import FAULTS

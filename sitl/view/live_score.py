@@ -5,8 +5,8 @@ import time
 from collections.abc import Callable
 
 from companion.core.messages import FloorPlan, WallSegment
+from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore, score_map
-from sitl.simulation.truth import TrueState
 from sitl.world.format import World
 from sitl.world.plan import seeable_points, wall_surfaces
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 from companion.core.messages import FloorPlan
 from companion.view.snapshot import Snapshot
+from sitl.core.truth import TrueState
 from sitl.scoring.report import Report
-from sitl.simulation.truth import TrueState
 from sitl.view.request import FlightRequest
 
 

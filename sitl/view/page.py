@@ -22,10 +22,10 @@ from companion.view.scene.camera import PANEL_PX, Framing
 from companion.view.scene.instruments import PERIOD_S, Instruments
 from companion.view.scene.mapped import MappedSide
 from companion.view.snapshot import sketch_of
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
+from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
-from sitl.simulation.truth import TrueState
 from sitl.view.building import TrueSide
 from sitl.view.controls import Controls
 from sitl.view.hangar import Hangar

@@ -31,7 +31,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, InstanceOf, ValidationError, model_validator
 
 from companion.core.frames import Vector2
-from sitl.errors import SitlError, complaint
+from sitl.core.errors import SitlError, complaint
 from sitl.world.geometry.triangles import Mesh
 from sitl.world.known import KnownArea
 

@@ -13,8 +13,8 @@ from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Transaction, Wires
 from companion.link.transports.transport import decode, make_codec
 from sitl.autopilot.estimation.own_sensors import rangefinder_messages
+from sitl.core.truth import TrueState
 from sitl.sensors.board import SensorBoard
-from sitl.simulation.truth import TrueState
 
 STILL = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 TICK_S = 0.05

@@ -14,7 +14,7 @@ from companion.drivers.gyro import open_gyro
 from companion.drivers.wires.opening import open_bus
 from companion.link.transports.transport import decode, make_codec
 from sitl.autopilot.estimation.own_sensors import Imu
-from sitl.simulation.noise import stream
+from sitl.core.noise import stream
 from tests.contract.bench import STILL, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
 

@@ -13,7 +13,7 @@ from companion.link.transports.transport import Message, make_codec, pipe_pair
 from companion.run.hardware import make_rig
 from companion.run.loop import fly
 from sitl.autopilot.ardupilot import LAND, LOITER
-from sitl.running.lockstep import LockstepClock
+from sitl.simulation.lockstep import LockstepClock
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM

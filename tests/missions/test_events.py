@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from companion.app import App
 from sitl.commands.cli import commands
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 from sitl.simulation.simulation import Simulation
 from sitl.testing import Event, Sitl, at, crash, gust, optional, watch, when
 from tests.worlds import SMALL_ROOM

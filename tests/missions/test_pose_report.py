@@ -10,8 +10,8 @@ from companion.core.frames import Vector2
 from companion.core.messages import Pose
 from companion.pdps.flight_phases import Phase
 from companion.safety.health.lateness import TICK_S
-from sitl.running.lockstep import fly_in_lockstep
 from sitl.scoring.score import score_trajectory
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.world.loading import load_world
 

@@ -8,7 +8,7 @@ from typing import TypeVar
 import pytest
 
 from companion.core.errors import ConfigError
-from sitl.running.lockstep import fly_in_lockstep
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.view.flying import serve
 from sitl.view.hangar import Hangar
 from sitl.view.news import Begin, Ended, GiveUp, Inject, News, Pace, Refused, Seen, Step, TakeOver

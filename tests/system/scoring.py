@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from companion.export.map_files import load_json
-from sitl.scoring.record import TruthRecord
 from sitl.scoring.score import score_map
+from sitl.simulation.record import TruthRecord
 from sitl.world.loading import load_world
 from sitl.world.plan import seeable_points, wall_surfaces
 

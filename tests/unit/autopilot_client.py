@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import Message, pipe_pair
 from sitl.autopilot.core import Autopilot
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 ACCEPTED, DENIED, UNSUPPORTED, FAILED = 0, 2, 3, 4
 ORIGIN = mavlink.MAVLink_set_gps_global_origin_message(1, 473977000, 85456000, 488000)

@@ -17,7 +17,7 @@ from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
 from sitl.bench.summary import by_world, complaints, show, sum_up, summarise
 from sitl.commands.cli import commands
-from sitl.commands.options import Autopilot, FlightOptions
+from sitl.running.options import Autopilot, FlightOptions
 from sitl.scoring.report import Report
 from sitl.world.format import WorldError
 

@@ -17,7 +17,7 @@ from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import direct_pair
 from companion.run.hardware import make_rig
 from companion.run.loop import Rig
-from sitl.simulation.radio import Troubles
+from sitl.core.radio import Troubles
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import battery, claim, mute, other_rates
 from sitl.world.loading import load_world

@@ -17,7 +17,7 @@ from typer.testing import CliRunner
 
 from companion.core.frames import Vector2
 from sitl.commands.cli import commands
-from sitl.commands.options import FlightOptions
+from sitl.running.options import FlightOptions
 from sitl.testing import Sitl
 from sitl.world.clutter import cluttered, leaves
 from sitl.world.clutter.free_floor import START_CLEAR_M, FreeFloor

@@ -17,12 +17,12 @@ from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
 from sitl.autopilot.estimation.ground_truth import hil_state_quaternion, sim_state
 from sitl.autopilot.estimation.outside import Outside
 from sitl.autopilot.parameters.table import load_table
+from sitl.core.truth import TrueState
 from sitl.external.clock import AutopilotClock, Silence
 from sitl.external.feed import GEAR_M, distances, odometry
 from sitl.external.held_speed import TICKS, HeldSpeed
 from sitl.external.setup import ExternalSetup, wanted_parameters
 from sitl.external.tracker import TruthTracker
-from sitl.simulation.truth import TrueState
 from tests.unit.autopilot_client import START, as_float
 
 AUTOPILOT_OF = {"ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4": mavlink.MAV_AUTOPILOT_PX4}

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from companion.drivers.chips.lsm9ds1 import REG_OUT_X_G, Lsm9ds1
 from companion.drivers.wires.bus import Transaction
+from sitl.core.noise import stream
 from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.lsm9ds1 import GyroNoise, Lsm9ds1Device, Warming, draw_warming
-from sitl.simulation.noise import stream
 
 ADDRESS = 0x6B
 REG_TEMP_LOW, REG_TEMP_HIGH = 0x15, 0x16

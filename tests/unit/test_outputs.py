@@ -25,7 +25,7 @@ from companion.export.plan.dxf import write_dxf
 from companion.export.plan.survey import survey
 from companion.export.ros_map import write_ros_map
 from sitl.commands.cli import commands as sitl
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 from sitl.world.drawing import draw_plan
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM

@@ -41,7 +41,7 @@ from companion.recording.reader import read
 from companion.recording.recorder import FlightRecorder, open_recorder
 from companion.recording.replay import is_same_map, replay
 from companion.recording.tlog import Tap
-from sitl.running.lockstep import fly_in_lockstep
+from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.simulation import Setup
 from sitl.testing import Flight, Sitl, link_down, unplug, when
 from sitl.world.loading import load_world

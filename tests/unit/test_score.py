@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan, Pose, WallSegment
+from sitl.core.truth import TrueState
 from sitl.scoring.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
-from sitl.simulation.truth import TrueState
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples
 

@@ -12,8 +12,8 @@ from typer.testing import CliRunner
 
 from companion.core.messages import FloorPlan, WallSegment
 from sitl.commands.cli import commands as flying
+from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore, score_map
-from sitl.simulation.truth import TrueState
 from sitl.world.cli import commands
 from sitl.world.cropping import cropped
 from sitl.world.format import Segment, World, WorldError

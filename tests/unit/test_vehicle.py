@@ -8,8 +8,8 @@ import pytest
 from benchmarks.autopilot_response import MEASURED, compared
 from companion.safety.control_laws import turn_towards
 from sitl.autopilot.response import ARDUCOPTER, PX4, Response, SetpointShaper
-from sitl.simulation.truth import TrueState
-from sitl.simulation.vehicle import Gusts, Vehicle
+from sitl.core.truth import TrueState
+from sitl.core.vehicle import Gusts, Vehicle
 
 STILL_AIR = Gusts(sigma_m_s=0.0)
 ON_GROUND = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)

@@ -9,8 +9,8 @@ from companion.core.messages import FIRST_LAG_S, HOLD, Odometry, Setpoint
 from companion.estimation.filters.velocity_lag import VelocityLag
 from companion.safety.control_laws import approach_speed
 from sitl.autopilot.response import ARDUCOPTER, PX4, Response, SetpointShaper
-from sitl.simulation.truth import TrueState
-from sitl.simulation.vehicle import STEP_S, Gusts, Vehicle
+from sitl.core.truth import TrueState
+from sitl.core.vehicle import STEP_S, Gusts, Vehicle
 
 TICK_STEPS = 5
 

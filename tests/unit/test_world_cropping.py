@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.core.frames import Vector2
-from sitl.commands.options import FlightOptions
+from sitl.running.options import FlightOptions
 from sitl.world.cropping import cropped
 from sitl.world.format import World, WorldError
 from sitl.world.geometry.mesh import visible_mesh

@@ -12,8 +12,8 @@ from companion.core.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
 from sitl.autopilot.estimation.outside import OutsidePose
 from sitl.autopilot.estimation.wobble import NO_ERROR, EstimateError, Wobble
 from sitl.autopilot.personality import Sources
-from sitl.simulation.noise import stream
-from sitl.simulation.truth import TrueState
+from sitl.core.noise import stream
+from sitl.core.truth import TrueState
 
 CONVERGES_S = 4.0
 """After boot, until the attitude has settled."""

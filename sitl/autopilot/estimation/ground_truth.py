@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.frames import Vector3
 from sitl.autopilot.streams import Message
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 EARTH_M_DEG = 111_319.49
 """One degree of latitude, as ArduPilot takes it; of longitude, at the equator."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
 from sitl.autopilot.estimation.outside import Outside
 from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality, Sources
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 SOURCES_STEPS = 10
 """Parameters are looked up so often."""

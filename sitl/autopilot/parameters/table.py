@@ -11,7 +11,7 @@ from importlib import resources
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 
 INTEGER_BITS = {
     mavlink.MAV_PARAM_TYPE_INT8: 8,

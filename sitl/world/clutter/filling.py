@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from sitl.simulation.noise import stream
+from sitl.core.noise import stream
 from sitl.world.clutter.along_walls import curtains, jags
 from sitl.world.clutter.free_floor import FreeFloor
 from sitl.world.clutter.furniture import furniture

@@ -10,7 +10,7 @@ on every machine.
 import random
 import re
 
-from sitl.simulation.noise import stream
+from sitl.core.noise import stream
 from sitl.world.format import Door, Start, Walls, World
 from sitl.world.generator.floor import Floor, random_floor
 from sitl.world.generator.furniture import Space, furnish

@@ -13,7 +13,7 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.core.textfile import NotTextError, read_text
-from sitl.errors import complaint
+from sitl.core.errors import complaint
 from sitl.world.format import Metres, WorldError
 from sitl.world.known import Cells, Raster
 from sitl.world.plan import OUTSIDE_M

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from random import Random
 
 from companion.core.frames import Vector2, Vector3, ned_to_frd, wrap_rad
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 STEP_S = 0.01
 GUST_STEPS = 5

@@ -14,7 +14,7 @@ from companion.config.settings import Config
 from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, keep_nothing
 from sitl.autopilot.parameters.file import ParameterFile, beyond_range, parse_assignments
 from sitl.autopilot.parameters.protocol import ParameterWatch
-from sitl.errors import SitlError
+from sitl.core.errors import SitlError
 from sitl.sensors.beam import RAY, load_beam_physics
 from sitl.simulation.simulation import Setup
 from sitl.world.clutter import cluttered

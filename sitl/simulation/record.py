@@ -8,7 +8,7 @@ from typing import Any
 
 from companion.core.textfile import read_text
 from companion.export.map_files import save_as
-from sitl.simulation.truth import TrueState
+from sitl.core.truth import TrueState
 
 PERIOD_S = 0.1
 AIRBORNE_M = 0.05

@@ -1,0 +1,1 @@
+"""What the rooms of the simulator share: truth, the vehicle, noise, radio, errors."""
