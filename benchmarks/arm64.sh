@@ -9,12 +9,12 @@ set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
 root=${1:?arm64.sh needs a folder for the Debian}
 suite=${2:-bookworm}
-tests="tests/contract tests/unit/test_bus.py tests/unit/test_config.py tests/unit/test_frames.py
-tests/unit/test_guard.py tests/unit/test_health.py tests/unit/test_linux_wires.py
-tests/unit/test_pdps_flight.py tests/unit/test_pdps_room_scan.py tests/unit/test_perpendicular.py
-tests/unit/test_reports.py tests/unit/test_serial_transport.py tests/unit/test_service.py
-tests/unit/test_sharp.py tests/unit/test_signing.py tests/unit/test_standoff.py
-tests/unit/test_tfmini.py tests/unit/test_vl53l1x.py"
+tests="tests/contract tests/unit/drivers/test_bus.py tests/unit/config/test_config.py tests/unit/core/test_frames.py
+tests/unit/safety/test_velocity_guard.py tests/unit/safety/test_health.py tests/unit/drivers/test_linux_wires.py
+tests/unit/pdps/test_flight_phases.py tests/unit/pdps/test_room_scan.py tests/unit/pdps/test_perpendicular.py
+tests/unit/link/test_reports.py tests/unit/link/test_serial_transport.py tests/unit/run/test_systemd.py
+tests/unit/drivers/test_sharp.py tests/unit/link/test_signing.py tests/unit/navigation/test_standoff.py
+tests/unit/drivers/test_tfmini.py tests/unit/drivers/test_vl53l1x.py"
 
 mountpoint -q /proc/sys/fs/binfmt_misc || mount -t binfmt_misc none /proc/sys/fs/binfmt_misc
 update-binfmts --enable qemu-aarch64

@@ -14,7 +14,7 @@ from companion.core.frames import wrap_rad
 from sitl.simulation.simulation import Simulation
 from sitl.testing import Sitl, watch
 
-WORLD = Path(__file__).parents[1] / "tests" / "missions" / "worlds" / "facade.toml"
+WORLD = Path(__file__).parents[1] / "tests" / "flights" / "worlds" / "facade.toml"
 
 
 class HeadingErrors:

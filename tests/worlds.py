@@ -2,5 +2,5 @@
 
 from pathlib import Path
 
-SMALL_ROOM = str(Path(__file__).parent / "missions/worlds/small_room.toml")
+SMALL_ROOM = str(Path(__file__).parent / "flights/worlds/small_room.toml")
 """Flown in a minute."""

@@ -1,0 +1,28 @@
+"""A campaign that somebody ends before it is over."""
+
+import json
+import subprocess
+
+import pytest
+
+from tests.processes.started import sitl
+from tests.worlds import SMALL_ROOM
+
+SEEDS = 40
+MISSIONS = ("missions", "--worlds", SMALL_ROOM, "--seeds", str(SEEDS))
+ACCURACY = ("accuracy", "--seeds", str(SEEDS))
+ENDS_WITHIN_S = 120
+
+
+@pytest.mark.parametrize("campaign", [MISSIONS, ACCURACY], ids=lambda campaign: campaign[0])
+def test_what_was_flown_by_then_is_not_lost(campaign: tuple[str, ...]) -> None:
+    command = sitl("bench", *campaign, "--json")
+    flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    try:
+        assert flying.stderr is not None
+        assert flying.stderr.readline().startswith("1 of ")
+        flying.terminate()
+        told, _ = flying.communicate(timeout=ENDS_WITHIN_S)
+    finally:
+        flying.kill()
+    assert 0 < len(json.loads(told)["rows"]) < SEEDS

@@ -1,0 +1,58 @@
+"""Two drones in one world, each with a companion of its own, in processes of their own."""
+
+import re
+from pathlib import Path
+
+from companion.config import settings as configuration
+from companion.config.settings import Config
+from tests.processes.scoring import assert_good
+from tests.processes.started import companion, read_until, sitl, started, stop
+
+DEADLINE_S = 120
+WORLD = """
+name = "neighbours"
+height_m = 2.6
+[[walls]]
+points = [[0, 0], [6, 0], [6, 5], [0, 5]]
+closed = true
+[[walls]]
+points = [[20, 0], [25, 0], [25, 6], [20, 6]]
+closed = true
+[[starts]]
+name = "north"
+position = [3.2, 2.2]
+[[starts]]
+name = "south"
+position = [22.2, 3.4]
+"""
+
+
+def pilot(number: int, mavlink_port: str, bus_port: str, folder: Path) -> list[str]:
+    """`companion fly` for the vehicle of that system, told by a configuration file."""
+    link = {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number}
+    settings = Config.model_validate(
+        {"link": link, "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"}}
+    )
+    file = folder / f"drone_{number}.toml"
+    file.write_text(configuration.to_toml(settings))
+    return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
+
+
+def test_two_missions_at_once(tmp_path: Path) -> None:
+    world, truth = tmp_path / "neighbours.toml", tmp_path / "truth.json"
+    world.write_text(WORLD)
+    links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
+    pace = ("--lockstep", "--speed", "1000", "--truth", str(truth))
+    with started(sitl("run", str(world), *links, *pace)) as vehicles:
+        told = "".join(read_until(vehicles, "sitl://") for _ in range(2))
+        ports = re.findall(r"127\.0\.0\.1:(\d+)  system (\d)", told)
+        assert [system for _, system in ports] == ["1", "1", "2", "2"]
+        first = pilot(1, ports[0][0], ports[1][0], tmp_path)
+        second = pilot(2, ports[2][0], ports[3][0], tmp_path)
+        with started(first) as one, started(second) as other:
+            for flying in (one, other):
+                output, _ = flying.communicate(timeout=DEADLINE_S)
+                assert flying.returncode == 0, output
+        stop(vehicles)
+    assert_good(tmp_path / "out_1/map.json", truth, str(world))
+    assert_good(tmp_path / "out_2/map.json", tmp_path / "truth_2.json", str(world), start=1)

@@ -1,0 +1,509 @@
+"""Each export, read back by a program that is not ours, is where the truth is."""
+
+import json
+import math
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import ezdxf.filemanagement
+import ezdxf.path
+import numpy as np
+import pyoctomap
+import pytest
+import shapely
+import trimesh
+import yaml
+from ezdxf.entities import Dimension
+from fontTools.pens.recordingPen import RecordingPen
+from fontTools.svgLib.path import parse_path
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from PIL import Image
+from pypcd4.pypcd4 import PointCloud
+from pypdf import PdfReader
+from pyproj import Geod, Transformer
+
+from companion.core.errors import OutputError
+from companion.core.frames import Place, ned_to_enu, ned_to_gltf
+from companion.core.messages import FloorPlan, Pose, WallSegment
+from companion.export.cells import CELL_M
+from companion.export.formats import WRITERS, Labels, export
+from companion.export.plan.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
+from companion.export.plan.survey import Survey, survey
+from sitl.testing import Flight, Sitl
+from sitl.world.loading import load_world
+from sitl.world.plan import wall_surfaces
+from tests.worlds import SMALL_ROOM
+
+PLACE = Place(47.3977, 8.5456, math.radians(30))
+LABELS = Labels("a flight", PLACE)
+PT_M = 0.0254 / 72
+WALL_PT = 2.0
+WALL_STROKE = f"stroke: {INK}; stroke-width: {WALL_PT:g};"
+Points = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A flight, and its map in all formats."""
+
+    flight: Flight
+    found: Survey
+    folder: Path
+
+    def path(self, suffix: str) -> Path:
+        return self.folder / f"map.{suffix}"
+
+    def off_truth_m(self, points_enu_m: Points) -> Points:
+        """Distances (n,) of points, x east and y north of take-off, from the nearest true wall."""
+        take_off = self.flight.truth.take_off
+        cos, sin = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
+        turned = points_enu_m[:, 1::-1] @ np.array([[cos, sin], [-sin, cos]])
+        world_ne_m = turned + take_off.position_ned_m[:2]
+        surfaces = wall_surfaces(self.flight.setup.world, 1.2)
+        distances: Points = shapely.distance(
+            shapely.points(world_ne_m), shapely.MultiLineString(surfaces)
+        )
+        return distances
+
+    def assert_walls(self, points_enu_m: Points, beyond_m: float = 0.0) -> None:
+        """They are where the truth is, as exactly as the map itself; `beyond_m` is the format's."""
+        assert len(points_enu_m)
+        error_m = self.off_truth_m(points_enu_m).mean()
+        assert error_m <= self.flight.report.wall_error_cm / 100 + beyond_m + 0.002
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
+    folder = tmp_path_factory.mktemp("export")
+    flight = Sitl(folder).fly("room_100", seed=3)
+    found = survey(flight.plan)
+    export(found, list(WRITERS), folder, "map", LABELS)
+    return Exported(flight, found, folder)
+
+
+def along(ends_enu_m: Points) -> Points:
+    """Points every few centimetres on segments (n, 2, 2 or more)."""
+    share = np.linspace(0, 1, 200)[None, :, None]
+    start, end = ends_enu_m[:, None, 0, :2], ends_enu_m[:, None, 1, :2]
+    points: Points = ((1 - share) * start + share * end).reshape(-1, 2)
+    return points
+
+
+def test_ezdxf_finds_walls_rooms_and_dimensions_in_metres(exported: Exported) -> None:
+    document = ezdxf.filemanagement.readfile(exported.path("dxf"))
+    audit = document.audit()
+    assert not audit.errors
+    assert not audit.fixes
+    assert document.units == ezdxf.units.M
+    space = document.modelspace()
+    walls = [
+        [line.dxf.start.vec2, line.dxf.end.vec2] for line in space.query('LINE[layer=="WALLS"]')
+    ]
+    exported.assert_walls(along(np.array([[[p.x, p.y] for p in wall] for wall in walls])))
+    dimensions = [d for d in space.query("DIMENSION") if isinstance(d, Dimension)]
+    measured = sorted(d.get_measurement() for d in dimensions)
+    assert measured == pytest.approx(sorted(w.length_m for w in exported.flight.plan.walls))
+    (outline,) = space.query('LWPOLYLINE[layer=="ROOMS"]')
+    corners = [(corner.x, corner.y) for corner in ezdxf.path.make_path(outline).control_vertices()]
+    assert shapely.Polygon(corners).area == pytest.approx(100, rel=0.02)
+    labels = [text.dxf.text for text in space.query('TEXT[layer=="LABELS"]')]
+    assert labels == ["room 1", f"{exported.found.rooms[0].area_m2:.2f} m2"]
+
+
+def test_trimesh_finds_floor_walls_and_ceiling_in_the_glb(exported: Exported) -> None:
+    scene = trimesh.load_scene(exported.path("glb"))
+    assert set(scene.geometry) == {"walls", "floor", "ceiling"}
+    walls = scene.geometry["walls"]
+    exported.assert_walls(walls.triangles_center[:, [0, 2]] * [1, -1])
+    ceiling_m = exported.flight.plan.ceiling_m
+    assert ceiling_m is not None
+    assert walls.bounds[:, 1] == pytest.approx([0, ceiling_m], abs=1e-4)
+    assert scene.geometry["floor"].area == pytest.approx(100, rel=0.02)
+    assert scene.geometry["floor"].bounds[:, 1] == pytest.approx([0, 0])
+    assert scene.geometry["ceiling"].bounds[:, 1] == pytest.approx([ceiling_m] * 2, abs=1e-4)
+
+
+def test_points_come_back_from_ply_and_pcd(exported: Exported) -> None:
+    hits = np.array([ned_to_enu(hit.position_ned_m) for hit in exported.flight.plan.hits])
+    ply = trimesh.load(exported.path("ply"))
+    pcd = PointCloud.from_path(exported.path("pcd"))
+    assert isinstance(ply, trimesh.PointCloud)
+    assert np.asarray(ply.vertices) == pytest.approx(hits, abs=1e-5)
+    assert pcd.numpy(("x", "y", "z")) == pytest.approx(hits, abs=1e-5)
+
+
+def test_pillow_and_yaml_read_the_ros_map(exported: Exported) -> None:
+    record = yaml.safe_load(exported.path("yaml").read_text())
+    cells = np.asarray(Image.open(exported.folder / record["image"]))[::-1]
+    rows, columns = np.nonzero(cells < 255 * (1 - record["occupied_thresh"]))
+    centres = (np.column_stack([columns, rows]) + 0.5) * record["resolution"]
+    exported.assert_walls(centres + record["origin"][:2], CELL_M / 2)
+    free_m2 = np.count_nonzero(cells > 250) * record["resolution"] ** 2
+    assert 40 < free_m2 < 102
+    take_off = np.array([0.0, 0.0])
+    column, row = ((take_off - record["origin"][:2]) / record["resolution"]).astype(int)
+    assert cells[row, column] == 254
+    assert cells[0, 0] == 205
+
+
+def test_octomap_knows_walls_from_free_and_from_unknown(exported: Exported) -> None:
+    tree = pyoctomap.OcTree(str(exported.path("bt")).encode())
+    occupied, free = tree.extractPointCloud()
+    assert tree.getResolution() == CELL_M
+    exported.assert_walls(np.asarray(occupied)[:, :2], CELL_M / 2)
+    height_m = exported.flight.plan.ceiling_m or 0.0
+    faces_m = [
+        leaf.getCoordinate()[2] + side * leaf.getSize() / 2
+        for leaf in tree.begin_leafs()
+        if tree.isNodeOccupied(leaf)
+        for side in (-1, 1)
+    ]
+    assert min(faces_m) == pytest.approx(0, abs=1e-3)
+    assert max(faces_m) == pytest.approx(height_m, abs=CELL_M)
+    free_heights_m = np.asarray(free)[:, 2]
+    assert np.median(free_heights_m) == pytest.approx(1.2, abs=0.1)
+    assert tree.search([0.0, 0.0, 10.0]) is None
+
+
+def test_shapely_and_proj_read_the_geojson(exported: Exported) -> None:
+    collection = json.loads(exported.path("geojson").read_text())
+    kinds = {feature["properties"]["kind"] for feature in collection["features"]}
+    assert kinds == {"room", "wall", "path"}
+    to_metres = Transformer.from_crs(
+        "EPSG:4326",
+        f"+proj=aeqd +lat_0={PLACE.lat_deg} +lon_0={PLACE.lon_deg} +ellps=WGS84",
+        always_xy=True,
+    )
+    cos, sin = math.cos(PLACE.heading_rad), math.sin(PLACE.heading_rad)
+    from_true_north = np.array([[cos, sin], [-sin, cos]])
+
+    def local_enu_m(lon_lat: Points) -> Points:
+        local: Points = np.column_stack(to_metres.transform(*lon_lat.T)) @ from_true_north
+        return local
+
+    walls = [
+        local_enu_m(shapely.get_coordinates(shapely.from_geojson(json.dumps(f["geometry"]))))
+        for f in collection["features"]
+        if f["properties"]["kind"] == "wall"
+    ]
+    exported.assert_walls(along(np.array(walls)))
+    (room,) = (f for f in collection["features"] if f["properties"]["kind"] == "room")
+    polygon = shapely.from_geojson(json.dumps(room["geometry"]))
+    assert isinstance(polygon, shapely.Polygon)
+    assert shapely.is_ccw(polygon.exterior)
+    area_m2, _ = Geod(ellps="WGS84").geometry_area_perimeter(polygon)
+    assert area_m2 == pytest.approx(100, rel=0.02)
+
+
+def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported) -> None:
+    record = json.loads(exported.path("json").read_text())
+    plan = exported.flight.plan
+    for read, wall in zip(record["walls"], plan.walls, strict=True):
+        assert tuple(read["start_ne_m"]) == wall.start_ne_m
+        covariance = np.array(read["covariance_across_direction"])
+        assert np.sqrt(np.diag(covariance)) == pytest.approx([wall.sigma_m, wall.normal_sigma_rad])
+    assert record["rooms"][0]["area_m2"] == pytest.approx(100, rel=0.02)
+    assert len(record["path"]) == len(plan.path)
+
+
+def off_paper(survey: Survey, points_up_pt: Points) -> Points:
+    """Points (n, 2) on the sheet, in printer's points from its lower left corner, as ENU metres."""
+    sheet = choose_sheet(survey)
+    inset_m = np.array([EDGE_MM, EDGE_MM + FOOT_MM]) * sheet.scale / 1000
+    enu_m: Points = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
+    return enu_m
+
+
+def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Points) -> None:
+    """Its size, and that each wall's ends are drawn where the map has them, and the truth."""
+    sheet, walls = choose_sheet(exported.found), exported.flight.plan.walls
+    assert np.array(size_pt) * PT_M == pytest.approx(
+        [sheet.width_mm / 1000, sheet.height_mm / 1000]
+    )
+    ends_m = off_paper(exported.found, wall_ends_up_pt.reshape(-1, 2))
+    mapped = np.array([(wall.start_ne_m[::-1], wall.end_ne_m[::-1]) for wall in walls])
+    assert ends_m == pytest.approx(mapped.reshape(-1, 2), abs=0.001)
+    exported.assert_walls(along(ends_m.reshape(-1, 2, 2)))
+
+
+def assert_words(exported: Exported, words: str) -> None:
+    sheet = choose_sheet(exported.found)
+    assert f"1 : {sheet.scale} on {sheet.paper}" in words
+    assert f"{exported.found.rooms[0].area_m2:.1f} m²" in words
+
+
+def test_fonttools_finds_the_walls_to_scale_in_the_svg(exported: Exported) -> None:
+    drawing = ElementTree.parse(exported.path("svg")).getroot()
+    size_pt = [float(drawing.attrib[side].removesuffix("pt")) for side in ("width", "height")]
+    walls = []
+    for path in drawing.iter("{http://www.w3.org/2000/svg}path"):
+        if WALL_STROKE in path.get("style", ""):
+            pen = RecordingPen()
+            parse_path(path.attrib["d"], pen)
+            walls.append([point for _, points in pen.value for point in points])
+    ends_up_pt = np.array(walls) * [1, -1] + [0, size_pt[1]]
+    assert_sheet(exported, size_pt, ends_up_pt)
+    assert_words(exported, " ".join(drawing.itertext()))
+
+
+def test_pypdf_finds_the_walls_to_scale_in_the_pdf(exported: Exported) -> None:
+    page = PdfReader(exported.path("pdf")).pages[0]
+    walls: list[list[list[float]]] = []
+    line: list[list[float]] = []
+    width_pt = 0.0
+
+    def draw(operator: bytes, operands: list[float], *_: object) -> None:
+        nonlocal width_pt, line
+        match operator:
+            case b"w":
+                width_pt = operands[0]
+            case b"m":
+                line = [operands]
+            case b"l":
+                line.append(operands)
+            case b"S" if width_pt == WALL_PT:
+                walls.append(line)
+
+    words = page.extract_text(visitor_operand_before=draw)
+    assert_sheet(exported, page.mediabox[2:], np.array(walls, dtype=float))
+    assert_words(exported, words)
+
+
+def test_the_same_map_gives_the_same_files(exported: Exported, tmp_path: Path) -> None:
+    same = ["svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson", "json"]
+    for path in export(exported.found, same, tmp_path, "map", LABELS):
+        assert path.read_bytes() == exported.path(path.suffix[1:]).read_bytes()
+
+
+@pytest.mark.parametrize("name", WRITERS)
+def test_an_empty_map_is_exported(name: str, tmp_path: Path) -> None:
+    if name in ("ply", "glb"):  # they cannot hold nothing
+        with pytest.raises(OutputError, match="the map has no"):
+            export(survey(FloorPlan()), [name], tmp_path, "map", LABELS)
+        return
+    (path,) = export(survey(FloorPlan()), [name], tmp_path, "map", LABELS)
+    assert path.stat().st_size
+
+
+def test_a_folder_in_the_way_is_told_in_one_line(exported: Exported, tmp_path: Path) -> None:
+    (tmp_path / "map.json").mkdir()
+    with pytest.raises(OutputError, match=r"map\.json"):
+        export(exported.found, ["json"], tmp_path, "map", LABELS)
+
+
+def true_plan(name: str, way_ne_m: list[tuple[float, float]]) -> FloorPlan:
+    """The true walls as a map would have them, and a flight to and fro."""
+    walls = (WallSegment(*ends, 0.01, 100) for ends in wall_surfaces(load_world(name), 1.2))
+    way = way_ne_m + way_ne_m[::-1] + way_ne_m
+    return FloorPlan(
+        tuple(walls), (), tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "way_ne_m", "areas_m2", "doors_m"),
+    [
+        ("room_100", [(2, 2), (8, 8)], [100], []),
+        ("room_200", [(2, 2), (8, 18)], [200], []),
+        ("room_300", [(2, 2), (8, 18)], [300], []),
+        ("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)], [149.25, 149.25], [1.2]),
+        (
+            "three_room_450",
+            [(6, 4), (4, 8), (4, 12), (11, 18), (11, 22), (5, 25)],
+            [149.25, 149.25, 148.5],
+            [1.2, 1.2],
+        ),
+        ("unusual", [(4, 3.5), (7.5, 11)], [108.1], []),
+        ("office", [(3, 5), (5, 7), (5, 11), (7, 13)], [88.6, 68.4], [1.0]),
+    ],
+)
+def test_rooms_and_doors_of_the_papers_buildings(
+    name: str, way_ne_m: list[tuple[float, float]], areas_m2: list[float], doors_m: list[float]
+) -> None:
+    found = survey(true_plan(name, way_ne_m))
+    assert [room.area_m2 for room in found.rooms] == pytest.approx(areas_m2, rel=0.02)
+    assert [gap.width_m for gap in found.openings] == pytest.approx(doors_m, abs=0.02)
+
+
+def test_the_area_of_a_flown_room_is_true_to_two_percent(exported: Exported) -> None:
+    """Those of other rooms are asked for where they are flown: tests/flights."""
+    assert [room.area_m2 for room in exported.found.rooms] == pytest.approx([100.0], rel=0.02)
+
+
+def walled(ends: list[tuple[tuple[float, float], tuple[float, float]]]) -> tuple[WallSegment, ...]:
+    return tuple(WallSegment(*a_and_b, 0.01, 100) for a_and_b in ends)
+
+
+BEHIND_A_CUPBOARD = walled(
+    [
+        *[((0, 0), (0, 6)), ((0, 6), (8, 6)), ((8, 6), (8, 0))],
+        *[((8, 0), (5, 0)), ((5, 0.4), (2.5, 0.4)), ((2.5, 0), (0, 0))],
+    ]
+)
+
+
+@pytest.mark.parametrize(("ways_out", "rooms_m2"), [(0, [48]), (3, [])])
+def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
+    ways_out: int, rooms_m2: list[float]
+) -> None:
+    way = [(2, 3), (4, 3)] + ways_out * [(4, -2), (4, 3)]
+    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
+    found = survey(FloorPlan(BEHIND_A_CUPBOARD, (), path))
+    assert [room.area_m2 for room in found.rooms] == pytest.approx(rooms_m2)
+    assert not found.openings
+
+
+def test_the_inside_of_a_wall_is_no_part_of_a_room_though_its_ends_open_to_it() -> None:
+    """It is 14 cm thick, one face ends 3 cm before the outer wall, and noise looks into it."""
+    outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
+    south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
+    north = [((4.54, 0), (4.54, 2.01)), ((4.54, 2.99), (4.54, 5))]
+    way = [(2, 1), (4.47, 1), (2, 1), (2, 2.5), (7, 2.5), (2, 2.5), (2, 4), (4.47, 4)]
+    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
+    rooms = survey(FloorPlan(walled([*outer, *south, *north]), (), path)).rooms
+    assert [room.area_m2 for room in rooms] == pytest.approx([22.3, 22.0], abs=0.15)
+
+
+def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_path: Path) -> None:
+    found = survey(true_plan("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)]))
+    glb, dxf = export(found, ["glb", "dxf"], tmp_path, "map", LABELS)
+    (opening,) = found.openings
+    panel = trimesh.load_scene(glb).geometry["openings"]
+    east_m, height_m, south_m = panel.extents
+    assert height_m == pytest.approx(found.height_m)
+    assert math.hypot(east_m, south_m) == pytest.approx(opening.width_m)
+    walls = trimesh.load_scene(glb).geometry["walls"]
+    assert len(walls.ray.intersects_location([[9.0, 1.0, -7.5]], [[1.0, 0.0, 0.0]])[0]) == 1
+    space = ezdxf.filemanagement.readfile(dxf).modelspace()
+    assert len(space.query('LINE[layer=="OPENINGS"]')) == 1
+
+
+def test_a_room_behind_a_wall_that_nobody_looked_into_is_no_room() -> None:
+    found = survey(true_plan("two_room_300", [(5, 4), (7, 5)]))
+    assert [room.area_m2 for room in found.rooms] == pytest.approx([149.25], rel=0.02)
+    assert not found.openings
+
+
+@given(
+    st.floats(2, 30), st.floats(2, 30), st.floats(0, 0.4), st.floats(-math.pi, math.pi), st.data()
+)
+def test_a_room_with_gaps_in_its_corners_is_closed(
+    north_m: float, east_m: float, gap_m: float, turn_rad: float, data: st.DataObject
+) -> None:
+    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
+
+    def turned(north: float, east: float) -> tuple[float, float]:
+        return north * cos - east * sin, north * sin + east * cos
+
+    n, e, g = north_m, east_m, gap_m
+    ends = [
+        ((0, g), (0, e - g)),
+        ((g, e), (n - g, e)),
+        ((n, e - g), (n, g)),
+        ((n - g, 0), (g, 0)),
+    ]
+    walls = [WallSegment(turned(*a), turned(*b), 0.01, 9) for a, b in ends]
+    walls = data.draw(st.permutations(walls))
+    path = tuple(Pose(i, *turned(n / 2, e * (i + 1) / 4), -1.2, 0) for i in range(3))
+    (room,) = survey(FloorPlan(tuple(walls), (), path)).rooms
+    assert room.area_m2 == pytest.approx(n * e, rel=1e-3)
+
+
+@given(st.tuples(*[st.floats(-100, 100)] * 3))
+def test_gltf_is_enu_with_y_up(ned: tuple[float, float, float]) -> None:
+    x, y, z = ned_to_gltf(ned)
+    assert (x, -z, y) == ned_to_enu(ned)
+
+
+@given(st.floats(-80, 80), st.floats(-180, 180), st.floats(-100, 100), st.floats(-100, 100))
+def test_places_on_earth_are_as_proj_has_them(
+    lat_deg: float, lon_deg: float, north_m: float, east_m: float
+) -> None:
+    lon, lat = Place(lat_deg, lon_deg).lon_lat_deg(north_m, east_m)
+    azimuth_deg = math.degrees(math.atan2(east_m, north_m))
+    true_lon, true_lat, _ = Geod(ellps="WGS84").fwd(
+        lon_deg, lat_deg, azimuth_deg, math.hypot(north_m, east_m)
+    )
+    off = Geod(ellps="WGS84").inv(lon, lat, true_lon, true_lat)[2]
+    assert off < 0.02
+
+
+def companion(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "companion", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+
+
+@pytest.fixture(scope="module")
+def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recording")
+    Sitl(folder).fly(SMALL_ROOM, record=folder)
+    (path,) = folder.glob("*.mcap")
+    return path
+
+
+@pytest.fixture(params=["whole", "cut short"])
+def any_recording(request: pytest.FixtureRequest, recording: Path, tmp_path: Path) -> Path:
+    if request.param == "whole":
+        return recording
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(recording.read_bytes()[:700_000])
+    return cut
+
+
+def test_the_commands_take_whole_recordings_and_cut_ones(
+    any_recording: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    replayed = companion("replay", any_recording, "--out", out)
+    assert replayed.returncode == 0, replayed.stderr
+    assert {"map.json", "map.png", "map.ply"} <= {path.name for path in out.iterdir()}
+    done = companion("export", any_recording, "--format", "dxf", "--format", "json", "--out", out)
+    assert done.returncode == 0, done.stderr
+    assert [Path(line).suffix for line in done.stdout.split()] == [".dxf", ".json"]
+    reported = companion("report", any_recording, "--out", out / "report.html")
+    assert reported.returncode == 0, reported.stderr
+    page = (out / "report.html").read_text()
+    assert page.count("<svg") == 3
+    assert not re.search(r'(src|href)="(?!#|data:)', page)
+
+
+def test_the_report_tells_the_flight(recording: Path, tmp_path: Path) -> None:
+    path = tmp_path / "report.html"
+    companion("report", recording, "--out", path)
+    page = path.read_text()
+    for told in (
+        "mission complete",
+        "scanning parallel to the wall",
+        "room 1",
+        "nothing went wrong",
+    ):
+        assert told in page
+
+
+@pytest.mark.parametrize("command", ["replay", "report", "export"])
+def test_what_is_no_recording_is_one_line(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_text("no")
+    options = ["--format", "dxf"] if command == "export" else []
+    refused = companion(command, path, *options)
+    assert refused.returncode == 2
+    assert refused.stderr.count("\n") == 1
+    assert "not a recording" in refused.stderr
+
+
+def test_a_missing_extra_is_named_in_one_line(
+    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "ezdxf.py").write_text("raise ModuleNotFoundError('gone', name='ezdxf')")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
+    refused = companion("export", recording, "--format", "dxf", "--out", tmp_path / "out")
+    assert refused.returncode == 2
+    assert "pip install 'pdps-companion[export]'" in refused.stderr
+    assert refused.stderr.count("\n") == 1

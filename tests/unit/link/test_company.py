@@ -1,0 +1,178 @@
+"""What is heard on the link and not flown, and that nothing is asked of it."""
+
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.config.settings import LinkConfig
+from companion.core.messages import Command, CommandKind, VehicleState
+from companion.link.link import Link
+from companion.link.transports.transport import Message
+from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, Flight, Phase, step
+from tests.unit.pdps.test_flight_phases import PLAN, view
+
+ARDUPILOT, PX4, GENERIC, NONE = 3, 12, 0, 8
+QUADROTOR, ROVER, PLANE, GCS, ONBOARD = 2, 10, 1, 6, 18
+
+
+class Air:
+    """A link on which anybody may speak; a `Transport`."""
+
+    def __init__(self, **config: Any) -> None:
+        self._waiting: list[Message] = []
+        self.sent: list[Message] = []
+        self.link = Link(self, LinkConfig.model_validate(config))
+        self.now_s = 0.0
+
+    def receive(self) -> list[Message]:
+        waiting, self._waiting = self._waiting, []
+        return waiting
+
+    def send(self, message: Message) -> None:
+        self.sent.append(message)
+
+    def close(self) -> None: ...
+
+    def hears(self, message: Message, system: int = 1, component: int = 1) -> VehicleState:
+        message._header.srcSystem, message._header.srcComponent = system, component
+        self._waiting.append(message)
+        self.now_s += 0.25
+        return self.link.poll(self.now_s).vehicle
+
+    @property
+    def asked(self) -> list[str]:
+        return [m.get_type() for m in self.sent if m.get_type() != "HEARTBEAT"]
+
+
+def beat(autopilot: int = ARDUPILOT, kind: int = QUADROTOR, mode: int = 0) -> Message:
+    return mavlink.MAVLink_heartbeat_message(kind, autopilot, 81, mode, 3, 3)
+
+
+def attitude(ms: int) -> Message:
+    return mavlink.MAVLink_attitude_message(ms, 0, 0, 0, 0, 0, 0)
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+@pytest.mark.parametrize("kind", [2, 13, 14, 15, 29, 35])
+def test_multicopters_are_flown(autopilot: int, kind: int) -> None:
+    vehicle = Air().hears(beat(autopilot, kind))
+    assert (vehicle.connected, vehicle.unfit) == (True, "")
+
+
+@pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        (ROVER, "a ground rover"),
+        (PLANE, "a fixed wing"),
+        (4, "a helicopter"),
+        (7, "an airship"),
+        (11, "a surface boat"),
+        (12, "a submarine"),
+        (20, "a vtol quadrotor"),
+        (0, "a vehicle of no known type"),
+    ],
+)
+def test_other_vehicles_are_named_and_nothing_is_asked_of_them(
+    autopilot: int, kind: int, words: str
+) -> None:
+    air = Air()
+    vehicle = air.hears(beat(autopilot, kind, mode=4))
+    air.link.send(air.now_s, None, Command(CommandKind.ARM))
+    assert not vehicle.connected
+    assert vehicle.unfit == f"{words} at udpin:127.0.0.1:14550: only multicopters are flown"
+    assert air.asked == []
+
+
+def test_another_system_is_named_with_the_key_to_mend() -> None:
+    air = Air()
+    assert air.hears(beat(), system=3).unfit == "system 3 is heard there, not 1: link.system_id"
+    both = air.hears(beat(), system=2).unfit
+    assert both == "systems 2 and 3 are heard there, not 1: link.system_id"
+    assert air.hears(beat(), system=1).unfit == ""
+
+
+def test_an_autopilot_of_another_kind_is_named() -> None:
+    told = Air().hears(beat(GENERIC)).unfit
+    assert told.startswith("an autopilot of kind GENERIC is heard at udpin:127.0.0.1:14550;")
+    assert told.endswith("ArduPilot and PX4 are flown")
+
+
+def test_an_autopilot_of_another_component_is_named() -> None:
+    assert "component 5" in Air().hears(beat(), component=5).unfit
+
+
+def test_ground_stations_and_gimbals_alone_are_no_autopilot() -> None:
+    air = Air()
+    air.hears(beat(NONE, GCS), system=255, component=190)
+    told = air.hears(beat(NONE, 26), component=154).unfit
+    assert "no autopilot is heard" in told
+    assert "GCS (system 255, component 190)" in told
+    assert "GIMBAL (system 1, component 154)" in told
+    assert "router" in told
+
+
+def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
+    told = Air().hears(beat(kind=ROVER))
+    waiting = Flight(Phase.CONNECT, since_s=99.0)
+    patient, _ = step(waiting, view(told), PLAN)
+    assert patient.phase is Phase.CONNECT  # PX4 does not know its own type when it starts
+    ended, _ = step(patient, view(told, time_s=99.1 + CONNECT_TIMEOUT_S), PLAN)
+    assert (ended.phase, ended.trouble) == (Phase.FAILED, told.unfit)
+
+
+@pytest.mark.parametrize("other", [beat(PX4), beat(kind=ROVER), beat(PX4, 13)])
+def test_two_autopilots_of_different_kinds_under_one_name_are_told(other: Message) -> None:
+    air = Air()
+    for _ in range(3):
+        air.hears(beat())
+        vehicle = air.hears(other)
+    assert "two autopilots" in vehicle.unfit
+    assert "system id" in vehicle.unfit
+
+
+def test_two_autopilots_of_one_kind_differ_in_their_clocks() -> None:
+    air = Air()
+    air.hears(beat())
+    for tick in range(4):
+        air.hears(attitude(90_000 + 50 * tick))
+        vehicle = air.hears(attitude(20_000 + 50 * tick))
+    assert "two autopilots" in vehicle.unfit
+
+
+def test_an_autopilot_that_restarts_is_only_one() -> None:
+    air = Air()
+    air.hears(beat(PX4))
+    air.hears(attitude(90_000))
+    air.hears(attitude(100))
+    air.hears(beat(PX4, kind=0))
+    vehicle = air.hears(beat(PX4))
+    assert vehicle.unfit == ""
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        beat(NONE, ONBOARD),
+        mavlink.MAVLink_set_position_target_local_ned_message(
+            0, 1, 1, 8, 0x05C7, *(0.0,) * 9, 0.0, 0.0
+        ),
+    ],
+)
+def test_another_companion_under_our_name_is_told(message: Message) -> None:
+    air = Air()
+    air.hears(beat())
+    vehicle = air.hears(message, component=191)
+    assert vehicle.connected
+    assert "somebody else sends as system 1, component 191" in vehicle.unfit
+    assert "link.component_id" in vehicle.unfit
+    flight, action = step(Flight(Phase.PREPARE, since_s=99.0), view(vehicle), PLAN)
+    assert (flight.phase, flight.trouble) == (Phase.FAILED, vehicle.unfit)
+    assert action.command is None
+
+
+def test_with_a_name_of_its_own_the_other_companion_does_not_matter() -> None:
+    air = Air(component_id=192)
+    air.hears(beat())
+    assert air.hears(beat(NONE, ONBOARD), component=191).unfit == ""

@@ -1,0 +1,256 @@
+"""Signing: keys, time stamps, and what is refused."""
+
+import errno
+import os
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.core.errors import LinkError
+from companion.link.signing import RESERVE, TICKS_PER_S, Signing, load_signing
+from companion.link.transports.transport import decode, make_codec
+from tests.processes.started import until
+
+KEY, OTHER_KEY = b"k" * 32, b"x" * 32
+NOW_S = 1.8e9
+DEADLINE_S = 10.0
+
+
+def at(time_s: float) -> Callable[[], float]:
+    return lambda: time_s
+
+
+def codec(key: bytes | None = KEY, time_s: float = NOW_S, component: int = 191) -> Any:
+    signing = None if key is None else Signing(key, clock=at(time_s))
+    return make_codec(1, component, signing)
+
+
+def beat(sender: Any) -> bytes:
+    return bytes(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3).pack(sender))
+
+
+def hears(receiver: Any, *frames: bytes) -> int:
+    return len(decode(receiver, b"".join(frames)))
+
+
+def test_who_has_the_key_is_heard() -> None:
+    sender = codec()
+    assert hears(codec(component=1), *(beat(sender) for _ in range(5))) == 5
+
+
+@pytest.mark.parametrize("key", [None, OTHER_KEY], ids=["unsigned", "another key"])
+def test_who_has_not_is_not(key: bytes | None) -> None:
+    assert hears(codec(component=1), beat(codec(key))) == 0
+
+
+@given(st.integers(0, 200), st.integers(1, 255))
+def test_a_changed_frame_is_refused(place: int, flip: int) -> None:
+    frame = bytearray(beat(codec()))
+    frame[place % len(frame)] ^= flip
+    assert hears(codec(component=1), bytes(frame)) == 0
+
+
+def test_nothing_is_heard_twice() -> None:
+    frame, receiver = beat(codec()), codec(component=1)
+    assert [hears(receiver, frame) for _ in range(3)] == [1, 0, 0]
+
+
+def test_a_recording_from_yesterday_is_refused_by_who_has_just_started() -> None:
+    assert hears(codec(component=1), beat(codec(time_s=NOW_S - 86400))) == 0
+
+
+def test_a_forged_frame_of_the_future_does_not_silence_whom_it_claims_to_be() -> None:
+    receiver, sender = codec(component=1), codec()
+    assert hears(receiver, beat(sender)) == 1
+    assert hears(receiver, beat(codec(OTHER_KEY, NOW_S + 1e7))) == 0
+    assert hears(receiver, beat(sender)) == 1
+
+
+def test_an_unsigned_receiver_understands_who_signs() -> None:
+    assert hears(codec(None, component=1), beat(codec())) == 1
+
+
+# The time stamp
+
+
+def stamps(signing: Signing, count: int) -> list[int]:
+    taken = []
+    for _ in range(count):
+        taken.append(signing.timestamp)
+        signing.timestamp += 1
+    return taken
+
+
+def test_it_follows_the_clock_and_never_repeats() -> None:
+    now_s = [NOW_S]
+    signing = Signing(KEY, clock=lambda: now_s[0])
+    first = stamps(signing, 3)
+    now_s[0] += 10
+    later = stamps(signing, 3)
+    now_s[0] -= 1000
+    all_stamps = [*first, *later, *stamps(signing, 3)]
+    assert all_stamps == sorted(set(all_stamps))
+    assert later[0] - first[0] == pytest.approx(10 * TICKS_PER_S, abs=2)
+
+
+@given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5))
+def test_after_any_restarts_with_any_clock_no_stamp_was_used_before(
+    tmp_path_factory: pytest.TempPathFactory, clocks_s: list[float]
+) -> None:
+    kept = tmp_path_factory.mktemp("kept") / "stamp"
+    used: list[int] = []
+    for clock_s in clocks_s:
+        used += stamps(Signing(KEY, kept, at(NOW_S + clock_s)), 3)
+    assert used == sorted(set(used))
+
+
+def test_it_is_written_once_a_minute_not_with_every_frame(tmp_path: Path) -> None:
+    kept = tmp_path / "stamp"
+    now_s = [NOW_S]
+    signing = Signing(KEY, kept, lambda: now_s[0])
+    written = set()
+    for _ in range(600):
+        now_s[0] += 0.2
+        stamps(signing, 10)
+        until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
+        written.add(kept.read_text())
+        assert 0 < int(kept.read_text()) - signing.timestamp <= RESERVE
+    assert 2 <= len(written) <= 4
+    assert kept.stat().st_mode & 0o777 == 0o600
+
+
+@pytest.mark.parametrize(
+    ("prepare", "words"),
+    [
+        (lambda folder: folder / "nowhere" / "stamp", "No such file or directory"),
+        (lambda folder: Path("/dev/null") / "stamp", "Not a directory"),
+        (lambda folder: written(folder / "stamp", "yesterday"), "delete it"),
+        (lambda folder: written(folder / "stamp", str(2**48)), "no time stamp"),
+        (lambda folder: written(folder / "stamp", ""), "delete it"),
+    ],
+)
+def test_a_file_that_can_never_keep_it_ends_the_start(
+    tmp_path: Path, prepare: Callable[[Path], Path], words: str
+) -> None:
+    with pytest.raises(LinkError, match=rf"signing_timestamp.*{words}"):
+        stamps(Signing(KEY, prepare(tmp_path), at(NOW_S)), 1)
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+MEDIUM = [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT, errno.EMFILE]
+
+
+def fails(monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
+    """From now on this call of the operating system ends so."""
+
+    def fail(*_: object, **__: object) -> None:
+        raise OSError(number, os.strerror(number))
+
+    monkeypatch.setattr(f"companion.link.signing.os.{call}", fail)
+
+
+@pytest.mark.parametrize("number", MEDIUM)
+@pytest.mark.parametrize("call", ["open", "fsync"])
+@pytest.mark.parametrize("from_the_start", [True, False])
+def test_a_medium_that_fails_is_told_once_and_the_stamp_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, call: str, from_the_start: bool
+) -> None:
+    now_s, told = [NOW_S], list[str]()
+    if from_the_start:
+        fails(monkeypatch, call, number)
+    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], told.append)
+    fails(monkeypatch, call, number)
+    used = []
+    for _ in range(10):
+        now_s[0] += 30
+        used += stamps(signing, 3)
+    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    used += stamps(signing, 3)
+    assert used == sorted(set(used))
+    assert len(told) == 1
+    assert "signing_timestamp" in told[0]
+    assert os.strerror(number) in told[0]
+
+
+@pytest.mark.parametrize("number", [*MEDIUM, errno.EACCES, errno.ENOENT])
+def test_in_the_air_nothing_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
+) -> None:
+    told: list[str] = []
+    fails(monkeypatch, "open", number)
+    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), told.append, refuses=False)
+    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+
+
+@pytest.mark.parametrize("text", ["", "torn", "-1"])
+def test_in_the_air_a_stamp_that_is_lost_is_that_of_the_clock(tmp_path: Path, text: str) -> None:
+    told: list[str] = []
+    kept = written(tmp_path / "stamp", text)
+    signing = Signing(KEY, kept, at(NOW_S), told.append, refuses=False)
+    assert signing.timestamp == codec().signing.timestamp
+    assert len(told) == 1
+
+
+def test_a_medium_that_hangs_holds_nothing_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers = threading.Event()
+    kept = tmp_path / "stamp"
+    now_s = [NOW_S]
+    signing = Signing(KEY, kept, lambda: now_s[0])
+    monkeypatch.setattr("companion.link.signing.os.fsync", lambda _: answers.wait(DEADLINE_S))
+    for _ in range(100):
+        now_s[0] += 30
+        stamps(signing, 1)
+    assert int(kept.read_text()) < signing.timestamp
+    answers.set()
+    until(lambda: int(kept.read_text()) > signing.timestamp, "it is written", DEADLINE_S)
+
+
+# The key
+
+
+def key_file(folder: Path, text: str, mode: int = 0o600) -> Path:
+    path = folder / "signing.key"
+    path.write_text(text)
+    os.chmod(path, mode)
+    return path
+
+
+def test_a_key_is_64_digits_in_a_file_of_ones_own(tmp_path: Path) -> None:
+    signing = load_signing(key_file(tmp_path, KEY.hex() + "\n"), None)
+    assert signing.secret_key == KEY
+    assert signing.timestamp > 0
+    assert (tmp_path / "signing.timestamp").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "mode", "words"),
+    [
+        (KEY.hex(), 0o640, "chmod 600"),
+        (KEY.hex(), 0o604, "others can read it"),
+        ("secret", 0o600, "64 hexadecimal digits"),
+        ("", 0o600, "openssl rand"),
+    ],
+)
+def test_other_keys_are_refused_with_the_remedy(
+    tmp_path: Path, text: str, mode: int, words: str
+) -> None:
+    with pytest.raises(LinkError, match=words) as refused:
+        load_signing(key_file(tmp_path, text, mode), None)
+    assert KEY.hex() not in str(refused.value)
+
+
+def test_a_missing_key_is_named(tmp_path: Path) -> None:
+    with pytest.raises(LinkError, match=r"none\.key"):
+        load_signing(tmp_path / "none.key", None)

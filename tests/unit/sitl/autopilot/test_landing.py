@@ -1,0 +1,41 @@
+"""Landings of the emulated autopilots drift as those of the real firmware did."""
+
+import math
+
+import pytest
+
+from tests.unit.sitl.autopilot.client import ACCEPTED, ORIGIN, Client
+
+LANDINGS = 20
+
+
+def drift_m(personality: str, seed: int) -> float:
+    """Sideways, from 1 m above the ground down to it."""
+    client = Client(personality, seed)
+    client.waits(5)
+    client.sends(ORIGIN)
+    if personality == "ardupilot":
+        client.is_ready()
+    assert client.result(400, 1) == ACCEPTED
+    target = [0.0] * 6 + [2.0] if personality == "ardupilot" else [math.nan] * 7
+    assert client.result(22, *target) == ACCEPTED
+    client.waits(12)
+    truth = client.autopilot.truth
+    assert truth.position_ned_m[2] < -1.5
+    assert client.result(21) == ACCEPTED
+    while client.autopilot.truth.position_ned_m[2] < -1.0:
+        client.waits(0.05)
+    high_ne_m = client.autopilot.truth.position_ned_m[:2]
+    client.waits(5)
+    touched = client.autopilot.truth.position_ned_m
+    assert touched[2] == pytest.approx(0.0, abs=0.01)
+    client.waits(4)
+    assert client.autopilot.truth.position_ned_m[:2] == touched[:2], "it slides on the ground"
+    return math.dist(high_ne_m, touched[:2])
+
+
+@pytest.mark.parametrize(("personality", "measured_m"), [("px4", 0.27), ("ardupilot", 0.10)])
+def test_a_landing_drifts_as_far_as_a_real_one(personality: str, measured_m: float) -> None:
+    """Root mean square of some landings against that of the real firmware's."""
+    squares = [drift_m(personality, seed) ** 2 for seed in range(1, LANDINGS + 1)]
+    assert math.sqrt(sum(squares) / LANDINGS) == pytest.approx(measured_m, rel=0.35)

@@ -1,0 +1,255 @@
+"""The parameter protocols, as ArduCopter 4.6.3 was seen to speak it and PX4 1.17's source does."""
+
+import math
+import struct
+import zlib
+from typing import Any
+
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.link.transports.transport import make_codec
+from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.parameters.table import INTEGER_BITS, ParameterError, load_table
+from tests.unit.sitl.autopilot.client import Client, as_float
+
+INT8, INT32, REAL32 = (
+    mavlink.MAV_PARAM_TYPE_INT8,
+    mavlink.MAV_PARAM_TYPE_INT32,
+    mavlink.MAV_PARAM_TYPE_REAL32,
+)
+UINT32 = mavlink.MAV_PARAM_TYPE_UINT32
+NAMES = sorted({*load_table("ardupilot"), *load_table("px4"), "_HASH_CHECK", "NO_SUCH"})
+
+
+def wire_bits(message: Any) -> int:
+    bits: int = struct.unpack("<I", struct.pack("<f", message.param_value))[0]
+    return bits
+
+
+@pytest.fixture
+def ardupilot() -> Client:
+    return Client()
+
+
+@pytest.fixture
+def px4() -> Client:
+    return Client("px4")
+
+
+# What there is
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_the_tables_are_in_order(firmware: str) -> None:
+    table = load_table(firmware)
+    assert len(table) > 400
+    assert list(table) == sorted(table)
+    for name, parameter in table.items():
+        assert len(name) <= 16
+        assert parameter.fitted(parameter.default) == pytest.approx(parameter.default)
+        assert parameter.least <= parameter.most
+
+
+def test_px4_has_only_two_types_and_ardupilot_four() -> None:
+    assert {p.kind for p in load_table("px4").values()} == {INT32, REAL32}
+    assert {p.kind for p in load_table("ardupilot").values()} == {*INTEGER_BITS, REAL32}
+
+
+@pytest.mark.parametrize("personality", list(PERSONALITIES))
+def test_the_vehicle_is_configured_to_fly_without_gps(personality: str) -> None:
+    client, configured = Client(personality), PERSONALITIES[personality]().configured
+    client.lists()
+    told = {m.param_id: m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
+    for name, value in configured.items():
+        bytewise = personality == "px4"
+        assert told[name].param_value == (as_float("<i", int(value)) if bytewise else value)
+
+
+def test_a_vehicle_is_not_started_with_a_parameter_that_it_does_not_have() -> None:
+    with pytest.raises(ParameterError, match="no parameter GUID_TIMEOU; did you mean GUID_TIMEOUT"):
+        Client(parameters={"GUID_TIMEOU": 1})
+
+
+# Lists
+
+
+@pytest.mark.parametrize("personality", list(PERSONALITIES))
+def test_a_list_is_streamed_and_complete(personality: str) -> None:
+    client = Client(personality)
+    client.lists()
+    told = [m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"]
+    told = [m for m in told if m.param_id != "_HASH_CHECK"]
+    assert [m.param_index for m in told] == list(range(told[0].param_count))
+    assert len({m.param_id for m in told}) == len(told)
+
+
+def test_ardupilot_lists_sixteen_in_ten_milliseconds(ardupilot: Client) -> None:
+    ardupilot.lists()
+    assert [m.param_index for m in ardupilot.waits(0.02)] == list(range(32))
+
+
+def test_a_list_asked_for_again_starts_again(ardupilot: Client) -> None:
+    ardupilot.lists()
+    ardupilot.waits(0.05)
+    ardupilot.lists()
+    assert ardupilot.waits(0.01)[0].param_index == 0
+
+
+def test_px4_begins_a_list_with_its_hash_but_not_when_it_begins_again(px4: Client) -> None:
+    px4.lists()
+    first = [m.param_id for m in px4.waits(0.01) if m.get_type() == "PARAM_VALUE"]
+    assert (first[0], len(first)) == ("_HASH_CHECK", 20)
+    px4.lists()
+    again = [m for m in px4.waits(0.01) if m.get_type() == "PARAM_VALUE"]
+    assert again[0].param_index == 0
+
+
+def test_px4_stops_listing_when_told_that_the_hash_is_known(px4: Client) -> None:
+    px4.lists()
+    px4.waits(0.01)
+    assert px4.sets("_HASH_CHECK", 0.0, UINT32) == []
+    assert "PARAM_VALUE" not in [m.get_type() for m in px4.waits(0.5)]
+
+
+# Reading
+
+
+def test_reading_by_name_and_by_index(ardupilot: Client) -> None:
+    (by_name,) = ardupilot.reads("RNGFND1_ORIENT")
+    assert (by_name.param_value, by_name.param_type, by_name.param_index) == (25, INT8, 65535)
+    (by_index,) = ardupilot.reads(index=3)
+    assert by_index.param_index == 3
+    assert ardupilot.reads(by_index.param_id)[0].param_value == by_index.param_value
+
+
+def test_px4_tells_the_index_even_when_asked_by_name(px4: Client) -> None:
+    (told,) = px4.reads("COM_OF_LOSS_T")
+    assert px4.reads(index=told.param_index)[0].param_id == "COM_OF_LOSS_T"
+
+
+@pytest.mark.parametrize("personality", list(PERSONALITIES))
+def test_what_is_not_known_is_met_with_silence(personality: str) -> None:
+    client = Client(personality)
+    assert client.reads("NO_SUCH") == []
+    assert client.reads(index=5000) == []
+    assert client.sets("NO_SUCH", 1.0) == []
+
+
+def test_names_of_sixteen_characters_are_whole(ardupilot: Client, px4: Client) -> None:
+    for client in (ardupilot, px4):
+        client.lists()
+        names = {m.param_id for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
+        longest = max(names, key=len)
+        assert len(longest) == 16
+        (told,) = client.reads(longest)
+        assert told.param_id == longest
+        assert b"\0" not in told._param_id_raw
+
+
+def test_px4_tells_a_hash_over_names_and_values(px4: Client) -> None:
+    (told,) = px4.reads("_HASH_CHECK")
+    assert (told.param_type, told.param_index) == (UINT32, 65535)
+    px4.lists()
+    data = b"".join(
+        m.param_id.encode() + struct.pack("<f", m.param_value)
+        for m in px4.waits(1)
+        if m.get_type() == "PARAM_VALUE" and m.param_id != "_HASH_CHECK"
+    )
+    assert wire_bits(told) == zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
+    px4.sets("COM_OF_LOSS_T", 0.25)
+    assert wire_bits(px4.reads("_HASH_CHECK")[0]) != wire_bits(told)
+
+
+# Setting
+
+
+def test_ardupilot_takes_any_type_and_tells_the_true_one(ardupilot: Client) -> None:
+    (told,) = ardupilot.sets("GUID_TIMEOUT", 0.5, INT8)
+    assert (told.param_value, told.param_type, told.param_index) == (0.5, REAL32, 65535)
+
+
+@pytest.mark.parametrize(
+    ("value", "kept"),
+    [(7, 7), (2.995, 3), (2.7, 2), (-2.7, -2), (300, 127), (-1e30, -128)],
+)
+def test_ardupilot_makes_a_number_fit_its_type(
+    ardupilot: Client, value: float, kept: float
+) -> None:
+    assert ardupilot.sets("AVOID_BEHAVE", value)[0].param_value == kept
+    assert ardupilot.reads("AVOID_BEHAVE")[0].param_value == kept
+
+
+def test_ardupilot_holds_nobody_to_the_documented_range(ardupilot: Client) -> None:
+    assert ardupilot.sets("GUID_TIMEOUT", 60.0)[0].param_value == 60.0
+
+
+@pytest.mark.parametrize("personality", list(PERSONALITIES))
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_what_is_not_a_number_is_not_answered(personality: str, value: float) -> None:
+    client = Client(personality)
+    name = {"ardupilot": "GUID_TIMEOUT", "px4": "COM_OF_LOSS_T"}[personality]
+    before = client.reads(name)[0].param_value
+    assert client.sets(name, value) == []
+    assert client.reads(name)[0].param_value == before
+
+
+@pytest.mark.parametrize("value", [4, -1, 2**31 - 1, -(2**31)])
+def test_px4_carries_integers_as_their_bytes(px4: Client, value: int) -> None:
+    (told,) = px4.sets("COM_OBL_RC_ACT", as_float("<i", value), INT32)
+    assert struct.pack("<I", wire_bits(told)) == struct.pack("<i", value)
+
+
+def test_px4_does_not_answer_a_wrong_type(px4: Client) -> None:
+    assert px4.sets("COM_OBL_RC_ACT", 4.0, REAL32) == []
+    assert px4.sets("COM_OF_LOSS_T", 0.25, INT32) == []
+    assert px4.reads("COM_OF_LOSS_T")[0].param_value == 1.0
+
+
+@given(
+    name=st.sampled_from(NAMES),
+    bits=st.integers(0, 2**32 - 1),
+    kind=st.integers(0, 255),
+)
+@example(name="COM_OBL_RC_ACT", bits=0x7F7FFFFF, kind=INT32)
+@example(name="COM_OBL_RC_ACT", bits=0x7F7FFFFF, kind=REAL32)
+@example(name="SYSID_THISMAV", bits=0x7F7FFFFF, kind=UINT32)
+def test_nothing_that_is_set_raises(name: str, bits: int, kind: int) -> None:
+    message = mavlink.MAVLink_param_set_message(1, 1, name.encode(), as_float("<I", bits), kind)
+    for client in CLIENTS:
+        client.sends(message)
+        for told in client.reads(name):
+            assert told.pack(make_codec(1, 1))
+
+
+CLIENTS = tuple(Client(personality) for personality in PERSONALITIES)
+"""Shared: what one message has set, the next finds."""
+
+
+# The system
+
+
+@pytest.mark.parametrize(
+    ("personality", "name"), [("ardupilot", "SYSID_THISMAV"), ("px4", "MAV_SYS_ID")]
+)
+def test_the_system_changes_only_with_a_restart(personality: str, name: str) -> None:
+    client = Client(personality)
+    kind = load_table(personality)[name].kind
+    bytewise = personality == "px4"
+    assert client.sets(name, as_float("<i", 9) if bytewise else 9.0, kind)
+    assert client.autopilot.system_id == 1
+    assert client.reads(name)
+    restarted = Client(personality, parameters={name: 9})
+    assert restarted.autopilot.system_id == 9
+    assert restarted.reads(name) == []  # it is asked for system 1
+
+
+def test_a_watch_is_told_what_is_set() -> None:
+    told: dict[str, float] = {}
+    client = Client(watch=told.__setitem__)
+    client.sets("GUID_TIMEOUT", 0.5)
+    client.sets("AVOID_BEHAVE", 300.0)
+    client.sets("NO_SUCH", 1.0)
+    assert told == {"GUID_TIMEOUT": 0.5, "AVOID_BEHAVE": 127}

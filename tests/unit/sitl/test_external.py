@@ -1,0 +1,345 @@
+"""Our world for an autopilot elsewhere: messages in, messages out, no sockets."""
+
+import math
+import statistics
+import struct
+from dataclasses import replace
+from random import Random
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from companion.core.frames import Vector3
+from companion.link.transports.transport import Message, pipe_pair
+from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
+from sitl.autopilot.estimation.ground_truth import hil_state_quaternion, sim_state
+from sitl.autopilot.estimation.outside import Outside
+from sitl.autopilot.parameters.table import load_table
+from sitl.core.truth import TrueState
+from sitl.external.clock import AutopilotClock, Silence
+from sitl.external.feed import GEAR_M, distances, odometry
+from sitl.external.held_speed import TICKS, HeldSpeed
+from sitl.external.setup import ExternalSetup, wanted_parameters
+from sitl.external.tracker import TruthTracker
+from tests.unit.sitl.autopilot.client import START, as_float
+
+AUTOPILOT_OF = {"ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4": mavlink.MAV_AUTOPILOT_PX4}
+TELLS = {"ardupilot": sim_state, "px4": hil_state_quaternion}
+WORLD_START = replace(START, position_ned_m=(4.0, 6.5, 0.0))
+PERIOD_S = 0.02
+
+
+def on_the_wire(*messages: Message) -> list[Any]:
+    """As the autopilot's component of system 1 says it."""
+    autopilot, ours = pipe_pair()
+    for message in messages:
+        autopilot.send(message)
+    return ours.receive()
+
+
+def hears(tracker: TruthTracker, message: Message, now_s: float) -> bool:
+    (received,) = on_the_wire(message)
+    return tracker.hear(received, now_s)
+
+
+# The clock
+
+
+def attitude(boot_s: float) -> Message:
+    return mavlink.MAVLink_attitude_message(round(1000 * boot_s), 0, 0, 0, 0, 0, 0)
+
+
+def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
+    clock = AutopilotClock()
+    assert clock.hear(attitude(100.0), 3.0) == pytest.approx(3.0)
+    assert clock.hear(attitude(100.02), 3.0) == pytest.approx(3.02)
+    assert clock.hear(attitude(100.5), 3.9) == pytest.approx(3.5)
+    assert clock.told_s(3.9) == pytest.approx(3.5)
+
+
+def test_a_restarted_autopilot_does_not_take_our_time_back() -> None:
+    clock = AutopilotClock()
+    clock.hear(attitude(100.0), 50.0)
+    assert clock.hear(attitude(0.3), 50.5) == pytest.approx(50.5)
+    assert clock.hear(attitude(0.32), 50.5) == pytest.approx(50.52)
+
+
+def test_only_its_attitude_tells_its_time() -> None:
+    assert AutopilotClock().hear(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
+
+
+def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
+    said: list[str] = []
+    silence = Silence(said.append, began_s=0.0)
+    for now_s in (0.5, 1.5, 2.0):
+        silence.look(now_s)
+    silence.hear(3.0)
+    for now_s in (3.5, 4.5, 5.0):
+        silence.look(now_s)
+    silence.hear(6.0)
+    assert said == [
+        "the autopilot has not been heard yet: our world stands still until it is heard",
+        "the autopilot is heard",
+        "the autopilot has fallen silent: our world stands still until it is heard",
+        "the autopilot is heard again",
+    ]
+
+
+def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
+    """What is said of a companion that needs so long for a tick."""
+    said: list[str] = []
+    held = HeldSpeed(said.append)
+    wall_s = time_s = 0.0
+    tick = 0
+    for _ in range(ticks):
+        wall_s += working_s
+        time_s = max(time_s, speed * wall_s)  # the autopilot flies on meanwhile
+        tick += 1
+        held.asked(wall_s, working_s, time_s, tick * 0.05)
+        time_s = max(time_s, tick * 0.05)
+        wall_s = max(wall_s, time_s / speed)
+        tick = max(tick, int(time_s / 0.05))
+        held.reached(wall_s, 0.0, time_s)
+    return said
+
+
+def test_it_says_what_speed_this_machine_holds() -> None:
+    (line,) = attend(speed=1.0, working_s=0.01)
+    assert "runs at 1.0 x" in line
+    assert "holds 5.0 x" in line
+    assert "late" not in line
+
+
+def test_it_warns_when_the_companion_cannot_keep_up() -> None:
+    lines = attend(speed=5.0, working_s=0.02, ticks=3 * TICKS)
+    assert len(lines) == 3
+    assert all("holds 2.5 x" in line and "late" in line for line in lines)
+
+
+# The truth
+
+
+def flown(time_s: float) -> TrueState:
+    """Round a circle of 2 m radius at 1 m/s, 1.2 m high, nose along it."""
+    angle = 0.5 * time_s
+    return TrueState(
+        time_s,
+        (2 * math.sin(angle), 2 * (1 - math.cos(angle)), -1.2),
+        (math.cos(angle), math.sin(angle), 0.0),
+        0.05,
+        -0.1,
+        angle,
+        0.5,
+    )
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_a_moving_track_is_smoother_than_the_centimetres_it_is_told_in(firmware: str) -> None:
+    tracker = TruthTracker(WORLD_START)
+    tell = TELLS[firmware]
+    hears(tracker, tell(START), now_s=0.0)
+    errors_m = []
+    for step in range(1, 300):
+        truth = flown(step * PERIOD_S)
+        assert hears(tracker, tell(truth), now_s=truth.time_s)
+        between = tracker.at(truth.time_s + PERIOD_S / 2).position_ned_m
+        expected = flown(truth.time_s + PERIOD_S / 2).position_ned_m
+        off = [
+            b - e - s for b, e, s in zip(between, expected, WORLD_START.position_ned_m, strict=True)
+        ]
+        errors_m.append(math.hypot(*off[:2]))
+    assert statistics.fmean(errors_m[50:]) < 0.006
+    assert max(errors_m[50:]) < 0.015
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_attitude_and_turning_are_taken_as_told(firmware: str) -> None:
+    tracker = TruthTracker(WORLD_START)
+    hears(tracker, TELLS[firmware](flown(3.0)), now_s=9.0)
+    told, state = flown(3.0), tracker.at(9.1)
+    assert (state.roll_rad, state.pitch_rad) == pytest.approx(
+        (told.roll_rad, told.pitch_rad), abs=1e-5
+    )
+    assert state.yaw_rad == pytest.approx(told.yaw_rad + 0.1 * told.yaw_rate_rad_s, abs=1e-5)
+    assert tracker.home is not None
+
+
+def test_a_simulation_that_is_moved_is_followed_at_once() -> None:
+    tracker = TruthTracker(WORLD_START)
+    hears(tracker, sim_state(START), now_s=0.0)
+    moved = replace(START, position_ned_m=(30.0, -5.0, -1.0))
+    hears(tracker, sim_state(moved), now_s=0.1)
+    assert tracker.state.position_ned_m == pytest.approx((34.0, 1.5, -1.0), abs=0.02)
+
+
+def test_what_is_no_ground_truth_changes_nothing() -> None:
+    tracker = TruthTracker(WORLD_START)
+    assert not hears(tracker, attitude(1.0), now_s=1.0)
+    assert tracker.home is None
+
+
+# What the autopilot is set up with
+
+
+class Setup:
+    """An autopilot that answers what the setup asks, as far as a test lets it."""
+
+    def __init__(self, firmware: str) -> None:
+        self.firmware = firmware
+        self.said: list[str] = []
+        self.now_s = 0.0
+        self.setup = ExternalSetup(self.said.append)
+        self.says(
+            mavlink.MAVLink_heartbeat_message(2, AUTOPILOT_OF[firmware], 0, 0, 3, 3),
+            mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 3, 3),
+        )
+
+    def says(self, *messages: Message) -> None:
+        for message in on_the_wire(*messages):
+            self.setup.hear(message, self.now_s)
+
+    def tells(self, name: str, value: float) -> None:
+        kind = load_table(self.firmware)[name].kind
+        bytewise = self.firmware == "px4" and kind == mavlink.MAV_PARAM_TYPE_INT32
+        wire = as_float("<i", int(value)) if bytewise else value
+        self.says(mavlink.MAVLink_param_value_message(name.encode(), wire, kind, 1, 0))
+
+    def asks(self) -> list[Any]:
+        self.now_s += 1.01
+        return self.setup.requests(self.now_s, (470000000, 80000000, 400000))
+
+
+def of_kind(messages: list[Any], kind: str) -> list[Any]:
+    return [message for message in messages if message.get_type() == kind]
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_parameters_are_read_first_and_only_those_that_differ_are_set(firmware: str) -> None:
+    there, wanted = Setup(firmware), wanted_parameters(firmware)
+    first = there.asks()
+    assert {m.param_id for m in of_kind(on_the_wire(*first), "PARAM_REQUEST_READ")} == set(wanted)
+    assert not of_kind(first, "PARAM_SET")
+    wrong, *right = wanted
+    for name in right:
+        there.tells(name, wanted[name])
+    there.tells(wrong, wanted[wrong] + 3)
+    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+    assert change.param_id == wrong
+    there.tells(wrong, wanted[wrong])
+    there.asks()
+    assert any(line == f"parameters set: {wrong}" for line in there.said)
+    assert not of_kind(there.asks(), "PARAM_SET")
+
+
+def test_px4_is_sent_integers_as_their_bytes() -> None:
+    there = Setup("px4")
+    there.tells("EKF2_EV_CTRL", 0)
+    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+    assert change.param_type == mavlink.MAV_PARAM_TYPE_INT32
+    assert struct.pack("<f", change.param_value) == struct.pack("<i", 5)
+
+
+def test_only_what_is_read_at_the_start_asks_for_a_restart() -> None:
+    there, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
+    for name, value in wanted.items():
+        if name in ("VISO_TYPE", "EK3_SRC1_POSXY"):
+            there.tells(name, 0)
+        there.tells(name, value)
+    there.asks()
+    (line,) = [line for line in there.said if "restart" in line]
+    assert "VISO_TYPE" in line
+    assert "EK3_SRC1_POSXY" not in line
+
+
+def test_streams_are_asked_for_until_they_come_and_the_origin_is_not_ours_to_set() -> None:
+    there = Setup("px4")
+    for _ in range(2):
+        asked = there.asks()
+        assert {m.param1 for m in of_kind(asked, "COMMAND_LONG") if m.command == 511} == {115, 30}
+        assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
+    there.now_s += 1.0
+    origin = mavlink.MAVLink_gps_global_origin_message(470000000, 80000000, 400000)
+    there.says(hil_state_quaternion(START), attitude(1.0), origin)
+    there.now_s -= 1.0
+    asked = there.asks()
+    assert not of_kind(asked, "COMMAND_LONG")
+
+
+@pytest.mark.parametrize(("lat", "is_told"), [(470000000, False), (-353632621, True)])
+def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_told: bool) -> None:
+    there = Setup("ardupilot")
+    there.asks()
+    there.says(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
+    told = [line for line in there.said if "origin_lat_deg = 47.0000" in line]
+    assert bool(told) == is_told
+
+
+def test_nothing_is_asked_before_an_autopilot_was_heard() -> None:
+    assert ExternalSetup(lambda text: None).requests(5.0, None) == []
+
+
+# What the autopilot is fed
+
+
+def test_ranges_are_told_as_a_sensor_would() -> None:
+    truth = replace(flown(0.0), roll_rad=0.0, pitch_rad=0.0)
+
+    def room(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
+        """A floor below, a wall 3 m ahead, and else nothing in reach."""
+        if direction[2] > 0.9:
+            return -origin[2]
+        return 3.0 if direction[0] > 0.9 else None
+
+    random = Random(1)
+    told = [distances(truth, room, random) for _ in range(50)]
+    by_orientation = {m.orientation: m for m in told[0]}
+    assert set(by_orientation) == {0, 2, 6, 24, 25}
+    down_cm = [m.current_distance for sweep in told for m in sweep if m.orientation == 25]
+    assert statistics.fmean(down_cm) == pytest.approx(100 * (1.2 + GEAR_M), abs=1.5)
+    assert 1 < statistics.stdev(down_cm) < 4
+    down, right = by_orientation[25], by_orientation[2]
+    assert down.min_distance < down.current_distance < down.max_distance
+    assert right.current_distance > right.max_distance
+
+
+def test_on_the_ground_the_down_range_is_what_the_landing_gear_leaves() -> None:
+    told = distances(START, lambda origin, direction, most_m: -origin[2] or None, Random(1))
+    (down,) = [m for m in told if m.orientation == 25]
+    assert down.min_distance < down.current_distance < 20
+
+
+def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
+    start = flown(0.0)
+    estimator = Estimator(start, 3, REFERENCE_NOISE)
+    errors_m = []
+    for step in range(1, 6000):
+        truth = flown(step * 0.01)
+        estimator.update(truth)
+        estimator.yaw_rad = truth.yaw_rad
+        if step % 100 == 0:
+            (told,) = on_the_wire(odometry("px4", estimator, truth))
+            at = [t - s for t, s in zip(truth.position_ned_m, start.position_ned_m, strict=True)]
+            errors_m.append(math.dist((told.x, told.y), at[:2]))
+            assert math.hypot(told.vx, told.vy) == pytest.approx(1.0, abs=0.15)
+            assert told.time_usec == round(truth.time_s * 1e6)
+    assert all(error_m > 1e-4 for error_m in errors_m)
+    assert max(errors_m) < 2.0
+    assert statistics.fmean(errors_m[-10:]) > 0.02
+
+
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -> None:
+    tilted = replace(START, roll_rad=0.2, pitch_rad=-0.1)
+    estimator = Estimator(tilted, 1, REFERENCE_NOISE)
+    estimator.yaw_rad = 2.0
+    estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
+    (told,) = on_the_wire(odometry(firmware, estimator, tilted))
+    outside = Outside(PERSONALITIES[firmware]().pose_messages)
+    assert outside.hear(told, 0.0) == ""
+    pose = outside.take_pose()
+    assert pose is not None
+    assert pose.velocity_ned_m_s == pytest.approx((0.5, 0.25, -0.1), abs=1e-5)
+    assert pose.position_ned_m == pytest.approx((2.0, -1.0, -1.5))
+    assert pose.yaw_rad == pytest.approx(2.0)

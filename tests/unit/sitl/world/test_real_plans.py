@@ -1,0 +1,84 @@
+"""Other people's plans: mended or refused, and told so."""
+
+import json
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sitl.world.format import WorldError
+from sitl.world.geometry.model import WorldModel
+from sitl.world.loading import load_world
+
+PLANS = Path(__file__).parents[5] / "shared" / "floorplans"
+SQUARE = [[0, 0, 5, 0], [5, 0, 5, 4], [5, 4, 0, 4], [0, 4, 0, 0]]
+
+
+def write(tmp_path: Path, walls: object, **more: object) -> str:
+    path = tmp_path / "plan.json"
+    path.write_text(json.dumps({"name": "plan", "walls": walls, **more}))
+    return str(path)
+
+
+def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
+    world = load_world(write(tmp_path, SQUARE))
+    assert world.walls[0].points == ((0, 0), (0, 5))
+    model = WorldModel(world)
+    start = (*world.starts[0].position, -1.2)
+    north_m = model.range_m(start, (1.0, 0.0, 0.0), 10)
+    south_m = model.range_m(start, (-1.0, 0.0, 0.0), 10)
+    assert north_m is not None
+    assert south_m is not None
+    assert north_m + south_m == pytest.approx(4)
+
+
+def test_what_is_mended_is_told(tmp_path: Path) -> None:
+    told: list[str] = []
+    no_numbers = [[float("nan"), 0, 1, 1], [10**400, 0, 1, 1], [1, 2], "x"]
+    no_walls = [[1, 1, 1, 1], [5, 0, 0, 0], [1e9, 0, 1, 1]]
+    world = load_world(write(tmp_path, SQUARE + no_numbers + no_walls), told.append)
+    assert len(world.walls) == 4
+    assert len(told) == 4
+    assert "left out 4 of 11 walls: not four finite numbers" in told
+
+
+@pytest.mark.parametrize(
+    ("walls", "words"),
+    [
+        ([], "walls"),
+        ([[0, 0, 0, 0]], "usable"),
+        (7, "walls"),
+        ([[0, 0, 5, 0]], "enclosed"),
+    ],
+)
+def test_what_is_no_plan_is_refused(tmp_path: Path, walls: object, words: str) -> None:
+    with pytest.raises(WorldError, match=words) as refused:
+        load_world(write(tmp_path, walls))
+    assert "\n" not in str(refused.value)
+
+
+def test_other_units_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(WorldError, match="units"):
+        load_world(write(tmp_path, SQUARE, units="ft"))
+
+
+@settings(max_examples=60)
+@given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
+def test_garbage_never_gets_past_the_reader(data: bytes) -> None:
+    import tempfile  # noqa: PLC0415 - hypothesis and tmp_path do not go together
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "plan.json"
+        path.write_bytes(data)
+        with pytest.raises(WorldError):
+            load_world(str(path))
+
+
+@pytest.mark.skipif(not PLANS.exists(), reason="no ../shared/floorplans beside the checkout")
+@pytest.mark.parametrize("plan", sorted(PLANS.glob("*.json")), ids=lambda path: path.stem)
+def test_every_real_plan_loads_with_a_free_start(plan: Path) -> None:
+    world = load_world(str(plan))
+    model = WorldModel(world)
+    for start in world.starts:
+        assert model.clearance_m((*start.position, -1.2)) >= 0.6
