@@ -455,6 +455,26 @@ def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
     assert (landing.phase, landing.trouble) == (Phase.LAND, diverted.trouble)
 
 
+@pytest.mark.parametrize(
+    ("height_m", "reads_m", "phase"),
+    [
+        *[(1.1, 1.1, Phase.DESCEND), (0.9, 0.9, Phase.DESCEND)],
+        *[(0.6, 2.4, Phase.DESCEND)],  # floor, too near to be told
+        *[(1.15, 1.45, Phase.DIVERT), (1.1, 1.8, Phase.DIVERT)],  # a table, folded back
+        (1.1, 0.6, Phase.DIVERT),  # a chair
+    ],
+)
+def test_it_does_not_descend_on_a_table_that_reads_as_floor_did(
+    height_m: float, reads_m: float, phase: Phase
+) -> None:
+    above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
+    descending = replace(flying(Phase.DESCEND), diversion=Travel((1.0, 1.0)), diverted_s=95.0)
+    below = RangeReading(RangeState.DISTANCE, reads_m, 1e-4)
+    pose = Pose(100.0, 1.0, 1.0, -height_m, 0.0)
+    sight = replace(above.sight, pose=pose, ranges={**above.sight.ranges, Beam.DOWN: below})
+    assert step(descending, replace(above, sight=sight), PLAN)[0].phase is phase
+
+
 @pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.DESCEND, Phase.HOLD])
 def test_where_it_does_not_fly_about_it_lands_at_once(phase: Phase) -> None:
     above = replace(view(EMPTY, fault=SILENT, floor=over_a_table()), space=flown_here())
@@ -466,7 +486,7 @@ def test_where_it_does_not_fly_about_it_lands_at_once(phase: Phase) -> None:
 def test_it_does_not_look_for_a_place_to_land_for_ever() -> None:
     above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
     diverted, _ = step(flying(Phase.HOME), above, PLAN)
-    late = replace(above, time_s=121.0)
+    late = replace(above, time_s=131.0)
     assert step(diverted, late, PLAN)[0].phase is Phase.LAND
 
 
