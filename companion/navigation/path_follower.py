@@ -16,7 +16,7 @@ from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import Beam, Pose, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Sight
-from companion.navigation.swing import MOST_RAD, TO_THE_RIGHT, Swing
+from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.safety.control_laws import (
     CLOSE_M,
     FULL_STOP_BEFORE_M,
@@ -27,6 +27,8 @@ from companion.safety.control_laws import (
 )
 from companion.safety.velocity_guard import clear_of_all_m
 
+SWINGS_WITHIN_RAD = math.radians(90)
+"""With the nose farther off the way it does not swing: it turns back to the way."""
 ARRIVED_M = 0.10
 CORNER_M = 0.15
 """A corner of the way counts as passed within this."""
@@ -150,7 +152,7 @@ def _towards(
     off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
-    if course and abs(off_rad) < 2 * MOST_RAD:
+    if course and abs(off_rad) < SWINGS_WITHIN_RAD:
         yaw_rate_rad_s = clamp(course.swing.rate_rad_s, most_rad_s)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
     room_m = min(_room_ahead_m(bearing_rad, sight, plan), distance_m)

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 DEADLINE_S = 60
-WITHOUT_VISER = "import sys; sys.modules['viser'] = None; from {}.cli import main; main()"
+WITHOUT_VISER = "import sys; sys.modules['viser'] = None; from {}.commands.cli import main; main()"
 
 
 def run(*command: str) -> subprocess.CompletedProcess[str]:
