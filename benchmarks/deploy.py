@@ -20,7 +20,7 @@ UNITS = ("pdps-companion.service", "pdps-recover.service")
 PYTHONS = ("3.11", "3.12", "3.13")
 GLIBCS = ("2_28", "2_27", "2_26", "2_24", "2_17")
 """Wheels for these; Debian 12 has glibc 2.36."""
-MOST_EXPOSURE, MOST_MB = 3.0, 250
+MAX_EXPOSURE, MAX_MB = 3.0, 250
 
 
 def lint_scripts() -> str:
@@ -99,13 +99,13 @@ def main() -> None:
     print(f"shellcheck: {lint_scripts() or 'clean'}")
     if shutil.which("systemd-analyze"):
         print(f"systemd-analyze verify: {verify_units() or 'clean'}")
-        print(f"systemd-analyze security: {exposure()} of {MOST_EXPOSURE} allowed")
+        print(f"systemd-analyze security: {exposure()} of {MAX_EXPOSURE} allowed")
     largest_mb = 0.0
     for python in () if options.no_wheels else options.python or PYTHONS:
         mb = wheels_mb(python)
         largest_mb = max(largest_mb, mb)
-        print(f"aarch64, Python {python}: {mb:.0f} MB of {MOST_MB} allowed")
-    if largest_mb > MOST_MB:
+        print(f"aarch64, Python {python}: {mb:.0f} MB of {MAX_MB} allowed")
+    if largest_mb > MAX_MB:
         raise SystemExit("too large: deploy/slim.sh says what can be left out")
 
 

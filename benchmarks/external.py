@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 PROFILE = "gp2y0a710k0f"
 LAGS_S = (0.2, 1.0, 3.0, 8.0, 20.0)
 STEP_S = 0.05
-MOST_LATE_S = 0.3
+MAX_LATE_S = 0.3
 LATE_OVER_S = 1.0
 """How late it is told shows in displacements over so long."""
 
@@ -81,7 +81,7 @@ def told_on_true(recording: Recording, truth: TruthRecord) -> str:
         scale = float((told_m * true_m).sum() / (true_m**2).sum())
         return scale, float(np.sqrt(((told_m - scale * true_m) ** 2).sum(axis=1).mean()))
 
-    late_s = min(np.arange(0, MOST_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
+    late_s = min(np.arange(0, MAX_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
     scales = [f"{lag_s:g} s {compared(lag_s, late_s)[0]:.3f}" for lag_s in LAGS_S]
     place_m, velocity_m = (
         compared(LATE_OVER_S, late_s, told)[1] for told in (told_states, by_velocity)

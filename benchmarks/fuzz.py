@@ -43,7 +43,7 @@ from sitl.world.format import parse_world
 
 START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 LONGEST_S = 5
-MOST_REST_BYTES = 64
+MAX_REST_BYTES = 64
 TICK_S = 0.05
 IN_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 """Where a file is soonest written: on a disk that takes longer than reading it back."""
@@ -196,7 +196,7 @@ def fuzz_serial(count: int, seed: int) -> None:
     for number in range(count):
         reading = sensor.read(number * TICK_S)
         assert reading is None or not reading.is_distance or 0 < reading.distance_m < 100
-        assert len(sensor._rest) < MOST_REST_BYTES
+        assert len(sensor._rest) < MAX_REST_BYTES
 
 
 # Files

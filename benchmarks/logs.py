@@ -26,7 +26,7 @@ from companion.offline.reading.readers import READERS, read_log
 
 LOGS_FOLDER = Path(__file__).parents[2] / "shared" / "logs"
 REFERENCES = ".reference.tum", ".truth.tum"
-MOST_APART_S = 0.02
+MAX_APART_S = 0.02
 """Of a row and the pose of the reference that it is compared with."""
 HEADER = "log", "rows", "seconds", "verdict", "ATE of odometry", "of what is handed out", "CPU"
 
@@ -120,7 +120,7 @@ def _odometry(log: Log) -> PoseTrajectory3D:
 
 
 def _ate_m(true: PoseTrajectory3D, estimated: PoseTrajectory3D) -> float:
-    true, estimated = sync.associate_trajectories(true, estimated, max_diff=MOST_APART_S)
+    true, estimated = sync.associate_trajectories(true, estimated, max_diff=MAX_APART_S)
     estimated.align(true)
     ape = metrics.APE(metrics.PoseRelation.translation_part)
     ape.process_data((true, estimated))

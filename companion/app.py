@@ -76,7 +76,7 @@ readings, all alike, which would be taken for the wall.
 AT_LAYER_M = 0.12
 """So near to its height the drone draws a layer."""
 PROGRESS_PERIOD_S = 1.0
-MOST_SKETCHED = 3000
+MAX_SKETCHED = 3000
 """Points, and places of the path."""
 
 
@@ -337,7 +337,7 @@ class App:
         if self.estimator is None:
             return Sketch()
         traced = self.estimator.so_far()
-        sketched = traced.thinned(MOST_SKETCHED)
+        sketched = traced.thinned(MAX_SKETCHED)
         return Sketch(_segments(traced), *sketched, self._ceiling.height_m)
 
     def _drawn_up(self, traced: Traced) -> FloorPlan:

@@ -12,9 +12,9 @@ from companion.core.values import value
 
 OFFSET_SIGMA_M = 0.03
 """Beforehand: where in its case a sensor begins to measure, and where the tape is held."""
-LEAST_SPAN = 1.5
+MIN_SPAN = 1.5
 """Of the farthest distance over the nearest; nearer together they do not tell a gain."""
-LEAST_READINGS = 20
+MIN_READINGS = 20
 GAIN_BOUNDS = (0.5, 2.0)
 
 
@@ -50,7 +50,7 @@ def tape_point(true_m: float, readings: Sequence[RangeReading]) -> TapePoint:
         CalibrationError: too few of them were distances.
     """
     told_m = [reading.distance_m for reading in readings if reading.is_distance]
-    if len(told_m) < LEAST_READINGS or len(told_m) < 0.8 * len(readings):
+    if len(told_m) < MIN_READINGS or len(told_m) < 0.8 * len(readings):
         states = ", ".join(sorted({reading.state.value for reading in readings}))
         raise CalibrationError(
             f"at {true_m:g} m only {len(told_m)} of {len(readings)} readings were distances "
@@ -66,10 +66,10 @@ def fit(points: Sequence[TapePoint]) -> Fit:
         CalibrationError: fewer than three distances, or all of them close together.
     """
     true_m = np.array([point.true_m for point in points])
-    if len(points) < 3 or true_m.max() < LEAST_SPAN * true_m.min():
+    if len(points) < 3 or true_m.max() < MIN_SPAN * true_m.min():
         raise CalibrationError(
             f"{len(points)} distances from {true_m.min():g} to {true_m.max():g} m tell no gain; "
-            f"measure at three to five, the farthest {LEAST_SPAN:g} times the nearest or more"
+            f"measure at three to five, the farthest {MIN_SPAN:g} times the nearest or more"
         )
     told_m = np.array([point.told_m for point in points])
     weights = 1 / np.maximum([point.sigma_m for point in points], 1e-4)

@@ -14,7 +14,7 @@ SETTLE_S = 0.5
 STILL_RAD_S = math.radians(2.0)
 STILL_FOR_S = 2.0
 """After a turn: it is over."""
-LEAST_TURN_RAD = math.radians(90)
+MIN_TURN_RAD = math.radians(90)
 PATIENCE_S = 120.0
 
 
@@ -76,6 +76,6 @@ def turn_rad(rig: Rig, bias_rad_s: float) -> float:
             turned_rad += rate * dt_s
             still_s = still_s + dt_s if abs(rate) < STILL_RAD_S else 0.0
             last = sample
-        if still_s >= STILL_FOR_S and abs(turned_rad) > LEAST_TURN_RAD:
+        if still_s >= STILL_FOR_S and abs(turned_rad) > MIN_TURN_RAD:
             return turned_rad
     raise CalibrationError(f"it has not been turned within {PATIENCE_S:.0f} s")

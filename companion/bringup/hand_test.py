@@ -11,7 +11,7 @@ from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 
 LOOK_S = 1.5
-LEAST_CHANGE_SIGMAS = 6.0
+MIN_CHANGE_SIGMAS = 6.0
 READING_CHANGED_STATE = 1e3
 """Worth more than any change of a distance."""
 Readings = Mapping[Beam, RangeReading]
@@ -21,7 +21,7 @@ def changed_beam(before: Sequence[Readings], after: Sequence[Readings]) -> Beam 
     """The beam whose reading has changed most, in its own sigmas; None if none has."""
     changes = {beam: _change(before, after, beam) for beam in before[0]}
     most = max(changes, key=lambda beam: changes[beam])
-    return most if changes[most] > LEAST_CHANGE_SIGMAS else None
+    return most if changes[most] > MIN_CHANGE_SIGMAS else None
 
 
 def _change(before: Sequence[Readings], after: Sequence[Readings], beam: Beam) -> float:

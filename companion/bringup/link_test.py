@@ -8,7 +8,7 @@ from companion.link.requests import Stream
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import Transport
 
-MOST_DROPPED = 0.05
+MAX_DROPPED = 0.05
 """Of what is sent; a little more than a message now and then."""
 
 
@@ -18,7 +18,7 @@ def not_taken(transport: Transport) -> tuple[str, str] | None:
         return None
     dropped = transport.messages_dropped
     tried = dropped + transport.messages_sent
-    if dropped <= MOST_DROPPED * tried:
+    if dropped <= MAX_DROPPED * tried:
         return None
     remedy = (
         "the port takes nothing, or is too slow: switch its flow control off (BRD_SERn_RTSCTS = 0, "

@@ -35,7 +35,7 @@ SILENT_S = 1.0
 STILL_RAD_S = math.radians(2.0)
 LARGE_BIAS_RAD_S = math.radians(30.0)
 AVOID_PROXIMITY_BIT = 2
-LEAST_AVOID_MARGIN_M = 1.0
+MIN_AVOID_MARGIN_M = 1.0
 ASKED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
 ASK_PERIOD_S = 1.0
 
@@ -250,7 +250,7 @@ class Examination:
             else f"the room is {width_m:.1f} m wide here"
         )
         remedy = (
-            f"{reason}: set AVOID_MARGIN to {LEAST_AVOID_MARGIN_M:g}, "
+            f"{reason}: set AVOID_MARGIN to {MIN_AVOID_MARGIN_M:g}, "
             "or take bit 1 (proximity) out of AVOID_ENABLE"
         )
         yield Finding("avoidance", Verdict.BAD, seen, remedy)

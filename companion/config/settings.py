@@ -33,19 +33,17 @@ _G = TypeVar("_G", bound=Group)
 
 MissionKind = Literal["room", "building", "exterior", "layers"]
 STANDOFFS = ("range", "accurate")
-LEAST_STANDOFF_M, MOST_STANDOFF_M = 0.6, 5.0
+MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 
 
 def _standoff(value: object) -> object:
     if value in STANDOFFS:
         return value
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
-    if is_number and LEAST_STANDOFF_M <= value <= MOST_STANDOFF_M:  # type: ignore[operator]
+    if is_number and MIN_STANDOFF_M <= value <= MAX_STANDOFF_M:  # type: ignore[operator]
         return float(value)  # type: ignore[arg-type]
     names = " or ".join(repr(name) for name in STANDOFFS)
-    raise ValueError(
-        f"should be from {LEAST_STANDOFF_M:g} to {MOST_STANDOFF_M:g} metres, or {names}"
-    )
+    raise ValueError(f"should be from {MIN_STANDOFF_M:g} to {MAX_STANDOFF_M:g} metres, or {names}")
 
 
 Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_standoff)]

@@ -12,7 +12,7 @@ DRIFT = 50e-6
 WINDOW_S, APART_S = 2.0, 0.003
 """When the quickest message of so long was later by more than this, they run apart faster, as an RC
 oscillator or the time of a simulator does, by 1e-3."""
-MOST_EARLIER_S = 0.05
+MAX_EARLIER_S = 0.05
 """The offset falls by no more in one tick: if we are paused between looking at our clock and
 reading what has come, messages seem to be from the future."""
 IN_TIME_S = 0.03
@@ -54,7 +54,7 @@ class BootClock:
         if now_s != self._heard_s:
             self._offset_s += DRIFT * (now_s - self._heard_s)
             self._slide(now_s)
-            self._lowest_s = self._offset_s - MOST_EARLIER_S
+            self._lowest_s = self._offset_s - MAX_EARLIER_S
             self._heard_s = now_s
         self._window_least_s = min(self._window_least_s, offset_s)
         self._offset_s = min(self._offset_s, max(offset_s, self._lowest_s))
@@ -74,7 +74,7 @@ class BootClock:
 
     def _set(self, offset_s: float, boot_s: float, now_s: float) -> bool:
         self._offset_s, self._newest_boot_s = offset_s, boot_s
-        self._lowest_s, self._heard_s = offset_s - MOST_EARLIER_S, now_s
+        self._lowest_s, self._heard_s = offset_s - MAX_EARLIER_S, now_s
         self._window_since_s, self._window_least_s = now_s, offset_s
         self._out = 0
         return True

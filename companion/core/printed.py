@@ -16,7 +16,7 @@ from typing import IO, TextIO, cast
 
 from rich.console import Console
 
-MOST_WAITING = 1000
+MAX_WAITING = 1000
 """Pieces of text; a reader who is this far behind stands still."""
 LAST_WORDS_S = 2.0
 """So long the end of the program waits for its last lines to be taken."""
@@ -43,7 +43,7 @@ class Printed(io.TextIOBase):
         return self._fd
 
     def write(self, text: str) -> int:
-        if self._is_heard and self._queue.qsize() < MOST_WAITING:
+        if self._is_heard and self._queue.qsize() < MAX_WAITING:
             self._queue.put(text.encode(self.encoding, "replace"))
         return len(text)
 

@@ -14,7 +14,7 @@ from companion.core.boot_clock import BootClock
 from companion.core.messages import GyroSample
 
 IMU_HZ, NOT_ASKED_FOR = 50.0, 0.0
-MOST_RATE_RAD_S = math.radians(2000)
+MAX_RATE_RAD_S = math.radians(2000)
 """No gyro of an autopilot's measures more."""
 
 
@@ -47,7 +47,7 @@ class AutopilotGyro:
         boot_s, yaw_rate_rad_s = self._TOLD[kind](message)
         if self._clock.hear(boot_s, now_s):
             self._told_s = -math.inf
-        if boot_s <= self._told_s or not abs(yaw_rate_rad_s) <= MOST_RATE_RAD_S:  # nor NaN
+        if boot_s <= self._told_s or not abs(yaw_rate_rad_s) <= MAX_RATE_RAD_S:  # nor NaN
             return
         self._told_s = boot_s
         time_s = min(self._clock.time_s(boot_s), now_s)

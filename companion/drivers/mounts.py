@@ -7,7 +7,7 @@ from companion.config.settings import SensorsConfig
 from companion.core.errors import ConfigError
 from companion.core.messages import BEARING_FRD_RAD, RangeScan
 
-MOST_ASIDE_DEG = 20.0
+MAX_ASIDE_DEG = 20.0
 """How far a mount may be bent, so that the beam still looks where the manoeuvres need it."""
 
 
@@ -26,9 +26,9 @@ class Mounts:
             if beam not in BEARING_FRD_RAD:
                 raise ConfigError(f"{key}: {beam.value} has none")
             usual_deg = math.degrees(BEARING_FRD_RAD[beam])
-            if abs((sensor.bearing_deg - usual_deg + 180) % 360 - 180) > MOST_ASIDE_DEG:
+            if abs((sensor.bearing_deg - usual_deg + 180) % 360 - 180) > MAX_ASIDE_DEG:
                 raise ConfigError(
-                    f"{key} = {sensor.bearing_deg:g}: should be within {MOST_ASIDE_DEG:g} of "
+                    f"{key} = {sensor.bearing_deg:g}: should be within {MAX_ASIDE_DEG:g} of "
                     f"{usual_deg:g}"
                 )
         self._farther_m = {

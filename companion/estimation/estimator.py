@@ -36,9 +36,9 @@ from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_on
 from companion.estimation.smoothing.state import Unknowns
 from companion.estimation.solved_flight import Traced
 
-MOST_PLAUSIBLE_SPEED_M_S = 5.0
+MAX_PLAUSIBLE_SPEED_M_S = 5.0
 """An odometry step faster than this is a jump of the autopilot's estimate, not motion."""
-MOST_OBLIQUE_RAD = math.radians(30)
+MAX_OBLIQUE_RAD = math.radians(30)
 REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
 TOLD_LASTS_S = 0.15
@@ -129,7 +129,7 @@ class Estimator:
         north_m, east_m = x - last_x, y - last_y
         self._height_m -= z - last_z
         self._over_floor.move(last_z - z, dt_s)
-        if math.hypot(north_m, east_m) > MOST_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
+        if math.hypot(north_m, east_m) > MAX_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
             return
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         half_turn_rad = 0.5 * wrap_rad(odometry.turned_rad - last.turned_rad)
@@ -321,7 +321,7 @@ class Estimator:
         nearest: tuple[float, float] | None = None
         for wall in self.slam.walls:
             incidence_rad = wrap_rad(bearing_rad - self.heading.normal_rad(wall.index))
-            if abs(incidence_rad) > MOST_OBLIQUE_RAD:
+            if abs(incidence_rad) > MAX_OBLIQUE_RAD:
                 continue
             normal_rad, offset_m = self.slam.line(wall)
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)

@@ -8,7 +8,7 @@ from companion.core.messages import FloorPlan
 Rays = NDArray[np.float64]
 """(n, 2, 2): from where to where, each (x east, y north), metres."""
 
-MOST_NOISE_M = 1.0
+MAX_NOISE_M = 1.0
 """A hit no farther than this behind a wall was on it."""
 
 
@@ -38,7 +38,7 @@ def _up_to_walls(lines: Rays, walls: Rays) -> Rays:
         share = _cross(wall - start, wall_along) / cross
         wall_share = _cross(wall - start, along) / cross
     overshot_m = (1 - share) * np.linalg.norm(along, axis=2)
-    meets = (wall_share >= 0) & (wall_share <= 1) & (overshot_m >= 0) & (overshot_m < MOST_NOISE_M)
+    meets = (wall_share >= 0) & (wall_share <= 1) & (overshot_m >= 0) & (overshot_m < MAX_NOISE_M)
     share = np.where(meets, share, 1.0).min(axis=1, initial=1.0)
     return np.stack([lines[:, 0], lines[:, 0] + share[:, None] * along[:, 0]], axis=1)
 

@@ -24,8 +24,8 @@ from companion.link.transports.transport import Message
 POSITION_HZ = 20.0
 ATTITUDE_HZ = 25.0
 """Not in step with our ticks, so that now and then a message comes without waiting for one."""
-MOST_EXTRAPOLATION_S = 0.2
-MOST_BETWEEN_RATES_S = 0.1
+MAX_EXTRAPOLATION_S = 0.2
+MAX_BETWEEN_RATES_S = 0.1
 """Rates farther apart than two messages do not tell the turn between them."""
 RESTARTED_MS = 2000
 """No message is overtaken by one that is so much younger."""
@@ -98,7 +98,7 @@ class OdometryReader:
         leap, the time between is not known.
         """
         dt_s = (message.time_boot_ms - last.time_boot_ms) * 1e-3 if last is not None else 0.0
-        if last is None or not self._is_in_order or not 0 < dt_s <= MOST_BETWEEN_RATES_S:
+        if last is None or not self._is_in_order or not 0 < dt_s <= MAX_BETWEEN_RATES_S:
             return
         turned_rad = 0.5 * (last.yawspeed + message.yawspeed) * dt_s
         unsure_rad = 0.5 * abs(message.yawspeed - last.yawspeed) * dt_s
@@ -120,7 +120,7 @@ class OdometryReader:
         position_age_s, attitude_age_s = (
             now_s - self._clock.time_s(m.time_boot_ms * 1e-3) for m in (position, attitude)
         )
-        if max(abs(position_age_s), abs(attitude_age_s)) > MOST_EXTRAPOLATION_S:
+        if max(abs(position_age_s), abs(attitude_age_s)) > MAX_EXTRAPOLATION_S:
             return None
         velocity = position.vx, position.vy, position.vz
         ne_m = self._travelled_ne_m if self._follows_us else (position.x, position.y)

@@ -27,7 +27,7 @@ ORIENTATIONS: dict[Beam, int] = {
 SECTORS, SECTOR_DEG = 72, 5
 SECTOR_OF = {Beam.FRONT: 0, Beam.RIGHT: 18, Beam.BACK: 36, Beam.LEFT: 54}
 UNKNOWN_SECTOR = 65535
-MOST_COVARIANCE_CM2, UNKNOWN_COVARIANCE = 254, 255
+MAX_COVARIANCE_CM2, UNKNOWN_COVARIANCE = 254, 255
 TEXT_BYTES = 50
 
 
@@ -86,7 +86,7 @@ class Reports:
     def _distance(self, time_ms: int, beam: Beam, reading: RangeReading) -> Message:
         least_cm, most_cm = self._bounds_cm(beam)
         covariance = UNKNOWN_COVARIANCE
-        if reading.is_distance and reading.variance_m2 * 1e4 <= MOST_COVARIANCE_CM2:
+        if reading.is_distance and reading.variance_m2 * 1e4 <= MAX_COVARIANCE_CM2:
             covariance = max(1, round(reading.variance_m2 * 1e4))
         return mavlink.MAVLink_distance_sensor_message(
             time_ms % 2**32,

@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.transports.transport import Message
 
 RESEND_S = 0.5
-MOST_CONFIRMATIONS = 255
+MAX_CONFIRMATIONS = 255
 
 
 def command_long(
@@ -67,7 +67,7 @@ class CommandSender:
         if is_done or now_s - self.sent_s < RESEND_S:
             return []
         message = command_long(target, *wanted, confirmation=self.confirmation)
-        self.confirmation = min(self.confirmation + 1, MOST_CONFIRMATIONS)
+        self.confirmation = min(self.confirmation + 1, MAX_CONFIRMATIONS)
         self.sent_s, self.is_answered = now_s, False
         return [message]
 
@@ -119,17 +119,17 @@ class Stream:
 
     SILENT_S: ClassVar[float] = 0.4
     """Before the flight misses its position, which is after 0.5 s."""
-    MOST_WAIT_S: ClassVar[float] = 1.5
+    MAX_WAIT_S: ClassVar[float] = 1.5
     WINDOW_S: ClassVar[float] = 3.0
-    LEAST_COUNT: ClassVar[int] = 10
+    MIN_COUNT: ClassVar[int] = 10
     """Of messages in a window: a rate of fewer cannot be told from chance."""
-    LEAST_SHARE: ClassVar[float] = 0.7
+    MIN_SHARE: ClassVar[float] = 0.7
     """Of the rate; a link with 20 % of loss is not too slow."""
-    MOST_PATIENCE_S: ClassVar[float] = 30.0
+    MAX_PATIENCE_S: ClassVar[float] = 30.0
 
     @property
     def is_slow(self) -> bool:
-        return self.measured_hz is not None and self.measured_hz < self.LEAST_SHARE * self.rate_hz
+        return self.measured_hz is not None and self.measured_hz < self.MIN_SHARE * self.rate_hz
 
     @property
     def _silent_s(self) -> float:
@@ -153,7 +153,7 @@ class Stream:
         if is_silent and self.measured_hz is not None:
             self.measured_hz = 0.0
         if is_too_slow:
-            self._patience_s = min(2 * self._patience_s, self.MOST_PATIENCE_S)
+            self._patience_s = min(2 * self._patience_s, self.MAX_PATIENCE_S)
         self._asked_s = now_s
         self._unanswered += 1
         self._begin_window(now_s)
@@ -163,11 +163,11 @@ class Stream:
 
     def _has_waited(self, now_s: float) -> bool:
         """For an answer; at first not for long, as the request may be lost."""
-        wait_s = min(RESEND_S * 2 ** min(self._unanswered - 1, 8), self.MOST_WAIT_S)
+        wait_s = min(RESEND_S * 2 ** min(self._unanswered - 1, 8), self.MAX_WAIT_S)
         return bool(now_s - self._asked_s >= max(wait_s, self._silent_s))
 
     def _measure(self, now_s: float) -> None:
-        window_s = max(self.WINDOW_S, self.LEAST_COUNT / self.rate_hz)
+        window_s = max(self.WINDOW_S, self.MIN_COUNT / self.rate_hz)
         passed_s = now_s - self._begun_s
         if not window_s <= passed_s < math.inf:
             return

@@ -31,7 +31,7 @@ TICKS_PER_S = 100_000
 RESERVE = 60 * TICKS_PER_S
 RENEWED = RESERVE // 4
 """Of the reserve that is left when it is asked for again; no card takes 15 s for one line."""
-MOST_TICKS = 2**48
+MAX_TICKS = 2**48
 """A frame has six bytes for its stamp."""
 SIGNATURE_BYTES = 6
 MORE_THAN_OWNER = 0o077
@@ -113,7 +113,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
             return 0
         try:
             kept = int(self._kept.read_text())
-            if not 0 <= kept < MOST_TICKS:
+            if not 0 <= kept < MAX_TICKS:
                 raise ValueError(f"{kept} is no time stamp")
         except FileNotFoundError:
             return 0

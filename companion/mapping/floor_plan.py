@@ -16,14 +16,14 @@ Along = NDArray[np.float64]
 
 LARGEST_GAP_M = 0.6
 """Hits farther apart than this along a wall leave an opening between them."""
-LEAST_HITS = 5
+MIN_HITS = 5
 TOGETHER_SHARE, TOGETHER_SPACINGS = 0.5, 6.0
 """Within so much of the largest gap, or so many usual spacings, there is another hit where there is
 wall; one by itself may be of something else that the line passes by, or seen through a doorway."""
-LEAST_LENGTH_M = 0.2
+MIN_LENGTH_M = 0.2
 CORNER_REACH_M = 0.5
 """Two ends this close to where their lines meet are one corner."""
-LEAST_SIN_BETWEEN = math.sin(math.radians(15))
+MIN_SIN_BETWEEN = math.sin(math.radians(15))
 
 
 def wall_segments(
@@ -47,7 +47,7 @@ def wall_segments(
         one, other = (_with_end_at(pieces[i], corner) for i in (first, second))
         if one and other:
             pieces[first], pieces[second] = one, other
-    return tuple(piece for piece in pieces if piece.length_m >= LEAST_LENGTH_M)
+    return tuple(piece for piece in pieces if piece.length_m >= MIN_LENGTH_M)
 
 
 def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> Along:
@@ -59,7 +59,7 @@ def _rows(along_m: Along, largest_gap_m: float) -> list[Along]:
     """Sorted coordinates, parted where there are gaps."""
     along_m = _without_lonely(along_m, TOGETHER_SHARE * largest_gap_m)
     gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
-    return [row for row in np.split(along_m, gaps) if len(row) >= LEAST_HITS]
+    return [row for row in np.split(along_m, gaps) if len(row) >= MIN_HITS]
 
 
 def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine, Along]]) -> Along:
@@ -72,7 +72,7 @@ def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine,
         if not its_row[0] - CORNER_REACH_M < its_at_m < its_row[-1] + CORNER_REACH_M:
             continue
         for kept in (row[row <= at_m], row[row >= at_m]):
-            if len(row) > len(kept) > max(len(row), 2 * LEAST_HITS) - LEAST_HITS:
+            if len(row) > len(kept) > max(len(row), 2 * MIN_HITS) - MIN_HITS:
                 row = kept
     return row
 
@@ -89,7 +89,7 @@ def _segment(line: WallLine, row: Along) -> WallSegment:
 
 def _without_lonely(along_m: Along, together_m: float) -> Along:
     """Sorted coordinates without those that have no other near."""
-    if len(along_m) < LEAST_HITS:
+    if len(along_m) < MIN_HITS:
         return along_m
     apart_m = np.diff(along_m)
     is_near = apart_m <= max(together_m, TOGETHER_SPACINGS * float(np.median(apart_m)))
@@ -118,7 +118,7 @@ def _with_end_at(segment: WallSegment, corner: Vector2 | None) -> WallSegment | 
 def _meeting_point(a: WallLine, b: WallLine) -> Vector2 | None:
     """Of two lines; None if they are nearly parallel."""
     sin_between = math.sin(b.normal_rad - a.normal_rad)
-    if abs(sin_between) < LEAST_SIN_BETWEEN:
+    if abs(sin_between) < MIN_SIN_BETWEEN:
         return None
     north_m = a.offset_m * math.sin(b.normal_rad) - b.offset_m * math.sin(a.normal_rad)
     east_m = b.offset_m * math.cos(a.normal_rad) - a.offset_m * math.cos(b.normal_rad)

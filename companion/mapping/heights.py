@@ -19,11 +19,11 @@ from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeScan, Surface
 
 CELL_M = 0.2
-LEAST_READINGS = 3
+MIN_READINGS = 3
 SAME_HEIGHT_M = 0.08
 ABOVE_FLOOR_M = 0.15
 """A surface as near to the floor as this is the floor."""
-LEAST_CELLS = 3
+MIN_CELLS = 3
 Cell = tuple[int, int]
 
 
@@ -98,7 +98,7 @@ def _around(place_ne_m: Vector2, within_m: float) -> Iterator[tuple[Cell, float]
 def _top_m(readings_m: list[float], floor_m: float) -> float | None:
     """Of a cell, if enough readings agree that something stands in it."""
     above = [m for m in readings_m if m > floor_m + ABOVE_FLOOR_M]
-    return statistics.median(above) if len(above) >= LEAST_READINGS else None
+    return statistics.median(above) if len(above) >= MIN_READINGS else None
 
 
 def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
@@ -113,7 +113,7 @@ def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
         for number in range(1, count + 1):
             low = np.array((rows.min(), columns.min()))
             places = np.argwhere(numbers == number) + low
-            if len(places) >= LEAST_CELLS:
+            if len(places) >= MIN_CELLS:
                 clusters.append([(int(row), int(column)) for row, column in places])
     return clusters
 

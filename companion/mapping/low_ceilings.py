@@ -11,7 +11,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeScan, RangeState
 from companion.mapping.occupancy import CELL_M
 
-LEAST_READINGS, LEAST_SHARE = 2, 0.25
+MIN_READINGS, MIN_SHARE = 2, 0.25
 """So many readings in a cell, and such a share of all there, have to say so."""
 MARGIN_M = 0.1
 Cell = tuple[int, int]
@@ -45,6 +45,6 @@ class Overhead:
         for (row, column), met_m in self._met_m.items():
             told_m = [at_m + above_m for at_m, above_m in met_m if above_m or at_m < tells_to_m]
             low = sum(m < height_m for m in told_m)
-            if low >= max(LEAST_READINGS, LEAST_SHARE * len(told_m)):
+            if low >= max(MIN_READINGS, MIN_SHARE * len(told_m)):
                 places.append(((row + 0.5) * CELL_M, (column + 0.5) * CELL_M))
         return tuple(places)

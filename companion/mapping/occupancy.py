@@ -22,14 +22,14 @@ CELL_M = 0.1
 CHUNK_CELLS = 64
 """The grid grows by so much at a time."""
 HIT, MISS = 1.2, -0.5
-MOST_LOG_ODDS = 4.0
+MAX_LOG_ODDS = 4.0
 OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
-EXACT_SIGMA_M, LEAST_EXACT_SIGMA_M = 0.04, 0.12
+EXACT_SIGMA_M, MIN_EXACT_SIGMA_M = 0.04, 0.12
 """A reading as exact as this fills its cell at once; one less exact counts for less, one less
 exact than the other for nothing: its wall would be smeared."""
 WELL_SIGMA_M = 0.055
 """A reading as exact as this has seen a surface well,"""
-LEAST_FACING = 0.1
+MIN_FACING = 0.1
 """on those sides of a cell from which it has come, by so much at least: a wall lies askew in the
 grid, and has two of them on either side."""
 SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
@@ -285,16 +285,16 @@ class Occupancy:
         log_odds = self._layers.log_odds
         north_m, east_m = rays.origin_ne_m.T
         self.flown[self._indices(north_m, 0), self._indices(east_m, 1)] = True
-        exact = rays.is_hit & (rays.sigma_m <= LEAST_EXACT_SIGMA_M)
+        exact = rays.is_hit & (rays.sigma_m <= MIN_EXACT_SIGMA_M)
         weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
         rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
         well = exact & (rays.sigma_m <= WELL_SIGMA_M)
         for side, towards in enumerate(SIDES):
-            faces = well & (unit @ towards < -LEAST_FACING)
+            faces = well & (unit @ towards < -MIN_FACING)
             self._layers.well_seen[rows[faces], columns[faces]] |= np.uint8(1 << side)
         met = rows[exact], columns[exact]
         np.add.at(log_odds, met, weight[exact])
-        log_odds[met] = np.minimum(log_odds[met], MOST_LOG_ODDS)
+        log_odds[met] = np.minimum(log_odds[met], MAX_LOG_ODDS)
         np.maximum.at(self._layers.met_s, met, rays.time_s[exact])
 
     def _free(self, rays: Rays, unit: Metres) -> None:
@@ -313,7 +313,7 @@ class Occupancy:
         is_new[begin] = True
         flat = self._layers.log_odds.reshape(-1)
         np.add.at(flat, cells[is_new], np.float32(MISS))
-        flat[cells] = np.maximum(flat[cells], -MOST_LOG_ODDS)
+        flat[cells] = np.maximum(flat[cells], -MAX_LOG_ODDS)
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
         """Something is there, whatever the beams have said."""
@@ -323,7 +323,7 @@ class Occupancy:
         near = self._layers.log_odds[
             max(row - reach, 0) : row + reach + 1, max(column - reach, 0) : column + reach + 1
         ]
-        near[:] = MOST_LOG_ODDS
+        near[:] = MAX_LOG_ODDS
 
     def _indices(self, metres: NDArray[np.float64], axis: int) -> NDArray[np.int64]:
         return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]

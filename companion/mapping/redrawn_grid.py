@@ -25,13 +25,13 @@ Array = NDArray[np.float64]
 """Keyframes (k, 3): north, east, yaw."""
 
 RAYS_A_PIECE = 200
-MOST_RAYS = 60_000
+MAX_RAYS = 60_000
 """Twelve minutes of all beams; then the older half, about, is forgotten."""
 MOVED_M, TURNED_RAD = 0.6 * CELL_M, math.radians(1.0)
 RAYS_AT_ONCE = 12
 """Some ticks' rays are drawn together, which takes hardly longer than one."""
 RAYS_A_STAGE = 500
-MOST_STAGES = 12
+MAX_STAGES = 12
 _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(8)
 
 
@@ -71,7 +71,7 @@ class Space:
             )
 
     def _keep(self, *row: float) -> None:
-        if self._count >= MOST_RAYS and self._canvas is self.grid:
+        if self._count >= MAX_RAYS and self._canvas is self.grid:
             self._forget()
         if self._count == len(self._rays):
             self._rays = np.concatenate([self._rays, np.empty_like(self._rays)])
@@ -118,8 +118,8 @@ class Space:
         self._drawn_rays = end
         if end - self._stages[-1][0] >= RAYS_A_STAGE:
             self._stages.append((end, self._canvas.copy()))
-            if len(self._stages) > MOST_STAGES:
-                del self._stages[1 : MOST_STAGES // 2 : 2]  # the latest are the likeliest to help
+            if len(self._stages) > MAX_STAGES:
+                del self._stages[1 : MAX_STAGES // 2 : 2]  # the latest are the likeliest to help
         if end == self._count:
             self.grid = self._canvas
 

@@ -28,7 +28,7 @@ from companion.navigation.path_follower import Way
 DOORWAY_ROOM_M = 0.7
 """Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
 JAMBS_WITHIN_M = 1.0
-LEAST_WIDTH_M = 0.80
+MIN_WIDTH_M = 0.80
 """What measures narrower is an opening not entered. Between the innermost of what is met on its
 jambs, noise and all, a doorway of 0.9 m measures 0.82 to 0.89 m in flights."""
 LOOKS = 2
@@ -66,7 +66,7 @@ class Doorway:
     def looks_narrow(self) -> bool:
         """No look has shown it wide enough."""
         met_m = [width_m for width_m in self.widths_m if math.isfinite(width_m)]
-        return bool(met_m) and max(met_m) < LEAST_WIDTH_M
+        return bool(met_m) and max(met_m) < MIN_WIDTH_M
 
     def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
         """A place before (negative) or after the middle, and aside of it, to the right."""

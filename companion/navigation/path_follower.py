@@ -40,7 +40,7 @@ BENDS_RAD = math.radians(30)
 """A course that bends by more is another one, and has to be faced first."""
 NARROW_M, TIGHT_M = 1.0, 0.4
 """With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
-LEAST_SPEED_M_S = 0.4
+MIN_SPEED_M_S = 0.4
 LOOK_AHEAD_M = 0.6
 LOST_SIGMAS, SURE_M = 3.0, 0.6
 """Three sigma of the pose, up to so much, are what the clearance is for."""
@@ -116,7 +116,7 @@ def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
 def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
     """Slow where it is narrow."""
     wide = (room_m - TIGHT_M) / (NARROW_M - TIGHT_M)
-    return max(LEAST_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
+    return max(MIN_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
 
 
 def is_blocked(way: Way, sight: Sight) -> bool:

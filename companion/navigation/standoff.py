@@ -8,7 +8,7 @@ SURELY_SIGMAS = 3.0
 """A wall at the stand-off must still be in range when noise adds so much."""
 WORTH_SIGMA_M = 0.10
 """Readings with more noise than this make no map."""
-LEAST_M, MARGIN_M = 0.8, 0.25
+MIN_M, MARGIN_M = 0.8, 0.25
 """From any wall; and beyond the sensor's least distance, so that no gust leads there."""
 WANDER_SIGMAS = 3.0
 """So far the drone may be carried by what the autopilot's estimate wanders, beside a gust."""
@@ -27,7 +27,7 @@ def standoff_m(
     if not isinstance(wanted, str):
         return wanted
     margin_m = MARGIN_M + WANDER_SIGMAS * wander_m
-    least_m = max(LEAST_M - mount_offset_m, sensor.min_m + margin_m)
+    least_m = max(MIN_M - mount_offset_m, sensor.min_m + margin_m)
     steps = round((sensor.max_m - least_m) / STEP_M)
     distances_m = [least_m + STEP_M * step for step in range(steps)]
     if wanted == "accurate":

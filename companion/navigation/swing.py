@@ -20,7 +20,7 @@ RATE_RAD_S = math.radians(45)
 """Two readings of a sensor that measures twenty times a second are 4 cm apart a metre away. Chosen
 by `benchmarks/legs.py`: at 0.6 m/s among legs 0.1 % of those in the way are met too late, 0.3 % at
 30 deg/s, for the nose comes back too late, and 0.5 % at 60, for the readings are too far apart."""
-LEAST_RAD, MOST_RAD = math.radians(3), math.radians(75)
+MIN_RAD, MAX_RAD = math.radians(3), math.radians(75)
 """Bounds of the swing to either side. Chosen: a beam's own jitter; what the body touches first
 after a corner lies up to 60° off the way, seen from the sensor."""
 
@@ -38,7 +38,7 @@ class Swing:
     def onward(self, off_rad: float, lane: Lane) -> "Swing":
         """With the nose so far to the right of the way."""
         to_rad = lane.right_rad if self.side > 0 else lane.left_rad
-        wide_rad = min(max(to_rad, LEAST_RAD), MOST_RAD)
+        wide_rad = min(max(to_rad, MIN_RAD), MAX_RAD)
         return Swing(-self.side) if off_rad * self.side > wide_rad else self
 
 

@@ -70,7 +70,7 @@ DETOUR_M = 3.0
 STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
 """So long without getting so far, and it gives up. Between walls that keep it off it moves to and
 fro by more than in the open."""
-SWEEP_FROM_M, LEAST_SWEEP_FROM_M = 1.6, 1.1
+SWEEP_FROM_M, MIN_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
 SWEEP_ROOM_M = 0.65
 """With so much room it may turn on the spot: in a corridor, but not in a doorway."""
@@ -82,7 +82,7 @@ off. It does not wait there longer, for what it knows of that drifts."""
 IN_DOORWAY_M = 0.2
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
-AHEAD_M, MOST_SHUT = 0.5, 8
+AHEAD_M, MAX_SHUT = 0.5, 8
 """So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
 way."""
 
@@ -299,7 +299,7 @@ def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionCo
 
 def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
     """What it does not get through, as if it were a doorway; on its way home not for ever."""
-    if not travel.way or (travel.goes_home and len(travel.shut) >= MOST_SHUT):
+    if not travel.way or (travel.goes_home and len(travel.shut) >= MAX_SHUT):
         return None
     north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
     away_m = max(math.hypot(north_m, east_m), CELL_M)
@@ -360,7 +360,7 @@ def _backed_off(
     if not doorways:
         return None
     doorway = doorways[0]
-    is_too_near = math.dist(here, doorway.middle_ne_m) <= LEAST_SWEEP_FROM_M
+    is_too_near = math.dist(here, doorway.middle_ne_m) <= MIN_SWEEP_FROM_M
     is_before = doorway.along_m(here) < -IN_DOORWAY_M
     if not is_too_near or not is_before or _was_swept(travel, doorway):
         return None
@@ -395,7 +395,7 @@ def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
         to_go_m = math.dist(here, middle)
-        if not LEAST_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
+        if not MIN_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
             continue
         if _was_swept(travel, doorway):
             continue

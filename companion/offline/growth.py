@@ -60,7 +60,7 @@ STEPS_WITHOUT = 2
 NO_SCALE_SIGMA = 1e-3
 STEPS_TO_SCALE = 6
 """Of Gauss-Newton, from a map of another scale; chosen."""
-LEAST_HITS_FOR_NOISE = 50
+MIN_HITS_FOR_NOISE = 50
 MAD_TO_SIGMA = 1.4826
 
 
@@ -138,7 +138,7 @@ class Growth:
     def noise_factor(self) -> float:
         """How much noisier the ranges on walls are than they are taken to be."""
         off = hit_residuals(self.x, self._m, self.wall_of, self.smoother.models.ranges)
-        if len(off) < LEAST_HITS_FOR_NOISE:
+        if len(off) < MIN_HITS_FOR_NOISE:
             return 1.0
         return MAD_TO_SIGMA * float(np.median(np.abs(off)))
 

@@ -23,13 +23,13 @@ from companion.offline.growth import Growth, stages
 
 FOLDS = 5
 """Neighbours of a stage that is left out stay, so that odometry need only bridge one."""
-LEAST_COS = 0.15
+MIN_COS = 0.15
 """Cosine of the incidence: a beam nearly along a wall tells nothing of where it meets it."""
 REACH_M = 0.2
 """A wall is there so far beyond its outermost hits."""
 ROUNDS = 50
 """Of the search for w and s; chosen."""
-LEAST_PREDICTED = 10
+MIN_PREDICTED = 10
 """For fewer ranges no w and s are looked for: they would gain by being chosen."""
 CELL_M = 0.005
 BLUR_SIGMAS = 4.0
@@ -42,7 +42,7 @@ def gain(growth: Growth, m: Measured, units: RangeUnits) -> float:
     """
     off_m = m.distance_m - _predicted_m(growth, m)
     known = np.flatnonzero(np.isfinite(off_m))
-    if len(known) < LEAST_PREDICTED:
+    if len(known) < MIN_PREDICTED:
         return 0.0
     sigma_m = units.sigma_m(m.beam, m.distance_m)
     usual = _usual_per_m(m, sigma_m)[known] * sigma_m[known]
@@ -77,7 +77,7 @@ def _first_wall_m(x: Unknowns, m: Measured, hits: Indices) -> Array:
         x.walls, x.normals, x.tangents, x.reach_m, strict=True
     ):
         cos = beams @ normal
-        faces = cos > LEAST_COS
+        faces = cos > MIN_COS
         ahead_m = (offset_m - eyes @ normal) / np.where(faces, cos, 1.0)
         along_m = (eyes + ahead_m[:, None] * beams) @ tangent
         met = faces & (ahead_m > 0)

@@ -23,8 +23,8 @@ from companion.offline.verdict import Agreement, Verdict, agreement, judge
 
 ROWS_TO_OPEN = 2.5
 """An opening is wider than this many steps between rows."""
-LEAST_WORTH = 30.0
-LEAST_STEP_M = 0.01
+MIN_WORTH = 30.0
+MIN_STEP_M = 0.01
 """Shorter steps are no motion."""
 
 
@@ -97,9 +97,9 @@ def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> Gr
 def _support(log: Log) -> Support:
     """How near to each other hits on a wall must be, which depends on how far rows are apart."""
     steps = np.hypot(*np.diff(log.odometry[:, :2], axis=0).T)
-    moving = steps[steps > LEAST_STEP_M]
+    moving = steps[steps > MIN_STEP_M]
     wide_m = ROWS_TO_OPEN * float(np.median(moving)) if len(moving) else 0.0
-    usual = Support(hits=6, extent_m=0.5, worth=LEAST_WORTH)
+    usual = Support(hits=6, extent_m=0.5, worth=MIN_WORTH)
     return replace(usual, gap_m=max(usual.gap_m, wide_m), opening_m=max(usual.opening_m, wide_m))
 
 

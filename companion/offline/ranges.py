@@ -13,11 +13,11 @@ SATURATED_READINGS = 5
 """A largest value told this often is what the sensor says when it sees nothing."""
 STRAIGHT_RAD = np.radians(6)
 """Between rows that turn less than this the range to a wall changes evenly."""
-MOST_DT_S = 1.0
-LEAST_TRIPLES = 40
+MAX_DT_S = 1.0
+MIN_TRIPLES = 40
 UNKNOWN_SIGMA_M = 0.05
-LEAST_SIGMA_M = 0.01
-MOST_SIGMA_M = 0.15
+MIN_SIGMA_M = 0.01
+MAX_SIGMA_M = 0.15
 MAD_TO_SIGMA = 1.4826
 
 
@@ -87,13 +87,13 @@ def _noise(log: Log, ranges: list[Array]) -> tuple[float, float]:
     if len(log.time_s) < 3 or not ranges:
         return UNKNOWN_SIGMA_M, 0.0
     turned = np.abs(np.diff(log.odometry[:, 2]))
-    even = (turned < STRAIGHT_RAD) & (np.diff(log.time_s) < MOST_DT_S)
+    even = (turned < STRAIGHT_RAD) & (np.diff(log.time_s) < MAX_DT_S)
     straight = even[1:] & even[:-1]
     uneven = np.concatenate([(r[2:] - 2 * r[1:-1] + r[:-2])[straight] for r in ranges])
     distance = np.concatenate([r[1:-1][straight] for r in ranges])
     known = np.isfinite(uneven)
     uneven, distance = np.abs(uneven[known]) / np.sqrt(6), distance[known]
-    if len(uneven) < LEAST_TRIPLES:
+    if len(uneven) < MIN_TRIPLES:
         return UNKNOWN_SIGMA_M, 0.0
     is_far = distance > np.median(distance)
     (near_m, near_sigma), (far_m, far_sigma) = (
@@ -103,4 +103,4 @@ def _noise(log: Log, ranges: list[Array]) -> tuple[float, float]:
     growth = (far_sigma**2 - near_sigma**2) / max(far_m**4 - near_m**4, 1e-6)
     per_m2 = float(np.sqrt(max(growth, 0.0)))
     constant_m = float(np.sqrt(max(near_sigma**2 - per_m2**2 * near_m**4, 0.0)))
-    return float(np.clip(constant_m, LEAST_SIGMA_M, MOST_SIGMA_M)), min(per_m2, 0.05)
+    return float(np.clip(constant_m, MIN_SIGMA_M, MAX_SIGMA_M)), min(per_m2, 0.05)

@@ -15,17 +15,17 @@ from companion.offline.ranges import HorizontalBeam
 from companion.offline.reading.log import Array, Log
 
 KEYFRAME_PERIOD_S = 0.2
-MOST_KEYFRAMES = 5_000
-MOST_HITS = 20_000
+MAX_KEYFRAMES = 5_000
+MAX_HITS = 20_000
 """A longer log has fewer key frames, and hits of fewer of its rows. With four times as many hits a
 map of ten minutes at 50 Hz is no better, and takes 75 s instead of 45."""
-MOST_SPEED_M_S = 5.0
+MAX_SPEED_M_S = 5.0
 LONGEST_STEP_M = 1.5
 """An odometry step longer and faster than these is a jump of the estimate, not motion."""
 YAW_JUMP_RAD = math.radians(8)
 GYRO_HOLDS_S = 0.5
 """Between rows no farther apart, a turn that the gyro contradicts by more is a jump of the yaw."""
-MOST_DT_S = 30.0
+MAX_DT_S = 30.0
 """A longer gap tells no less than this; the gyro's bias would else claim to know too much."""
 
 
@@ -47,10 +47,10 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
     """Key frames no closer than their period, and every hit relative to the one before it."""
     motion, jumps = _without_jumps(log)
     since_s = log.time_s - log.time_s[0]
-    period_s = max(KEYFRAME_PERIOD_S, float(since_s[-1]) / MOST_KEYFRAMES)
+    period_s = max(KEYFRAME_PERIOD_S, float(since_s[-1]) / MAX_KEYFRAMES)
     _, rows = np.unique(np.floor(since_s / period_s + 1e-6), return_index=True)
     frame_of = np.searchsorted(rows, np.arange(len(since_s)), side="right") - 1
-    step = max(1, math.ceil(len(since_s) * len(beams) / MOST_HITS))
+    step = max(1, math.ceil(len(since_s) * len(beams) / MAX_HITS))
     used = np.zeros(len(since_s), dtype=bool)
     used[::step] = True
     hit_row, beam_of = _hits(beams, used)
@@ -62,7 +62,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
         distance_m[mine] = one.range_m[hit_row[mine]]
         mount_m[mine] = one.offset_m
     moved = relative(motion[rows[:-1]], motion[rows[1:]])
-    dt_s = np.minimum(np.diff(log.time_s[rows]), MOST_DT_S)
+    dt_s = np.minimum(np.diff(log.time_s[rows]), MAX_DT_S)
     measured = Measured(
         dt_s=dt_s,
         age_s=np.cumsum(dt_s),
@@ -97,7 +97,7 @@ def _without_jumps(log: Log) -> tuple[Array, int]:
     """Odometry (n, 3) in which jumps of the estimate are no motion, and how many there were."""
     steps, dt_s = np.diff(log.odometry, axis=0), np.diff(log.time_s)
     length = np.hypot(steps[:, 0], steps[:, 1])
-    jump = length > np.maximum(LONGEST_STEP_M, MOST_SPEED_M_S * dt_s)
+    jump = length > np.maximum(LONGEST_STEP_M, MAX_SPEED_M_S * dt_s)
     steps[jump, :2] = 0.0
     if log.gyro_rad_s is not None:
         turned = 0.5 * (log.gyro_rad_s[1:] + log.gyro_rad_s[:-1]) * dt_s

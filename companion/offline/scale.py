@@ -13,7 +13,7 @@ from companion.offline.held_out import gain
 
 LIKELY_SIGMAS = 2.0
 """Of the odometry's scale; 1 in 20 is farther off."""
-LEAST_DIFFERENCE = 0.15
+MIN_DIFFERENCE = 0.15
 """Nats a range. Measured on made-up logs: up to 0.08 in corridors where the scale shrank by 20 to
 40 %, 0.24 and more in rooms and corridors with ends where odometry was off by 20 %."""
 
@@ -24,4 +24,4 @@ def with_supported_scale(found: Growth, m: Measured, units: RangeUnits) -> Growt
     if abs(found.x.odometry_scale) < LIKELY_SIGMAS * sigma:
         return found
     held = found.held_to_scale()
-    return found if gain(found, m, units) - gain(held, m, units) > LEAST_DIFFERENCE else held
+    return found if gain(found, m, units) - gain(held, m, units) > MIN_DIFFERENCE else held

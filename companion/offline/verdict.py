@@ -14,16 +14,16 @@ from companion.offline.growth import Growth
 from companion.offline.held_out import gain
 from companion.offline.record import Record
 
-LEAST_GAIN = 0.3
+MIN_GAIN = 0.3
 """Nats a range: with the map it is 1.35 times as likely as by what its beam tells on the whole.
 
 Chosen, on 175 logs. With ranges shuffled in time, late or of another beam it is 0 to 0.24. Where
 the path is right it is 0.3 to 1.3 in nine of ten, and where it is a metre off mostly less.
 """
-LEAST_HITS = 30
-MOST_MOTION_MISFIT = 3.0
-MOST_SCALE_ERROR = 0.3
-LEAST_SUPPORTED = 0.3
+MIN_HITS = 30
+MAX_MOTION_MISFIT = 3.0
+MAX_SCALE_ERROR = 0.3
+MIN_SUPPORTED = 0.3
 NEAR_KEYFRAMES = 25
 """A key frame is supported if a hit on a wall is this near in the record."""
 
@@ -93,23 +93,23 @@ def judge(found: Agreement, told: Agreement) -> Verdict:
         f"{found.motion_misfit:.1f} of its sigmas, scale off by {100 * found.scale_error:.0f} %"
     )
     objections = (
-        (found.hits < LEAST_HITS, f"only {found.hits} ranges to go by"),
+        (found.hits < MIN_HITS, f"only {found.hits} ranges to go by"),
         (not found.walls, "no straight wall found"),
         (
-            found.gain < LEAST_GAIN,
-            f"only {share}, and {likelier} with it; {math.exp(LEAST_GAIN):.2f} times they should",
+            found.gain < MIN_GAIN,
+            f"only {share}, and {likelier} with it; {math.exp(MIN_GAIN):.2f} times they should",
         ),
         (
-            found.gain < told.gain - LEAST_GAIN,
+            found.gain < told.gain - MIN_GAIN,
             f"{share}, but {likelier} with it, and {math.exp(told.gain):.2f} times with that of "
             "the odometry as it is",
         ),
         (
-            found.supported < LEAST_SUPPORTED,
+            found.supported < MIN_SUPPORTED,
             f"walls are near in only {100 * found.supported:.0f} % of the time",
         ),
         (
-            found.motion_misfit > MOST_MOTION_MISFIT or found.scale_error > MOST_SCALE_ERROR,
+            found.motion_misfit > MAX_MOTION_MISFIT or found.scale_error > MAX_SCALE_ERROR,
             f"the walls contradict the odometry: {strain}",
         ),
     )

@@ -42,7 +42,7 @@ from companion.safety.control_laws import glide
 from companion.safety.velocity_guard import clear_of_all_m
 
 FIRST_LOOK_RAD = math.tau
-MOST_LOOK_RAD = math.pi + math.radians(10)
+MAX_LOOK_RAD = math.pi + math.radians(10)
 PAST_RAD = math.radians(15)
 """So far it turns on when a beam has passed over all that it has come for."""
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
@@ -160,10 +160,10 @@ def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occu
     if not left:
         return replace(_to_choose(explore, look), travel=replace(at, within_m=ARRIVED_M))
     turn_rad = _turn_rad(left, at.goal_ne_m, sight.pose.yaw_rad)
-    enough_rad = MOST_LOOK_RAD if look.is_tie else abs(turn_rad) + PAST_RAD
+    enough_rad = MAX_LOOK_RAD if look.is_tie else abs(turn_rad) + PAST_RAD
     return Explore(
         ExplorePhase.LOOK,
-        min(enough_rad, MOST_LOOK_RAD),
+        min(enough_rad, MAX_LOOK_RAD),
         here_ne_m=at.goal_ne_m,
         clockwise=turn_rad >= 0,
         look=look,

@@ -75,7 +75,7 @@ from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.safety import preflight
 from companion.safety.control_laws import (
     CLIMB_LAG_S,
-    MOST_CLIMB_M_S,
+    MAX_CLIMB_M_S,
     approach_speed,
     climb_to,
     stay,
@@ -302,7 +302,7 @@ def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
     down_m_s = climb_to(height_m, view.sight.pose.height_m)
     room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
-    return max(down_m_s, -approach_speed(room_m, MOST_CLIMB_M_S, CLIMB_LAG_S))
+    return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
 
 
 def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:

@@ -15,9 +15,9 @@ from scipy.spatial import cKDTree
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
 
-LEAST_FRONTIER_CELLS = 6
+MIN_FRONTIER_CELLS = 6
 """Six tenths of a metre: no drone fits through less."""
-LEAST_SURFACE_CELLS, SMALL_SURFACE_CELLS = 8, 4
+MIN_SURFACE_CELLS, SMALL_SURFACE_CELLS = 8, 4
 """Narrower than the one a surface is looked at only in the end, and than the other not at all."""
 BEAM_GAP_CELLS = 2
 TRIED_WITHIN_M = 0.25
@@ -30,7 +30,7 @@ Places = tuple[Vector2, ...]
 
 
 def unseen(
-    grid: Occupancy, tried: Sequence[Places] = (), least_surface: int = LEAST_SURFACE_CELLS
+    grid: Occupancy, tried: Sequence[Places] = (), least_surface: int = MIN_SURFACE_CELLS
 ) -> Indices:
     """Cells worth a look, (n, 2); of surfaces, where so many hang together."""
     cells = np.argwhere(frontiers(grid) | vague_surfaces(grid, least_surface))
@@ -49,9 +49,7 @@ def not_tried(grid: Occupancy, cells: Indices, tried: Sequence[Places]) -> Indic
     return cells[times < TRIES]
 
 
-def still_unseen(
-    grid: Occupancy, places: Places, least_surface: int = LEAST_SURFACE_CELLS
-) -> Places:
+def still_unseen(grid: Occupancy, places: Places, least_surface: int = MIN_SURFACE_CELLS) -> Places:
     """Those of the places that are, or have close by, something unseen."""
     if not places:
         return ()
@@ -71,7 +69,7 @@ def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
 
 def frontiers(grid: Occupancy) -> Cells:
     """The edges that are long enough to be worth a look."""
-    return without_specks(edges(grid), LEAST_FRONTIER_CELLS)
+    return without_specks(edges(grid), MIN_FRONTIER_CELLS)
 
 
 def edges(grid: Occupancy) -> Cells:
@@ -81,7 +79,7 @@ def edges(grid: Occupancy) -> Cells:
     return edge
 
 
-def vague_surfaces(grid: Occupancy, least: int = LEAST_SURFACE_CELLS) -> Cells:
+def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Cells:
     """Cells before a surface that from their side no exact reading has ended in, nor close by.
 
     They are beside it, and free, or free space is beside them.

@@ -7,16 +7,16 @@ from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.pdps.frontiers import SQUARE, Places, centres, edges, without_specks
 from companion.pdps.viewpoints import NEAR_SOMETHING_M
 
-LEAST_OPENING_CELLS = 4
+MIN_OPENING_CELLS = 4
 """Of 10 cm, without those that touch the jambs. Chosen: behind less there is hardly a place."""
-MOST_NAMED = 3
+MAX_NAMED = 3
 """What a pilot reads at a glance."""
 
 
 def left_unseen(space: Occupancy) -> Places:
     """The middle of each edge of what is known, the longest first; not of the open, without end."""
     near = distance_transform_edt(~space.occupied) * CELL_M <= NEAR_SOMETHING_M
-    numbers, count = label(without_specks(edges(space) & near, LEAST_OPENING_CELLS), SQUARE)
+    numbers, count = label(without_specks(edges(space) & near, MIN_OPENING_CELLS), SQUARE)
     parts = [np.argwhere(numbers == number) for number in range(1, count + 1)]
     parts.sort(key=len, reverse=True)
     middles = np.array([part[len(part) // 2] for part in parts]).reshape(-1, 2)
@@ -25,8 +25,8 @@ def left_unseen(space: Occupancy) -> Places:
 
 def in_words(places: Places) -> str:
     """Where they are from the start, its first heading being north; empty if there are none."""
-    named = [_way(*place) for place in places[:MOST_NAMED]]
-    more = f" and {len(places) - MOST_NAMED} more" if len(places) > MOST_NAMED else ""
+    named = [_way(*place) for place in places[:MAX_NAMED]]
+    more = f" and {len(places) - MAX_NAMED} more" if len(places) > MAX_NAMED else ""
     return f"left unseen: {', '.join(named)}{more}" if named else ""
 
 

@@ -30,7 +30,7 @@ LOOSE_M = 0.05
 """Sigma of the distance between two walls that is worth a look."""
 TIES_FROM_M, TIES_TO_M = 0.9, 4.0
 """From where a beam tells something of a wall that it is square to."""
-LEAST_WALL_M, WALL_END_M = 1.0, 0.2
+MIN_WALL_M, WALL_END_M = 1.0, 0.2
 BEFORE_WALL_M = 0.2
 """So far before a wall the map has nothing of it."""
 TRIED_WITHIN_M = 2.0
@@ -121,7 +121,7 @@ def _faces(walls: KnownWalls, places: Array) -> Which:
     low_m, high_m = walls.reach_m.T
     faces: Which = (away_m >= TIES_FROM_M) & (away_m <= TIES_TO_M)
     faces &= (along_m > low_m + WALL_END_M) & (along_m < high_m - WALL_END_M)
-    return faces & (walls.lengths_m >= LEAST_WALL_M)
+    return faces & (walls.lengths_m >= MIN_WALL_M)
 
 
 def _together(faces: Which) -> Which:

@@ -33,13 +33,13 @@ OVER_M, OVER_BY_WALLS_M = 1.2, 0.2
 """What is no farther from where the drone has flown counts as flown over."""
 WALL_WITHIN_M = 0.7
 NEAR_ENOUGH_M = 0.3
-LEAST_CELLS = 12
+MIN_CELLS = 12
 """An eighth of a square metre: less is not worth a turn."""
 AIMED_WITHIN_M = 0.6
 STRAIGHT_ON_M, HEADINGS = 6.0, 72
 STOP_S = 2.0
 """What the end of a straight way costs."""
-LEAST_MET = 4.0
+MIN_MET = 4.0
 """In cells over which a way goes: where it meets less, it is better to go elsewhere."""
 Indices = NDArray[np.int64]
 Metres = NDArray[np.float64]
@@ -104,7 +104,7 @@ def _not_flown_over(ways: Ways, aimed_at: tuple[Vector2, ...]) -> Cells:
     rows, columns = np.indices(left.shape)
     for row, column in map(grid.cell, aimed_at):
         left &= np.hypot(rows - row, columns - column) * CELL_M > AIMED_WITHIN_M
-    return without_specks(left, LEAST_CELLS)
+    return without_specks(left, MIN_CELLS)
 
 
 def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2:
@@ -113,7 +113,7 @@ def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2
     ends, meets = _straight_on(left, ways.ground)
     worth = meets / (_seconds(ends, ways, sight, plan) + STOP_S)
     best = int(np.argmax(worth))
-    if meets[best] < LEAST_MET:
+    if meets[best] < MIN_MET:
         ends = np.argwhere(left)
         best = int(np.argmin(_seconds(ends, ways, sight, plan)))
     row, column = ends[best].tolist()

@@ -18,9 +18,9 @@ from companion.core.frames import wrap_rad
 from companion.core.values import value
 
 HALF_WINDOW_RAD = math.radians(20)
-LEAST_RETURNS = 8
+MIN_RETURNS = 8
 STEP_RAD = math.radians(5)
-MOST_OFF_CENTRE_RAD = math.radians(10)
+MAX_OFF_CENTRE_RAD = math.radians(10)
 """The foot of the perpendicular must lie inside the window that was fitted."""
 
 
@@ -65,7 +65,7 @@ def _window(turn: Sequence[Ray], centre_rad: float) -> list[Ray]:
 
 
 def _fit(rays: list[Ray], centre_rad: float) -> Perpendicular | None:
-    if len(rays) < LEAST_RETURNS:
+    if len(rays) < MIN_RETURNS:
         return None
     bearing = np.array([ray.bearing_rad for ray in rays])
     range_m = np.array([ray.range_m for ray in rays])
@@ -74,7 +74,7 @@ def _fit(rays: list[Ray], centre_rad: float) -> Perpendicular | None:
     (a, b), *_ = np.linalg.lstsq(design * weight[:, None], weight / range_m, rcond=None)
     inverse = math.hypot(a, b)
     wall = Perpendicular(math.atan2(b, a), 1 / inverse) if inverse > 0 else None
-    if wall is None or abs(wrap_rad(wall.bearing_rad - centre_rad)) > MOST_OFF_CENTRE_RAD:
+    if wall is None or abs(wrap_rad(wall.bearing_rad - centre_rad)) > MAX_OFF_CENTRE_RAD:
         return None
     return wall
 

@@ -60,7 +60,7 @@ STANDOFF_WITHIN_S = 30.0
 """When it has not come there by then, something keeps the drone off."""
 SEEN_BY_ONE_TURN_M = 3.0
 """How far back one turn is trusted to have seen free space."""
-LEAST_ROOM_BEHIND_M = 0.7
+MIN_ROOM_BEHIND_M = 0.7
 SEEK_UNTIL_M = 4.0
 CORNER_READINGS = 2
 """Consecutive readings that must agree before a corner is believed."""
@@ -78,7 +78,7 @@ HALF_WAY_M = 0.5
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
 SWEPT_WITHIN_M = 0.25
-LOOSE_M, MOST_EXTRA_ROUNDS = 0.06, 2
+LOOSE_M, MAX_EXTRA_ROUNDS = 0.06, 2
 """Sigma of the distance between two walls that is worth another round."""
 
 
@@ -182,7 +182,7 @@ def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     if nearest is None:
         return RoomScan(phase=ScanPhase.SEEK, heading_rad=yaw_rad), Setpoint()
     behind_m = free_distance(scan.turn, nearest.bearing_rad + math.pi, SEEN_BY_ONE_TURN_M)
-    may_back_m = max(behind_m - LEAST_ROOM_BEHIND_M, 0.0)
+    may_back_m = max(behind_m - MIN_ROOM_BEHIND_M, 0.0)
     faced = RoomScan(
         phase=ScanPhase.FACE,
         heading_rad=nearest.bearing_rad,
@@ -232,7 +232,7 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
 def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
-        if scan.extra_rounds == MOST_EXTRA_ROUNDS or not _are_loose(sight.walls()):
+        if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(sight.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
         scan = replace(scan, extra_rounds=scan.extra_rounds + 1, marks=scan.marks[-1:])
     gap_m = _gap_m(scan, sight)

@@ -19,7 +19,7 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.navigation.grid_planner import Ways
 from companion.navigation.observation import Sight
 from companion.pdps.frontiers import (
-    LEAST_SURFACE_CELLS,
+    MIN_SURFACE_CELLS,
     SMALL_SURFACE_CELLS,
     TRIED_WITHIN_M,
     Indices,
@@ -42,11 +42,11 @@ CROWDED_S = 6.0
 LOOK_S = 4.0
 SAME_VIEW_M = 0.35
 """From there the same is seen. Chosen: three cells."""
-LEAST_SHOWN = 3
+MIN_SHOWN = 3
 """What shows fewer cells is left for later."""
-MOST_LOOKS = 8
+MAX_LOOKS = 8
 """The order of so many can be found in a few milliseconds."""
-MOST_TARGETS = 100
+MAX_TARGETS = 100
 NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
 """From the nearest thing that stands there to what is worth seeing, and to what may be."""
 OPEN_LOOKS = 6
@@ -68,13 +68,13 @@ class Look:
     """Nothing stands near to what it is for."""
     is_tie: bool = False
     """It is for how well walls are known, not for what is unseen."""
-    least_surface: int = LEAST_SURFACE_CELLS
+    least_surface: int = MIN_SURFACE_CELLS
     """What is for it of surfaces is so wide, in cells."""
 
     @property
     def is_extra(self) -> bool:
         """It is not worth the last of the battery."""
-        return self.is_tie or self.least_surface < LEAST_SURFACE_CELLS
+        return self.is_tie or self.least_surface < MIN_SURFACE_CELLS
 
 
 def looks(
@@ -123,13 +123,13 @@ class _Stage:
     least_shown: float
     least_room_m: float
     most_s: float = math.inf
-    least_surface: int = LEAST_SURFACE_CELLS
+    least_surface: int = MIN_SURFACE_CELLS
     every: int = 1
 
     @property
     def thinned(self) -> "_Stage":
         """With one of so many targets that there are few."""
-        every = len(self.targets) // (MOST_TARGETS + 1) + 1
+        every = len(self.targets) // (MAX_TARGETS + 1) + 1
         targets, worth = self.targets[::every], self.worth[::every]
         return replace(self, targets=targets, worth=worth, every=every)
 
@@ -149,15 +149,15 @@ def _stages(
     worthy = targets[is_worthy], worth[is_worthy]
     either = targets[is_either], worth[is_either]
     if is_open.any():
-        yield _Stage(*worthy, LEAST_SHOWN, ROOM_TO_LOOK_M, most_s=FAR_S)
-    yield _Stage(*either, LEAST_SHOWN, ROOM_TO_LOOK_M)
-    yield _Stage(*worthy, LEAST_SHOWN, tight_m)
+        yield _Stage(*worthy, MIN_SHOWN, ROOM_TO_LOOK_M, most_s=FAR_S)
+    yield _Stage(*either, MIN_SHOWN, ROOM_TO_LOOK_M)
+    yield _Stage(*worthy, MIN_SHOWN, tight_m)
     yield _Stage(*worthy, 1, tight_m)
     yield _Stage(*either, OPEN_WORTH, ROOM_TO_LOOK_M)
     small = np.argwhere(vague_surfaces(grid, SMALL_SURFACE_CELLS))
     small = not_tried(grid, small, looked_at)
     any_of = np.ones(len(small))
-    yield _Stage(small, any_of, LEAST_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
+    yield _Stage(small, any_of, MIN_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
 
 
 def _in_vain(tried: Sequence[Look]) -> bool:
@@ -184,7 +184,7 @@ def _best(
     `pairs` (p, 2) tell which view shows which target.
     """
     found: list[Look] = []
-    while len(pairs) and len(found) < MOST_LOOKS:
+    while len(pairs) and len(found) < MAX_LOOKS:
         shows = stage.every * np.bincount(pairs[:, 0], stage.worth[pairs[:, 1]], len(views))
         shows[shows < stage.least_shown] = 0
         best = int(np.argmax(np.sqrt(shows) / time_s))

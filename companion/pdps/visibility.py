@@ -9,9 +9,9 @@ from companion.pdps.frontiers import Indices, grown
 
 SEES_M = 2.4
 """From so far a look shows a surface well."""
-LEAST_SEES_M = 0.9
+MIN_SEES_M = 0.9
 """Nearer than this the sensor cannot measure."""
-BEYOND_M, LEAST_BEYOND = 0.5, 0.6
+BEYOND_M, MIN_BEYOND = 0.5, 0.6
 """So far beyond a frontier a look goes on, and of that so much, at least, has to be unknown."""
 MEETS_WITHIN_CELLS = 2
 VIEW_EVERY_CELLS = 3
@@ -35,7 +35,7 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
     starts, ends = views[pairs[:, 0]], targets[pairs[:, 1]]
     away_m = np.hypot(*(ends - starts).T) * CELL_M
     is_surface = grown(grid.occupied)[tuple(ends.T)]
-    meets = (away_m >= LEAST_SEES_M) & _meets(grid, starts, ends)
+    meets = (away_m >= MIN_SEES_M) & _meets(grid, starts, ends)
     shows = np.where(is_surface, meets, _opens(known, starts, ends))
     pairs, starts, ends = pairs[shows], starts[shows], ends[shows]
     clear: Indices = pairs[is_clear(grid, starts, ends, SEES_M)]
@@ -69,7 +69,7 @@ def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
     A look that grazes a frontier goes on where most is known, and leaves it where it is.
     """
     is_known = _behind(known, starts, ends, round(BEYOND_M / CELL_M))
-    opens: Which = np.mean(~is_known, axis=1) >= LEAST_BEYOND
+    opens: Which = np.mean(~is_known, axis=1) >= MIN_BEYOND
     return opens
 
 

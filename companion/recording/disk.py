@@ -14,9 +14,9 @@ from queue import SimpleQueue
 from companion.core.errors import RecordingError
 
 SYNC_PERIOD_S = 1.0
-LEAST_FREE_BYTES = 16_000_000
+MIN_FREE_BYTES = 16_000_000
 """Less than this is left for the map, which is what the flight is for."""
-MOST_WAITING_BYTES = 16_000_000
+MAX_WAITING_BYTES = 16_000_000
 """Five minutes of flight; a disk that is this far behind will not catch up."""
 CLOSE_TIMEOUT_S = 5.0
 
@@ -51,7 +51,7 @@ class Disk:
         """Hand over the file's next bytes; `tail` stands behind them until more follow."""
         with self._lock:
             self._waiting_bytes += len(data)
-            if self._waiting_bytes > MOST_WAITING_BYTES:
+            if self._waiting_bytes > MAX_WAITING_BYTES:
                 self._trouble = self._trouble or "the disk does not keep up"
         self._refuse_trouble()
         self._queue.put((data, tail))
@@ -98,7 +98,7 @@ class Disk:
             is_last = self._closing.wait(SYNC_PERIOD_S)
             os.fdatasync(self._file)
             space = os.fstatvfs(self._file)
-            if space.f_bavail * space.f_frsize < LEAST_FREE_BYTES:
+            if space.f_bavail * space.f_frsize < MIN_FREE_BYTES:
                 self._trouble = (
-                    f"less than {LEAST_FREE_BYTES / 1e6:.0f} MB left, which the map may need"
+                    f"less than {MIN_FREE_BYTES / 1e6:.0f} MB left, which the map may need"
                 )

@@ -11,7 +11,7 @@ from pathlib import Path
 from companion.config.settings import Config
 from companion.core.aside import Aside
 from companion.core.errors import OutputError
-from companion.recording.disk import LEAST_FREE_BYTES
+from companion.recording.disk import MIN_FREE_BYTES
 
 BYTES_PER_MIN = 2_000_000
 """More than recording and tlog take; see docs/recording.md."""
@@ -33,7 +33,7 @@ def refuse_no_room(folder: Path, config: Config) -> None:
             f"{folder}: {attempt.trouble}; nothing of the flight could be kept there: "
             "mend it, or take another --out"
         )
-    needed = LEAST_FREE_BYTES
+    needed = MIN_FREE_BYTES
     if config.recording.enabled:
         needed += int(config.mission.time_limit_s / 60 * BYTES_PER_MIN)
     free = shutil.disk_usage(folder).free

@@ -7,12 +7,12 @@ from companion.core.messages import Pose, Setpoint
 
 TURN_GAIN_1_S = 2.0
 HEIGHT_GAIN_1_S = 0.8
-MOST_CLIMB_M_S = 0.4
+MAX_CLIMB_M_S = 0.4
 DISTANCE_GAIN_1_S = 0.7
 TRIM_GAIN_1_S = 0.8
 CLOSE_M = 0.4
 """Within this of a place the drone trims its position without turning."""
-MOST_SIDE_M_S = 0.3
+MAX_SIDE_M_S = 0.3
 """The drone trims its place without turning."""
 CLIMB_LAG_S = 0.45
 """The drone climbs on for so long at the speed that it has (docs/autopilot.md)."""
@@ -34,7 +34,7 @@ def turn_towards(heading_rad: float, yaw_rad: float, most_rad_s: float) -> float
 
 def climb_to(height_m: float, present_m: float) -> float:
     """Down velocity that brings the drone to `height_m`."""
-    return clamp(HEIGHT_GAIN_1_S * (present_m - height_m), MOST_CLIMB_M_S)
+    return clamp(HEIGHT_GAIN_1_S * (present_m - height_m), MAX_CLIMB_M_S)
 
 
 def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
@@ -68,6 +68,6 @@ def stay(place_ne_m: Vector2, pose: Pose) -> Setpoint:
         place_ne_m[0] - pose.north_m, place_ne_m[1] - pose.east_m, pose.yaw_rad
     )
     return Setpoint(
-        clamp(TRIM_GAIN_1_S * forward_m, MOST_SIDE_M_S),
-        clamp(TRIM_GAIN_1_S * right_m, MOST_SIDE_M_S),
+        clamp(TRIM_GAIN_1_S * forward_m, MAX_SIDE_M_S),
+        clamp(TRIM_GAIN_1_S * right_m, MAX_SIDE_M_S),
     )

@@ -42,7 +42,7 @@ from companion.safety.obstacle_points import (
 )
 from companion.safety.seen_free import NARROW, WIDE, Lane, Passed, all_passed
 
-WITHIN_M, MOST_SIGMA_M = 2.5, 0.06
+WITHIN_M, MAX_SIGMA_M = 2.5, 0.06
 """What is met so near, and so exactly, is known in place of what was met before."""
 ALIAS_ASIDE_M = 0.12
 SURELY_M = 0.30
@@ -264,5 +264,5 @@ def _end_m(reading: RangeReading, offset_m: float) -> tuple[float, float] | None
     if not reading.is_distance:
         return None
     sigma_m, end_m = math.sqrt(reading.variance_m2), reading.distance_m + offset_m
-    is_exact = sigma_m < MOST_SIGMA_M and end_m < WITHIN_M
+    is_exact = sigma_m < MAX_SIGMA_M and end_m < WITHIN_M
     return (end_m, 0.0 if is_exact else sigma_m) if end_m < KEPT_WITHIN_M else None

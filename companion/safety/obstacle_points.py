@@ -39,7 +39,7 @@ OLD_S, SAME_OLD_M = 4.0, 0.10
 """After so long it may have drifted by as much, or by more if odometry drifts faster, and a new one
 stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
 """
-STRIPS, STRIP_M, LEAST_STRIPS_M, GUESS_STRIPS_M = 35, 0.01, 0.04, 0.02
+STRIPS, STRIP_M, MIN_STRIPS_M, GUESS_STRIPS_M = 35, 0.01, 0.04, 0.02
 """A beam goes through those of which no part is farther from it than half the thinnest leg: what
 has its middle there would have been met."""
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
@@ -254,7 +254,7 @@ class Met:
 
     def _gone(self, now_s: float) -> Chosen:
         """(n,): beams went through it."""
-        within_m = LEAST_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
+        within_m = MIN_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
         within_m[~self.is_sure] = GUESS_STRIPS_M
         lately = self._points[:, _PASSED:] > now_s - PASSED_WITHIN_S
         passed = lately | (within_m[:, None] < np.abs(_STRIP_RIGHT_M))

@@ -36,7 +36,7 @@ from companion.safety.obstacle_points import DRIFT_SIGMAS, Points
 
 BODY_RADIUS_M = 0.2
 GIVE_WAY_GAIN_1_S = 0.8
-MOST_GIVE_WAY_M_S = 0.15
+MAX_GIVE_WAY_M_S = 0.15
 PASSAGE_CLEARANCE_M = 0.14
 """Between the body and either side of a passage, at least."""
 PASSAGE_SLACK_M = 0.02
@@ -63,7 +63,7 @@ AMONG_LEGS_M_S = 0.6
 """Faster than this a way that is known too little farther on lets more legs be met too late, and
 the mean speed is no higher: `benchmarks/legs.py`."""
 FULL_ROUNDS, ROUNDS = 8, 40
-LEAST_SPEED_M_S = 0.02
+MIN_SPEED_M_S = 0.02
 
 
 def clear_of_all_m(plan: MissionConfig) -> float:
@@ -119,7 +119,7 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
     else:
         keep_off_m = _keep_off_askew_m(towards, away_m, planned_m)
     left_m = away_m - POINT_M - keep_off_m - _stopping_m(towards, around)
-    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MOST_GIVE_WAY_M_S)
+    gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_M_S)
     return _Bounds(towards, np.where(left_m > 0, _may_m_s(left_m), gives_way))
 
 
@@ -196,7 +196,7 @@ def _passage(points: Points, course: Points) -> _Passage | None:
 
 def _direction(course: Points) -> Points:
     speed = float(np.hypot(*course))
-    return np.array([1.0, 0.0]) if speed < LEAST_SPEED_M_S else course / speed
+    return np.array([1.0, 0.0]) if speed < MIN_SPEED_M_S else course / speed
 
 
 def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
@@ -205,7 +205,7 @@ def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
         return wanted
     ahead = _direction(wanted)
     off_m = 0.5 * (passage.right_m - passage.left_m)
-    trim_m_s = clamp(CENTRING_GAIN_1_S * off_m, MOST_GIVE_WAY_M_S)
+    trim_m_s = clamp(CENTRING_GAIN_1_S * off_m, MAX_GIVE_WAY_M_S)
     centred: Points = wanted + trim_m_s * np.array((-ahead[1], ahead[0]))
     return centred
 

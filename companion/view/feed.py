@@ -31,7 +31,7 @@ PERIOD_S = 0.1
 SKETCH_PERIOD_S = 1.0
 PATIENCE_S = 5.0
 """With a looker that does not answer, or does not take what it is sent."""
-MOST_LOOKERS = 8
+MAX_LOOKERS = 8
 """At once, admitted or not yet."""
 
 
@@ -90,7 +90,7 @@ class TcpFeed:
         self._warn = warn
         self._told_s = self._sketched_s = float("-inf")
         self._lookers = 0
-        self._seats = threading.Semaphore(MOST_LOOKERS)
+        self._seats = threading.Semaphore(MAX_LOOKERS)
         self._is_closed = False
         self._news = threading.Condition()
         self._number = self._sketch_number = 0

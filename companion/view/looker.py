@@ -13,7 +13,7 @@ from companion.view.feed import CHALLENGE_BYTES, GREETING, LENGTH, PATIENCE_S
 from companion.view.snapshot import Snapshot, decode
 
 FEED_PORT = 5795
-MOST_BYTES = 1 << 24
+MAX_BYTES = 1 << 24
 """Of one snapshot."""
 SILENT_S = 10.0
 """A drone that flies tells ten moments a second."""
@@ -92,7 +92,7 @@ class Looker:
         while not self._is_closed.is_set():
             try:
                 (length,) = LENGTH.unpack(_read(self._socket, LENGTH.size))
-                if length > MOST_BYTES:
+                if length > MAX_BYTES:
                     raise ViewError(f"a snapshot of {length} bytes")
                 self._tell(decode(_read(self._socket, length)))
                 has_heard = True

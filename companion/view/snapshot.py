@@ -5,7 +5,7 @@ from dataclasses import field
 
 from msgspec import msgpack
 
-from companion.app import MOST_SKETCHED, App, Outputs
+from companion.app import MAX_SKETCHED, App, Outputs
 from companion.core.messages import Beam, FloorPlan, Pose, RangeReading, Sketch
 from companion.core.values import value
 from companion.estimation.estimator import Estimator
@@ -53,7 +53,7 @@ def _bias_rad_s(estimator: Estimator | None) -> float | None:
 
 def sketch_of(plan: FloorPlan) -> Sketch:
     """A finished map, for the eye."""
-    stride = max(1, -(-len(plan.hits) // MOST_SKETCHED))
+    stride = max(1, -(-len(plan.hits) // MAX_SKETCHED))
     points = tuple(hit.position_ned_m for hit in plan.hits[::stride])
     path = tuple((pose.north_m, pose.east_m, pose.down_m) for pose in plan.path)
     return Sketch(plan.walls, points, path, plan.ceiling_m)

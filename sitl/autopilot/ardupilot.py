@@ -60,10 +60,10 @@ MAVLINK_RANGEFINDER, MAVLINK_PROXIMITY = 10, 2
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 FORCE = 0x0200
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
-MOST_VALUE = 1000.0
+MAX_VALUE = 1000.0
 SINK_M_S = 2.2
 """With the stick low in LOITER and PILOT_SPEED_UP at its 2.5 m/s, as measured."""
-LEAST_GUID_TIMEOUT_S = 0.1
+MIN_GUID_TIMEOUT_S = 0.1
 TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
 OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
 FRAMES = (*OFFSET_FRAMES, mavlink.MAV_FRAME_LOCAL_NED)
@@ -206,7 +206,7 @@ class ArduPilot:
         return PositionTarget((north + offset[0], east + offset[1], m.z + offset[2]))
 
     def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
-        return max(parameters["GUID_TIMEOUT"], LEAST_GUID_TIMEOUT_S), None
+        return max(parameters["GUID_TIMEOUT"], MIN_GUID_TIMEOUT_S), None
 
     def sink_m_s(self, parameters: ParameterValues) -> float:
         return SINK_M_S
@@ -272,7 +272,7 @@ class ArduPilot:
 
 
 def _are_sane(*values: float) -> bool:
-    return all(math.isfinite(v) and abs(v) <= MOST_VALUE for v in values)
+    return all(math.isfinite(v) and abs(v) <= MAX_VALUE for v in values)
 
 
 def _velocity(

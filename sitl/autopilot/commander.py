@@ -24,7 +24,7 @@ STREAM_STEPS = 50
 """Setpoints no farther apart than this are a stream."""
 LIFT_OFF_M_S = -0.1
 """A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
-MOST_TAKE_OFF_M = 1000.0
+MAX_TAKE_OFF_M = 1000.0
 BY_STICK = (Behaviour.CLIMB_BY_STICK, Behaviour.THRUST_BY_STICK)
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
@@ -176,7 +176,7 @@ class Commander:
         offboard = self._is.behaviour(self._status.mode) is Behaviour.OFFBOARD
         ready = self._status.armed and self._vehicle.on_ground
         in_right_mode = self._is.take_off_mode is not None or offboard
-        if not ready or not in_right_mode or not 0 < height_m < MOST_TAKE_OFF_M:  # false for NaN
+        if not ready or not in_right_mode or not 0 < height_m < MAX_TAKE_OFF_M:  # false for NaN
             return FAILED if self._is.take_off_mode is None else self._is.refused
         if self._is.take_off_mode is not None:
             self.enter(self._is.take_off_mode)

@@ -23,7 +23,7 @@ from sitl.core.vehicle import STEP_S
 CLIMB_M_S = 1.2
 """To a position."""
 POSITION_GAIN_1_S = 0.8
-MOST_HOLD_M_S = 0.5
+MAX_HOLD_M_S = 0.5
 AT_REST_M_S = 0.1
 """Slower than this it holds the place where it is."""
 AT_HEIGHT_M = 0.1
@@ -31,7 +31,7 @@ CRUISE_M_S = 5.0
 """To a position."""
 APPROACH_M_S2 = 1.0
 YAW_GAIN_1_S = 3.0
-MOST_YAW_RATE_RAD_S = math.radians(67)
+MAX_YAW_RATE_RAD_S = math.radians(67)
 """Turning to a commanded heading, as measured."""
 COURSE_FROM_M_S = 0.5
 """From this speed on the nose is turned to the course where no yaw is commanded."""
@@ -167,7 +167,7 @@ class Control:
 
     def _turn_to(self, yaw_rad: float) -> float:
         rate = YAW_GAIN_1_S * wrap_rad(yaw_rad - self._estimator.yaw_rad)
-        return max(-MOST_YAW_RATE_RAD_S, min(MOST_YAW_RATE_RAD_S, rate))
+        return max(-MAX_YAW_RATE_RAD_S, min(MAX_YAW_RATE_RAD_S, rate))
 
     def _climb(self) -> Vector3:
         response = self._response
@@ -189,7 +189,7 @@ class Control:
             POSITION_GAIN_1_S * (there - here)
             for there, here in zip(self._hold_at, position, strict=True)
         ]
-        north, east, down = (max(-MOST_HOLD_M_S, min(MOST_HOLD_M_S, v)) for v in velocity)
+        north, east, down = (max(-MAX_HOLD_M_S, min(MAX_HOLD_M_S, v)) for v in velocity)
         return north, east, down
 
     def _descend(self, *, on_ground: bool) -> Vector3:

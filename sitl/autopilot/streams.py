@@ -7,7 +7,7 @@ Message = Any
 Maker = Callable[[], list[Message]]
 """Makes the messages of this moment; none while there is nothing to say."""
 
-MOST_INTERVAL_US = 2**31 - 1
+MAX_INTERVAL_US = 2**31 - 1
 STEPS_PER_S = 100
 PHASE_STEPS = 7
 """Messages of one rate are not all sent in the same step: a real one sends them as time allows."""
@@ -36,7 +36,7 @@ class Streams:
 
     def set_interval(self, message_id: int, interval_us: float) -> bool:
         """Whether there is such a message, and it can be sent so."""
-        if not self.knows(message_id) or not interval_us <= MOST_INTERVAL_US:  # false for NaN too
+        if not self.knows(message_id) or not interval_us <= MAX_INTERVAL_US:  # false for NaN too
             return False
         if interval_us <= 0:
             self._every.pop(message_id, None)

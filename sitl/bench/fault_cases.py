@@ -19,7 +19,7 @@ PROFILES = ("gp2y0a710k0f", "gp2y0a710k0f", "gp2y0a710k0f", "paper", "vl53l1x", 
 AUTOPILOTS = ("ardupilot", "ardupilot", "px4")
 BUILDINGS_SHARE, BUILDINGS, BUILDING_M = 0.25, 50, 8.0
 SECOND_FAULT_SHARE = 0.2
-LEAST_ROOM_M, MOST_ROOM_M = 4.5, 8.0
+MIN_ROOM_M, MAX_ROOM_M = 4.5, 8.0
 EARLY_SHARE, EARLY_S, LATEST_S = 0.1, 10.0, 50.0
 FOR_GOOD_SHARE, LONGEST_S = 0.3, 30.0
 
@@ -80,7 +80,7 @@ def _inject(name: str, random: Random) -> Injected:
 
 def _room(random: Random) -> World:
     """Four walls, and perhaps a pillar in a corner's reach."""
-    depth_m, width_m = (round(random.uniform(LEAST_ROOM_M, MOST_ROOM_M), 2) for _ in range(2))
+    depth_m, width_m = (round(random.uniform(MIN_ROOM_M, MAX_ROOM_M), 2) for _ in range(2))
     corners = (0.0, 0.0), (depth_m, 0.0), (depth_m, width_m), (0.0, width_m)
     pillars: tuple[Box, ...] = ()
     if random.random() < 0.3:

@@ -21,7 +21,7 @@ from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing.script import Play
 
 TIME_LIMIT_S = 150.0
-MOST_TIME_S = 400.0
+MAX_TIME_S = 400.0
 """A flight that goes on for longer has not ended."""
 SETTLES_S = 10.0
 """So long after it is in trouble for good, the drone must be at rest, or the pilot's."""
@@ -69,7 +69,7 @@ class Judge:
     def watch(self, simulation: Simulation, app: App) -> None:
         """Once a tick; afterwards, too."""
         now_s, phase = simulation.time_s, app.flight.phase
-        if now_s > MOST_TIME_S:
+        if now_s > MAX_TIME_S:
             raise EndlessFlightError(f"still {app.flight.activity} after {now_s:.0f} s")
         hit = simulation.record.collisions > self._collisions
         self._collisions = simulation.record.collisions

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from companion.core.frames import wrap_rad
 from companion.core.messages import FloorPlan, WallLine
-from companion.estimation.association.gating import LEAST_COS_INCIDENCE, NEAR_END_SIGMAS
+from companion.estimation.association.gating import MIN_COS_INCIDENCE, NEAR_END_SIGMAS
 from companion.estimation.association.pruning import Support
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import (
@@ -139,7 +139,7 @@ def _met(
     cos_incidence = (beams * normals[wall_of]).sum(axis=1)
     distance_m = nearest - m.mount_m
     sigma_m = units.sigma_m(m.beam, np.clip(distance_m, 0.0, units.max_m[m.beam]))
-    usable = np.isfinite(nearest) & (cos_incidence > LEAST_COS_INCIDENCE)
+    usable = np.isfinite(nearest) & (cos_incidence > MIN_COS_INCIDENCE)
     usable &= distance_m > units.min_m[m.beam]
     usable &= distance_m < units.max_m[m.beam] - NEAR_END_SIGMAS * sigma_m
     usable &= np.abs(m.distance_m - distance_m) < FARTHEST_SIGMAS * sigma_m

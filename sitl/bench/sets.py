@@ -17,7 +17,7 @@ MISSIONS = {
 }
 """What suits a world; `building` all others."""
 PLAN_SUFFIXES = (".toml", *IMPORTERS)
-MOST_STARTS = 3
+MAX_STARTS = 3
 
 Place = tuple[str, str | None]
 """A world as `load_world` takes it, and the number of a start pose; None is the first."""
@@ -119,6 +119,6 @@ def _plans(folder: Path) -> list[Place]:
 def _starts(path: Path) -> int:
     """Up to three; a plan that cannot be used counts as one, so that its row tells why."""
     try:
-        return min(len(load_world(str(path)).starts), MOST_STARTS)
+        return min(len(load_world(str(path)).starts), MAX_STARTS)
     except WorldError:
         return 1

@@ -14,8 +14,8 @@ TRUTH, MAPPED, PATH = "#7d8a93", "#e0425a", "#2f7fc1"
 GOOD, BAD = "#2a7f4f", "#c1121f"
 CELL_INCHES, TITLE_INCHES, HEAD_INCHES = 3.0, 0.5, 0.35
 DPI = 120
-MOST_COLUMNS = 10
-MOST_LETTERS = 66
+MAX_COLUMNS = 10
+MAX_LETTERS = 66
 HEAD = (
     "grey: what stands there   red: the map   blue: the true path, ● from, × where it ended badly"
 )
@@ -30,7 +30,7 @@ FIGURES = (
 
 def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
     """PNG: for every flight the true walls grey, the mapped ones red, the true path blue."""
-    columns = min(MOST_COLUMNS, math.ceil(math.sqrt(len(flights))))
+    columns = min(MAX_COLUMNS, math.ceil(math.sqrt(len(flights))))
     rows = math.ceil(len(flights) / columns)
     row_inches = CELL_INCHES + TITLE_INCHES
     width_inches, height_inches = columns * CELL_INCHES, rows * row_inches + HEAD_INCHES
@@ -79,7 +79,7 @@ def _title(row: Report) -> str:
         f"{row['profile']}: {verdict}",
         ", ".join(told),
     )
-    return "\n".join(line[:MOST_LETTERS] for line in lines)
+    return "\n".join(line[:MAX_LETTERS] for line in lines)
 
 
 def _east_north(point: Vector2) -> Vector2:

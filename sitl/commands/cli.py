@@ -47,7 +47,7 @@ from sitl.world.format import WorldError
 EXIT_NOT_COMPLETED = 1
 EXIT_REFUSED = 2
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
-MOST_SPEED = 1000.0
+MAX_SPEED = 1000.0
 EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--battery-s", "--lockstep")
 
 commands = typer.Typer(
@@ -117,7 +117,7 @@ def run(
     bus_port: BusPort = 5790,
     speed: Annotated[
         float,
-        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MOST_SPEED),
+        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MAX_SPEED),
     ] = 1.0,
     lockstep: Annotated[
         bool, typer.Option(help="Time stands still until every companion asks for it.")
@@ -167,7 +167,7 @@ def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Pa
     vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
     print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=MOST_SPEED, attendance=HeldSpeed(_say)))
+    _serve(Server(vehicle, [door], speed=MAX_SPEED, attendance=HeldSpeed(_say)))
     _save_truth([vehicle.record], truth)
 
 
@@ -243,8 +243,8 @@ def fly(
         Transport, typer.Option(help="direct, bytes: one process; udp: two.")
     ] = Transport.DIRECT,
     speed: Annotated[
-        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MOST_SPEED)
-    ] = MOST_SPEED,
+        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MAX_SPEED)
+    ] = MAX_SPEED,
     report: Annotated[Path | None, typer.Option(help="Write the report here as JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
 ) -> None:

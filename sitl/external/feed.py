@@ -20,7 +20,7 @@ from sitl.sensors.beam import RangeQuery
 from sitl.sensors.board import BEAM_FRD, to_ned
 
 INFRARED = mavlink.MAV_DISTANCE_SENSOR_INFRARED
-LEAST_CM, MOST_CM = 2, 550
+MIN_CM, MAX_CM = 2, 550
 RANGE_SIGMA_M = 0.02
 GEAR_M = 0.1
 """How high the down sensor looks from when the vehicle stands."""
@@ -84,17 +84,17 @@ def distances(truth: TrueState, range_m: RangeQuery, random: Random) -> list[Mes
 def _measured(truth: TrueState, beam: Beam, range_m: RangeQuery, random: Random) -> float | None:
     north, east, down = truth.position_ned_m
     eye: Vector3 = (north, east, down - GEAR_M)
-    distance_m = range_m(eye, to_ned(BEAM_FRD[beam], truth), MOST_CM / 100)
+    distance_m = range_m(eye, to_ned(BEAM_FRD[beam], truth), MAX_CM / 100)
     return None if distance_m is None else distance_m + random.gauss(0, RANGE_SIGMA_M)
 
 
 def _distance(truth: TrueState, orientation: int, number: int, distance_m: float | None) -> Message:
-    current_cm = MOST_CM + 1 if distance_m is None else round(100 * distance_m)
+    current_cm = MAX_CM + 1 if distance_m is None else round(100 * distance_m)
     return mavlink.MAVLink_distance_sensor_message(
         round(truth.time_s * 1e3) % 2**32,
-        LEAST_CM,
-        MOST_CM,
-        max(LEAST_CM, min(MOST_CM + 1, current_cm)),
+        MIN_CM,
+        MAX_CM,
+        max(MIN_CM, min(MAX_CM + 1, current_cm)),
         INFRARED,
         number,
         orientation,

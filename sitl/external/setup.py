@@ -30,7 +30,7 @@ TRUTH_MESSAGE = {
 }
 TRUTH_HZ = ATTITUDE_HZ = 50.0
 ASK_PERIOD_S = 1.0
-MOST_ORIGIN_OFF_M = 50_000.0
+MAX_ORIGIN_OFF_M = 50_000.0
 """So far apart, the magnetic declination differs by less than a degree, but near the poles."""
 NEEDS_RESTART = (
     "EKF2_HGT_REF",
@@ -111,7 +111,7 @@ class ExternalSetup:
             return
         self._origin = origin
         off_m = math.hypot(*offset_ned_m(self._home, origin)[:2])
-        if off_m > MOST_ORIGIN_OFF_M:
+        if off_m > MAX_ORIGIN_OFF_M:
             lat, lon, _ = self._home
             self._tell(
                 f"its origin is {off_m / 1000:.0f} km from where it is simulated: in the "

@@ -15,7 +15,7 @@ from sitl.core.vehicle import STEP_S
 from sitl.running.options import read_parameters
 from sitl.running.server import Pace
 
-MOST_BEHIND_S = 0.1
+MAX_BEHIND_S = 0.1
 """Wall time that is caught up with; a machine that loses more flies slower, never in leaps."""
 ON_THE_FIELD = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
 
@@ -60,7 +60,7 @@ def fly_bare(
     while running:
         pace.hold_back(vehicle.time_s + STEP_S)
         _step(vehicle, transports)
-        if pace.due_s() - vehicle.time_s > MOST_BEHIND_S * speed:
+        if pace.due_s() - vehicle.time_s > MAX_BEHIND_S * speed:
             pace.resume(vehicle.time_s)
 
 

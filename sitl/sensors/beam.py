@@ -30,7 +30,7 @@ RING_RAYS = 6
 RING_SHARE = math.sqrt(7 / 12)
 """Of the cone's half angle: so the axis and six rays have the spread of an evenly lit spot, whose
 mean square radius is half the square of its rim's."""
-LEAST_M = 1e-6
+MIN_M = 1e-6
 """A sensor that touches what it looks at does not divide by zero."""
 
 
@@ -123,7 +123,7 @@ def _triangulated(hits: Sequence[Hit]) -> float | None:
 
     The spot's place on it goes by 1/distance, its brightness by Lambert's cosine over distance².
     """
-    lit = [(hit.cos_incidence, max(hit.distance_m, LEAST_M)) for hit in hits]
+    lit = [(hit.cos_incidence, max(hit.distance_m, MIN_M)) for hit in hits]
     light = sum(cos / distance_m**2 for cos, distance_m in lit)
     moment = sum(cos / distance_m**3 for cos, distance_m in lit)
     return light / moment if moment else None

@@ -10,7 +10,7 @@ from random import Random
 
 from sitl.sensors.sharp import SharpUnit
 
-LEAST_LEVEL_V, MOST_LEVEL_V = 0.2, 0.7
+MIN_LEVEL_V, MAX_LEVEL_V = 0.2, 0.7
 """Reported of open ADS1115 inputs: 0.57 V and the like."""
 NOISE_V = 0.003
 
@@ -21,7 +21,7 @@ class AdcInputs:
     def __init__(self, units: Mapping[int, SharpUnit], random: Random) -> None:
         self._units = units
         self._random = random
-        self._level_v = random.uniform(LEAST_LEVEL_V, MOST_LEVEL_V)
+        self._level_v = random.uniform(MIN_LEVEL_V, MAX_LEVEL_V)
         self._before_v = self._level_v
         for unit in units.values():
             unit.open_input_v = self._open_v

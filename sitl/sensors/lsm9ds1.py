@@ -31,7 +31,7 @@ FIFO_DEPTH = 32
 OVERRUN = 0x40
 WALK_SAMPLES = 10
 NOMINAL_ODR_HZ = 119.0
-MOST_RATE_RAD_S = 32767 * RAD_S_PER_COUNT
+MAX_RATE_RAD_S = 32767 * RAD_S_PER_COUNT
 YawRate = Callable[[float], float]
 """time_s -> true body rate about down, rad/s."""
 
@@ -172,7 +172,7 @@ class Lsm9ds1Device:
         rate = self._yaw_rate(time_s) * self._scale + self._bias
         rate += self._random.gauss(0, self._white) + self.fault_bias_rad_s
         if self.is_saturated:
-            rate = math.copysign(MOST_RATE_RAD_S, rate)
+            rate = math.copysign(MAX_RATE_RAD_S, rate)
         # The chip's z axis points up: its positive rate is counter-clockwise.
         return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
 

@@ -9,7 +9,7 @@ from viser import MeshHandle, ViserServer
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeReading
 from companion.view.scene.shapes import (
-    LEAST_THICKNESS_M,
+    MIN_THICKNESS_M,
     SHOWN_HEIGHT_M,
     Drone,
     Trail,
@@ -53,12 +53,12 @@ class TrueSide:
             [(panel.start, panel.end) for panel in panels],
             [panel.bottom_m for panel in panels],
             [min(panel.top_m, SHOWN_HEIGHT_M) for panel in panels],
-            [max(panel.thickness_m, LEAST_THICKNESS_M) for panel in panels],
+            [max(panel.thickness_m, MIN_THICKNESS_M) for panel in panels],
             WALL_COLOUR,
-            overlap_m=LEAST_THICKNESS_M,
+            overlap_m=MIN_THICKNESS_M,
         )
         top_m = min(world.height_m, SHOWN_HEIGHT_M)
-        self._border.show(world.closed_border, 0.0, top_m, LEAST_THICKNESS_M, BORDER_COLOUR)
+        self._border.show(world.closed_border, 0.0, top_m, MIN_THICKNESS_M, BORDER_COLOUR)
         boxes = [box for box in world.boxes if box.bottom_m < SHOWN_HEIGHT_M]
         self._boxes.show(
             [_middle_line(box.corner, box.size) for box in boxes],

@@ -35,7 +35,7 @@ SKETCH_PERIOD_S = 0.5
 """By the clock on the wall; a map that nobody can follow with the eye is not drawn up."""
 FLOWN_SKETCH_PERIOD_S = 1.0
 """By the flight's own."""
-MOST_BEHIND_S = 0.5
+MAX_BEHIND_S = 0.5
 """A flight that is later than this does not hurry to catch up."""
 
 
@@ -122,7 +122,7 @@ class PacedFlight:
         if self._speed == 0:
             return 0.0 if self._is_stepping else None
         ahead_s = (time_s - self._since_s) / self._speed - (time.monotonic() - self._since_wall_s)
-        if ahead_s < -MOST_BEHIND_S:
+        if ahead_s < -MAX_BEHIND_S:
             self._pace(self._speed, time_s)
         return max(ahead_s, 0.0)
 

@@ -12,7 +12,7 @@ from sitl.world.plan import seeable_points, wall_surfaces
 
 REST_SHARE = 4.0
 """It rests so many times as long as it has worked: the page comes first."""
-LEAST_REST_S = 0.5
+MIN_REST_S = 0.5
 
 
 class LiveScore:
@@ -50,7 +50,7 @@ class LiveScore:
             score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off, closed)
             if not self._is_over:
                 self._tell(score)
-            self._rest(max(LEAST_REST_S, REST_SHARE * (time.monotonic() - began_s)))
+            self._rest(max(MIN_REST_S, REST_SHARE * (time.monotonic() - began_s)))
 
     def _next(self) -> tuple[WallSegment, ...] | None:
         with self._change:

@@ -11,7 +11,7 @@ from sitl.world.loading import load_world
 OWN_PROFILE = "own"
 """Sensors with the range and the noise that were asked for, whatever nature allows."""
 PROFILES = ("gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna", OWN_PROFILE)
-LEAST_RANGE_M = 0.1
+MIN_RANGE_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ class FlightRequest:
             return {"profile": self.profile}
         sensor = {
             "kind": "autopilot",
-            "min_m": LEAST_RANGE_M,
+            "min_m": MIN_RANGE_M,
             "max_m": self.range_m,
             "sigma_m": self.range_sigma_m,
         }

@@ -4,11 +4,11 @@ from sitl.world.format import World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.known import KnownArea
 
-LEAST_START_CLEARANCE_M = 0.6
+MIN_START_CLEARANCE_M = 0.6
 START_HEIGHT_M = 1.2
-MOST_UNKNOWN = 0.5
+MAX_UNKNOWN = 0.5
 """Of what could be reached; with more, the scores are of the smaller part of a building."""
-LEAST_REACHED = 0.5
+MIN_REACHED = 0.5
 """Of what is known to be free."""
 
 
@@ -29,13 +29,13 @@ def warnings(world: World) -> list[str]:
     if known is None:
         return []
     found = []
-    if known.unknown_share > MOST_UNKNOWN:
+    if known.unknown_share > MAX_UNKNOWN:
         found.append(
             f"{known.unknown_share:.0%} of what could be reached is unknown, and cut off along "
             f"{known.border_m:.1f} m of closed border: the map is of a part of its building, or "
             "glass and open doors are gaps in its walls; map more of it, or draw them in"
         )
-    if known.reached_m2 < LEAST_REACHED * known.free_m2:
+    if known.reached_m2 < MIN_REACHED * known.free_m2:
         found.append(
             f"only {known.reached_m2:.1f} of {known.free_m2:.1f} m² that are known to be free can "
             "be reached from start 1; the rest lies behind openings narrower than a door, or in "
@@ -72,10 +72,10 @@ def _of_starts(world: World) -> list[str]:
     lines = []
     for start in world.starts:
         clearance_m = model.clearance_m((*start.position, -START_HEIGHT_M))
-        if clearance_m < LEAST_START_CLEARANCE_M:
+        if clearance_m < MIN_START_CLEARANCE_M:
             raise WorldError(
                 f"{world.name}: start {start.name!r} has {clearance_m:.2f} m around it; "
-                f"{LEAST_START_CLEARANCE_M} m are needed, move it"
+                f"{MIN_START_CLEARANCE_M} m are needed, move it"
             )
         north_m, east_m = start.position
         lines.append(

@@ -4,10 +4,10 @@ import math
 from dataclasses import replace
 
 from companion.core.frames import Vector2
-from sitl.world.format import LEAST_LENGTH_M, Box, Panel, Segment, Start, Walls, World, WorldError
+from sitl.world.format import MIN_LENGTH_M, Box, Panel, Segment, Start, Walls, World, WorldError
 from sitl.world.known import KnownArea
 
-LEAST_TO_BORDER_M = 0.6
+MIN_TO_BORDER_M = 0.6
 """Starts nearer to the border are left out."""
 
 
@@ -48,7 +48,7 @@ def _known_within(known: KnownArea | None, low: Vector2, high: Vector2) -> Known
 
 def _is_in(start: Start, low: Vector2, high: Vector2) -> bool:
     return all(
-        low[axis] + LEAST_TO_BORDER_M <= start.position[axis] <= high[axis] - LEAST_TO_BORDER_M
+        low[axis] + MIN_TO_BORDER_M <= start.position[axis] <= high[axis] - MIN_TO_BORDER_M
         for axis in (0, 1)
     )
 
@@ -83,7 +83,7 @@ def _segment_within(segment: Segment, low: Vector2, high: Vector2) -> Segment | 
         enters = max(enters, min(to_low, to_high))
         leaves = min(leaves, max(to_low, to_high))
     length_m = (along[0] ** 2 + along[1] ** 2) ** 0.5
-    if (leaves - enters) * length_m < 2 * LEAST_LENGTH_M:
+    if (leaves - enters) * length_m < 2 * MIN_LENGTH_M:
         return None
     return _along(segment, enters), _along(segment, leaves)
 
@@ -102,6 +102,6 @@ def _box_within(box: Box, low: Vector2, high: Vector2) -> Box | None:
         min(box.corner[0] + box.size[0], high[0]) - corner[0],
         min(box.corner[1] + box.size[1], high[1]) - corner[1],
     )
-    if min(size) < LEAST_LENGTH_M:
+    if min(size) < MIN_LENGTH_M:
         return None
     return box.model_copy(update={"corner": corner, "size": size})

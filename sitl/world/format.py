@@ -35,10 +35,10 @@ from sitl.core.errors import SitlError, complaint
 from sitl.world.geometry.triangles import Mesh
 from sitl.world.known import KnownArea
 
-LEAST_LENGTH_M = 0.01
+MIN_LENGTH_M = 0.01
 ON_WALL_M = 0.05
 """How far off its wall a door's centre may be written."""
-MOST_LETTERS = 500
+MAX_LETTERS = 500
 """Of an error's line."""
 
 Segment = tuple[Vector2, Vector2]
@@ -53,7 +53,7 @@ class WorldError(SitlError, ValueError):
     def __init__(self, message: str) -> None:
         """One line, also where it passes on the many of another library."""
         line = " ".join(message.splitlines())
-        super().__init__(line if len(line) <= MOST_LETTERS else f"{line[:MOST_LETTERS]} ...")
+        super().__init__(line if len(line) <= MAX_LETTERS else f"{line[:MAX_LETTERS]} ...")
 
 
 class _Part(BaseModel):
@@ -130,13 +130,13 @@ class Walls(_Part):
                 _between(s, e, a), _between(s, e, b), bottom_m, top_m, self.thickness_m, self.glass
             )
             for s, e, a, b, bottom_m in panels
-            if b - a > LEAST_LENGTH_M and top_m - bottom_m > LEAST_LENGTH_M
+            if b - a > MIN_LENGTH_M and top_m - bottom_m > MIN_LENGTH_M
         ]
 
     @model_validator(mode="after")
     def _is_not_degenerate(self) -> "Walls":
         for start, end in self.segments:
-            if math.dist(start, end) < LEAST_LENGTH_M:
+            if math.dist(start, end) < MIN_LENGTH_M:
                 raise ValueError(f"{start} and {end} are the same point; leave one out")
         for door in self.doors:
             if not any(_gap(door, start, end) for start, end in self.segments):
@@ -167,8 +167,8 @@ class Box(_Part):
 
     corner: tuple[Metres, Metres]
     size: tuple[
-        Annotated[float, Field(ge=LEAST_LENGTH_M, le=1000)],
-        Annotated[float, Field(ge=LEAST_LENGTH_M, le=1000)],
+        Annotated[float, Field(ge=MIN_LENGTH_M, le=1000)],
+        Annotated[float, Field(ge=MIN_LENGTH_M, le=1000)],
     ]
     bottom_m: Height = 0.0
     top_m: Height

@@ -25,12 +25,12 @@ OUTSIDE_M = 1.0
 SEEN_FROM_M = 1.5
 """A wall counts as one that could be seen if the drone can hover this near, facing it."""
 CLEAR_OF_SAMPLE_M = 0.03
-MOST_VIEWPOINTS = 60
-VIEWPOINTS_AT_ONCE = slice(4), slice(4, 16), slice(16, MOST_VIEWPOINTS)
+MAX_VIEWPOINTS = 60
+VIEWPOINTS_AT_ONCE = slice(4), slice(4, 16), slice(16, MAX_VIEWPOINTS)
 """Nearest first: most points are seen from one of them, and the others need not be tried."""
 BLOCK_M = 0.5
 """Side of the squares whose samples are looked at together."""
-MOST_PAIRS = 100_000
+MAX_PAIRS = 100_000
 """Of a line of sight and a wall, at once; some ten MB."""
 
 
@@ -117,7 +117,7 @@ def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
     """From one of the nearest reachable places there is a clear line to each of the points."""
     walls = walls[_are_near(walls, points.min(axis=0), points.max(axis=0))]
     near = _are_near(walls, points[:, None], points[:, None])
-    distance, place = tree.query(points, k=MOST_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
+    distance, place = tree.query(points, k=MAX_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
     seen = np.zeros(len(points), dtype=bool)
     for few in VIEWPOINTS_AT_ONCE:
         point, eye = np.nonzero(np.isfinite(distance[:, few]) & ~seen[:, None])
@@ -137,7 +137,7 @@ def _are_near(walls: Points, low: Points, high: Points) -> Which:
 
 def _parts(lines: int, walls: int) -> list[slice]:
     """As many lines of sight at once as memory is fine with."""
-    step = max(1, MOST_PAIRS // max(1, walls))
+    step = max(1, MAX_PAIRS // max(1, walls))
     return [slice(first, first + step) for first in range(0, lines, step)]
 
 

@@ -12,7 +12,7 @@ from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.drivers.models import model_of
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.opening import open_bus
-from companion.drivers.wires.prompt import MOST_AT_ONCE_S
+from companion.drivers.wires.prompt import MAX_AT_ONCE_S
 from sitl.sensors.line import on_virtual_time
 from tests.contract.bench import FIVE, KINDS, TICK_S, Bench, Noisy, Switched, make_bench
 from tests.contract.serving import Served
@@ -152,7 +152,7 @@ def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
     for _ in range(30):
         before_s = bench.board.bus.time_s
         scan = bench.sweep(sensors)
-        assert bench.board.bus.time_s - before_s <= TICK_S + MOST_AT_ONCE_S + 1e-9
+        assert bench.board.bus.time_s - before_s <= TICK_S + MAX_AT_ONCE_S + 1e-9
     assert {scan.readings[beam].state for beam in wired} <= {RangeState.FAILED}
     bench.board.bus.hangs_s = 0.0
     for _ in range(20):  # the last transfer is still on its way

@@ -14,7 +14,7 @@ from tests.processes.scoring import assert_good
 from tests.processes.started import companion, free_udp_port, read_until, sitl, started, stop
 from tests.worlds import SMALL_ROOM
 
-LEAST_FRAMES, LEAST_CONNECTIONS = 2000, 100
+MIN_FRAMES, MIN_CONNECTIONS = 2000, 100
 DEADLINE_S = 120
 
 
@@ -73,6 +73,6 @@ def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
                 output, _ = pilot.communicate(timeout=DEADLINE_S)
         assert pilot.returncode == 0, output
         stop(vehicle)
-    assert strangers.frames > LEAST_FRAMES
-    assert strangers.connections > LEAST_CONNECTIONS
+    assert strangers.frames > MIN_FRAMES
+    assert strangers.connections > MIN_CONNECTIONS
     assert_good(tmp_path / "map.json", truth, SMALL_ROOM)

@@ -1,6 +1,6 @@
 """When a chip with a clock and a FIFO of its own took its samples."""
 
-LEAST_TO_TELL_PERIOD = 119
+MIN_TO_TELL_PERIOD = 119
 """Samples, a second of them, from which their number tells the period."""
 
 
@@ -20,7 +20,7 @@ class SampleClock:
     def stamp(self, time_s: float, count: int) -> list[float]:
         """The times of the `count` samples that were waiting at `time_s`."""
         self._count += count
-        if self._count >= LEAST_TO_TELL_PERIOD:
+        if self._count >= MIN_TO_TELL_PERIOD:
             self._period_s = (time_s - self._began_s) / self._count
         newest_s = self.newest_s + count * self._period_s
         newest_s = min(max(newest_s, time_s - self._period_s), time_s)

@@ -19,7 +19,7 @@ WEAK = 100
 SATURATED = 0xFFFF
 NO_SIGNAL = 0xFFFF
 """Distance -1."""
-LEAST_FAULT, MOST_FAULT = 0x8000, 0xFFFE
+MIN_FAULT, MAX_FAULT = 0x8000, 0xFFFE
 """Other distances below zero: -2 and -4 are said of saturation by its own and by other light."""
 
 
@@ -74,7 +74,7 @@ class Tfmini:
         return self._latest.at(time_s)
 
     def _reading(self, distance_cm: int, strength: int) -> RangeReading | None:
-        if strength == SATURATED or LEAST_FAULT <= distance_cm <= MOST_FAULT:
+        if strength == SATURATED or MIN_FAULT <= distance_cm <= MAX_FAULT:
             return None
         if strength < WEAK or distance_cm == NO_SIGNAL:
             return NOTHING

@@ -7,7 +7,7 @@ from contextlib import suppress
 from companion.core.errors import SensorError
 from companion.drivers.wires.bus import Transaction
 
-MOST_TRANSACTIONS = 21
+MAX_TRANSACTIONS = 21
 """The kernel takes 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
 I2C_RETRIES, I2C_TIMEOUT = 0x0701, 0x0702
 """Requests of linux/i2c-dev.h."""
@@ -40,7 +40,7 @@ class LinuxI2cBus:
         batch: list[Transaction] = []
         for transaction in transactions:
             batch.append(transaction)
-            if transaction.wait_s > 0 or len(batch) == MOST_TRANSACTIONS:
+            if transaction.wait_s > 0 or len(batch) == MAX_TRANSACTIONS:
                 answers += self._transfer(batch)
                 batch.clear()
                 time.sleep(transaction.wait_s)

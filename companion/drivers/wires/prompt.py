@@ -8,7 +8,7 @@ and the answer, should it ever come, is thrown away.
     open ──no answer in time, or ETIMEDOUT──► shut ──line free again and PROBE_S over──► open
 
 A wire that is shut refuses at once. Whatever the wires do, all of them together take no more than
-`SHARE` of the time from the control loop, and no more than `MOST_AT_ONCE_S` at once.
+`SHARE` of the time from the control loop, and no more than `MAX_AT_ONCE_S` at once.
 """
 
 import errno
@@ -26,7 +26,7 @@ PATIENCE_S = 0.03
 """Of one request; the longest, a full FIFO of the gyro at 100 kHz, takes 18 ms."""
 PROBE_S = 0.1
 """So long a wire stays shut: often enough that one which comes back is not called failed."""
-MOST_AT_ONCE_S, SHARE = 0.1, 0.8
+MAX_AT_ONCE_S, SHARE = 0.1, 0.8
 """The longest first tick, five VL53L1X to be set up at 100 kHz, takes 75 ms; then 20 ms of 50."""
 OPENING_S = 3.0
 """For a wire's first request, before take-off, in which libraries are loaded and it is opened."""
@@ -112,7 +112,7 @@ class PromptWires:
         self._make_line = make_line
         self._now_s = now_s
         self._by_name: dict[str, _Wire] = {}
-        self._left_s = MOST_AT_ONCE_S
+        self._left_s = MAX_AT_ONCE_S
         """Of the control loop's time."""
         self._done_s = now_s()
 
@@ -131,7 +131,7 @@ class PromptWires:
             wire = self._by_name[name] = _Wire(self._make_line())
         now_s = self._now_s()
         earned_s = (now_s - self._done_s) * SHARE / (1 - SHARE)
-        self._left_s = min(self._left_s + earned_s, MOST_AT_ONCE_S)
+        self._left_s = min(self._left_s + earned_s, MAX_AT_ONCE_S)
         self._done_s = now_s
         if self._left_s <= 0 or now_s < wire.shut_until_s or wire.line.is_busy:
             raise TimeoutError(errno.ETIMEDOUT, f"{name} does not answer in time")

@@ -15,7 +15,7 @@ Mask = NDArray[np.bool_]
 GATE_SIGMAS = 3.0
 UNEXPLAINED = GATE_SIGMAS**2
 """χ² of a hit that fits no wall."""
-LEAST_COS_INCIDENCE = math.cos(math.radians(70))
+MIN_COS_INCIDENCE = math.cos(math.radians(70))
 NEAR_END_SIGMAS = 2.0
 NEIGHBOURS = 3
 """So many hits of a beam before and after one have a say in which wall it is on."""
@@ -132,7 +132,7 @@ def _facing(x: Unknowns, seen: Sightings, along_m: float) -> tuple[Indices, Indi
     hits, walls, cosines = [], [], []
     for low in range(0, len(seen.beams), step):
         cos_incidence = seen.beams[low : low + step] @ x.normals.T
-        usable = cos_incidence > LEAST_COS_INCIDENCE
+        usable = cos_incidence > MIN_COS_INCIDENCE
         if math.isfinite(along_m):
             along = seen.points[low : low + step] @ x.tangents.T
             usable &= along > x.reach_m[:, 0] - along_m

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.frames import wrap_rad
-from companion.estimation.association.gating import LEAST_COS_INCIDENCE
+from companion.estimation.association.gating import MIN_COS_INCIDENCE
 from companion.estimation.association.pruning import Support
 from companion.estimation.association.straightness import bend, longer_side
 
@@ -23,11 +23,11 @@ BIN_M = 0.12
 CROWD_M = 0.15
 SIGMAS = 2.5
 REFINEMENTS = 4
-MOST_PEAKS = 40
-MOST_CUTS = 8
+MAX_PEAKS = 40
+MAX_CUTS = 8
 """A row of hits that bends is cut where it does, so often."""
-MOST_NORMAL_SIGMA_RAD = math.radians(4)
-MOST_MISFIT = 2.0
+MAX_NORMAL_SIGMA_RAD = math.radians(4)
+MAX_MISFIT = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def detect_walls(cloud: Cloud, look: Support) -> tuple[Array, Array]:
     free = np.ones(len(cloud.points), dtype=bool)
     walls: list[Array] = []
     reach: list[tuple[float, float]] = []
-    for _ in range(MOST_PEAKS):
+    for _ in range(MAX_PEAKS):
         weight = np.where(free, votes.weight, 0.0)
         accumulator = np.bincount(
             votes.cell, (weight[:, None] * votes.faced).ravel(), minlength=votes.size
@@ -106,7 +106,7 @@ def _votes(cloud: Cloud) -> _Votes:
     )
     return _Votes(
         cell=(number + bins * np.arange(len(angle))).ravel(),
-        faced=np.cos(cloud.bearing_rad[:, None] - angle) > LEAST_COS_INCIDENCE,
+        faced=np.cos(cloud.bearing_rad[:, None] - angle) > MIN_COS_INCIDENCE,
         weight=1 / size[crowd.ravel()],
         low_m=low_m,
         bins=bins,
@@ -122,14 +122,14 @@ def _refine(
     sigma_rad = misfit = math.inf
     for _ in range(REFINEMENTS):
         _, across = _coordinates(cloud.points, line)
-        faced = np.cos(cloud.bearing_rad - line[0]) > LEAST_COS_INCIDENCE
+        faced = np.cos(cloud.bearing_rad - line[0]) > MIN_COS_INCIDENCE
         mine = free & faced & (np.abs(across) < slack_m + SIGMAS * cloud.sigma_m)
         mine = _longest_row(cloud.points, mine, line, look.gap_m)
         if mine.sum() < look.hits:
             return None
         line, sigma_rad, misfit = _fit(cloud, mine, line)
         slack_m *= 0.3
-    for _ in range(MOST_CUTS):
+    for _ in range(MAX_CUTS):
         along, across = _coordinates(cloud.points[mine], line)
         bent = bend(along, across, cloud.sigma_m[mine])
         if bent.is_straight:
@@ -139,7 +139,7 @@ def _refine(
             return None
         line, sigma_rad, misfit = _fit(cloud, mine, line)
     along = _along(cloud.points[mine], line)
-    sure = sigma_rad < MOST_NORMAL_SIGMA_RAD and misfit < MOST_MISFIT
+    sure = sigma_rad < MAX_NORMAL_SIGMA_RAD and misfit < MAX_MISFIT
     return (line, mine) if sure and np.ptp(along) >= look.extent_m else None
 
 

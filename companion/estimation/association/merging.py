@@ -13,7 +13,7 @@ from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Sigh
 SAME_DIRECTION_RAD = math.radians(15)
 LARGEST_GAP_M = 1.5
 """Walls farther apart than this are two, however well they are in line."""
-MOST_MEAN_COST = 1.8
+MAX_MEAN_COST = 1.8
 
 
 def merge(
@@ -56,7 +56,7 @@ def merge(
             common = line if i < known else fitted(line, seen.points[both], sigma_m[both])
             sets = [mine] if i < known else [members[i], mine]
             costs = [_mean_cost(common, seen.points[hits], sigma_m[hits]) for hits in sets]
-            is_one = max(costs) < MOST_MEAN_COST
+            is_one = max(costs) < MAX_MEAN_COST
             is_one = is_one and _is_straight(common, seen.points[both], sigma_m[both])
             if is_one and not steps.part(members[i], mine, float(common[0])):
                 lines[i], members[i] = common, both

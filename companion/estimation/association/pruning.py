@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 
 from companion.core.frames import wrap_rad
-from companion.estimation.association.gating import LEAST_COS_INCIDENCE, Candidates
+from companion.estimation.association.gating import MIN_COS_INCIDENCE, Candidates
 from companion.estimation.association.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.association.straightness import bend, longer_side
 from companion.estimation.smoothing.flight_record import NO_WALL
@@ -21,13 +21,13 @@ from companion.estimation.smoothing.state import (
     reach_m,
 )
 
-MOST_WALLS = 400
+MAX_WALLS = 400
 """Those worth most; more come only of odometry that drifts without end."""
 STRETCH_M = 0.5
-MOST_CUTS = 8
-HIDES_M, LEAST_HIDING, MOST_THROUGH_SHARE = 0.15, 3, 0.1
+MAX_CUTS = 8
+HIDES_M, MIN_HIDING, MAX_THROUGH_SHARE = 0.15, 3, 0.1
 """What hides a wall stands so far before it, and hardly a beam goes on behind the wall."""
-GLIMPSE_KEYFRAMES, LEAST_TOGETHER = 5, 4
+GLIMPSE_KEYFRAMES, MIN_TOGETHER = 5, 4
 """A second to either side; a turning beam meets a metre of a wall so often in passing."""
 
 
@@ -119,7 +119,7 @@ def _is_hidden(x: Unknowns, seen: Sightings, wall: int, low_m: float, high_m: fl
     """
     cos = seen.beams @ x.normals[wall]
     before_m = x.walls[wall, 1] - seen.eyes @ x.normals[wall]
-    towards = (before_m > 0) & (cos > LEAST_COS_INCIDENCE)
+    towards = (before_m > 0) & (cos > MIN_COS_INCIDENCE)
     ahead_m = before_m[towards] / cos[towards]
     eyes, beams = seen.eyes[towards], seen.beams[towards]
     met_m = (eyes + ahead_m[:, None] * beams) @ x.tangents[wall]
@@ -127,7 +127,7 @@ def _is_hidden(x: Unknowns, seen: Sightings, wall: int, low_m: float, high_m: fl
     inside = (met_m > low_m) & (met_m < high_m)
     ended = int((inside & (range_m < ahead_m - HIDES_M)).sum())
     went_on = int((inside & (range_m > ahead_m + HIDES_M)).sum())
-    return ended >= LEAST_HIDING and went_on <= MOST_THROUGH_SHARE * ended
+    return ended >= MIN_HIDING and went_on <= MAX_THROUGH_SHARE * ended
 
 
 def without_glimpses(m: Measured, pairs: Candidates) -> Candidates:
@@ -143,7 +143,7 @@ def without_glimpses(m: Measured, pairs: Candidates) -> Candidates:
     together = np.searchsorted(in_order, key + GLIMPSE_KEYFRAMES, side="right")
     together -= np.searchsorted(in_order, key - GLIMPSE_KEYFRAMES)
     alone = np.zeros(len(wall_of), dtype=bool)
-    alone[hit[together < LEAST_TOGETHER]] = True
+    alone[hit[together < MIN_TOGETHER]] = True
     return pairs.only(~alone[pairs.hit])
 
 
@@ -155,7 +155,7 @@ def without_bends(
     cut_off = np.full(len(wall_of), NO_WALL)
     for wall in range(known, len(x.walls)):
         mine: Indices = np.flatnonzero(wall_of == wall)
-        for _ in range(MOST_CUTS):
+        for _ in range(MAX_CUTS):
             if len(mine) < 2:
                 break
             along = seen.points[mine] @ x.tangents[wall]
@@ -185,7 +185,7 @@ def worthy(
         worths[(hits < support.hits) | (high_m - low_m < support.extent_m) | vague] = 0.0
         judged = kept[kept >= known]
         least = judged[int(worths[judged].argmin())]
-        if worths[least] >= 1 and len(kept) <= MOST_WALLS:
+        if worths[least] >= 1 and len(kept) <= MAX_WALLS:
             break
         gone = judged[worths[judged] <= 0] if worths[least] <= 0 else np.array([least])
         kept = np.setdiff1d(kept, gone)

@@ -13,8 +13,8 @@ Mask = NDArray[np.bool_]
 THROUGH_M = 0.08
 """A beam went through a wall if its hit lies this far behind it, besides two sigmas."""
 THROUGH_SIGMAS = 2.0
-MOST_PASSED_SHARE = 0.5
-LEAST_PASSED = 3
+MAX_PASSED_SHARE = 0.5
+MIN_PASSED = 3
 """A piece of wall through which so many beams went, and more than that share of those that it
 stopped, is none."""
 FIRM_PASSED_SHARE, FIRM_STOPPED = 0.1, 6
@@ -39,7 +39,7 @@ def refuted(
     beam, gone_through = _went_through(x, seen, sigma_m, pieces)
     passed = np.bincount(gone_through, minlength=len(pieces.wall))
     stopped = np.bincount(piece, minlength=len(pieces.wall))
-    against = (passed > MOST_PASSED_SHARE * stopped) & (passed >= LEAST_PASSED)
+    against = (passed > MAX_PASSED_SHARE * stopped) & (passed >= MIN_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
     wrong[hit] = against[piece]
     firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)

@@ -35,15 +35,15 @@ Mask = NDArray[np.bool_]
 SIDE_HITS = 5
 """So many hits before a step are compared with as many after it: a quarter of a second at 20 Hz.
 Chosen: of fewer the mean is too noisy, more are too far from the step."""
-LEAST_SIDE_HITS = 3
+MIN_SIDE_HITS = 3
 """On either side, or one stray hit would make a step. Chosen."""
-MOST_APART_KEYFRAMES = 5
+MAX_APART_KEYFRAMES = 5
 """Hits more than a second apart do not follow each other. Chosen: odometry walks by 16 mm in it."""
 STEP_SIGMAS = 4.0
 """Noise alone makes one such step in some thousand hits, and some hits are lost to it. One of 15 cm
 stands out by 7 sigmas at 2 m; a missed one costs degrees. Chosen: `benchmarks/pilasters.py` prints
 3.8, 4.1 and 5.0 deg in the mean with 4, 4.5 and 5."""
-LEAST_STEP_M = 0.06
+MIN_STEP_M = 0.06
 """Chosen: plaster, skirting and rough walls stand out by less."""
 NORMAL_SIGMA_RAD = math.radians(2)
 """Sigma of a wall's direction in flight; chosen. Along a wall whose direction is taken wrongly hits
@@ -85,7 +85,7 @@ class Steps:
         for first in np.unique(streams.first[step_m != 0]):
             stream = slice(first, streams.end[first])
             level_m = total_m[stream]
-            near = np.abs(level_m[:, None] - np.unique(level_m)) < LEAST_STEP_M
+            near = np.abs(level_m[:, None] - np.unique(level_m)) < MIN_STEP_M
             beside[streams.hit[stream]] = ~near[:, near.sum(axis=0).argmax()]
         return beside
 
@@ -114,7 +114,7 @@ class Steps:
         wandered_m2 = 2 * self.odometry.wander_m**2 * (1 - wander_kept(lasted_s))
         sigma_m = np.sqrt(noise_m2 + walked_m2 + wandered_m2 + climbed_m**2)
         sigmas = np.where(streams.is_inside, np.abs(step_m) / sigma_m, 0.0)
-        is_step = (sigmas > STEP_SIGMAS) & (np.abs(step_m) > LEAST_STEP_M)
+        is_step = (sigmas > STEP_SIGMAS) & (np.abs(step_m) > MIN_STEP_M)
         is_step &= sigmas >= maximum_filter1d(sigmas, 2 * SIDE_HITS + 1)
         return np.where(is_step, step_m, 0.0)
 
@@ -139,7 +139,7 @@ class _Streams:
         hit: Indices = np.flatnonzero(wall_of != NO_WALL)
         hit = hit[np.lexsort((hit, beam[hit], wall_of[hit]))]
         begins = (np.diff(wall_of[hit], prepend=-1) != 0) | (np.diff(beam[hit], prepend=-1) != 0)
-        begins |= np.diff(frame[hit], prepend=0) > MOST_APART_KEYFRAMES
+        begins |= np.diff(frame[hit], prepend=0) > MAX_APART_KEYFRAMES
         begin: Indices = np.flatnonzero(begins)
         number, here = np.cumsum(begins) - 1, np.arange(len(hit))
         first, end = begin[number], np.append(begin[1:], len(hit))[number]
@@ -149,7 +149,7 @@ class _Streams:
     @property
     def is_inside(self) -> Mask:
         """(h,): there are enough hits on both sides."""
-        inside: Mask = np.minimum(self.before, self.after) >= LEAST_SIDE_HITS
+        inside: Mask = np.minimum(self.before, self.after) >= MIN_SIDE_HITS
         return inside
 
     @property

@@ -22,11 +22,11 @@ Mask = NDArray[np.bool_]
 BIN_M = 0.25
 FLOOR_M = 0.03
 """Means are not taken to be more exact than this: walls have skirting and poses have errors."""
-MOST_SIGMAS = 3.0
+MAX_SIGMAS = 3.0
 """A single hit counts as no farther off than this."""
-LEAST_BINS = 2
+MIN_BINS = 2
 """On either side of a bend."""
-MOST_GAIN = 15.0
+MAX_GAIN = 15.0
 """χ² by which two lines fit better than one, with the best of all bends: of a straight wall less
 than 10, nearly always."""
 
@@ -42,17 +42,17 @@ class Bend:
 
     @property
     def is_straight(self) -> bool:
-        return self.gain < MOST_GAIN
+        return self.gain < MAX_GAIN
 
 
 def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
     """Of hits (n,) along a line and across it, with the sigmas of the latter."""
     number = np.floor((along_m - along_m.min(initial=0.0)) / BIN_M).astype(np.int64)
     weight = 1 / sigma_m**2
-    within_m = np.clip(across_m, -MOST_SIGMAS * sigma_m, MOST_SIGMAS * sigma_m)
+    within_m = np.clip(across_m, -MAX_SIGMAS * sigma_m, MAX_SIGMAS * sigma_m)
     total = np.bincount(number, weight)
     filled = np.flatnonzero(total)
-    if len(filled) < 2 * LEAST_BINS:
+    if len(filled) < 2 * MIN_BINS:
         return Bend(0.0, 0.0)
     place_m = np.bincount(number, weight * along_m)[filled] / total[filled]
     mean_m = np.bincount(number, weight * within_m)[filled] / total[filled]
@@ -60,9 +60,9 @@ def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
     place_m -= place_m.mean()
     before = _square_to(place_m, mean_m, weight)
     after = _square_to(place_m[::-1], mean_m[::-1], weight[::-1])[::-1]
-    gains = (before[-1] - before[:-1] - after[1:])[LEAST_BINS - 1 : 1 - LEAST_BINS]
+    gains = (before[-1] - before[:-1] - after[1:])[MIN_BINS - 1 : 1 - MIN_BINS]
     best = int(gains.argmax())
-    last = filled[best + LEAST_BINS - 1]
+    last = filled[best + MIN_BINS - 1]
     return Bend(float(gains[best]), float(along_m.min()) + (last + 1) * BIN_M)
 
 

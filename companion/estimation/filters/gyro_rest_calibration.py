@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from companion.core.messages import GyroSample
 
-MOST_RATE_SPREAD_RAD_S = math.radians(3.0)
+MAX_RATE_SPREAD_RAD_S = math.radians(3.0)
 """A sample this far from the mean means that somebody is moving the drone."""
-LEAST_SAMPLES = 20
+MIN_SAMPLES = 20
 
 
 class RestCalibration:
@@ -27,12 +27,12 @@ class RestCalibration:
 
     def _add(self, sample: GyroSample) -> bool:
         mean = self._sum_rad_s / self._count if self._count else sample.yaw_rate_rad_s
-        if self._count == 0 or abs(sample.yaw_rate_rad_s - mean) > MOST_RATE_SPREAD_RAD_S:
+        if self._count == 0 or abs(sample.yaw_rate_rad_s - mean) > MAX_RATE_SPREAD_RAD_S:
             self._began_s, self._sum_rad_s, self._count = sample.time_s, 0.0, 0
         self._sum_rad_s += sample.yaw_rate_rad_s
         self._count += 1
         still_s = sample.time_s - self._began_s
-        if still_s < self._rest_s or self._count < LEAST_SAMPLES:
+        if still_s < self._rest_s or self._count < MIN_SAMPLES:
             return False
         self.bias_rad_s = self._sum_rad_s / self._count
         self._count, self._sum_rad_s = 0, 0.0

@@ -13,7 +13,7 @@ from companion.core.messages import RangeReading
 
 WALK_M2_S = 0.002**2
 """How the autopilot's height drifts."""
-LEAST_SIGMA_M = 0.02
+MIN_SIGMA_M = 0.02
 STEP_M = 0.12
 
 
@@ -36,7 +36,7 @@ class Height:
         off_m = reading.distance_m + offset_m - self.metres
         if abs(off_m) > STEP_M:
             return
-        variance_m2 = max(reading.variance_m2, LEAST_SIGMA_M**2)
+        variance_m2 = max(reading.variance_m2, MIN_SIGMA_M**2)
         gain = self._variance_m2 / (self._variance_m2 + variance_m2)
         self.metres += gain * off_m
         self._variance_m2 *= 1 - gain

@@ -75,7 +75,7 @@ class LineSlam:
     SURPRISE_M = 0.25
     """A range that is off by so much counts half, and less the more it is: where the position is
     not known well, one that met something else would pull it aside at once."""
-    LEAST_COS_INCIDENCE = math.cos(math.radians(65))
+    MIN_COS_INCIDENCE = math.cos(math.radians(65))
     SAME_NORMAL_RAD = math.radians(12)
 
     def __init__(self, heading: HeadingFilter, odometry: OdometryModel) -> None:
@@ -185,7 +185,7 @@ class LineSlam:
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
         cos_incidence = math.cos(incidence_rad)
-        if cos_incidence < self.LEAST_COS_INCIDENCE:
+        if cos_incidence < self.MIN_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
         north, east = eye_ne_m[0] - wall.anchor_ne_m[0], eye_ne_m[1] - wall.anchor_ne_m[1]

@@ -131,11 +131,11 @@ class WallRun:
     """The growing run of one beam."""
 
     MIN_HITS = 8
-    LEAST_LENGTH_M = 0.8
+    MIN_LENGTH_M = 0.8
     FULL_LENGTH_M = 2.5
-    MOST_NORMAL_SIGMA_RAD = math.radians(4)
-    MOST_INCIDENCE_RAD = math.radians(65)
-    MOST_MISFIT = 1.8
+    MAX_NORMAL_SIGMA_RAD = math.radians(4)
+    MAX_INCIDENCE_RAD = math.radians(65)
+    MAX_MISFIT = 1.8
     """A run round a corner lies about its line more loosely than its noise allows."""
     MISFIT_SIGMAS = 3.0
     MISFITS_TO_END = 2
@@ -163,18 +163,18 @@ class WallRun:
         """Give up the run, as when the beam returns nothing: its line, if it is worth one."""
         line, self._line, self._moments = self._line, None, NO_HITS
         self._misfits.clear()
-        if line is None or line.length_m < self.LEAST_LENGTH_M:
+        if line is None or line.length_m < self.MIN_LENGTH_M:
             return None
         line = _wandering(line, self._wander_m, self._last_s - self._began_s)
-        sure = line.normal_sigma_rad < self.MOST_NORMAL_SIGMA_RAD
-        straight = line.misfit < self.MOST_MISFIT
+        sure = line.normal_sigma_rad < self.MAX_NORMAL_SIGMA_RAD
+        straight = line.misfit < self.MAX_MISFIT
         return line if sure and straight and self._is_faced(line) else None
 
     def _is_faced(self, line: Line) -> bool:
         """False for a row of hits along the beam itself: that is noise of the range, not a wall."""
         north, east = (c - v for c, v in zip(line.centre, self._viewpoint, strict=True))
         bearing_rad = math.atan2(east, north)
-        return abs(wrap_rad(bearing_rad - line.normal_rad)) < self.MOST_INCIDENCE_RAD
+        return abs(wrap_rad(bearing_rad - line.normal_rad)) < self.MAX_INCIDENCE_RAD
 
     def _restart(self) -> Line | None:
         misfits = self._misfits.copy()

@@ -13,7 +13,7 @@ from companion.estimation.smoothing.state import Array, Indices, Measured, Unkno
 WALL_COST = 60.0
 """χ² that a wall must save to be part of the likelier of two maps: it has two unknowns and two
 ends, ln n each, and must hold against all lines that could have been put there."""
-LEAST_COS = 0.15
+MIN_COS = 0.15
 REACH_M = 0.2
 """A wall is there so far beyond its outermost hits."""
 
@@ -41,7 +41,7 @@ def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Ar
         x.walls, x.normals, x.tangents, x.reach_m, strict=True
     ):
         cos = beams @ normal
-        ahead_m = (line[1] - eyes @ normal) / np.where(cos > LEAST_COS, cos, np.inf)
+        ahead_m = (line[1] - eyes @ normal) / np.where(cos > MIN_COS, cos, np.inf)
         along_m = (eyes + ahead_m[:, None] * beams) @ tangent
         met = (ahead_m > 0) & (along_m > reach_m[0] - REACH_M) & (along_m < reach_m[1] + REACH_M)
         expected_m = np.minimum(ahead_m - m.mount_m[hits], units.max_m[beam])[met]

@@ -50,16 +50,16 @@ SIGMAS = 3.0
 TOGETHER_S = 30.0
 """What lies between two such moments no farther apart was pulled aside by the first and let go at
 the second."""
-MOST_RECONSIDERED = 3
-MOST_SHIFTED = 8
-MOST_TRIED = 4
+MAX_RECONSIDERED = 3
+MAX_SHIFTED = 8
+MAX_TRIED = 4
 BRIDGING_STEPS = 2
 BRIDGED_GATES = (Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 3
 STRETCHES_S = (180.0, 90.0, 45.0)
 """The long ones first: a short one, all else as it was, is led back to where it was."""
-MOST_STRETCHES = 4
+MAX_STRETCHES = 4
 """The most strained ones are tried; each needs about as long as smoothing the flight."""
-LEAST_GAIN = 40.0
+MIN_GAIN = 40.0
 """χ² by which another flight must be likelier to be worth looking further from there."""
 
 
@@ -74,7 +74,7 @@ class Doubt:
 
     def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where odometry or the gyro contradict this one, and in walls that were met again."""
-        for _ in range(MOST_RECONSIDERED):
+        for _ in range(MAX_RECONSIDERED):
             doubted = contradicted(estimate.x, self.m, self.smoother.models)
             if not doubted.any():
                 break
@@ -104,12 +104,12 @@ class Doubt:
         `tried` are those without which this estimate is no likelier: in a short flight stretches of
         several lengths are the same.
         """
-        for _ in range(MOST_RECONSIDERED):
+        for _ in range(MAX_RECONSIDERED):
             odometry = self.smoother.models.odometry
             worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
             others = (self._without(doubted, estimate) for doubted in stretches.values())
-            likelier = yield from self._likelier(others, estimate, LEAST_GAIN)
+            likelier = yield from self._likelier(others, estimate, MIN_GAIN)
             if likelier is None:
                 tried |= stretches.keys()
                 break
@@ -119,9 +119,9 @@ class Doubt:
 
     def _shifting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where a stretch would lie on what was met before and after it."""
-        for _ in range(MOST_SHIFTED):
+        for _ in range(MAX_SHIFTED):
             found = yield from shifts(estimate, self.m, self.smoother.models.ranges)
-            others = (self._shifted(shift, estimate) for shift in found[:MOST_TRIED])
+            others = (self._shifted(shift, estimate) for shift in found[:MAX_TRIED])
             likelier = yield from self._likelier(others, estimate)
             if likelier is None:
                 break
@@ -130,9 +130,9 @@ class Doubt:
 
     def _revisiting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """Where what was met again may have been another wall."""
-        for _ in range(MOST_RECONSIDERED):
+        for _ in range(MAX_RECONSIDERED):
             visits = yield from doubting(self.smoother, estimate, self.m, self.past)
-            others = (self._apart(hits, estimate) for hits in visits[:MOST_TRIED])
+            others = (self._apart(hits, estimate) for hits in visits[:MAX_TRIED])
             likelier = yield from self._likelier(others, estimate)
             if likelier is None:
                 break
@@ -193,7 +193,7 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
     begin_s = np.arange(-length_s / 2, time_s[-1], length_s / 2)
     begin, end = np.searchsorted(time_s, [begin_s, begin_s + length_s])
     end = np.minimum(end, len(total) - 1)
-    worst = np.argsort(total[begin] - total[end], kind="stable")[:MOST_STRETCHES]
+    worst = np.argsort(total[begin] - total[end], kind="stable")[:MAX_STRETCHES]
     frames = np.arange(len(time_s))
     return [(frames >= begin[i]) & (frames < end[i]) for i in worst]
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.estimation.association.gating import LEAST_COS_INCIDENCE
+from companion.estimation.association.gating import MIN_COS_INCIDENCE
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
@@ -31,19 +31,19 @@ from companion.estimation.smoothing.state import (
 
 SPANS_S = (60.0, 120.0, 240.0, 480.0)
 """How long the stretches are; each half overlaps the next."""
-LEAST_LENGTH_S = 15.0
+MIN_LENGTH_S = 15.0
 RAMP_S = 15.0
 """The flight before and after a stretch leads over to it: 3 cm a second at most."""
-MOST_M, STEP_M = 0.8, 0.1
+MAX_M, STEP_M = 0.8, 0.1
 EXACT_M = 0.06
 """Hits with a larger sigma tell nothing."""
 ON_WALL_M, BEYOND_END_M = 0.05, 0.1
 """So near to a wall, besides one sigma, and to its ends, a hit is on it."""
-LEAST_HITS, MOST_HITS = 100, 400
+MIN_HITS, MAX_HITS = 100, 400
 """Of a stretch; a sample of more tells as much."""
-LEAST_HITS_ELSEWHERE = 8
+MIN_HITS_ELSEWHERE = 8
 """From outside of the stretch, on a wall that it may be laid over."""
-LEAST_GAIN = 0.05
+MIN_GAIN = 0.05
 """The share of a stretch's hits that have to lie on walls only where it is shifted to."""
 
 
@@ -69,16 +69,16 @@ def shifts(
     for begin_s, end_s in _stretches(float(time_s.max(initial=0.0))):
         inside = (time_s >= begin_s) & (time_s < end_s)
         exact: Indices = np.flatnonzero(inside & (sigma_m < EXACT_M))
-        if len(exact) < LEAST_HITS:
+        if len(exact) < MIN_HITS:
             continue
-        some = exact[np.linspace(0, len(exact) - 1, min(len(exact), MOST_HITS)).astype(int)]
+        some = exact[np.linspace(0, len(exact) - 1, min(len(exact), MAX_HITS)).astype(int)]
         elsewhere = np.where(inside, NO_WALL, estimate.wall_of)
         shares = _shares_on_walls(x, seen, sigma_m, some, elsewhere)
         best = int(shares.argmax())
         gain = float(shares[best] - shares[len(shares) // 2])
         found.append(Shift(begin_s, end_s, _BY_NE_M[best], gain))
         yield
-    worth = (shift for shift in found if shift.gain > LEAST_GAIN)
+    worth = (shift for shift in found if shift.gain > MIN_GAIN)
     return sorted(worth, key=lambda shift: -shift.gain)
 
 
@@ -93,7 +93,7 @@ def shifted(x: Unknowns, m: Measured, shift: Shift) -> Unknowns:
 
 def _places_ne_m() -> Array:
     """(s, 2): all shifts that are tried, none at all in the middle."""
-    steps_m = STEP_M * np.arange(-round(MOST_M / STEP_M), round(MOST_M / STEP_M) + 1)
+    steps_m = STEP_M * np.arange(-round(MAX_M / STEP_M), round(MAX_M / STEP_M) + 1)
     return np.stack(np.meshgrid(steps_m, steps_m, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
@@ -102,7 +102,7 @@ _BY_NE_M = _places_ne_m()
 
 def _stretches(length_s: float) -> Iterator[tuple[float, float]]:
     for span_s in SPANS_S:
-        for begin_s in np.arange(0.0, length_s - LEAST_LENGTH_S, span_s / 2).tolist():
+        for begin_s in np.arange(0.0, length_s - MIN_LENGTH_S, span_s / 2).tolist():
             yield begin_s, begin_s + span_s
 
 
@@ -111,12 +111,12 @@ def _shares_on_walls(
 ) -> Array:
     """(s,): for each shift the share of some hits that lie on walls, as far as `wall_of` tells."""
     met = np.bincount(wall_of[wall_of != NO_WALL], minlength=len(x.walls))
-    walls: Indices = np.flatnonzero(met >= LEAST_HITS_ELSEWHERE)
+    walls: Indices = np.flatnonzero(met >= MIN_HITS_ELSEWHERE)
     low_m, high_m = reach_m(x, seen.points, wall_of)[walls].T
     normals, tangents = x.normals[walls], x.tangents[walls]
     off_m = seen.points[some] @ normals.T - x.walls[walls, 1]
-    faces = seen.beams[some] @ normals.T > LEAST_COS_INCIDENCE
-    hit, wall = np.nonzero(faces & (np.abs(off_m) < 2 * MOST_M))
+    faces = seen.beams[some] @ normals.T > MIN_COS_INCIDENCE
+    hit, wall = np.nonzero(faces & (np.abs(off_m) < 2 * MAX_M))
     if not len(hit):
         return np.zeros(len(_BY_NE_M))
     along_m = (seen.points[some][hit] * tangents[wall]).sum(axis=1)[:, None]

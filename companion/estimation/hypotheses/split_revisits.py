@@ -29,10 +29,10 @@ from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Meas
 
 PAUSE_S = 5.0
 """A wall that has not been met for so long is visited again."""
-LEAST_HITS = 8
-MOST_VISITS, AT_ONCE = 100, 25
+MIN_HITS = 8
+MAX_VISITS, AT_ONCE = 100, 25
 """Those with most hits; and so many for one solution of the equations: time and memory."""
-LEAST_GAIN = 25.0
+MIN_GAIN = 25.0
 """χ² that a visit's own wall has to save; where all walls are right, the best of them save 15."""
 
 
@@ -48,7 +48,7 @@ def doubting(
         some = _gains(smoother, estimate, m, past, visits[first : first + AT_ONCE])
         gains = np.append(gains, some)
         yield
-    return [visits[i] for i in np.argsort(-gains, kind="stable") if gains[i] >= LEAST_GAIN]
+    return [visits[i] for i in np.argsort(-gains, kind="stable") if gains[i] >= MIN_GAIN]
 
 
 def apart(estimate: Estimate, visits: list[Indices]) -> Estimate:
@@ -69,8 +69,8 @@ def _visits(estimate: Estimate, m: Measured, known: int) -> list[Indices]:
         mine: Indices = np.flatnonzero(estimate.wall_of == wall)
         visits = np.split(mine, np.flatnonzero(np.diff(time_s[mine]) > PAUSE_S) + 1)
         if len(visits) > 1 or wall < known:
-            found += [hits for hits in visits if len(hits) >= LEAST_HITS]
-    return sorted(found, key=len, reverse=True)[:MOST_VISITS]
+            found += [hits for hits in visits if len(hits) >= MIN_HITS]
+    return sorted(found, key=len, reverse=True)[:MAX_VISITS]
 
 
 def _gains(

@@ -36,7 +36,7 @@ from companion.estimation.smoothing.two_gyro_bias import ToldModel, steadied
 GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
 WALLS = GAINS + len(BEAMS)
 """Places of the shared unknowns."""
-LEAST_SIGMA = 1e-4
+MIN_SIGMA = 1e-4
 SQUARE_SIGMA_RAD = math.radians(0.5)
 """How exactly rooms are built."""
 

@@ -21,7 +21,7 @@ Indices = NDArray[np.int64]
 
 PERIOD_S = 0.2
 NO_WALL = -1
-MOST_HITS = 60_000
+MAX_HITS = 60_000
 """Twelve minutes of all beams. Of a longer flight only every second, fourth, ... sweep is kept,"""
 FRESH_S = 60.0
 """but all of the last minute."""
@@ -188,7 +188,7 @@ class FlightRecord:
 
     def thin(self) -> None:
         """Keep no more hits than there is room for; those of the whole flight equally."""
-        while len(self._hits) > MOST_HITS:
+        while len(self._hits) > MAX_HITS:
             self._stride *= 2
             time_s = self.hits[:, HitColumn.TIME_S]
             fresh = time_s > time_s[-1] - FRESH_S

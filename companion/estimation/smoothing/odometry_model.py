@@ -24,9 +24,9 @@ WANDER_S = 0.8
 AVERAGED_S = 4.0
 """Time over which the told motion is averaged: several correlation times of the wander, half a leg.
 Chosen: 2 to 10 s differ by less than 0.4 % of the size of recorded rooms."""
-LEAST_WANDER_M = 0.002
+MIN_WANDER_M = 0.002
 """What never errs less than this keeps the equations solvable."""
-LEAST_STEP_M = 1e-4
+MIN_STEP_M = 1e-4
 
 
 @dataclass(slots=True)
@@ -38,7 +38,7 @@ class OdometryModel:
     """Random walk on each axis: 5 mm a step at 10 Hz."""
     floor_m: float = 0.002
     """What rounding and the messages' timing add to a step, at worst the same way each time."""
-    wander_m: float = LEAST_WANDER_M
+    wander_m: float = MIN_WANDER_M
     """σ_w, on each axis (`odometry_noise.py`)."""
 
     def step_sigma_m(self, dt_s: Array) -> Array:
@@ -48,7 +48,7 @@ class OdometryModel:
 
     def wander_step_sigma_m(self, dt_s: Array) -> Array:
         """By how much the wander's change differs from its fading, (n,)."""
-        sigma_m: Array = self.wander_m * np.sqrt(1 - wander_kept(dt_s) ** 2) + LEAST_STEP_M
+        sigma_m: Array = self.wander_m * np.sqrt(1 - wander_kept(dt_s) ** 2) + MIN_STEP_M
         return sigma_m
 
 

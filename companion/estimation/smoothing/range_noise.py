@@ -11,8 +11,8 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 BEAMS = tuple(Beam)
-LEAST_SIGMA_M = 1e-3
-LEAST_STEP_M = 1e-9
+MIN_SIGMA_M = 1e-3
+MIN_STEP_M = 1e-9
 """A sensor that only ever told one distance has a range of no length."""
 
 
@@ -43,8 +43,8 @@ class RangeUnits:
             distance_m = np.linspace(model.min_m, model.max_m, self.STEPS + 1)
             total_m = np.array([model.sigma_m(float(d)) for d in distance_m])
             without_gain = np.sqrt(total_m**2 - (model.gain_sigma * distance_m) ** 2)
-            self._sigma_m[at] = noise_factor * np.maximum(without_gain, LEAST_SIGMA_M)
-        self._step_m = np.maximum((self.max_m - self.min_m) / self.STEPS, LEAST_STEP_M)
+            self._sigma_m[at] = noise_factor * np.maximum(without_gain, MIN_SIGMA_M)
+        self._step_m = np.maximum((self.max_m - self.min_m) / self.STEPS, MIN_STEP_M)
         inverse = 1 / self._sigma_m
         per_step = 0.5 * self._step_m[:, None] * (inverse[:, 1:] + inverse[:, :-1])
         self._signal = np.zeros_like(self._sigma_m)

@@ -36,7 +36,7 @@ FLYING_SUPPORT = Support(extent_m=0.6)
 would pull at the pose."""
 OVERLAP_KEYFRAMES = 100
 """The last part reaches so far back into what was solved as a whole."""
-MOST_WHOLE_KEYFRAMES = 1800
+MAX_WHOLE_KEYFRAMES = 1800
 """Six minutes. Later the whole would take too long for one tick, and only parts are solved."""
 
 
@@ -96,7 +96,7 @@ class InFlightSmoothing:
         record.thin()
         count = len(record.frames)
         is_whole = self._past is None or count < SHORT_KEYFRAMES
-        is_whole |= GROWN_BY * self._whole_keyframes < count < MOST_WHOLE_KEYFRAMES
+        is_whole |= GROWN_BY * self._whole_keyframes < count < MAX_WHOLE_KEYFRAMES
         self._work = self._smoothing(record, walls, is_whole)
 
     def _smoothing(

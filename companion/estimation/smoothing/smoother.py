@@ -72,12 +72,12 @@ class Smoother:
         at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(factors.WALLS)])
         sigma = np.array(
             [
-                *(factors.LEAST_SIGMA,) * 3,
+                *(factors.MIN_SIGMA,) * 3,
                 gyro.bias_sigma_rad_s,
-                *(factors.LEAST_SIGMA,) * 2,
+                *(factors.MIN_SIGMA,) * 2,
                 gyro.scale_sigma,
                 odometry.scale_sigma,
-                *(ranges.gain_sigma + factors.LEAST_SIGMA),
+                *(ranges.gain_sigma + factors.MIN_SIGMA),
             ]
         )
         return Past(0, at, Belief(np.diag(sigma**-2.0), np.zeros(len(sigma))))

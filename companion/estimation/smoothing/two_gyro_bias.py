@@ -22,9 +22,9 @@ from companion.estimation.smoothing.bordered_solver import BorderedSystem, cauch
 from companion.estimation.smoothing.state import Array, Measured
 
 ROUNDS = 3
-MOST_RMS = 2.0
+MAX_RMS = 2.0
 """In sigmas of what was told: with more it does not go as a gyro would."""
-LEAST_KEYFRAMES = 20
+MIN_KEYFRAMES = 20
 _SIZE = 2
 """Unknowns of a keyframe: e and d."""
 
@@ -45,7 +45,7 @@ class ToldModel:
 def steadied(m: Measured, gyro: GyroModel, told: ToldModel) -> Measured:
     """With how our gyro's bias has moved, where the autopilot's can tell."""
     at = np.flatnonzero(np.isfinite(m.told_rad))
-    if len(at) < LEAST_KEYFRAMES:
+    if len(at) < MIN_KEYFRAMES:
         return m
     first, last = int(at[0]), int(at[-1])
     moved_rad_s = _bias_moved(m.between(first, last + 1), gyro, told)
@@ -75,7 +75,7 @@ def _bias_moved(m: Measured, gyro: GyroModel, told: ToldModel) -> Array | None:
         x += solution.chained.reshape(-1, _SIZE)
         scale += float(solution.shared[0])
         off_rad = x[used, 0] + scale * told_rad - ahead_rad
-    if np.sqrt(np.mean(off_rad**2)) > MOST_RMS * told.sigma_rad:
+    if np.sqrt(np.mean(off_rad**2)) > MAX_RMS * told.sigma_rad:
         return None
     moved_rad_s: Array = np.diff(x[:, 1])
     return moved_rad_s

@@ -6,7 +6,7 @@ from companion.core.frames import Vector2
 from companion.core.messages import WallSegment
 from companion.export.plan.survey import Survey
 
-LEAST_LENGTH_M = 0.6
+MIN_LENGTH_M = 0.6
 """Shorter pieces are drawn, not dimensioned."""
 OFF_M = 0.35
 BESIDE_M = 0.1

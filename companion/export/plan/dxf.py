@@ -11,7 +11,7 @@ from ezdxf.math import Vec2, Vec3
 from ezdxf.units import M
 
 from companion.core.frames import Vector2
-from companion.export.plan.dimensions import LEAST_LENGTH_M, OFF_M, dimension_side_ne
+from companion.export.plan.dimensions import MIN_LENGTH_M, OFF_M, dimension_side_ne
 from companion.export.plan.survey import Survey
 
 LAYERS = {"WALLS": 7, "OPENINGS": 5, "ROOMS": 8, "LABELS": 7, "DIMENSIONS": 3, "PATH": 4}
@@ -30,7 +30,7 @@ def write_dxf(survey: Survey, path: Path) -> None:
     for wall in survey.plan.walls:
         start, end = _xy(wall.start_ne_m), _xy(wall.end_ne_m)
         space.add_line(start, end, dxfattribs={"layer": "WALLS", "lineweight": 50})
-        if wall.length_m >= LEAST_LENGTH_M:
+        if wall.length_m >= MIN_LENGTH_M:
             _dimension(space, start, end, _xy(dimension_side_ne(survey, wall)))
     for opening in survey.openings:
         start, end = _xy(opening.start_ne_m), _xy(opening.end_ne_m)

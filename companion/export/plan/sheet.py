@@ -12,7 +12,7 @@ from typing import Any
 from companion.core.figures import Axes, Figure, Outline, PathPatch, Polygon, rc_context
 from companion.core.frames import Vector2
 from companion.core.messages import WallSegment
-from companion.export.plan.dimensions import LEAST_LENGTH_M, OFF_M, dimension_side_ne
+from companion.export.plan.dimensions import MIN_LENGTH_M, OFF_M, dimension_side_ne
 from companion.export.plan.survey import Opening, Room, Survey
 
 INK, FAINT, PATH, RETURNS, ROOM, DOOR = (
@@ -152,7 +152,7 @@ def _draw_plan(axes: Axes, survey: Survey, sheet: Sheet) -> None:
         axes.plot(0, 0, marker="o", markersize=3.5, color=PATH)
     for wall in plan.walls:
         _draw_line(axes, wall.start_ne_m, wall.end_ne_m, INK, 2.0)
-        if wall.length_m >= LEAST_LENGTH_M:
+        if wall.length_m >= MIN_LENGTH_M:
             _draw_dimension(axes, survey, wall, sheet)
     for opening in survey.openings:
         _draw_opening(axes, opening)

@@ -34,7 +34,7 @@ TOUCHING_M = 1e-9
 GRID_M = 1e-4
 """Points nearer than this are one."""
 STANDING_WIDTH_M = 0.6
-LEAST_ROOM_M2 = 1.0
+MIN_ROOM_M2 = 1.0
 THICKEST_WALL_M = 0.6
 """Two parallel openings this near are the two sides of one doorway."""
 LOOKS = 3
@@ -212,7 +212,7 @@ def _longest_m(sides: shapely.Geometry) -> float:
 
 
 def _can_stand_in(face: Polygon) -> bool:
-    return face.area > LEAST_ROOM_M2 and not face.buffer(-STANDING_WIDTH_M / 2).is_empty
+    return face.area > MIN_ROOM_M2 and not face.buffer(-STANDING_WIDTH_M / 2).is_empty
 
 
 def _named(rooms: Sequence[Polygon]) -> tuple[Room, ...]:

@@ -2,7 +2,7 @@
 
 A UART sends a tenth of its baud rate in bytes a second. The kernel takes 4096 bytes at once, which
 at 57600 baud is 0.7 s: what is put behind them gets there when it is out of date. So no message is
-begun behind more than `MOST_BACKLOG_S` of bytes. What does not fit is dropped whole; what comes
+begun behind more than `MAX_BACKLOG_S` of bytes. What does not fit is dropped whole; what comes
 again, as setpoints do, is fresh the next time. A message that was begun is finished before
 anything else.
 """
@@ -12,7 +12,7 @@ from typing import Protocol
 
 BITS_PER_BYTE = 10
 """A start bit, eight of data, a stop bit."""
-MOST_BACKLOG_S = 0.1
+MAX_BACKLOG_S = 0.1
 """Two ticks of the control loop, and half of the least `link.setpoint_loss_s`."""
 
 
@@ -58,7 +58,7 @@ class SerialLine:
         """
         self._finish(now_s)
         own_s = 0.0 if is_urgent else len(data) / self._bytes_per_s
-        if self._rest or self._backlog_s(now_s) + own_s > MOST_BACKLOG_S:
+        if self._rest or self._backlog_s(now_s) + own_s > MAX_BACKLOG_S:
             return False
         self._rest, self._begun_s = data, now_s
         self._put(now_s)
@@ -69,7 +69,7 @@ class SerialLine:
 
     def _finish(self, now_s: float) -> None:
         """Too late, the rest is spoilt: whole, the receiver would take an old message for new."""
-        if self._rest and now_s - self._begun_s > MOST_BACKLOG_S:
+        if self._rest and now_s - self._begun_s > MAX_BACKLOG_S:
             self._rest, self._begun_s = bytes(byte ^ 0xFF for byte in self._rest), math.inf
         self._put(now_s)
 

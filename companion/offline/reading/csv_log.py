@@ -22,14 +22,14 @@ from companion.offline.reading.dialect import Numbers, opened, read_header
 from companion.offline.reading.log import Array, Log, Reading, Watch
 
 MOTION = ("time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad")
-MOST = (1e11, 1e6, 1e6, 1e4)
+MAX_VALUES = (1e11, 1e6, 1e6, 1e4)
 """Larger values than these, whatever the sign, are no time, place or heading."""
 GYRO = "gyro_z_rad_s"
 BEAM_COLUMNS = {f"{beam}_m": beam for beam in Beam}
 KNOWN = {*MOTION, *BEAM_COLUMNS, GYRO}
-MOST_RANGE_M = 200.0
+MAX_RANGE_M = 200.0
 ROWS_BETWEEN_NEWS = 20_000
-LEAST_SIGNS = 10
+MIN_SIGNS = 10
 """So many different ranges beyond the most are no sign for nothing, but another unit."""
 SHOWN = 40
 """Characters of a cell that a message repeats."""
@@ -124,7 +124,7 @@ def _motion(
         reading.skip_row("wrong number of cells", f"{where}: {len(row)} cells")
         return None
     values = tuple(numbers.read(row[column]) for column in header.motion)
-    for name, column, value, most in zip(MOTION, header.motion, values, MOST, strict=True):
+    for name, column, value, most in zip(MOTION, header.motion, values, MAX_VALUES, strict=True):
         if not abs(value) <= most:
             reason = f"{name} missing, not a number, or beyond {most:g}"
             if name == "time_s" and math.isfinite(value):
@@ -156,9 +156,9 @@ class _Ranges:
                 no sign of that.
         """
         values = np.array(self._values)
-        if len(self._of_them) >= LEAST_SIGNS and self._too_far > np.isfinite(values).sum():
+        if len(self._of_them) >= MIN_SIGNS and self._too_far > np.isfinite(values).sum():
             raise LogError(
-                f"{self._name}: {self._too_far} of {len(values)} are beyond {MOST_RANGE_M:g} m: "
+                f"{self._name}: {self._too_far} of {len(values)} are beyond {MAX_RANGE_M:g} m: "
                 "if these are millimetres, divide by 1000; if centimetres, by 100"
             )
         return values
@@ -168,15 +168,15 @@ class _Ranges:
         if not cell or cell.isspace():
             return math.nan
         value = self._numbers.read(cell)
-        if 0 < value <= MOST_RANGE_M:
+        if 0 < value <= MAX_RANGE_M:
             return value
         if math.isnan(value) and cell.strip().lower().lstrip("+-") != "nan":
             self._reading.skip_cell(f"{self._name} not a number", f"{where}: {cell[:SHOWN]!r}")
         elif math.isfinite(value):
-            reason = f"{self._name} not between 0 and {MOST_RANGE_M:g}"
+            reason = f"{self._name} not between 0 and {MAX_RANGE_M:g}"
             self._reading.skip_cell(reason, f"{where}: {cell[:SHOWN]!r}")
-            if value > MOST_RANGE_M:
+            if value > MAX_RANGE_M:
                 self._too_far += 1
-                if len(self._of_them) < LEAST_SIGNS:
+                if len(self._of_them) < MIN_SIGNS:
                     self._of_them.add(value)
         return math.nan

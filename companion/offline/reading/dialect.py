@@ -23,7 +23,7 @@ GZIP_MAGIC = b"\x1f\x8b"
 SPREADSHEETS_OWN = re.compile(r"sep=(.)\s*", re.IGNORECASE)
 """A first line by which spreadsheets tell each other the delimiter."""
 COMMENT = "#"
-MOST_LINES_A_CELL = 20
+MAX_LINES_A_CELL = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +64,7 @@ class Dialect:
                 more = waiting.pop(0) if waiting else file.readline()
                 taken.append(more)
                 line += more
-                if not more or len(taken) > MOST_LINES_A_CELL:
+                if not more or len(taken) > MAX_LINES_A_CELL:
                     line, waiting, taken = taken[0], [*filter(None, taken[1:]), *waiting], taken[:1]
                     break
             yield number, line

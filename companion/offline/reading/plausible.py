@@ -13,21 +13,21 @@ from companion.core.errors import LogError
 
 Array = NDArray[np.float64]
 
-LEAST_ROWS = 10
+MIN_ROWS = 10
 """Of fewer nothing is said."""
-MOST_APART_S, LEAST_APART_S = 3.0, 1e-4
+MAX_APART_S, MIN_APART_S = 3.0, 1e-4
 """Rows of a drone's log are 0.05 to 1 s apart."""
 TIME_UNITS = ((3e3, "milliseconds", "1000"), (3e6, "microseconds", "1e6"))
 """Up to which distance of rows, if it were seconds, they are likely to be."""
-MOST_REPEATED = 0.5
-MOST_LEAP_S = 3600.0
+MAX_REPEATED = 0.5
+MAX_LEAP_S = 3600.0
 SET_BACK_S = 1.0
 """Rows may come out of order by less."""
-LEAST_AMONG = 3
-MOST_SPEED_M_S = 10.0
-MOST_TURN_RATE_RAD_S = 8.0
-MOST_STEP_RAD = math.pi
-LEAST_TURN_RAD = 0.01
+MIN_AMONG = 3
+MAX_SPEED_M_S = 10.0
+MAX_TURN_RATE_RAD_S = 8.0
+MAX_STEP_RAD = math.pi
+MIN_TURN_RAD = 0.01
 FULL_TURNS_RAD = 7.0
 """A heading that wraps in radians is less."""
 FULL_TURN_DEG = 360.5
@@ -42,21 +42,21 @@ def check_clock(time_s: Array) -> None:
     Raises:
         LogError: the clock was set back, or tells whole seconds or coarser.
     """
-    if len(time_s) < LEAST_ROWS:
+    if len(time_s) < MIN_ROWS:
         return
     repeated = 1 - len(np.unique(time_s)) / len(time_s)
-    if repeated > MOST_REPEATED:
+    if repeated > MAX_REPEATED:
         raise LogError(
             f"time_s: {100 * repeated:.0f} % of the rows have the time of another: it is rounded, "
             "or logs were joined; log it with its fractions"
         )
     for row in np.flatnonzero(np.diff(time_s) < -SET_BACK_S) + 1:
-        before, following = time_s[:row], time_s[row : row + LEAST_ROWS]
+        before, following = time_s[:row], time_s[row : row + MIN_ROWS]
         beyond = np.flatnonzero(following >= before.max())
         behind = following[: beyond[0]] if len(beyond) else following
         among = (before >= behind[0]) & (before <= behind[-1])
-        goes_on = len(behind) >= LEAST_AMONG and (np.diff(behind) > 0).all()
-        if goes_on and among.sum() >= LEAST_AMONG:  # rows that only come late find a gap
+        goes_on = len(behind) >= MIN_AMONG and (np.diff(behind) > 0).all()
+        if goes_on and among.sum() >= MIN_AMONG:  # rows that only come late find a gap
             raise LogError(
                 f"time_s goes back by {time_s[row - 1] - time_s[row]:.6g} s after "
                 f"{time_s[row - 1]:.6g} s: the clock was set, or logs were joined; cut it there, "
@@ -70,7 +70,7 @@ def check_units(time_s: Array, odometry: Array, gyro_rad_s: Array | None) -> Non
     Raises:
         LogError: one line with the unit that they are likely to have.
     """
-    if len(time_s) < LEAST_ROWS:
+    if len(time_s) < MIN_ROWS:
         return
     with np.errstate(over="ignore", invalid="ignore"):
         dt_s = np.diff(time_s)
@@ -81,7 +81,7 @@ def check_units(time_s: Array, odometry: Array, gyro_rad_s: Array | None) -> Non
 
 def _check_time(time_s: Array, dt_s: Array) -> None:
     apart_s = float(np.median(dt_s))
-    if apart_s >= MOST_APART_S:
+    if apart_s >= MAX_APART_S:
         name, factor = next(
             ((name, factor) for most, name, factor in TIME_UNITS if apart_s < most),
             ("nanoseconds", "1e9"),
@@ -90,13 +90,13 @@ def _check_time(time_s: Array, dt_s: Array) -> None:
             f"time_s: rows are {apart_s:.4g} s apart, and should be 0.05 to 1 s: "
             f"if these are {name}, divide by {factor}"
         )
-    if apart_s < LEAST_APART_S:
+    if apart_s < MIN_APART_S:
         raise LogError(
             f"time_s: rows are {apart_s:.4g} s apart, and should be 0.05 to 1 s: "
             "if these are days, multiply by 86400; if hours, by 3600"
         )
     leap = int(dt_s.argmax())
-    if dt_s[leap] > MOST_LEAP_S:
+    if dt_s[leap] > MAX_LEAP_S:
         raise LogError(
             f"time_s leaps by {dt_s[leap]:.6g} s after {time_s[leap]:.6g} s: the clock was set "
             "while it was recorded; cut the log there, and log a monotonic clock"
@@ -105,11 +105,11 @@ def _check_time(time_s: Array, dt_s: Array) -> None:
 
 def _check_places(dt_s: Array, odometry: Array) -> None:
     steps_m = np.hypot(*np.diff(odometry[:, :2], axis=0).T)
-    moves = (steps_m > 0) & (dt_s <= MOST_APART_S)
-    if moves.sum() < LEAST_ROWS:
+    moves = (steps_m > 0) & (dt_s <= MAX_APART_S)
+    if moves.sum() < MIN_ROWS:
         return
     speed_m_s = float(np.median(steps_m[moves] / dt_s[moves]))
-    if speed_m_s > MOST_SPEED_M_S:
+    if speed_m_s > MAX_SPEED_M_S:
         raise LogError(
             f"odom_x_m, odom_y_m: it moves at {speed_m_s:.3g} m/s: if these are millimetres, "
             "divide by 1000; if centimetres, by 100"
@@ -138,19 +138,19 @@ def _are_degrees(dt_s: Array, yaw: Array, steps: Array) -> bool:
     turned = np.abs(steps)
     if np.abs(yaw).max() <= FULL_TURN_DEG and (turned > WRAP_DEG).any():
         return True
-    turns = (turned > LEAST_TURN_RAD) & (dt_s <= MOST_APART_S)
-    if turns.sum() < LEAST_ROWS:
+    turns = (turned > MIN_TURN_RAD) & (dt_s <= MAX_APART_S)
+    if turns.sum() < MIN_ROWS:
         return False
-    fast = np.quantile(turned[turns] / dt_s[turns], 0.75) > MOST_TURN_RATE_RAD_S
-    return bool(fast or np.quantile(turned[turns], 0.8) > MOST_STEP_RAD)
+    fast = np.quantile(turned[turns] / dt_s[turns], 0.75) > MAX_TURN_RATE_RAD_S
+    return bool(fast or np.quantile(turned[turns], 0.8) > MAX_STEP_RAD)
 
 
 def _against_gyro(dt_s: Array, steps: Array, gyro_rad_s: Array) -> float:
     """How many times further the heading turns than the gyro tells; NaN if they do not go along."""
     turned = (gyro_rad_s[1:] + gyro_rad_s[:-1]) / 2 * dt_s
-    usable = np.isfinite(turned) & (dt_s <= MOST_APART_S) & (np.abs(steps) < WRAP_DEG / 2)
+    usable = np.isfinite(turned) & (dt_s <= MAX_APART_S) & (np.abs(steps) < WRAP_DEG / 2)
     steps, turned = steps[usable], turned[usable]
-    if len(steps) < LEAST_ROWS or min(np.abs(steps).sum(), np.abs(turned).sum()) < 0.5:
+    if len(steps) < MIN_ROWS or min(np.abs(steps).sum(), np.abs(turned).sum()) < 0.5:
         return math.nan
     both = float(steps @ turned)
     alike = both / math.sqrt(float(steps @ steps) * float(turned @ turned))

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from companion.core.messages import BEARING_FRD_RAD, Beam, RangeReading
 
-READINGS, LEAST_READINGS = 40, 15
+READINGS, MIN_READINGS = 40, 15
 """Of three seconds at most, at 20 a second; of fewer a line is no proof. Chosen."""
 WAY_M = 0.4
 """So far the drone goes before they are looked at again: more than its odometry errs meanwhile."""
@@ -78,7 +78,7 @@ class BeamLine:
         self._rows.append((*place, stand.yaw_rad, reading.distance_m, sigma_m))
         if len(self._rows) == 1:
             self._judged_at_m = place
-        if len(self._rows) >= LEAST_READINGS and math.dist(place, self._judged_at_m) > WAY_M:
+        if len(self._rows) >= MIN_READINGS and math.dist(place, self._judged_at_m) > WAY_M:
             self._judged_at_m = place
             self._judge(now_s)
 

@@ -19,11 +19,11 @@ WINDOW, PERIOD = 40, 5
 ALIKE, STILL_ALIKE = 0.88, 0.6
 """Correlation at which an input begins to be called open, and below which it is not any more. Of 40
 second differences of independent noise it exceeds 0.88 less than once in 10^6."""
-MOST_MEDIANS = 3.0
+MAX_MEDIANS = 3.0
 """Larger differences are edges, which two beams may pass at once; they count as that much."""
-LEAST_LEVEL_V, MOST_LEVEL_V = 0.0, 0.9
+MIN_LEVEL_V, MAX_LEVEL_V = 0.0, 0.9
 """Of open inputs, without what they show of others."""
-LEAST_POWERED_V = 1.1
+MIN_POWERED_V = 1.1
 SHARE_TOLERANCE = 0.15
 Table = NDArray[np.float64]
 
@@ -62,7 +62,7 @@ class CouplingWatch:
 
 def _noise(volts: Table) -> Table:
     differences = np.diff(volts, 2, axis=0)
-    most = MOST_MEDIANS * np.median(np.abs(differences), axis=0)
+    most = MAX_MEDIANS * np.median(np.abs(differences), axis=0)
     clipped: Table = np.clip(differences, -most, most)
     return clipped
 
@@ -80,9 +80,7 @@ def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]
 
 def _is_share(share: float, my_v: float, other_v: float) -> bool:
     """Whether an input that shows so much of the other's voltage would stand where mine does."""
-    if not LEAST_POWERED_V < other_v > my_v:
+    if not MIN_POWERED_V < other_v > my_v:
         return False
-    most, least = (
-        (my_v - level_v) / (other_v - level_v) for level_v in (LEAST_LEVEL_V, MOST_LEVEL_V)
-    )
+    most, least = ((my_v - level_v) / (other_v - level_v) for level_v in (MIN_LEVEL_V, MAX_LEVEL_V))
     return least - SHARE_TOLERANCE < share < most + SHARE_TOLERANCE

@@ -17,7 +17,7 @@ from itertools import pairwise
 from companion.core.frames import wrap_rad
 from companion.core.messages import GyroSample, Odometry
 
-MOST_RATE_RAD_S = math.radians(240)
+MAX_RATE_RAD_S = math.radians(240)
 """Nearly what the LSM9DS1 can tell: it may be more."""
 GAP_S, GAP_PERIODS = 0.06, 3.0
 """Between two samples that is a gap: the slowest gyro gives three in that time, if it can."""
@@ -100,7 +100,7 @@ class GyroWatch:
         samples = [sample for sample in samples if math.isfinite(sample.yaw_rate_rad_s)]
         self.came = bool(samples)
         if samples:
-            self._is_saturated = any(abs(s.yaw_rate_rad_s) > MOST_RATE_RAD_S for s in samples)
+            self._is_saturated = any(abs(s.yaw_rate_rad_s) > MAX_RATE_RAD_S for s in samples)
         if odometry is not None:
             self._told.append(odometry)
         taken = self._without_gap(now_s, [*self._waiting, *samples], odometry, bias_rad_s or 0.0)

@@ -18,10 +18,10 @@ from companion.safety.health.ranges import Travel
 BINS = 36
 ENOUGH_TURN_RAD = math.radians(330)
 ON_THE_SPOT_M = 0.4
-MOST_STEP_RAD = math.radians(15)
+MAX_STEP_RAD = math.radians(15)
 """From one sweep to the next; else part of the turn was missed: what is alike may be by chance."""
-LEAST_COMMON = 12
-LEAST_OFF_M = 0.4
+MIN_COMMON = 12
+MIN_OFF_M = 0.4
 CLEARLY = 0.5
 """The other direction explains what was seen with so much less error, or better."""
 QUARTER = BINS // 4
@@ -46,7 +46,7 @@ class MountingWatch:
         turned_rad = travel[3]
         self._move(travel)
         is_on_the_spot = math.dist(place_ne_m, self._began_at_ne_m) < ON_THE_SPOT_M
-        missed = abs(turned_rad - self._turned_rad) > MOST_STEP_RAD
+        missed = abs(turned_rad - self._turned_rad) > MAX_STEP_RAD
         self._turned_rad = turned_rad
         if missed or not is_on_the_spot:  # false for NaN
             self._begin(place_ne_m, turned_rad)
@@ -87,7 +87,7 @@ def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if own_m > LEAST_OFF_M and elsewhere_m < CLEARLY * own_m
+        if own_m > MIN_OFF_M and elsewhere_m < CLEARLY * own_m
     )
 
 
@@ -96,7 +96,7 @@ def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
-        if elsewhere_m > LEAST_OFF_M and own_m < CLEARLY * elsewhere_m
+        if elsewhere_m > MIN_OFF_M and own_m < CLEARLY * elsewhere_m
     )
 
 
@@ -118,4 +118,4 @@ def _off_m(front: Seen, other: Seen, quarters: int) -> float:
         for heading, distance_m in other.items()
         if (there := (heading + quarters * QUARTER) % BINS) in front
     ]
-    return median(pairs) if len(pairs) >= LEAST_COMMON else math.inf
+    return median(pairs) if len(pairs) >= MIN_COMMON else math.inf

@@ -6,11 +6,11 @@ from dataclasses import replace
 from companion.core.frames import frd_to_ned, wrap_rad
 from companion.core.messages import Odometry
 
-MOST_SPEED_M_S = 5.0
-MOST_TURN_RAD_S = math.radians(250)
+MAX_SPEED_M_S = 5.0
+MAX_TURN_RAD_S = math.radians(250)
 JUMP_M, JUMP_M_S2 = 0.25, 1.5
 """A step may differ so much from what the velocity says, the second by the time squared."""
-LEAST_TURN_STEP_RAD = math.radians(20)
+MIN_TURN_STEP_RAD = math.radians(20)
 FORGOTTEN_S = 4.0
 """After a silence so long it may be told anew, by a companion that was started again: how far the
 heading had been pulled is counted from there."""
@@ -43,7 +43,7 @@ class SteadyOdometry:
         step_m, turn_rad = _step(last, told), wrap_rad(told.yaw_rad - last.yaw_rad)
         dt_s = told.time_s - last.time_s
         moved = not _is_jump(step_m, last, told, dt_s)
-        turned = abs(turn_rad) <= max(MOST_TURN_RAD_S * dt_s, LEAST_TURN_STEP_RAD)
+        turned = abs(turn_rad) <= max(MAX_TURN_RAD_S * dt_s, MIN_TURN_STEP_RAD)
         is_anew = dt_s > FORGOTTEN_S and told.pulled_rad != last.pulled_rad
         if not moved or not turned or is_anew:
             self._has_jumped = True
@@ -81,7 +81,7 @@ def _step(last: Odometry, told: Odometry) -> tuple[float, float, float]:
 def _is_plausible(told: Odometry) -> bool:
     speed_m_s = math.hypot(*told.velocity_ned_m_s)
     is_finite = all(map(math.isfinite, (*told.position_ned_m, told.yaw_rad)))
-    return is_finite and speed_m_s <= MOST_SPEED_M_S  # false for NaN too
+    return is_finite and speed_m_s <= MAX_SPEED_M_S  # false for NaN too
 
 
 def _is_jump(

@@ -28,7 +28,7 @@ in 5.5 × 5.5 m, the rest is for who walks by."""
 ROUGH_IN_CLUTTER, LEG_M = 0.55, 0.045
 """Share of a sound sensor whose beam moves on by a leg or more: 0.10 to 0.19 in five flights at
 clutter 0.75 and 1.0, 0.65 in their worst two seconds. Only more than 0.69 speaks against it."""
-CONDEMNED, MOST = 11.0, 15.0
+CONDEMNED, MAX_SUM = 11.0, 15.0
 """Sum of logarithms: 60,000 to 1, and as far as it goes. Three flights among 70 posts came to 10.4;
 ten times the noise was found within 50 s in 25 of 27 flights, in most of them within 5 s, at rest
 after 0.5 s."""
@@ -72,7 +72,7 @@ class Scatter:
         if is_new or math.isnan(off_m):
             return
         is_rough = off_m > ROUGH_SIGMAS * sigma_m and known_by < KNOWN_BY
-        self._sum = min(max(0.0, self._sum + _log_ratio(moved_m, is_rough=is_rough)), MOST)
+        self._sum = min(max(0.0, self._sum + _log_ratio(moved_m, is_rough=is_rough)), MAX_SUM)
 
 
 def _log_ratio(moved_m: float, *, is_rough: bool) -> float:

@@ -9,7 +9,7 @@ from pathlib import Path
 from companion.core.errors import ViewError
 from companion.core.textfile import NotTextError, read_text, reason
 
-LEAST_LETTERS = 16
+MIN_LETTERS = 16
 MORE_THAN_OWNER = 0o077
 MAKE_ONE = "(umask 077; openssl rand -hex 16 > {file})"
 
@@ -48,9 +48,9 @@ def read_token(file: Path, key: str) -> str:
         raise ViewError(
             f"{key} {file}: mode {mode:o}, others can read it; chmod 600 {file}, and take a new one"
         )
-    if len(token) < LEAST_LETTERS or not token.isascii() or not token.isalnum():
+    if len(token) < MIN_LETTERS or not token.isascii() or not token.isalnum():
         raise ViewError(
-            f"{key} {file}: should be {LEAST_LETTERS} letters and digits or more; "
+            f"{key} {file}: should be {MIN_LETTERS} letters and digits or more; "
             f"{MAKE_ONE.format(file=file)}"
         )
     return token

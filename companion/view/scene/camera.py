@@ -9,8 +9,8 @@ from companion.core.frames import Vector2, Vector3
 
 ELEVATION_RAD = math.radians(58)
 FIELD_RAD = math.radians(40)
-LEAST_EXTENT_M = 4.0
-LEAST_ASPECT = 0.3
+MIN_EXTENT_M = 4.0
+MIN_ASPECT = 0.3
 PANEL_PX = 320
 """Of the panels on either side of the scene."""
 MOVED_M = 0.1
@@ -64,12 +64,12 @@ class Framing:
 def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vector3, float]:
     """The middle in ENU, and from how far all is seen."""
     (south, west), (north, east) = least_ne_m, most_ne_m
-    deep_m = max(north - south, LEAST_EXTENT_M)
-    wide_m = max(east - west, LEAST_EXTENT_M)
+    deep_m = max(north - south, MIN_EXTENT_M)
+    wide_m = max(east - west, MIN_EXTENT_M)
     half = math.tan(FIELD_RAD / 2)
     # the near edge stands nearer to the eye, and so wider, than the middle
     nearer_m = 0.5 * deep_m * math.cos(ELEVATION_RAD)
-    for_width_m = 0.5 * wide_m / (half * max(aspect, LEAST_ASPECT)) + nearer_m
+    for_width_m = 0.5 * wide_m / (half * max(aspect, MIN_ASPECT)) + nearer_m
     for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / half + nearer_m
     return ((west + east) / 2, (south + north) / 2, 0.0), 1.08 * max(for_width_m, for_depth_m)
 

@@ -15,12 +15,12 @@ Series = NDArray[np.float64]
 WINDOW_S = 60.0
 PERIOD_S = 1.0
 """By the clock on the wall: plots cost a browser more than the scene does."""
-MOST_DOTS = 150
+MAX_DOTS = 150
 """Of one series."""
 PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
 HEIGHT_PX = 150
-MOST_RANGE_M = 8.0
+MAX_RANGE_M = 8.0
 BIAS_DEG_S = (-1.0, 1.0)
 
 
@@ -30,7 +30,7 @@ class Instruments:
     def __init__(self, gui: GuiApi) -> None:
         self._table = gui.add_html("")
         gui.add_html(_legend())
-        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MOST_RANGE_M))
+        self._ranges = _plot(gui, "ranges, m", PLOTTED, COLOURS, (0, MAX_RANGE_M))
         self._yaw = _plot(
             gui, "heading, °", ("estimated", "true"), (COLOURS[4], COLOURS[2]), (-180, 180)
         )
@@ -55,7 +55,7 @@ class Instruments:
             return
         since_s = window[-1].time_s - WINDOW_S
         first = next(i for i, snapshot in enumerate(window) if snapshot.time_s >= since_s)
-        stride = max(1, (len(window) - first) // MOST_DOTS)
+        stride = max(1, (len(window) - first) // MAX_DOTS)
         shown = list(window)[first::stride]
         times = np.array([snapshot.time_s for snapshot in shown])
         self._ranges.data = (

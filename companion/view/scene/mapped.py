@@ -9,7 +9,7 @@ from viser import LabelHandle, PointCloudHandle, ViserServer
 from companion.core.frames import Vector2, Vector3, ned_to_enu
 from companion.core.messages import Sketch, WallSegment
 from companion.view.scene.shapes import (
-    LEAST_THICKNESS_M,
+    MIN_THICKNESS_M,
     SHOWN_HEIGHT_M,
     Array,
     Drone,
@@ -27,7 +27,7 @@ SIGMA_COLOURS = ((0, 150, 136), (255, 193, 7), (211, 47, 47))
 BAND_SIGMAS = 2
 BAND_HEIGHT_M = 0.02
 LABELLED_FROM_M = 1.5
-MOST_LABELS = 60
+MAX_LABELS = 60
 LABELS_APART_M = 1.0
 LABEL_SCALE = 1.2
 LABEL_PERIOD_S = 2.0
@@ -108,7 +108,7 @@ class MappedSide:
         sigmas_m = np.array([wall.sigma_m for wall in sketch.walls])
         colours = colours_of(sigmas_m)
         with self._server.atomic():
-            thickness_m = LEAST_THICKNESS_M
+            thickness_m = MIN_THICKNESS_M
             self._walls.show(ends, 0.0, top_m, thickness_m, colours, overlap_m=thickness_m)
             widths_m = 2 * BAND_SIGMAS * self._exaggeration * sigmas_m
             self._bands.show(ends, 0.0, BAND_HEIGHT_M, widths_m, colours)
@@ -156,7 +156,7 @@ def _apart(walls: list[WallSegment]) -> list[WallSegment]:
     told: list[WallSegment] = []
     for wall in walls:
         is_free = all(math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in told)
-        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MOST_LABELS:
+        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MAX_LABELS:
             told.append(wall)
     return told
 

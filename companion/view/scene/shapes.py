@@ -17,13 +17,13 @@ Quaternion = tuple[float, float, float, float]
 
 SHOWN_HEIGHT_M = 1.2
 """Walls are cut off here, so that one looks in from above."""
-LEAST_THICKNESS_M = 0.06
+MIN_THICKNESS_M = 0.06
 SEEN_COLOUR: Colour = (231, 111, 81)
 NOTHING_COLOUR: Colour = (170, 178, 184)
 TOO_NEAR_COLOUR: Colour = (214, 40, 40)
 NOSE_COLOUR: Colour = (244, 162, 97)
 TRAIL_STEP_M = 0.05
-MOST_END = 50
+MAX_END = 50
 NOTHING_TO_M = 3.0
 """So far a beam is drawn that meets nothing."""
 BEAM_FLU: Mapping[Beam, Vector3] = {
@@ -127,7 +127,7 @@ class Trail:
         if self._end and math.dist(self._end[-1], point_ned) < TRAIL_STEP_M:
             return
         self._end.append(point_ned)
-        if len(self._end) > MOST_END:
+        if len(self._end) > MAX_END:
             self.show([*self._flown, *self._end[1:]])
         else:
             self._draw(1, self._end)

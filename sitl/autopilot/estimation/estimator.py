@@ -20,7 +20,7 @@ CONVERGES_S = 4.0
 WALK_STEPS = 10
 WALK_S = 0.1
 HEIGHT_DRIFT_TIME_CONSTANT_S = 30.0
-LEAST_FLOW_HEIGHT_M = 0.2
+MIN_FLOW_HEIGHT_M = 0.2
 POSITION_GAIN, VELOCITY_GAIN, YAW_GAIN = 0.15, 0.1, 0.1
 VELOCITY_FROM_POSITION_1_S = 0.5
 """How far one pose from outside pulls the estimate; at 50 Hz it follows within about 0.2 s."""
@@ -238,7 +238,7 @@ class Estimator:
 
     def _lose_flow(self, truth: TrueState) -> None:
         random, noise = self._flow_random, self._noise
-        height_m = max(self._floor - truth.position_ned_m[2], LEAST_FLOW_HEIGHT_M)
+        height_m = max(self._floor - truth.position_ned_m[2], MIN_FLOW_HEIGHT_M)
         self._flow_scale = self._scale * (1 + random.gauss(0, noise.flow_height_m) / height_m)
         lost = random.random() < noise.flow_dropout
         self._flow_held = self.velocity_ned_m_s[:2] if lost else None

@@ -16,7 +16,7 @@ BIAS_RAD_S = math.radians(0.1)
 SCALE = 0.005
 NOISE_RAD_S = math.radians(0.05)
 """Of the gyro, assumed: better than ours, and calibrated at boot."""
-MOST_CM = 65535
+MAX_CM = 65535
 
 
 class Imu:
@@ -61,7 +61,7 @@ def rangefinder_messages(
             mavlink.MAVLink_distance_sensor_message(
                 boot_ms,
                 *(round(100 * metres) for metres in (sensor.min_m, sensor.max_m)),
-                min(round(100 * told_m), MOST_CM),
+                min(round(100 * told_m), MAX_CM),
                 mavlink.MAV_DISTANCE_SENSOR_LASER,
                 number,
                 orientations[beam],

@@ -18,7 +18,7 @@ INTEGER_BITS = {
     mavlink.MAV_PARAM_TYPE_INT16: 16,
     mavlink.MAV_PARAM_TYPE_INT32: 32,
 }
-MOST_REAL32 = 3.4028234663852886e38
+MAX_REAL32 = 3.4028234663852886e38
 NUDGE = 0.01
 """How much ArduPilot adds before it cuts the decimals off, against 2.9999999."""
 
@@ -44,7 +44,7 @@ class Parameter:
         """The nearest value that the type can hold, in the way of ArduPilot's `set_float`."""
         bits = INTEGER_BITS.get(self.kind)
         if bits is None:
-            (held,) = struct.unpack("<f", struct.pack("<f", _clamped(value, MOST_REAL32)))
+            (held,) = struct.unpack("<f", struct.pack("<f", _clamped(value, MAX_REAL32)))
             return float(held)
         most = 2 ** (bits - 1) - 1
         return float(max(-most - 1, min(most, int(value + math.copysign(NUDGE, value)))))

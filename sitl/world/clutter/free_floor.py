@@ -38,7 +38,7 @@ POCKET_M2 = 0.25
 """So much of where the drone's centre could get may be shut off by a piece: a corner; chosen."""
 AROUND_M = 2.0
 """Ways about a piece are looked at first within this; chosen, it saves time only."""
-MOST_SHUT = 1 / 3
+MAX_SHUT = 1 / 3
 """Of where the drone could get from the first start, behind doors that are shut; chosen."""
 
 
@@ -108,7 +108,7 @@ class FreeFloor:
         self._free[window] &= ~near
         left = self._get(self._starts[:1]).sum()
         self._free[window] = before
-        if left < (1 - MOST_SHUT) * self._at_first:
+        if left < (1 - MAX_SHUT) * self._at_first:
             return False
         self._add(piece, window, near)
         self._reached = self._get(self._starts)

@@ -34,7 +34,7 @@ LOW_M, HIGH_M = 0.9, 1.35
 """Pieces are lower or higher; the hull is from 1.0 to 1.4 m, and drifts by 0.1 m."""
 BOARDLESS_M = LOW_M, 1.5
 """Between these a rack has no board: it would reach out between two posts."""
-LEAST_ABOVE_M = 0.1
+MIN_ABOVE_M = 0.1
 """Below the ceiling, whatever it is."""
 
 Make = Callable[[Spot, random.Random, float], Piece]
@@ -65,7 +65,7 @@ def furniture(
                 north, east = places[rng.randrange(len(places))].tolist()
                 along = ALONG_NORTH if rng.random() < SQUARE_SHARE else any_direction(rng)
                 spot = Spot((north, east), along)
-            piece = kind.make(spot, rng, world.height_m - LEAST_ABOVE_M)
+            piece = kind.make(spot, rng, world.height_m - MIN_ABOVE_M)
             if floor.take(piece):
                 yield piece
                 break

@@ -28,7 +28,7 @@ DOOR_WIDTHS_M = 0.6, 1.5
 """What has a leaf: narrower are hatches, wider are passages; chosen."""
 LINTEL_M = 1.7
 """A wall with its lower edge above this is over a doorway; chosen, a low door's height."""
-LEAST_WIDTH_M = 0.8
+MIN_WIDTH_M = 0.8
 """Free beside a leaf, unless the doorway was narrower; for the drone to get through."""
 WITH_LEAF_SHARE = 0.9
 """Of the doorways, from difficulty 0.5 on; chosen."""
@@ -106,7 +106,7 @@ def _is_wide_enough(width_m: float, half_tangent: float) -> bool:
     """What could be entered can be still, and so can what the score counts as a door."""
     cos, sin = turned(half_tangent)
     free_m = width_m * sin if cos > 0 else width_m
-    needed_m = NARROWEST_DOOR_M if width_m >= NARROWEST_DOOR_M else LEAST_WIDTH_M
+    needed_m = NARROWEST_DOOR_M if width_m >= NARROWEST_DOOR_M else MIN_WIDTH_M
     return free_m >= min(needed_m, width_m)
 
 

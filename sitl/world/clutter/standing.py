@@ -11,7 +11,7 @@ from sitl.world.format import Panel, Segment, World
 
 MESH_STEP_M = 0.2
 """Between the heights at which an imported mesh is cut; chosen, half a drone's."""
-LEAST_FACE_M = 0.3
+MIN_FACE_M = 0.3
 """Shorter faces are corners and ragged cells of maps; chosen."""
 FACE_HEIGHT_M = 1.2
 """A face reaches at least from below to above it: the usual height of flight."""
@@ -60,7 +60,7 @@ def faces_of(world: World, floor: Floor) -> list[Face]:
     return [
         face
         for segment, bottom_m, top_m in _walls(world)
-        if dist(*segment) >= LEAST_FACE_M
+        if dist(*segment) >= MIN_FACE_M
         for face in _sides(segment, bottom_m, top_m)
         if _has_floor(face, floor)
     ]

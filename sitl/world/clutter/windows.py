@@ -24,7 +24,7 @@ POST_M = 0.06
 PANES = 1, 4
 SILL_M, LINTEL_M = 0.9, 2.1
 """Above the floor; as usual in dwellings, about the height of flight."""
-LEAST_ABOVE_M = 0.1
+MIN_ABOVE_M = 0.1
 """Of wall over a window."""
 WINDOWED_SHARE = 0.15
 """Of the outer walls' length, at difficulty 1; none up to `FROM`. Chosen."""
@@ -141,7 +141,7 @@ def _outer(world: World, floor: FreeFloor) -> Iterator[_Stretch]:
 
 def _is_high(panel: Panel) -> bool:
     """From the floor to above a window."""
-    return panel.bottom_m == 0 and panel.top_m >= LINTEL_M + LEAST_ABOVE_M and not panel.glass
+    return panel.bottom_m == 0 and panel.top_m >= LINTEL_M + MIN_ABOVE_M and not panel.glass
 
 
 def _either_way(number: int, panel: Panel) -> Iterator[_Stretch]:

@@ -17,7 +17,7 @@ from sitl.world.generator.furniture import Space, furnish
 
 CEILINGS_M = (2.4, 2.5, 2.6, 2.7, 2.8, 3.0)
 THICKNESSES_M = (0.1, 0.12, 0.15, 0.2)
-MOST_STARTS = 3
+MAX_STARTS = 3
 
 _NAME = re.compile(r"random_(0|[1-9]\d{0,17})")
 
@@ -67,7 +67,7 @@ def _starts(spaces: list[Space], rng: random.Random) -> tuple[Start, ...]:
     """In different rooms; the seed of a flight draws the heading."""
     numbers = list(range(len(spaces)))
     rng.shuffle(numbers)
-    chosen = numbers[: rng.randint(1, MOST_STARTS)]
+    chosen = numbers[: rng.randint(1, MAX_STARTS)]
     return tuple(
         Start(name=f"room {number + 1}", position=rng.choice(spaces[number].standing_room()))
         for number in chosen

@@ -15,7 +15,7 @@ from sitl.world.format import Segment
 
 SIDES_M = (8, 16)
 """As much as a drone sees of a building in ten minutes."""
-LEAST_ROOM_M = 3.2
+MIN_ROOM_M = 3.2
 """From centre line to centre line, so that 3 m are left between thick walls."""
 LARGE_ROOMS_M2 = (20, 60)
 """Larger rooms are cut; drawn for every building."""
@@ -95,9 +95,9 @@ def random_floor(rng: random.Random) -> Floor:
     large_m2 = rng.randint(*LARGE_ROOMS_M2)
     across = 0 if outline.length_m(0) <= outline.length_m(1) else 1
     width_m = rng.choice(CORRIDORS_M)
-    slack_m = outline.length_m(across) - 2 * LEAST_ROOM_M - width_m
+    slack_m = outline.length_m(across) - 2 * MIN_ROOM_M - width_m
     if slack_m >= 0 and rng.random() < CORRIDOR_SHARE:
-        at_m = _decimetres(rng, LEAST_ROOM_M, LEAST_ROOM_M + slack_m)
+        at_m = _decimetres(rng, MIN_ROOM_M, MIN_ROOM_M + slack_m)
         below, rest, wall = _cut(outline, across, at_m)
         corridor, above, other_wall = _cut(rest, across, round(at_m + width_m, 1))
         rooms, walls = [corridor], [wall, other_wall]
@@ -120,10 +120,10 @@ def _split(
     axis = 0 if room.length_m(0) >= room.length_m(1) else 1
     length_m, width_m = room.length_m(axis), room.length_m(1 - axis)
     is_large = room.area_m2 > large_m2 or length_m > LONGEST_ROOM * width_m
-    if not is_large or length_m < 2 * LEAST_ROOM_M:
+    if not is_large or length_m < 2 * MIN_ROOM_M:
         rooms.append(room)
         return
-    least_m = max(LEAST_ROOM_M, 0.3 * length_m)
+    least_m = max(MIN_ROOM_M, 0.3 * length_m)
     at_m = room.low[axis] + _decimetres(rng, least_m, length_m - least_m)
     first, second, wall = _cut(room, axis, round(at_m, 1))
     walls.append(wall)

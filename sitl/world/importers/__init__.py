@@ -4,4 +4,4 @@ CEILING_M = 2.6
 """Plans have no heights; this is the ceiling that their walls reach to."""
 FARTHEST_M = 1000.0
 """From the origin; what is farther away has a slip in its numbers."""
-MOST_WALLS = 50_000
+MAX_WALLS = 50_000

@@ -18,9 +18,9 @@ from sitl.world.format import Metres, WorldError
 from sitl.world.known import Cells, Raster
 from sitl.world.plan import OUTSIDE_M
 
-MOST_YAML_BYTES = 65_536
-MOST_CELLS_A_SIDE = 8000
-MOST_SUM = 3 * 255
+MAX_YAML_BYTES = 65_536
+MAX_CELLS_A_SIDE = 8000
+MAX_SUM = 3 * 255
 """Of a white cell's red, green and blue."""
 
 Sums = NDArray[np.uint16]
@@ -67,8 +67,8 @@ def read_map(path: Path) -> Grid:
 
 def _read_record(path: Path) -> _Record:
     try:
-        if path.stat().st_size > MOST_YAML_BYTES:
-            raise WorldError(f"{path}: not a map's YAML file: longer than {MOST_YAML_BYTES} bytes")
+        if path.stat().st_size > MAX_YAML_BYTES:
+            raise WorldError(f"{path}: not a map's YAML file: longer than {MAX_YAML_BYTES} bytes")
         content = _parse(read_text(path))
         if not isinstance(content, dict):
             raise WorldError(f"{path}: not a map: image, resolution, origin, ... are needed")
@@ -91,8 +91,8 @@ def _parse(text: str) -> Any:
 
 def _grid(path: Path, record: _Record) -> Grid:
     sums, is_opaque = _read_picture(path, path.parent / record.image)
-    every = np.arange(MOST_SUM + 1)
-    percent = every // 3 if record.mode == "raw" else every / MOST_SUM * 100
+    every = np.arange(MAX_SUM + 1)
+    percent = every // 3 if record.mode == "raw" else every / MAX_SUM * 100
     if record.mode != "raw" and not record.negate:
         percent = 100 - percent
     known = percent <= 100
@@ -123,10 +123,10 @@ def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
         with picture.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
             image = Image.open(file, formats=("PPM", "PNG"))
-            if max(image.size) > MOST_CELLS_A_SIDE:
+            if max(image.size) > MAX_CELLS_A_SIDE:
                 raise WorldError(
                     f"{path}: image = {picture.name}: {image.width} × {image.height} cells are "
-                    f"too many, {MOST_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
+                    f"too many, {MAX_CELLS_A_SIDE} a side at most; cut out a part, or coarsen it"
                 )
             return _sums(image)
     except WorldError:

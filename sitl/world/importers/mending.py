@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 from sitl.world.format import WorldError
 from sitl.world.importers import FARTHEST_M
 
-LEAST_AREA_M2 = 1e-10
-MOST_EXTENT_M = 500.0
-LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 100.0
+MIN_AREA_M2 = 1e-10
+MAX_EXTENT_M = 500.0
+MIN_HEIGHT_M, MAX_HEIGHT_M = 0.5, 100.0
 SLAB_M = 0.5
 """A floor slab is not thicker, nor more than a quarter of all."""
 FLOOR_SHARE = 0.6
@@ -29,7 +29,7 @@ def mended(triangles: Triangles, source: str, tell: Callable[[str], None]) -> Tr
     finite = triangles[np.isfinite(triangles).all(axis=(1, 2))]
     if len(finite):
         _check_place(finite, source)
-    large = finite[_area_m2(finite) > LEAST_AREA_M2]
+    large = finite[_area_m2(finite) > MIN_AREA_M2]
     single = _once(large)
     for what, before, after in (
         ("not finite", triangles, finite),
@@ -53,10 +53,10 @@ def _check_place(triangles: Triangles, source: str) -> None:
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     with np.errstate(over="ignore"):
         size = high - low
-    if size.max() > MOST_EXTENT_M:
+    if size.max() > MAX_EXTENT_M:
         measures = " × ".join(f"{side:.4g}" for side in size)
         raise WorldError(
-            f"{source}: measures {measures} m, {MOST_EXTENT_M:g} m at most; "
+            f"{source}: measures {measures} m, {MAX_EXTENT_M:g} m at most; "
             "if these are millimetres, scale it by 0.001"
         )
     farthest_m = float(np.abs([low[:2], high[:2]]).max())
@@ -86,10 +86,10 @@ def _on_its_floor(triangles: Triangles, source: str, tell: Callable[[str], None]
     if floor_m - lowest_m > 0.001:
         tell(f"took the floor to be {floor_m - lowest_m:.2f} m above the lowest point, on its slab")
     height_m = highest_m - floor_m
-    if not LEAST_HEIGHT_M <= height_m <= MOST_HEIGHT_M:
+    if not MIN_HEIGHT_M <= height_m <= MAX_HEIGHT_M:
         raise WorldError(
-            f"{source}: is {height_m:.3g} m high; should be {LEAST_HEIGHT_M:g} to "
-            f"{MOST_HEIGHT_M:g} m; check its unit, metres, and which axis is up"
+            f"{source}: is {height_m:.3g} m high; should be {MIN_HEIGHT_M:g} to "
+            f"{MAX_HEIGHT_M:g} m; check its unit, metres, and which axis is up"
         )
     on_floor: Triangles = triangles - np.array([0.0, 0.0, floor_m])
     return on_floor

@@ -20,10 +20,10 @@ from sitl.world.importers.formats.obj import read_obj
 from sitl.world.importers.formats.ply import read_ply
 from sitl.world.importers.formats.stl import read_stl
 from sitl.world.importers.mending import Triangles, mended, numbered
-from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
+from sitl.world.importers.starts import MIN_CLEARANCE_M, free_starts
 
-MOST_BYTES = 200_000_000
-MOST_TRIANGLES = 500_000
+MAX_BYTES = 200_000_000
+MAX_TRIANGLES = 500_000
 PLAN_HEIGHT_M = 1.2
 WAY_UP_M = (0.3, 0.5, 0.7, 0.9, 1.1)
 WAY_UP_CLEARANCE_M = 0.3
@@ -59,12 +59,12 @@ def _read(path: Path, tell: Callable[[str], None]) -> Triangles:
     placed: list[Triangles] = []
     count = 0
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise WorldError(f"{path}: larger than {MOST_BYTES // 10**6} MB; decimate the mesh")
+        if path.stat().st_size > MAX_BYTES:
+            raise WorldError(f"{path}: larger than {MAX_BYTES // 10**6} MB; decimate the mesh")
         with np.errstate(all="ignore"):  # what is not finite is left out later, and told
             for part in READERS[suffix](path.read_bytes(), path):
                 count += len(part.faces)
-                if count > MOST_TRIANGLES:
+                if count > MAX_TRIANGLES:
                     break
                 placed.append(_corners(part))
     except WorldError:
@@ -73,8 +73,8 @@ def _read(path: Path, tell: Callable[[str], None]) -> Triangles:
         raise WorldError(f"{path}: {error}") from error
     except Exception as error:  # on a damaged file the readers raise whatever comes to hand
         raise WorldError(f"{path}: cannot be read: {error or type(error).__name__}") from error
-    if not 0 < count <= MOST_TRIANGLES:
-        raise WorldError(f"{path}: {count} triangles; there must be 1 to {MOST_TRIANGLES}")
+    if not 0 < count <= MAX_TRIANGLES:
+        raise WorldError(f"{path}: {count} triangles; there must be 1 to {MAX_TRIANGLES}")
     triangles = np.concatenate(placed)
     if suffix in Y_UP_SUFFIXES:
         triangles = triangles @ ENU_FROM_Y_UP.T
@@ -99,7 +99,7 @@ def _starts(parts: dict[str, object], mesh: Mesh, source: str) -> list[dict[str,
     model = WorldModel(World.model_validate({**parts, "starts": [somewhere]}))
 
     def is_free(place: Vector2) -> bool:
-        return model.clearance_m((*place, -PLAN_HEIGHT_M)) >= LEAST_CLEARANCE_M and all(
+        return model.clearance_m((*place, -PLAN_HEIGHT_M)) >= MIN_CLEARANCE_M and all(
             model.clearance_m((*place, -height_m)) >= WAY_UP_CLEARANCE_M for height_m in WAY_UP_M
         )
 

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.core.frames import Vector2
-from sitl.world.format import LEAST_LENGTH_M, Segment, World, WorldError
+from sitl.world.format import MIN_LENGTH_M, Segment, World, WorldError
 from sitl.world.geometry.polylines import legs
-from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
+from sitl.world.importers import CEILING_M, FARTHEST_M, MAX_WALLS
 from sitl.world.importers.contours import (
     borders,
     lengthened,
@@ -30,13 +30,13 @@ from sitl.world.importers.contours import (
 from sitl.world.importers.map_files import Grid, read_map
 from sitl.world.importers.pieces import marks_outside, tell_of_pieces
 from sitl.world.importers.space import Space, enclosed, near, reached, space_of
-from sitl.world.importers.starts import LEAST_CLEARANCE_M, free_starts
+from sitl.world.importers.starts import MIN_CLEARANCE_M, free_starts
 from sitl.world.known import Cells, KnownArea, Points
 from sitl.world.plan import NARROWEST_DOOR_M
 
-MOST_EDGES = 400_000
+MAX_EDGES = 400_000
 """Of cells, along walls; a building has some ten thousand, noise has millions."""
-MOST_OUTLINES = 20_000
+MAX_OUTLINES = 20_000
 SAME_TO_DIGITS = 6
 INTO_WALLS_CELLS = 1.5
 """So far a closed border goes on where a wall ends it, so that no beam finds a slit."""
@@ -76,11 +76,11 @@ def _outlines(path: Path, grid: Grid) -> list[Points]:
     """Of the occupied cells; a picture of noise is no building."""
     if not grid.occupied.any():
         raise WorldError(f"{path}: no cell is a wall; see negate, occupied_thresh and mode")
-    is_noise = roughness(grid.occupied) > MOST_EDGES
+    is_noise = roughness(grid.occupied) > MAX_EDGES
     rough = [] if is_noise else outlines(grid.occupied)
-    if is_noise or len(rough) > MOST_OUTLINES:
+    if is_noise or len(rough) > MAX_OUTLINES:
         raise WorldError(
-            f"{path}: more than {MOST_OUTLINES} separate walls, or {MOST_EDGES} edges of cells; "
+            f"{path}: more than {MAX_OUTLINES} separate walls, or {MAX_EDGES} edges of cells; "
             "take out single cells, or see occupied_thresh"
         )
     return rough
@@ -96,8 +96,8 @@ def _walls(
     farthest_m = max((abs(x) for piece in segments for point in piece for x in point), default=0)
     if farthest_m > FARTHEST_M:
         raise WorldError(f"{path}: reaches {farthest_m:.0f} m; {FARTHEST_M:g} m at most")
-    if not 0 < len(segments) <= MOST_WALLS:
-        raise WorldError(f"{path}: {len(segments)} walls; there must be 1 to {MOST_WALLS}")
+    if not 0 < len(segments) <= MAX_WALLS:
+        raise WorldError(f"{path}: {len(segments)} walls; there must be 1 to {MAX_WALLS}")
     return segments
 
 
@@ -105,7 +105,7 @@ def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
     """The legs of polylines in metres, each once, and how many were repeated or tiny."""
     placed = [grid.raster.to_plan(line).round(SAME_TO_DIGITS) for line in lines]
     pieces = [leg for line in placed for leg in legs(line)]
-    long = [piece for piece in pieces if math.dist(*piece) > LEAST_LENGTH_M]
+    long = [piece for piece in pieces if math.dist(*piece) > MIN_LENGTH_M]
     segments = list({frozenset(piece): piece for piece in long}.values())
     return segments, len(pieces) - len(segments)
 
@@ -118,7 +118,7 @@ def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], f
     lines = [straightened(line) for line in borders(kept, ~(kept | grid.occupied))]
     seen, _ = _pieces(grid, lines)
     pieces, _ = _pieces(grid, [lengthened(line, INTO_WALLS_CELLS) for line in lines])
-    if len(pieces) > MOST_WALLS:
+    if len(pieces) > MAX_WALLS:
         raise WorldError(f"{path}: {len(pieces)} pieces of border to unknown cells are too many")
     return tuple(pieces), sum(math.dist(*piece) for piece in seen)
 
@@ -130,7 +130,7 @@ def _starts(
     if not space.order:
         raise WorldError(f"{path}: no enclosed place is known to be free: {_why(grid, space)}")
     rank_of = space.rank()
-    rank_of[near(~grid.free, LEAST_CLEARANCE_M / grid.raster.cell_m - 0.5)] = -1
+    rank_of[near(~grid.free, MIN_CLEARANCE_M / grid.raster.cell_m - 0.5)] = -1
 
     def rank(places: Points) -> NDArray[np.int64]:
         row, column = grid.raster.to_cells(places).T

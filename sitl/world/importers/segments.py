@@ -15,10 +15,10 @@ from typing import Any
 
 from companion.core.textfile import read_text
 from sitl.world.format import World, WorldError
-from sitl.world.importers import CEILING_M, FARTHEST_M, MOST_WALLS
+from sitl.world.importers import CEILING_M, FARTHEST_M, MAX_WALLS
 from sitl.world.importers.starts import free_starts
 
-LEAST_WALL_M = 0.01
+MIN_WALL_M = 0.01
 SAME_TO_M = 0.001
 """Segments equal to the millimetre are one."""
 
@@ -35,8 +35,8 @@ def load_segments(path: Path, tell: Callable[[str], None]) -> World:
     walls = record.get("walls")
     if not isinstance(walls, list) or not walls:
         raise WorldError(f"{path}: walls: a list of [x1, y1, x2, y2] is needed")
-    if len(walls) > MOST_WALLS:
-        raise WorldError(f"{path}: walls: {len(walls)} are too many, {MOST_WALLS} at most")
+    if len(walls) > MAX_WALLS:
+        raise WorldError(f"{path}: walls: {len(walls)} are too many, {MAX_WALLS} at most")
     if record.get("units", "m") != "m":
         raise WorldError(f"{path}: units = {record['units']!r}: should be 'm'")
     good = _mended(walls, tell)
@@ -66,12 +66,12 @@ def _mended(walls: list[Any], tell: Callable[[str], None]) -> list[Number]:
     """The walls that can be used, each once; tells how many were not and why."""
     numbers = [tuple(map(float, wall)) for wall in walls if _is_four_numbers(wall)]
     near = [wall for wall in numbers if max(map(abs, wall)) <= FARTHEST_M]
-    long = [wall for wall in near if math.dist(wall[:2], wall[2:]) >= LEAST_WALL_M]
+    long = [wall for wall in near if math.dist(wall[:2], wall[2:]) >= MIN_WALL_M]
     single = {_key(wall): wall for wall in long}
     for what, before, after in (
         ("not four finite numbers", walls, numbers),
         (f"farther than {FARTHEST_M:g} m", numbers, near),
-        (f"shorter than {LEAST_WALL_M:g} m", near, long),
+        (f"shorter than {MIN_WALL_M:g} m", near, long),
         ("repeated", long, single),
     ):
         if len(after) < len(before):

@@ -28,12 +28,12 @@ border runs across them."""
 BESIDE_WALLS_M = 0.25
 """But not along walls, which say themselves where the free cells end."""
 RAYS = 16
-LEAST_ENCLOSED = 12
+MIN_ENCLOSED = 12
 """Of so many directions a wall must be met before anything unknown; else a place is in a fan that
 was seen through an opening, or outside."""
 LATTICE_M = 0.4
-MOST_LOOKED_FROM = 4000
-LEAST_SHARE = 0.5
+MAX_LOOKED_FROM = 4000
+MIN_SHARE = 0.5
 """Of the room in the largest region: a smaller one has no starts."""
 TILE = 256
 """Distances are worked out for squares of so many cells a side: most squares of a large map hold
@@ -85,7 +85,7 @@ def space_of(free: Cells, occupied: Cells, cell_m: float) -> Space:
     each_m2 = float(np.count_nonzero(fits)) * cell_m**2 / max(1, len(at))
     room = np.bincount(region[tuple(at[is_room].T)], minlength=count + 1)
     by_room = np.argsort(-room, kind="stable").tolist()
-    order = [r for r in by_room if room[r] and room[r] >= LEAST_SHARE * room[by_room[0]]]
+    order = [r for r in by_room if room[r] and room[r] >= MIN_SHARE * room[by_room[0]]]
     return Space(
         air,
         region,
@@ -154,7 +154,7 @@ def _opened(cells: Cells, radius: float) -> Cells:
 
 def _lattice_step(fits: Cells, cell_m: float) -> int:
     """Every so many cells one is looked from."""
-    most = math.sqrt(np.count_nonzero(fits) / MOST_LOOKED_FROM)
+    most = math.sqrt(np.count_nonzero(fits) / MAX_LOOKED_FROM)
     return max(1, round(LATTICE_M / cell_m), math.ceil(most))
 
 
@@ -179,7 +179,7 @@ def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
         wall = is_wall[row, column]
         meets[going[wall]] = True
         going = going[air[row, column] & ~wall]
-    found: Cells = meets.reshape(-1, RAYS).sum(axis=1) >= LEAST_ENCLOSED
+    found: Cells = meets.reshape(-1, RAYS).sum(axis=1) >= MIN_ENCLOSED
     return found
 
 

@@ -11,14 +11,14 @@ from companion.core.frames import Vector2
 from sitl.world.format import Segment, WorldError
 from sitl.world.plan import samples
 
-LEAST_CLEARANCE_M = 0.6
-MOST_CLEARANCE_M = 3.0
+MIN_CLEARANCE_M = 0.6
+MAX_CLEARANCE_M = 3.0
 """Farther from walls no place is any better."""
 STEP_M = 0.4
 STARTS = 3
 APART_M = 3.0
 RAYS = 16
-LEAST_ENCLOSED = 12
+MIN_ENCLOSED = 12
 """Of so many directions a wall must be met, or the place is outside."""
 
 Points = NDArray[np.float64]
@@ -53,11 +53,11 @@ def free_starts(
     walls = np.array(segments, dtype=float)
     places = _grid(walls)
     roughly, _ = cKDTree(samples([*segments, *closed])).query(
-        places, distance_upper_bound=MOST_CLEARANCE_M
+        places, distance_upper_bound=MAX_CLEARANCE_M
     )
     rank_of = rank(places)
-    order = np.lexsort((-np.minimum(roughly, MOST_CLEARANCE_M), rank_of))
-    order = order[(rank_of[order] >= 0) & (roughly[order] >= LEAST_CLEARANCE_M)]
+    order = np.lexsort((-np.minimum(roughly, MAX_CLEARANCE_M), rank_of))
+    order = order[(rank_of[order] >= 0) & (roughly[order] >= MIN_CLEARANCE_M)]
     in_the_way = np.array([*segments, *closed], dtype=float)
     chosen: list[Vector2] = []
     for index in order:
@@ -67,12 +67,12 @@ def free_starts(
         if (
             all(math.dist(place, other) >= APART_M for other in chosen)
             and is_free(place)
-            and _clearance(places[index], in_the_way) >= LEAST_CLEARANCE_M
+            and _clearance(places[index], in_the_way) >= MIN_CLEARANCE_M
             and _is_enclosed(places[index], walls)
         ):
             chosen.append(place)
     if not chosen:
-        raise WorldError(f"{source}: no enclosed place with {LEAST_CLEARANCE_M} m around it")
+        raise WorldError(f"{source}: no enclosed place with {MIN_CLEARANCE_M} m around it")
     return [{"name": f"start {i + 1}", "position": place} for i, place in enumerate(chosen)]
 
 
@@ -102,4 +102,4 @@ def _is_enclosed(place: Points, walls: Points) -> bool:
         distance = (start[:, 0] * along[:, 1] - start[:, 1] * along[:, 0]) / cross
         share = (start[:, 0] * ray[..., 1] - start[:, 1] * ray[..., 0]) / cross
     meets = (distance > 0) & (share >= 0) & (share <= 1)
-    return int(meets.any(axis=1).sum()) >= LEAST_ENCLOSED
+    return int(meets.any(axis=1).sum()) >= MIN_ENCLOSED

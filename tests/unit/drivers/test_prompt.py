@@ -10,7 +10,7 @@ import pytest
 
 from companion.drivers.wires.bus import Transaction
 from companion.drivers.wires.prompt import (
-    MOST_AT_ONCE_S,
+    MAX_AT_ONCE_S,
     PATIENCE_S,
     PROBE_S,
     SHARE,
@@ -181,8 +181,8 @@ def test_no_wire_takes_more_than_its_share_of_the_loop(takes_s: float, number: i
     for _ in range(200):
         taken_s.append(seconds_taken(wires, line, 12))
         line.now_s += max(0.0, 0.05 - taken_s[-1])
-    assert max(taken_s) <= MOST_AT_ONCE_S + 1e-9
-    assert sum(taken_s) <= MOST_AT_ONCE_S + SHARE * line.now_s
+    assert max(taken_s) <= MAX_AT_ONCE_S + 1e-9
+    assert sum(taken_s) <= MAX_AT_ONCE_S + SHARE * line.now_s
 
 
 def test_opening_a_wire_may_take_longer() -> None:

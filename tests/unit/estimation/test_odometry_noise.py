@@ -10,7 +10,7 @@ from companion.estimation.filters.heading_filter import HeadingFilter
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
 from companion.estimation.smoothing.odometry_model import (
-    LEAST_WANDER_M,
+    MIN_WANDER_M,
     WANDER_S,
     Array,
     OdometryModel,
@@ -44,7 +44,7 @@ def test_a_wandering_estimate_is_noticed_and_measured(wander_m: float) -> None:
 
 
 def test_hits_of_no_known_wall_tell_nothing() -> None:
-    assert learnt(0.1, wall=None) == LEAST_WANDER_M
+    assert learnt(0.1, wall=None) == MIN_WANDER_M
 
 
 @pytest.mark.parametrize("minutes", [0.5, 5])
@@ -81,7 +81,7 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
     sigmas_off = []
     for _ in range(120):
         run, line, wander, tick = WallRun(), None, random.gauss(0, wander_m), 0
-        run.MOST_NORMAL_SIGMA_RAD = math.radians(30)
+        run.MAX_NORMAL_SIGMA_RAD = math.radians(30)
         while line is None and tick < 400:
             wander = kept * wander + random.gauss(0, wander_m * math.sqrt(1 - kept**2))
             at = speed_m_s * tick * TICK_S, WALL_M + wander + random.gauss(0, RANGE_SIGMA_M)

@@ -17,7 +17,7 @@ from companion.config.settings import LinkConfig
 from companion.core.errors import LinkError
 from companion.core.messages import HOLD, Pose
 from companion.link.link import Link
-from companion.link.transports.serial_line import MOST_BACKLOG_S, SerialLine
+from companion.link.transports.serial_line import MAX_BACKLOG_S, SerialLine
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import decode_stream, make_codec
 
@@ -178,7 +178,7 @@ def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
     """More is told than 57600 baud carry: the poses give way."""
     ages = flown(Port(baud / 10, at_once, tells=tells), monkeypatch, baud)
     assert len(ages) >= 198
-    assert max(ages) < MOST_BACKLOG_S + 0.02
+    assert max(ages) < MAX_BACKLOG_S + 0.02
 
 
 def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -204,7 +204,7 @@ def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
 ) -> None:
     port = Port(0.0)
     flown(port, monkeypatch, 57600, ticks=200)
-    assert len(port.written) / 5760 <= MOST_BACKLOG_S + 0.02
+    assert len(port.written) / 5760 <= MAX_BACKLOG_S + 0.02
 
 
 def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:

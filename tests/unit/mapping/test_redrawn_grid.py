@@ -19,7 +19,7 @@ EXACT = 0.01, True, 0.0
 @pytest.fixture
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
     """As after an hour of flight."""
-    monkeypatch.setattr(spaces, "MOST_RAYS", 900)
+    monkeypatch.setattr(spaces, "MAX_RAYS", 900)
     monkeypatch.setattr(spaces, "RAYS_A_STAGE", 50)
 
 

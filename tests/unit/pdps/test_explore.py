@@ -34,7 +34,7 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.frontiers import TRIES, frontiers, known_cells, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.tour import first_of_tour, shortest_first
-from companion.pdps.viewpoints import LEAST_SHOWN, OPEN_LOOKS, Look, looks
+from companion.pdps.viewpoints import MIN_SHOWN, OPEN_LOOKS, Look, looks
 from companion.pdps.visibility import sights
 from companion.safety.seen_free import Lane
 
@@ -196,10 +196,10 @@ def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
     ways = ways_from(grid, (0.0, 0.0))
     large = looks(ways, sight(), PLAN)
     assert large
-    assert all(len(look.at_ne_m) >= LEAST_SHOWN for look in large)
+    assert all(len(look.at_ne_m) >= MIN_SHOWN for look in large)
     small = looks(ways, sight(), PLAN, large * TRIES)
     assert small
-    assert all(len(look.at_ne_m) < LEAST_SHOWN for look in small)
+    assert all(len(look.at_ne_m) < MIN_SHOWN for look in small)
 
 
 def test_what_a_look_has_left_unseen_is_looked_at_from_elsewhere() -> None:

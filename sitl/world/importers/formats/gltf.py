@@ -23,7 +23,7 @@ KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: 
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
-MOST_VALUES = 50_000_000
+MAX_VALUES = 50_000_000
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -194,7 +194,7 @@ class _Document:
         accessor = self._entry("accessors", number)
         kind = np.dtype(KINDS[accessor["componentType"]])
         shape = _whole(accessor, "count"), WIDTHS[accessor["type"]]
-        if shape[0] > MOST_VALUES:
+        if shape[0] > MAX_VALUES:
             raise MeshError(f"accessor {number} tells of {shape[0]} values, which are too many")
         values = np.zeros(shape, kind)
         if "bufferView" in accessor:

@@ -7,7 +7,7 @@ import numpy as np
 
 from sitl.world.importers.formats import MeshError, Points
 
-MOST_CORNERS = 500
+MAX_CORNERS = 500
 """Of a hollow polygon; cutting one takes the square of it."""
 
 Vertices = Sequence[Sequence[float]]
@@ -42,7 +42,7 @@ def _is_fan(points: Points) -> bool:
 
 def _cut(corners: Sequence[int], points: Points) -> Iterator[Triangle]:
     """One ear after the other."""
-    if len(corners) > MOST_CORNERS:
+    if len(corners) > MAX_CORNERS:
         raise MeshError(f"has a hollow face of {len(corners)} corners; export triangles")
     flat, left = _flat(points), list(range(len(corners)))
     while len(left) > 3:

@@ -269,7 +269,7 @@ def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
 ) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
     monkeypatch.setattr(leaves, "WITH_LEAF_SHARE", 1.0)
-    monkeypatch.setattr("sitl.world.clutter.free_floor.MOST_SHUT", 0.9)
+    monkeypatch.setattr("sitl.world.clutter.free_floor.MAX_SHUT", 0.9)
     world = cluttered(a_doorway(1.0), 0.51, 1)
     seen = seeable_points(world, FLIGHT_M, world.starts[0].position)
     assert (seen[:, 1] < 5.9).all()
