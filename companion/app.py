@@ -34,14 +34,14 @@ from companion.estimation.estimator import Estimator
 from companion.estimation.filters.ceiling import Ceiling
 from companion.estimation.filters.gyro_rest_calibration import RestCalibration
 from companion.estimation.filters.velocity_lag import VelocityLag
-from companion.estimation.solved_flight import Traced
+from companion.estimation.solved_flight import SolvedFlight
 from companion.link.link import Telemetry
 from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.low_ceilings import Overhead
 from companion.mapping.rays import rays
 from companion.mapping.redrawn_grid import Space
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps import flight_phases
 from companion.pdps.flight_phases import (
@@ -50,7 +50,7 @@ from companion.pdps.flight_phases import (
     Action,
     Flight,
     Phase,
-    View,
+    TickInput,
 )
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m
@@ -269,10 +269,10 @@ class App:
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0
         around = self._around(pose)
-        view = View(
+        view = TickInput(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
-            sight=Sight(
+            sight=Observation(
                 pose,
                 inputs.scan.readings,
                 sensors.mount_offset_m,
@@ -340,7 +340,7 @@ class App:
         sketched = traced.thinned(MAX_SKETCHED)
         return Sketch(_segments(traced), *sketched, self._ceiling.height_m)
 
-    def _drawn_up(self, traced: Traced) -> FloorPlan:
+    def _drawn_up(self, traced: SolvedFlight) -> FloorPlan:
         return FloorPlan(
             _segments(traced),
             traced.hits(),
@@ -354,7 +354,7 @@ class App:
         return _segments(self.estimator.so_far()) if self.estimator else ()
 
 
-def _segments(traced: Traced) -> tuple[WallSegment, ...]:
+def _segments(traced: SolvedFlight) -> tuple[WallSegment, ...]:
     return wall_segments(traced.walls, traced.points_ne_m, traced.wall_of)
 
 

@@ -34,7 +34,7 @@ from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
 from companion.estimation.smoothing.state import Unknowns
-from companion.estimation.solved_flight import Traced
+from companion.estimation.solved_flight import SolvedFlight
 
 MAX_PLAUSIBLE_SPEED_M_S = 5.0
 """An odometry step faster than this is a jump of the autopilot's estimate, not motion."""
@@ -219,7 +219,7 @@ class Estimator:
         turned_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
         return (moved_s * forward_m_s, moved_s * right_m_s), turned_rad
 
-    def smoothed(self) -> Traced | None:
+    def smoothed(self) -> SolvedFlight | None:
         """The whole flight set right by all that was seen; None before anything was."""
         if len(self.record.frames) < 2:
             return None
@@ -235,12 +235,14 @@ class Estimator:
             done = at_once(Doubt(smoother, m, start, FINAL_GATES).searching(done))
         except np.linalg.LinAlgError:
             return self.so_far()
-        return Traced.of(self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges)
+        return SolvedFlight.of(
+            self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges
+        )
 
-    def so_far(self) -> Traced:
+    def so_far(self) -> SolvedFlight:
         """The flight as it is known by now."""
         wall_of = self.record.hits[:, HitColumn.WALL].astype(np.int64)
-        return Traced.of(
+        return SolvedFlight.of(
             self.record, self._as_flown(), self.wall_lines(), wall_of, self.models.ranges
         )
 

@@ -12,7 +12,7 @@ from companion.estimation.smoothing.state import Array, Indices, Measured, Unkno
 
 
 @dataclass(frozen=True, slots=True)
-class Traced:
+class SolvedFlight:
     """A flight so far, local NED: k poses and n hits."""
 
     walls: tuple[WallLine, ...]
@@ -34,7 +34,7 @@ class Traced:
         walls: tuple[WallLine, ...],
         wall_of: Indices,
         units: RangeUnits,
-    ) -> "Traced":
+    ) -> "SolvedFlight":
         """The record as the unknowns place it."""
         m = Measured.of(record, units)
         points, sigma_m = project(x, m).points, units.sigma_m(m.beam, m.distance_m)

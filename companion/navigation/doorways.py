@@ -22,7 +22,7 @@ import numpy as np
 from companion.core.frames import Vector2
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M, Occupancy
-from companion.navigation.grid_planner import Ground
+from companion.navigation.grid_planner import CostGrid
 from companion.navigation.path_follower import Way
 
 DOORWAY_ROOM_M = 0.7
@@ -115,7 +115,7 @@ class Doorway:
         return math.dist(at, self.middle_ne_m) < self.half_m
 
 
-def find_doorways(ground: Ground, here: Vector2, way: Way) -> tuple[Doorway, ...]:
+def find_doorways(ground: CostGrid, here: Vector2, way: Way) -> tuple[Doorway, ...]:
     """At the narrowest place of each stretch of the way that is narrow."""
     narrowest: list[tuple[int, Vector2, Vector2]] = []
     least_m = math.inf
@@ -172,7 +172,7 @@ def _came_through(doorway: Doorway, grid: Occupancy) -> bool:
     return bool(grid.flown[rows, columns].any())
 
 
-def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
+def with_shut(ground: CostGrid, doorways: Sequence[Doorway]) -> CostGrid:
     """As if the doorways were walls, but where the drone is."""
     if not doorways:
         return ground
@@ -187,7 +187,7 @@ def with_shut(ground: Ground, doorways: Sequence[Doorway]) -> Ground:
     return replace(ground, passable=passable, cost=cost)
 
 
-def passed_squarely(ground: Ground, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
+def passed_squarely(ground: CostGrid, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
     """The way, through the doorways' middles."""
     squared: list[Vector2] = []
     for leg, corner in enumerate(way):
@@ -218,7 +218,7 @@ def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
         start = corner
 
 
-def _doorway(ground: Ground, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
+def _doorway(ground: CostGrid, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
     """Between the nearest thing and the nearest on the other side; None without one as near."""
     met, _ = ground.grid.met_near(place, JAMBS_WITHIN_M)
     jambs = met - place

@@ -16,8 +16,14 @@ from companion.core.frames import Vector2
 from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.doorways import find_doorways
-from companion.navigation.grid_planner import START_NE_M, Ways, find_ground, find_ways, retraced
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import (
+    START_NE_M,
+    ShortestPaths,
+    find_ground,
+    find_ways,
+    retraced,
+)
+from companion.navigation.observation import Observation
 from companion.navigation.path_follower import Way, most_speed_m_s
 from companion.safety.velocity_guard import clear_of_all_m
 
@@ -60,7 +66,7 @@ class Reserve:
 
 
 def step(
-    reserve: Reserve, spent: Spent, sight: Sight, space: Occupancy, plan: MissionConfig
+    reserve: Reserve, spent: Spent, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Reserve, str]:
     """One tick of a mission: why the drone must turn back now; empty if it need not."""
     flown_s = spent.flown_s
@@ -104,7 +110,7 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
     return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
 
 
-def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
+def _way_home_s(sight: Observation, space: Occupancy, plan: MissionConfig) -> float:
     here = sight.pose.north_m, sight.pose.east_m
     ground = find_ground(space, here, clear_of_all_m(plan))
     ways = find_ways(ground)
@@ -118,7 +124,9 @@ def _way_home_s(sight: Sight, space: Occupancy, plan: MissionConfig) -> float:
     return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
 
 
-def _flown_s(ways: Ways, here: Vector2, way: Way, plan: MissionConfig, most_m_s: float) -> float:
+def _flown_s(
+    ways: ShortestPaths, here: Vector2, way: Way, plan: MissionConfig, most_m_s: float
+) -> float:
     """Along a way, slow where that is narrow."""
     flown_s = 0.0
     for start, end in pairwise((here, *way)):

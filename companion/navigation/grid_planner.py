@@ -40,7 +40,7 @@ OPEN_M = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Ground:
+class CostGrid:
     """Where the drone fits, and what it costs to be there."""
 
     grid: Occupancy
@@ -72,10 +72,10 @@ class Ground:
 
 
 @dataclass(frozen=True, slots=True)
-class Ways:
+class ShortestPaths:
     """All ways from where the drone is."""
 
-    ground: Ground
+    ground: CostGrid
     metres: NDArray[np.float64]
     """Cost of the way to each cell, infinite where there is none; in metres in the open."""
     came_from: NDArray[np.int32]
@@ -102,7 +102,7 @@ class Ways:
         return sum(math.dist(a, b) for a, b in pairwise((start, *way)))
 
 
-def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
+def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid:
     """Cells where the drone fits; the one it is in always counts as such.
 
     `clear_m` is from the drone's centre to anything; doorways are passed with less.
@@ -126,7 +126,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> Ground:
     crowding = np.clip((clear_m + OPEN_M - room) / OPEN_M, 0, 1)
     cost = np.where(room < clear_m, TIGHT_COST, 1 + (CLOSE_COST - 1) * crowding)
     cost = np.where(passable, cost + (clear_m - room).clip(0) * TIGHT_COST, np.inf)
-    return Ground(grid, (row, column), passable, room, cost)
+    return CostGrid(grid, (row, column), passable, room, cost)
 
 
 def _deep_m(grid: Occupancy, roomy: Cells) -> NDArray[np.float64]:
@@ -149,7 +149,7 @@ def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
     return may
 
 
-def retraced(ground: Ground) -> Ground:
+def retraced(ground: CostGrid) -> CostGrid:
     """Also where the drone has flown, whatever is drawn there.
 
     Where a map is bent, walls of one room stand in another.
@@ -159,7 +159,7 @@ def retraced(ground: Ground) -> Ground:
     return replace(ground, passable=ground.passable | again, cost=cost)
 
 
-def find_ways(ground: Ground) -> Ways:
+def find_ways(ground: CostGrid) -> ShortestPaths:
     """Dijkstra over the cells."""
     row, column = ground.start
     rows, columns = ground.cost.shape
@@ -169,7 +169,7 @@ def find_ways(ground: Ground) -> Ways:
         indices=row * columns + column,
         return_predecessors=True,
     )
-    return Ways(ground, metres.reshape(rows, columns), came_from)
+    return ShortestPaths(ground, metres.reshape(rows, columns), came_from)
 
 
 def graph(cost: NDArray[np.float64]) -> csr_array:

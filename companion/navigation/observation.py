@@ -18,7 +18,7 @@ from companion.safety.seen_free import Lane, all_passed
 
 
 @value
-class Sight:
+class Observation:
     """Where it is, what its beams say, and what is mapped ahead of it."""
 
     pose: Pose

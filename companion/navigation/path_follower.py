@@ -15,7 +15,7 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import Beam, Pose, Setpoint
 from companion.mapping.occupancy import Occupancy
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.safety.control_laws import (
     CLOSE_M,
@@ -59,7 +59,7 @@ class Course:
     swing: Swing = TO_THE_RIGHT
 
 
-def passed(way: Way, sight: Sight, within_m: float) -> Way:
+def passed(way: Way, sight: Observation, within_m: float) -> Way:
     """What is left of the way; nothing so near to its end."""
     here = sight.pose.north_m, sight.pose.east_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
@@ -67,7 +67,7 @@ def passed(way: Way, sight: Sight, within_m: float) -> Way:
     return () if len(way) == 1 and math.dist(here, way[0]) < within_m else way
 
 
-def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
+def faced(course: Course | None, way: Way, sight: Observation) -> Course | None:
     """The course to the next corner; None as long as no beam has pointed along it."""
     bearing_rad = _bearing_rad(way, sight)
     ahead_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
@@ -80,13 +80,13 @@ def faced(course: Course | None, way: Way, sight: Sight) -> Course | None:
 
 
 def follow(
-    way: Way, course: Course | None, sight: Sight, space: Occupancy, plan: MissionConfig
+    way: Way, course: Course | None, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
     """The velocity that flies a way, of which something is left."""
     return _towards(way, course, sight, plan, most_speed_m_s(_room_m(sight, space), plan))
 
 
-def _room_m(sight: Sight, space: Occupancy) -> float:
+def _room_m(sight: Observation, space: Occupancy) -> float:
     """To what is mapped, up to a metre: the least from here, and from where it will be soon.
 
     What the beams to the sides meet, they meet wherever the drone is.
@@ -119,7 +119,7 @@ def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
     return max(MIN_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
 
 
-def is_blocked(way: Way, sight: Sight) -> bool:
+def is_blocked(way: Way, sight: Observation) -> bool:
     """Something stands where the way leads, and a beam points there."""
     if not way or math.dist((sight.pose.north_m, sight.pose.east_m), way[0]) <= CLOSE_M:
         return False
@@ -127,7 +127,7 @@ def is_blocked(way: Way, sight: Sight) -> bool:
     return beam is not None and sight.clear_m(beam) <= FULL_STOP_BEFORE_M
 
 
-def _looking(bearing_rad: float, sight: Sight) -> Beam | None:
+def _looking(bearing_rad: float, sight: Observation) -> Beam | None:
     """The beam that points there."""
     off_rad = bearing_rad - sight.pose.yaw_rad
     for beam in LOOKING:
@@ -137,13 +137,13 @@ def _looking(bearing_rad: float, sight: Sight) -> Beam | None:
     return None
 
 
-def _bearing_rad(way: Way, sight: Sight) -> float:
+def _bearing_rad(way: Way, sight: Observation) -> float:
     """To the next corner."""
     return math.atan2(way[0][1] - sight.pose.east_m, way[0][0] - sight.pose.north_m)
 
 
 def _towards(
-    way: Way, course: Course | None, sight: Sight, plan: MissionConfig, most_m_s: float
+    way: Way, course: Course | None, sight: Observation, plan: MissionConfig, most_m_s: float
 ) -> Setpoint:
     distance_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
     if distance_m < CLOSE_M and len(way) == 1:
@@ -164,7 +164,7 @@ def _towards(
     )
 
 
-def _room_ahead_m(bearing_rad: float, sight: Sight, plan: MissionConfig) -> float:
+def _room_ahead_m(bearing_rad: float, sight: Observation, plan: MissionConfig) -> float:
     """Along the way, as far as a beam tells; what the front beam meets beside the way is passed."""
     beam = _looking(bearing_rad, sight)
     if beam is not None:

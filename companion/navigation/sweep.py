@@ -13,7 +13,7 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import Beam, Setpoint
 from companion.navigation.doorways import Doorway
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.safety.control_laws import stay, turn_towards
 
 BESIDE_JAMB_RAD, SLOWLY_RAD_S = math.radians(15), math.radians(25)
@@ -42,13 +42,13 @@ class Sweep:
         return not self.headings_rad
 
 
-def all_round(sight: Sight, stay_ne_m: Vector2) -> Sweep:
+def all_round(sight: Observation, stay_ne_m: Vector2) -> Sweep:
     """In thirds: the way to a heading is the short one."""
     thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
     return Sweep(tuple(thirds), stay_ne_m, sight.pose.reset_counter)
 
 
-def over_jambs(doorway: Doorway, sight: Sight) -> Sweep:
+def over_jambs(doorway: Doorway, sight: Observation) -> Sweep:
     """From beyond the right one to beyond the left one."""
     here = sight.pose.north_m, sight.pose.east_m
     left_rad, right_rad = (
@@ -59,7 +59,7 @@ def over_jambs(doorway: Doorway, sight: Sight) -> Sweep:
     return Sweep(headings_rad, here, sight.pose.reset_counter, swept)
 
 
-def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
+def step(sweep: Sweep, sight: Observation, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     if sight.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
         sweep = _as_posed(sweep, sight)
@@ -74,7 +74,7 @@ def step(sweep: Sweep, sight: Sight, plan: MissionConfig) -> tuple[Sweep, Setpoi
     return sweep, replace(holding, yaw_rate_rad_s=rate_rad_s)
 
 
-def _as_posed(sweep: Sweep, sight: Sight) -> Sweep:
+def _as_posed(sweep: Sweep, sight: Observation) -> Sweep:
     """After a step of the pose: where it is, and what it has met, as far as it had got there."""
     sweep = replace(sweep, resets=sight.pose.reset_counter)
     here = sight.pose.north_m, sight.pose.east_m
@@ -85,7 +85,7 @@ def _as_posed(sweep: Sweep, sight: Sight) -> Sweep:
     return replace(sweep, stay_ne_m=here, met_ne_m=met_ne_m)
 
 
-def _met_ahead(sight: Sight) -> tuple[Vector2, ...]:
+def _met_ahead(sight: Observation) -> tuple[Vector2, ...]:
     reading = sight.ranges.get(Beam.FRONT)
     if reading is None or not reading.is_distance:
         return ()

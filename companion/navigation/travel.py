@@ -46,13 +46,13 @@ from companion.navigation.doorways import (
 from companion.navigation.grid_planner import (
     START_NE_M,
     TIGHT_CLEAR_M,
-    Ground,
-    Ways,
+    CostGrid,
+    ShortestPaths,
     find_ground,
     find_ways,
     retraced,
 )
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.path_follower import (
     ARRIVED_M,
     Course,
@@ -158,7 +158,7 @@ def stuck_twice(travel: Travel) -> tuple[Doorway, ...]:
 
 
 def step(
-    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     match travel.phase:
@@ -171,7 +171,7 @@ def step(
 
 
 def _fly(
-    travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
+    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     now_s = sight.pose.time_s
     is_open = in_the_open(sight, space)
@@ -199,12 +199,12 @@ def _fly(
     return replace(travel, way=way, course=course), follow(way, course, sight, space, plan)
 
 
-def _is_as_near_as_it_gets(travel: Travel, sight: Sight) -> bool:
+def _is_as_near_as_it_gets(travel: Travel, sight: Observation) -> bool:
     away_m = math.dist((sight.pose.north_m, sight.pose.east_m), travel.goal_ne_m)
     return away_m < NEARLY_M and _without_progress_s(travel, sight.pose.time_s) >= NEARLY_S
 
 
-def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: bool) -> bool:
+def _must_plan(travel: Travel, sight: Observation, space: Occupancy, *, has_stepped: bool) -> bool:
     """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
     now_s = sight.pose.time_s
     if not travel.way or _is_stuck(travel, now_s):
@@ -215,7 +215,7 @@ def _must_plan(travel: Travel, sight: Sight, space: Occupancy, *, has_stepped: b
     return is_due or not _is_free(travel.way, sight, space)
 
 
-def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
+def _is_free(way: Way, sight: Observation, space: Occupancy) -> bool:
     """Whether there is a way, and it is known to be free, as wide as a doorway."""
     start = sight.pose.north_m, sight.pose.east_m
     for corner in way:
@@ -227,23 +227,23 @@ def _is_free(way: Way, sight: Sight, space: Occupancy) -> bool:
     return bool(way)
 
 
-def in_the_open(sight: Sight, space: Occupancy) -> bool:
+def in_the_open(sight: Observation, space: Occupancy) -> bool:
     """Not in a doorway, nor where it is as narrow."""
     return _has_room(sight, space, DOORWAY_ROOM_M)
 
 
-def _has_room(sight: Sight, space: Occupancy, room_m: float) -> bool:
+def _has_room(sight: Observation, space: Occupancy, room_m: float) -> bool:
     here = sight.pose.north_m, sight.pose.east_m
     return space.nearest_m(here, room_m) >= room_m
 
 
-def _passes_doorway(travel: Travel, sight: Sight) -> bool:
+def _passes_doorway(travel: Travel, sight: Observation) -> bool:
     """It is in one: it must not turn there for a way that is better by a decimetre."""
     here = sight.pose.north_m, sight.pose.east_m
     return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
 
-def _progress(travel: Travel, sight: Sight, least_m: float) -> Travel:
+def _progress(travel: Travel, sight: Observation, least_m: float) -> Travel:
     here = sight.pose.north_m, sight.pose.east_m
     if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < least_m:
         return travel
@@ -258,7 +258,7 @@ def _without_progress_s(travel: Travel, now_s: float) -> float:
     return 0.0 if travel.progress_s is None else now_s - travel.progress_s
 
 
-def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+def _planned(travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig) -> Travel:
     now_s = sight.pose.time_s
     here = sight.pose.north_m, sight.pose.east_m
     gets_on = not _is_stuck(travel, now_s)
@@ -276,7 +276,9 @@ def _planned(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig
     return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep, way=())
 
 
-def _another_way(travel: Travel, sight: Sight, space: Occupancy, plan: MissionConfig) -> Travel:
+def _another_way(
+    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
+) -> Travel:
     """Through another doorway; home, round any place that it is stuck at."""
     here = sight.pose.north_m, sight.pose.east_m
     doorway = next(
@@ -309,7 +311,7 @@ def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
     return Doorway(0, middle, unit, AHEAD_M)
 
 
-def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> Ways:
+def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> ShortestPaths:
     """As far as they are needed: near the way so far, if one there leads to the goal.
 
     Not through what is too narrow, but for home. If there is none to the start, even after it has
@@ -329,7 +331,7 @@ def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) 
     return find_ways(with_shut(retraced(ground), shut))
 
 
-def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
+def along(ways: ShortestPaths, travel: Travel, sight: Observation) -> Travel:
     """On the way to its goal, which the ways found from here reach."""
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
     way = ways.to(travel.goal_ne_m)
@@ -349,7 +351,7 @@ def along(ways: Ways, travel: Travel, sight: Sight) -> Travel:
 
 
 def _backed_off(
-    ground: Ground, travel: Travel, sight: Sight, doorways: tuple[Doorway, ...]
+    ground: CostGrid, travel: Travel, sight: Observation, doorways: tuple[Doorway, ...]
 ) -> Vector2 | None:
     """A place from where the next doorway's jambs can be measured, if it has come too near.
 
@@ -373,7 +375,7 @@ def _was_swept(travel: Travel, doorway: Doorway) -> bool:
     return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
 
 
-def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
+def _still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
     """The doorways, those not swept any more that are far, or were swept long ago."""
     here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
 
@@ -389,7 +391,7 @@ def _still_swept(travel: Travel, sight: Sight) -> tuple[Doorway, ...]:
     )
 
 
-def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
+def _begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
     """Before the next doorway, if it has not been looked at yet."""
     here = sight.pose.north_m, sight.pose.east_m
     for doorway in travel.doorways:
@@ -404,7 +406,7 @@ def _begin_sweep(travel: Travel, sight: Sight) -> Travel | None:
     return None
 
 
-def _sweep(travel: Travel, sight: Sight, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Travel, Setpoint]:
     assert travel.sweep is not None
     sweep, setpoint = sweeping.step(travel.sweep, sight, plan)
     travel = replace(travel, sweep=sweep, resets=sweep.resets)

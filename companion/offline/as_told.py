@@ -7,7 +7,7 @@ walls the equations would need minutes and a GB.
 
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import Array, BorderedSystem, Gradient
-from companion.estimation.smoothing.estimate import Past
+from companion.estimation.smoothing.estimate import MarginalPrior
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, Unknowns
 
@@ -15,7 +15,9 @@ from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, U
 class PathAsTold(Smoother):
     """Finds walls, and leaves the poses where they are."""
 
-    def system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
+    def system(
+        self, x: Unknowns, m: Measured, wall_of: Indices, past: MarginalPrior
+    ) -> BorderedSystem:
         """All equations; of the poses there is one, which stays for all of them."""
         system = _OnlyShared(POSE_SIZE, factors.WALLS + x.walls.size, 2 * POSE_SIZE)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)

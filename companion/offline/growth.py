@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.association.gating import Gate
-from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.smoother import WHOLE, Smoother
@@ -163,7 +163,7 @@ class Growth:
         part = self.smoother.smooth(self.x.since(first), m, self._past, STAGE_GATES)
         self._take(part, m, self._past)
 
-    def _take(self, found: Estimate, m: Measured, past: Past) -> None:
+    def _take(self, found: Estimate, m: Measured, past: MarginalPrior) -> None:
         """Go on from an estimate from the past's key frame on, and perhaps from a later past."""
         frame = len(found.x.poses) - WINDOW_KEYFRAMES
         if frame > 0:

@@ -30,14 +30,20 @@ from companion.core.messages import BEARING_FRD_RAD, HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
 from companion.navigation.doorways import Doorway, too_narrow, with_shut
-from companion.navigation.grid_planner import START_NE_M, Ground, Ways, find_ground, find_ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import (
+    START_NE_M,
+    CostGrid,
+    ShortestPaths,
+    find_ground,
+    find_ways,
+)
+from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M
 from companion.navigation.travel import Travel, TravelPhase, stuck_twice
 from companion.pdps.frontiers import Places, still_unseen
 from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
-from companion.pdps.viewpoints import Look, looks
+from companion.pdps.viewpoints import Viewpoint, looks
 from companion.safety.control_laws import glide
 from companion.safety.velocity_guard import clear_of_all_m
 
@@ -76,17 +82,17 @@ class Explore:
     """Where it turns round, or waits while it chooses,"""
     clockwise: bool = True
     """and which way it turns."""
-    ground: Ground | None = None
+    ground: CostGrid | None = None
     """In CHOOSE: where it fits, once that is found,"""
-    ways: Ways | None = None
+    ways: ShortestPaths | None = None
     """all ways from here,"""
-    looks: tuple[Look, ...] = ()
+    looks: tuple[Viewpoint, ...] = ()
     """and then from where to look."""
     travel: Travel | None = None
     """In GO; and in CHOOSE, if there was no need to stop."""
-    look: Look | None = None
+    look: Viewpoint | None = None
     """The next, or the present one; None at the first."""
-    tried: tuple[Look, ...] = ()
+    tried: tuple[Viewpoint, ...] = ()
     """All looks so far, also those that were seen from the way, or not come to."""
     came: Travel | None = None
     """How it has come here."""
@@ -121,7 +127,7 @@ class Explore:
 
 
 def step(
-    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     match explore.phase:
@@ -137,7 +143,7 @@ def step(
 
 
 def _look(
-    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
     yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
@@ -155,7 +161,9 @@ def _look(
     return explore, replace(gliding, yaw_rate_rad_s=rate_rad_s)
 
 
-def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occupancy) -> Explore:
+def _to_look(
+    explore: Explore, look: Viewpoint, at: Travel, sight: Observation, space: Occupancy
+) -> Explore:
     left = _left_of(look, space)
     if not left:
         return replace(_to_choose(explore, look), travel=replace(at, within_m=ARRIVED_M))
@@ -172,7 +180,7 @@ def _to_look(explore: Explore, look: Look, at: Travel, sight: Sight, space: Occu
     )
 
 
-def _left_of(look: Look, space: Occupancy) -> Places:
+def _left_of(look: Viewpoint, space: Occupancy) -> Places:
     """What is still to be seen of it; walls are looked at again only from there."""
     if look.is_tie:
         return look.at_ne_m
@@ -191,7 +199,7 @@ def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
     return clockwise_rad if clockwise_rad <= other_way_rad else -other_way_rad
 
 
-def _to_choose(explore: Explore, ended: Look | None) -> Explore:
+def _to_choose(explore: Explore, ended: Viewpoint | None) -> Explore:
     """A look is over, or there will be none."""
     tried = explore.tried if ended is None else (*explore.tried, ended)
     last = explore.travel or explore.came
@@ -199,7 +207,7 @@ def _to_choose(explore: Explore, ended: Look | None) -> Explore:
     return Explore(ExplorePhase.CHOOSE, tried=tried, came=came)
 
 
-def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Explore:
+def _choose(explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig) -> Explore:
     """Four steps, a tick each: any may take a good part of it."""
     if explore.ground is None:
         here = sight.pose.north_m, sight.pose.east_m
@@ -226,7 +234,9 @@ def _choose(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfi
     )
 
 
-def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig) -> Setpoint:
+def _meanwhile(
+    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
+) -> Setpoint:
     """It goes on until it has chosen, or it would stop every time."""
     if explore.travel is not None:
         going, setpoint = travel.step(explore.travel, sight, space, plan)
@@ -237,7 +247,7 @@ def _meanwhile(explore: Explore, sight: Sight, space: Occupancy, plan: MissionCo
 
 
 def _go(
-    explore: Explore, sight: Sight, space: Occupancy, plan: MissionConfig
+    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
     going, look, now_s = explore.travel, explore.look, sight.pose.time_s
     if going is None or look is None:

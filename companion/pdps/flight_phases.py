@@ -65,7 +65,7 @@ from companion.navigation import energy_reserve, travel
 from companion.navigation.energy_reserve import Reserve, Spent
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.landing_site import landing_site
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps import explore, layers, room_scan
 from companion.pdps.explore import Explore, ExplorePhase
@@ -159,12 +159,12 @@ MAY_DIVERT_PHASES = LEVEL_PHASES - {Phase.DIVERT, Phase.DESCEND}
 
 
 @value
-class View:
+class TickInput:
     """What the flight knows at one tick."""
 
     time_s: float
     vehicle: VehicleState
-    sight: Sight
+    sight: Observation
     space: Occupancy
     floor: Heights
     gyro_at_rest: bool
@@ -259,7 +259,7 @@ LOOKS_AGAIN = "no way back to the start was found; it looks again"
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
-def step(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def step(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     """One tick: the next state and what to ask of the autopilot."""
     if flight.phase in FINAL_PHASES:
         return flight, NOTHING
@@ -285,7 +285,7 @@ def _may_ask(flight: Flight, vehicle: VehicleState) -> bool:
     return vehicle.is_mode_just_told
 
 
-def _ended(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+def _ended(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
     """By others, or before it has begun."""
     if flight.phase in FLYING_PHASES:
         return _taken_away(flight, view)
@@ -296,7 +296,7 @@ def _ended(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
     return None if flight.phase is Phase.CONNECT else _not_to_be_armed(flight, view, plan)
 
 
-def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
+def _climb(flight: Flight, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity that keeps the height of the layer, and off the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
@@ -305,7 +305,7 @@ def _climb(flight: Flight, view: View, plan: MissionConfig) -> float:
     return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
 
 
-def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+def _in_time(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
     """Home, when what is left of time and battery is needed for the way there."""
     spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
     kept, why = energy_reserve.step(flight.reserve, spent, view.sight, view.space, plan)
@@ -314,7 +314,7 @@ def _in_time(flight: Flight, view: View, plan: MissionConfig) -> Flight:
     return _turn_back(flight, view, why) if why else flight
 
 
-def _turn_back(flight: Flight, view: View, why: str) -> Flight:
+def _turn_back(flight: Flight, view: TickInput, why: str) -> Flight:
     """What was an extra may end so: the mission is complete without it."""
     parts = flight.room, flight.building, flight.layers
     is_extra = any(part.is_extra for part in parts)
@@ -322,19 +322,19 @@ def _turn_back(flight: Flight, view: View, why: str) -> Flight:
     return _go(flight, Phase.HOME, view, trouble)
 
 
-def _go(flight: Flight, phase: Phase, view: View, trouble: str | None = None) -> Flight:
+def _go(flight: Flight, phase: Phase, view: TickInput, trouble: str | None = None) -> Flight:
     reason = flight.trouble if trouble is None else trouble
     return replace(flight, phase=phase, since_s=view.time_s, trouble=reason)
 
 
-def _age_s(flight: Flight, view: View) -> float:
+def _age_s(flight: Flight, view: TickInput) -> float:
     return view.time_s - flight.since_s
 
 
 # Before take-off
 
 
-def _not_to_be_armed(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+def _not_to_be_armed(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
     """The drone is in other hands, or is not fit to fly."""
     vehicle = view.vehicle
     if flight.phase is Phase.PREPARE:
@@ -360,7 +360,7 @@ def _is_mode_changed(flight: Flight, vehicle: VehicleState) -> bool:
     return flight.phase is Phase.ARM or flight.mode_before not in ("", vehicle.mode)
 
 
-def _hand_over(flight: Flight, view: View) -> Flight:
+def _hand_over(flight: Flight, view: TickInput) -> Flight:
     """Somebody else has the drone: nothing more is sent.
 
     It may be the autopilot itself, which lands when setpoints come too late.
@@ -371,7 +371,7 @@ def _hand_over(flight: Flight, view: View) -> Flight:
     return _go(flight, Phase.HANDED_OVER, view, trouble + late)
 
 
-def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _connect(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.connected:
         told = replace(flight, notice=preflight.MID_STICK)
         return _go(told, Phase.PREPARE, view), NOTHING
@@ -381,7 +381,7 @@ def _connect(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     return flight, NOTHING
 
 
-def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _prepare(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     vehicle = view.vehicle
     if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
         if view.order is None:
@@ -398,7 +398,7 @@ def _prepare(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     return flight, NOTHING
 
 
-def _ask_for_mode(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+def _ask_for_mode(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
     """Unless it should not fly."""
     if why := preflight.refusal(view.vehicle, plan):
         return _go(flight, Phase.FAILED, view, why)
@@ -407,20 +407,20 @@ def _ask_for_mode(flight: Flight, view: View, plan: MissionConfig) -> Flight:
     return _go(replace(flight, mode_before=view.vehicle.mode), Phase.OFFBOARD, view)
 
 
-def _offboard(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _offboard(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.in_offboard_mode:
         return _arm(_go(flight, Phase.ARM, view), view, plan)
     return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
 
 
-def _arm(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _arm(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.vehicle.armed:
         began = replace(flight, began_s=view.time_s)
         return _go(began, Phase.TAKE_OFF, view), Action(HOLD)
     return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
 
 
-def _take_off(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _take_off(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     vehicle, height_m = view.vehicle, view.sight.pose.height_m
     is_high = height_m > plan.height_m - AT_HEIGHT_M
     up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
@@ -453,7 +453,7 @@ def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
 
 
 def _insist(
-    flight: Flight, view: View, command: Command, timeout_s: float
+    flight: Flight, view: TickInput, command: Command, timeout_s: float
 ) -> tuple[Flight, Action]:
     """Ask until it is so, or until it has been refused for too long."""
     if _age_s(flight, view) <= timeout_s:
@@ -467,7 +467,7 @@ def _insist(
 # In the air
 
 
-def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _room(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
     if room is not flight.room:
         flight = replace(flight, room=room)
@@ -478,7 +478,7 @@ def _room(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     return flight, Action(setpoint)
 
 
-def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _building(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
@@ -488,7 +488,7 @@ def _building(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, 
     return flight, Action(setpoint)
 
 
-def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _layers(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
     flight = replace(flight, layers=seen)
     if seen.phase is LayersPhase.DONE:
@@ -496,7 +496,7 @@ def _layers(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Ac
     return flight, Action(setpoint)
 
 
-def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _home(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     homeward = flight.way_home
     if homeward.phase is TravelPhase.ARRIVED:
         return _settle(flight, view)
@@ -516,7 +516,7 @@ def _home(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
             return flight, Action(setpoint)
 
 
-def _look_for_way_home(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+def _look_for_way_home(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
     """Anew, as if none of the ways had been tried; in the end it lands elsewhere."""
     if view.time_s - flight.lost_since_s > LOOKS_FOR_WAY_HOME_S:
         return _land_elsewhere(flight, view, plan, NO_WAY_HOME)
@@ -525,14 +525,14 @@ def _look_for_way_home(flight: Flight, view: View, plan: MissionConfig) -> Fligh
     return replace(flight, way_home=Travel(START_NE_M), notice=LOOKS_AGAIN)
 
 
-def _land_elsewhere(flight: Flight, view: View, plan: MissionConfig, why: str) -> Flight:
+def _land_elsewhere(flight: Flight, view: TickInput, plan: MissionConfig, why: str) -> Flight:
     """On floor that it has flown over nearby, if there is any and it has room to fly there."""
     if flight.phase not in MAY_DIVERT_PHASES:
         return _go(flight, Phase.LAND, view, why)
     return _divert_to_floor(_go(flight, flight.phase, view, why), view, plan)
 
 
-def _divert_to_floor(flight: Flight, view: View, plan: MissionConfig) -> Flight:
+def _divert_to_floor(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
     here = view.sight.pose.north_m, view.sight.pose.east_m
     site = landing_site(here, view.space, view.floor, plan)
     if site == here:
@@ -541,7 +541,7 @@ def _divert_to_floor(flight: Flight, view: View, plan: MissionConfig) -> Flight:
     return _go(replace(flight, diversion=Travel(site), diverted_s=since_s), Phase.DIVERT, view)
 
 
-def _divert(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _divert(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     assert flight.diversion is not None
     going, setpoint = travel.step(flight.diversion, view.sight, view.space, plan)
     flight = replace(flight, diversion=going)
@@ -552,7 +552,7 @@ def _divert(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Ac
     return flight, Action(setpoint)
 
 
-def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
+def _settle(flight: Flight, view: TickInput) -> tuple[Flight, Action]:
     """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
     pose = view.sight.pose
     is_over = math.dist((pose.north_m, pose.east_m), START_NE_M) < OVER_START_M
@@ -562,7 +562,7 @@ def _settle(flight: Flight, view: View) -> tuple[Flight, Action]:
     return flight, Action(stay(START_NE_M, view.sight.pose))
 
 
-def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _descend(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     if flight.diversion is not None and _is_table_below(view):
         return _divert_to_floor(flight, view, plan), Action(HOLD)
     is_low = view.sight.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
@@ -572,7 +572,7 @@ def _descend(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, A
     return flight, Action(stay(over_ne_m, view.sight.pose))
 
 
-def _is_table_below(view: View) -> bool:
+def _is_table_below(view: TickInput) -> bool:
     """What the down beam meets is not floor; the floor nearer than half a metre is not told."""
     height_m, reading = view.sight.pose.height_m, view.sight.ranges.get(Beam.DOWN)
     if reading is None or not reading.is_distance or height_m < TELLS_FLOOR_FROM_M:
@@ -580,12 +580,12 @@ def _is_table_below(view: View) -> bool:
     return abs(height_m - view.sight.mount_offset_m - reading.distance_m) > FLOOR_OFF_M
 
 
-def _after(planned: Phase, view: View) -> Phase:
+def _after(planned: Phase, view: TickInput) -> Phase:
     """What follows: as planned, or whatever a script will order."""
     return planned if view.order is None else Phase.HOVER
 
 
-def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _hover(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     order = view.order
     if order is None or order.number <= flight.obeyed:
         return flight, Action(HOLD)
@@ -602,11 +602,11 @@ def _hover(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Act
             return replace(flight, obeyed=order.number), Action(HOLD)
 
 
-def _obey(flight: Flight, phase: Phase, view: View, order: Order) -> Flight:
+def _obey(flight: Flight, phase: Phase, view: TickInput, order: Order) -> Flight:
     return replace(_go(flight, phase, view), obeyed=order.number)
 
 
-def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _hold(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     if view.fault is None:
         return _go(flight, flight.held_from, view, flight.held_trouble), Action(HOLD)
     if _age_s(flight, view) > view.fault.lasts_s:
@@ -614,7 +614,7 @@ def _hold(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     return flight, Action(HOLD)
 
 
-def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Action]:
+def _land(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
     vehicle = view.vehicle
     if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
@@ -634,7 +634,7 @@ def _land(flight: Flight, view: View, plan: MissionConfig) -> tuple[Flight, Acti
     return flight, Action(command=Command(CommandKind.LAND))
 
 
-def _taken_away(flight: Flight, view: View) -> Flight | None:
+def _taken_away(flight: Flight, view: TickInput) -> Flight | None:
     """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
@@ -650,7 +650,7 @@ def _taken_away(flight: Flight, view: View) -> Flight | None:
     return None
 
 
-def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+def _cut_short(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
     """The flight goes on, but not as planned."""
     if view.land_requested:
         return _go(flight, Phase.LAND, view, "landing was requested")
@@ -663,7 +663,7 @@ def _cut_short(flight: Flight, view: View, plan: MissionConfig) -> Flight | None
     return _with_the_battery(flight, view, plan)
 
 
-def _with_the_battery(flight: Flight, view: View, plan: MissionConfig) -> Flight | None:
+def _with_the_battery(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
     """Home while there is enough for the way, down before it is empty."""
     percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
     if flight.diversion is None and percent <= plan.battery_land_percent:

@@ -22,7 +22,7 @@ from companion.core.messages import HOLD, Beam, Setpoint
 from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
 from companion.navigation.grid_planner import START_NE_M
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps import explore, overflight
 from companion.pdps.explore import Explore, ExplorePhase
@@ -73,7 +73,7 @@ class Layers:
 
 
 def step(
-    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     """One tick: the next state and the velocity to fly; `space` is that of the present layer."""
     match layers.phase:
@@ -90,7 +90,7 @@ def step(
 
 
 def _explore(
-    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     exploring, setpoint = explore.step(layers.explore, sight, space, plan)
     if exploring.phase is ExplorePhase.DONE:
@@ -99,7 +99,7 @@ def _explore(
 
 
 def _overfly(
-    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     over, setpoint = overflight.step(layers.overfly, sight, space, plan)
     phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
@@ -107,7 +107,7 @@ def _overfly(
 
 
 def _return(
-    layers: Layers, sight: Sight, space: Occupancy, plan: MissionConfig
+    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     going, setpoint = travel.step(layers.travel, sight, space, plan)
     if going.phase is TravelPhase.ARRIVED:
@@ -120,13 +120,13 @@ def _return(
     return replace(layers, travel=going), setpoint
 
 
-def _fits_above(layers: Layers, sight: Sight, plan: MissionConfig) -> bool:
+def _fits_above(layers: Layers, sight: Observation, plan: MissionConfig) -> bool:
     """By what the up beam says over the start; it must say that there is room."""
     above_m = sight.clear_m(Beam.UP)
     return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
 
 
-def _climb(layers: Layers, sight: Sight, plan: MissionConfig) -> tuple[Layers, Setpoint]:
+def _climb(layers: Layers, sight: Observation, plan: MissionConfig) -> tuple[Layers, Setpoint]:
     if abs(sight.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
         return Layers(LayersPhase.EXPLORE, layers.number), HOLD
     return layers, stay(START_NE_M, sight.pose)

@@ -19,10 +19,10 @@ from scipy.sparse import csr_array
 from companion.config.settings import MissionConfig
 from companion.core.known_walls import KnownWalls
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.navigation.grid_planner import Ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import ShortestPaths
+from companion.navigation.observation import Observation
 from companion.pdps.frontiers import Indices, centres
-from companion.pdps.viewpoints import ROOM_TO_LOOK_M, Look, seconds
+from companion.pdps.viewpoints import ROOM_TO_LOOK_M, Viewpoint, seconds
 from companion.pdps.visibility import Which, is_clear, viewpoints
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
@@ -46,8 +46,8 @@ Array = NDArray[np.float64]
 
 
 def ties(
-    ways: Ways, sight: Sight, plan: MissionConfig, tried: tuple[Look, ...] = ()
-) -> tuple[Look, ...]:
+    ways: ShortestPaths, sight: Observation, plan: MissionConfig, tried: tuple[Viewpoint, ...] = ()
+) -> tuple[Viewpoint, ...]:
     """The look at two walls that tells most for its time, if any is worth it."""
     walls, grid = sight.walls(), ways.ground.grid
     views, places, time_s = _views(ways, sight, plan, tried, TRIED_WITHIN_M)
@@ -62,12 +62,12 @@ def ties(
     view, pair = np.unravel_index(int(worth.argmax()), worth.shape)
     north_m, east_m = places[view].tolist()
     feet = (walls.foot_ne_m(wall, (north_m, east_m)) for wall in pairs[pair].tolist())
-    return (Look((north_m, east_m), tuple(feet), is_tie=True),)
+    return (Viewpoint((north_m, east_m), tuple(feet), is_tie=True),)
 
 
 def again(
-    ways: Ways, sight: Sight, plan: MissionConfig, tried: tuple[Look, ...] = ()
-) -> tuple[Look, ...]:
+    ways: ShortestPaths, sight: Observation, plan: MissionConfig, tried: tuple[Viewpoint, ...] = ()
+) -> tuple[Viewpoint, ...]:
     """The look that takes least time at the wall that is known worst, if any is worth it.
 
     None in layers: the next one leads there anew.
@@ -84,11 +84,15 @@ def again(
     view = np.where(seen[:, wall], time_s, np.inf).argmin()
     north_m, east_m = places[view].tolist()
     foot = walls.foot_ne_m(wall, (north_m, east_m))
-    return (Look((north_m, east_m), (foot,), is_tie=True),)
+    return (Viewpoint((north_m, east_m), (foot,), is_tie=True),)
 
 
 def _views(
-    ways: Ways, sight: Sight, plan: MissionConfig, tried: tuple[Look, ...], tried_within_m: float
+    ways: ShortestPaths,
+    sight: Observation,
+    plan: MissionConfig,
+    tried: tuple[Viewpoint, ...],
+    tried_within_m: float,
 ) -> tuple[Indices, Array, Array]:
     """Cells (v, 2) from where nothing was tied before, their places (v, 2), seconds to each."""
     grid = ways.ground.grid
@@ -104,7 +108,7 @@ def _views(
     return views, places, seconds(views, room_m[tuple(views.T)], ways, sight, plan)
 
 
-def _safely_reached(room_m: Array, sight: Sight, grid: Occupancy) -> Cells:
+def _safely_reached(room_m: Array, sight: Observation, grid: Occupancy) -> Cells:
     """From here through nothing narrow; all, where the drone is in something narrow itself."""
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * sight.wander_m
     parts, _ = label(roomy, ALL_AROUND)

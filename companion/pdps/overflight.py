@@ -22,8 +22,8 @@ from companion.core.frames import Vector2
 from companion.core.messages import HOLD, Setpoint
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.navigation import travel
-from companion.navigation.grid_planner import Ground, Ways, find_ground, find_ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import CostGrid, ShortestPaths, find_ground, find_ways
+from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps.frontiers import without_specks
 from companion.pdps.viewpoints import turn_rad
@@ -68,7 +68,7 @@ class Overfly:
 
 
 def step(
-    overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfig
+    overfly: Overfly, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Overfly, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     if overfly.phase is OverflyPhase.CHOOSE:
@@ -84,7 +84,7 @@ def step(
             return replace(overfly, travel=going), setpoint
 
 
-def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfig) -> Overfly:
+def _choose(overfly: Overfly, sight: Observation, space: Occupancy, plan: MissionConfig) -> Overfly:
     here = sight.pose.north_m, sight.pose.east_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at)
@@ -94,7 +94,7 @@ def _choose(overfly: Overfly, sight: Sight, space: Occupancy, plan: MissionConfi
     return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, sight))
 
 
-def _not_flown_over(ways: Ways, aimed_at: tuple[Vector2, ...]) -> Cells:
+def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells:
     grid = ways.ground.grid
     flown = grid.flown.copy()
     flown[ways.ground.start] = True
@@ -107,7 +107,7 @@ def _not_flown_over(ways: Ways, aimed_at: tuple[Vector2, ...]) -> Cells:
     return without_specks(left, MIN_CELLS)
 
 
-def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2:
+def _goal(left: Cells, ways: ShortestPaths, sight: Observation, plan: MissionConfig) -> Vector2:
     """The end of the straight way that meets most for its time, or the nearest that is left."""
     grid = ways.ground.grid
     ends, meets = _straight_on(left, ways.ground)
@@ -120,14 +120,16 @@ def _goal(left: Cells, ways: Ways, sight: Sight, plan: MissionConfig) -> Vector2
     return grid.place((row, column))
 
 
-def _seconds(cells: Indices, ways: Ways, sight: Sight, plan: MissionConfig) -> Seconds:
+def _seconds(
+    cells: Indices, ways: ShortestPaths, sight: Observation, plan: MissionConfig
+) -> Seconds:
     """(n,): to get to each cell, the turn towards it counted."""
     turn_s = turn_rad(sight, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     seconds: Seconds = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
     return seconds
 
 
-def _straight_on(left: Cells, ground: Ground) -> tuple[Indices, Metres]:
+def _straight_on(left: Cells, ground: CostGrid) -> tuple[Indices, Metres]:
     """Ends (n, 2) of straight ways to all sides and of all lengths, and what they meet (n,).
 
     A way meets what is left within its width.

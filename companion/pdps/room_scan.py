@@ -37,7 +37,7 @@ from companion.core.known_walls import KnownWalls
 from companion.core.messages import HOLD, Beam, RangeState, Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.swing import TO_THE_RIGHT, Swing
 from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
 from companion.safety.control_laws import (
@@ -151,7 +151,7 @@ _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
 
 
 def step(
-    scan: RoomScan, sight: Sight, space: Occupancy, plan: MissionConfig
+    scan: RoomScan, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     standoff_m = min(sight.standoff_m, scan.most_standoff_m)
@@ -167,7 +167,7 @@ def step(
     )
 
 
-def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _turn(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     yaw_rad = sight.pose.yaw_rad
     last_rad = yaw_rad if scan.last_yaw_rad is None else scan.last_yaw_rad
     scan = replace(
@@ -191,7 +191,7 @@ def _turn(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     return faced, Setpoint()
 
 
-def _rays(sight: Sight) -> tuple[Ray, ...]:
+def _rays(sight: Observation) -> tuple[Ray, ...]:
     return tuple(
         Ray(
             wrap_rad(sight.pose.yaw_rad + sight.bearings_frd_rad[beam]),
@@ -203,7 +203,7 @@ def _rays(sight: Sight) -> tuple[Ray, ...]:
     )
 
 
-def _seek(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _seek(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     ahead_m = sight.clear_m(Beam.FRONT)
     if ahead_m < max(SEEK_UNTIL_M, sight.standoff_m):
         return RoomScan(), Setpoint()
@@ -211,14 +211,16 @@ def _seek(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     return scan, Setpoint(forward_m_s=0.5 * plan.speed_m_s, yaw_rate_rad_s=yaw_rate)
 
 
-def _face(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _face(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _refined(scan, sight)
     if _on_heading(scan, sight):
         return replace(scan, phase=ScanPhase.STAND_OFF, faced_s=sight.pose.time_s), Setpoint()
     return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
-def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _stand_off(
+    scan: RoomScan, sight: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
     scan = _refined(scan, sight)
     distance_m = _wall_distance_m(scan, sight)
     if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
@@ -229,7 +231,7 @@ def _stand_off(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomS
     return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
-def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _scan(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     scan = _marked(_refined(scan, sight), sight)
     if _is_closed(scan, sight):
         if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(sight.walls()):
@@ -257,13 +259,13 @@ def _scan(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, 
     return scan, replace(along, yaw_rate_rad_s=swings_rad_s)
 
 
-def _along_m(scan: RoomScan, sight: Sight, along_m: float) -> Vector2:
+def _along_m(scan: RoomScan, sight: Observation, along_m: float) -> Vector2:
     """The place so far along the wall from here."""
     north_m, east_m = frd_to_ned(0.0, along_m, scan.heading_rad)
     return sight.pose.north_m + north_m, sight.pose.east_m + east_m
 
 
-def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
+def _along_wall(scan: RoomScan, sight: Observation, plan: MissionConfig) -> Setpoint:
     """At the stand-off, up to where the next wall begins."""
     wall_m = _wall_distance_m(scan, sight)
     towards_m_s = keep_distance(wall_m, scan.standoff_m, 0.4 * plan.speed_m_s)
@@ -272,7 +274,7 @@ def _along_wall(scan: RoomScan, sight: Sight, plan: MissionConfig) -> Setpoint:
     return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
 
 
-def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
+def _unknown_sides(scan: RoomScan, sight: Observation, space: Occupancy) -> list[int]:
     """On which sides of the way along the wall, 1 towards it, too little is known to be free.
 
     Enough is some way ahead, or up to the next wall. No sweep passes over what is at its flanks.
@@ -289,7 +291,7 @@ def _unknown_sides(scan: RoomScan, sight: Sight, space: Occupancy) -> list[int]:
     return unknown
 
 
-def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
+def _begin_sweep(scan: RoomScan, sight: Observation, sides: list[int]) -> RoomScan:
     """Turn so far that the right beam passes over what is unknown, and back."""
     here = sight.pose.north_m, sight.pose.east_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
@@ -299,7 +301,7 @@ def _begin_sweep(scan: RoomScan, sight: Sight, sides: list[int]) -> RoomScan:
     return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
 
 
-def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _sweep(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     heading_rad, *later = scan.sweep_rad
     holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, sight.pose)
     if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
@@ -310,11 +312,11 @@ def _sweep(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan,
     return replace(scan, phase=phase, sweep_rad=tuple(later)), holding
 
 
-def _blocked(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _blocked(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     return scan, Setpoint()
 
 
-def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _corner(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     if _on_heading(scan, sight):
         corners = scan.corners + 1
         scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=TO_THE_RIGHT)
@@ -325,7 +327,7 @@ def _corner(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan
     return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
 
 
-def _closed(scan: RoomScan, sight: Sight, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _closed(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
     return scan, Setpoint()
 
 
@@ -342,7 +344,7 @@ _MOVES = {
 }
 
 
-def _refined(scan: RoomScan, sight: Sight) -> RoomScan:
+def _refined(scan: RoomScan, sight: Observation) -> RoomScan:
     """Point at the wall as it is mapped by now rather than as the first turn saw it."""
     if sight.wall_ahead is None:
         return scan
@@ -352,16 +354,16 @@ def _refined(scan: RoomScan, sight: Sight) -> RoomScan:
     return replace(scan, heading_rad=normal_rad)
 
 
-def _on_heading(scan: RoomScan, sight: Sight) -> bool:
+def _on_heading(scan: RoomScan, sight: Observation) -> bool:
     return abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ON_HEADING_RAD
 
 
-def _turn_rate(scan: RoomScan, sight: Sight, plan: MissionConfig) -> float:
+def _turn_rate(scan: RoomScan, sight: Observation, plan: MissionConfig) -> float:
     most_rad_s = math.radians(plan.turn_rate_deg_s)
     return turn_towards(scan.heading_rad, sight.pose.yaw_rad, most_rad_s)
 
 
-def _wall_distance_m(scan: RoomScan, sight: Sight) -> float:
+def _wall_distance_m(scan: RoomScan, sight: Observation) -> float:
     """To the wall ahead: as mapped, if the front beam agrees, else as the beam says."""
     ahead_m = sight.clear_m(Beam.FRONT) * math.cos(sight.pose.yaw_rad - scan.heading_rad)
     if sight.wall_ahead is None:
@@ -370,24 +372,24 @@ def _wall_distance_m(scan: RoomScan, sight: Sight) -> float:
     return mapped_m if abs(mapped_m - ahead_m) < 0.5 else ahead_m
 
 
-def _gap_m(scan: RoomScan, sight: Sight) -> float:
+def _gap_m(scan: RoomScan, sight: Observation) -> float:
     """Along the wall, to the stand-off of the next."""
     return sight.clear_m(Beam.RIGHT) - scan.standoff_m
 
 
-def _meets_wall(sight: Sight) -> bool:
+def _meets_wall(sight: Observation) -> bool:
     reading = sight.ranges.get(Beam.RIGHT)
     return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
 
 
-def _marked(scan: RoomScan, sight: Sight) -> RoomScan:
+def _marked(scan: RoomScan, sight: Observation) -> RoomScan:
     here = sight.pose.north_m, sight.pose.east_m
     if scan.marks and math.dist(scan.marks[-1].ne_m, here) < MARK_EVERY_M:
         return scan
     return replace(scan, marks=(*scan.marks, Mark(here, scan.heading_rad, scan.corners)))
 
 
-def _is_closed(scan: RoomScan, sight: Sight) -> bool:
+def _is_closed(scan: RoomScan, sight: Observation) -> bool:
     """The walls behind were seen up to a mark a whole round ago, and from there on then."""
     for mark in scan.marks:
         if scan.corners - mark.corners < CORNERS_OF_A_ROOM:
@@ -407,7 +409,7 @@ def _are_loose(walls: KnownWalls) -> bool:
     return float(walls.gap_sigmas_m().max(initial=0.0)) > LOOSE_M
 
 
-def _guarded(speed_m_s: float, beam: Beam, sight: Sight) -> float:
+def _guarded(speed_m_s: float, beam: Beam, sight: Observation) -> float:
     """Never on towards something near: the last word on every phase."""
     if speed_m_s <= 0:
         return speed_m_s

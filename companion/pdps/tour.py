@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
 from companion.core.frames import Vector2
-from companion.navigation.grid_planner import Ways, graph
+from companion.navigation.grid_planner import ShortestPaths, graph
 
 COARSE_CELLS = 3
 """The order does not hang on a few decimetres."""
@@ -17,7 +17,7 @@ FAR_M = 1e3
 Costs = NDArray[np.float64]
 
 
-def first_of_tour(ways: Ways, places: tuple[Vector2, ...], home_ne_m: Vector2) -> int:
+def first_of_tour(ways: ShortestPaths, places: tuple[Vector2, ...], home_ne_m: Vector2) -> int:
     """Which of the places, that `ways` reaches, the shortest tour of all begins with."""
     if len(places) == 1:
         return 0
@@ -26,7 +26,7 @@ def first_of_tour(ways: Ways, places: tuple[Vector2, ...], home_ne_m: Vector2) -
     return shortest_first(between[0, 1:-1], between[1:-1, 1:-1], between[1:-1, -1])
 
 
-def _between_m(ways: Ways, cells: NDArray[np.int64]) -> Costs:
+def _between_m(ways: ShortestPaths, cells: NDArray[np.int64]) -> Costs:
     """(n, n): the ways' costs between cells (n, 2), on a coarser grid."""
     rows, columns = (-np.array(ways.ground.cost.shape)) % COARSE_CELLS
     cost = np.pad(ways.ground.cost, ((0, rows), (0, columns)), constant_values=np.inf)

@@ -16,8 +16,8 @@ from scipy.spatial import cKDTree
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.navigation.grid_planner import Ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import ShortestPaths
+from companion.navigation.observation import Observation
 from companion.pdps.frontiers import (
     MIN_SURFACE_CELLS,
     SMALL_SURFACE_CELLS,
@@ -59,7 +59,7 @@ Seconds = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class Viewpoint:
     """A place to look from, and at what."""
 
     from_ne_m: Vector2
@@ -78,11 +78,11 @@ class Look:
 
 
 def looks(
-    ways: Ways,
-    sight: Sight,
+    ways: ShortestPaths,
+    sight: Observation,
     plan: MissionConfig,
-    tried: tuple[Look, ...] = (),
-) -> tuple[Look, ...]:
+    tried: tuple[Viewpoint, ...] = (),
+) -> tuple[Viewpoint, ...]:
     """Places that together show what is unseen, the one most worth its time first; the first few.
 
     `tried` are all looks so far; three are enough, also for what was seen: a step of the pose may
@@ -135,7 +135,11 @@ class _Stage:
 
 
 def _stages(
-    grid: Occupancy, known: Cells, to_occupied_m: Metres, plan: MissionConfig, tried: Sequence[Look]
+    grid: Occupancy,
+    known: Cells,
+    to_occupied_m: Metres,
+    plan: MissionConfig,
+    tried: Sequence[Viewpoint],
 ) -> Iterator[_Stage]:
     """One after the other, each only if there is nothing of those before."""
     tight_m = clear_of_all_m(plan)
@@ -160,14 +164,14 @@ def _stages(
     yield _Stage(small, any_of, MIN_SHOWN, tight_m, least_surface=SMALL_SURFACE_CELLS)
 
 
-def _in_vain(tried: Sequence[Look]) -> bool:
+def _in_vain(tried: Sequence[Viewpoint]) -> bool:
     """The last looks into the open have shown nothing that is worth another."""
     last = tried[-OPEN_LOOKS:]
     return len(last) == OPEN_LOOKS and all(look.is_open for look in last)
 
 
 def seconds(
-    views: Indices, room_m: Metres, ways: Ways, sight: Sight, plan: MissionConfig
+    views: Indices, room_m: Metres, ways: ShortestPaths, sight: Observation, plan: MissionConfig
 ) -> Seconds:
     """(n,): what it takes to go to each place and look, and what is lost where it is crowded."""
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
@@ -178,12 +182,12 @@ def seconds(
 
 def _best(
     stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, pairs: Indices
-) -> tuple[Look, ...]:
+) -> tuple[Viewpoint, ...]:
     """The places (v, 2) that show most of what is looked for for their time (v,), and so many.
 
     `pairs` (p, 2) tell which view shows which target.
     """
-    found: list[Look] = []
+    found: list[Viewpoint] = []
     while len(pairs) and len(found) < MAX_LOOKS:
         shows = stage.every * np.bincount(pairs[:, 0], stage.worth[pairs[:, 1]], len(views))
         shows[shows < stage.least_shown] = 0
@@ -194,14 +198,14 @@ def _best(
         at = tuple(grid.place(_cell(cell)) for cell in stage.targets[shown])
         from_ne_m = grid.place(_cell(views[best]))
         is_open = bool((stage.worth[shown] < 1).all())
-        look = Look(from_ne_m, at, is_open=is_open, least_surface=stage.least_surface)
+        look = Viewpoint(from_ne_m, at, is_open=is_open, least_surface=stage.least_surface)
         found.append(look)
         pairs = pairs[~np.isin(pairs[:, 1], shown)]
     return tuple(found)
 
 
 def _not_in_vain(
-    stage: _Stage, views: Indices, pairs: Indices, tried: Sequence[Look], grid: Occupancy
+    stage: _Stage, views: Indices, pairs: Indices, tried: Sequence[Viewpoint], grid: Occupancy
 ) -> Indices:
     """The pairs (p, 2) without those of an earlier look: from there, for what is there.
 
@@ -218,7 +222,7 @@ def _not_in_vain(
     return pairs[~in_vain]
 
 
-def turn_rad(sight: Sight, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
+def turn_rad(sight: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
     """(n,): how far the nose has to turn towards each place."""
     here = grid.cell((sight.pose.north_m, sight.pose.east_m))
     north, east = (views - here).T

@@ -28,7 +28,7 @@ from companion.estimation.smoothing.flight_record import (
 )
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Indices, Measured, Unknowns, project
-from companion.estimation.solved_flight import Traced
+from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
 from sitl.simulation.record import TruthRecord
 from sitl.world.format import Segment
@@ -175,7 +175,7 @@ def _number(walls: list[tuple[float, float]], normal: Array, offset_m: float) ->
 
 
 def _plan(flown: Recorded, x: Unknowns, lines: tuple[WallLine, ...], wall_of: Indices) -> FloorPlan:
-    traced = Traced.of(flown.record, x, lines, wall_of, flown.models.ranges)
+    traced = SolvedFlight.of(flown.record, x, lines, wall_of, flown.models.ranges)
     walls = wall_segments(lines, traced.points_ne_m, wall_of)
     return FloorPlan(walls, traced.hits(), traced.path())
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from companion.estimation.association.gating import UNEXPLAINED
-from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
@@ -18,7 +18,7 @@ REACH_M = 0.2
 """A wall is there so far beyond its outermost hits."""
 
 
-def cost(smoother: Smoother, estimate: Estimate, m: Measured, past: Past) -> float:
+def cost(smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior) -> float:
     """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
     x, wall_of, units = estimate.x, estimate.wall_of, smoother.models.ranges
     on_walls = np.minimum(hit_residuals(x, m, wall_of, units) ** 2, UNEXPLAINED).sum()

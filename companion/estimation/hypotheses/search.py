@@ -27,7 +27,7 @@ from companion.estimation.association.gating import Gate
 from companion.estimation.hypotheses.chi_square import cost
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
 from companion.estimation.hypotheses.split_revisits import apart, doubting
-from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models, wander_steps_m
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel
@@ -69,7 +69,7 @@ class Doubt:
 
     smoother: Smoother
     m: Measured
-    past: Past
+    past: MarginalPrior
     gates: Sequence[Gate]
 
     def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:

@@ -23,7 +23,7 @@ from collections.abc import Generator
 import numpy as np
 
 from companion.estimation.smoothing import factors
-from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Measured
 
@@ -37,7 +37,7 @@ MIN_GAIN = 25.0
 
 
 def doubting(
-    smoother: Smoother, estimate: Estimate, m: Measured, past: Past
+    smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior
 ) -> Generator[None, None, list[Indices]]:
     """The hits of visits to walls that must have been others, those that save most first.
 
@@ -74,7 +74,7 @@ def _visits(estimate: Estimate, m: Measured, known: int) -> list[Indices]:
 
 
 def _gains(
-    smoother: Smoother, estimate: Estimate, m: Measured, past: Past, visits: list[Indices]
+    smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior, visits: list[Indices]
 ) -> Array:
     """(v,): the χ² that a wall of its own would save each of them."""
     each = apart(estimate, visits)

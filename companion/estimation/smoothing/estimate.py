@@ -13,7 +13,7 @@ from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Arra
 
 
 @dataclass(frozen=True, slots=True)
-class Past:
+class MarginalPrior:
     """What the keyframes before one tell of it and of all that is shared."""
 
     frame: int

@@ -31,7 +31,7 @@ from companion.estimation.smoothing.state import (
     Unknowns,
     project,
 )
-from companion.estimation.smoothing.two_gyro_bias import ToldModel, steadied
+from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, steadied
 
 GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
 WALLS = GAINS + len(BEAMS)
@@ -50,7 +50,7 @@ class Models:
     """The gyro's, as averaged before take-off."""
     gyro: GyroModel = field(default_factory=GyroModel)
     odometry: OdometryModel = field(default_factory=OdometryModel)
-    told: ToldModel = field(default_factory=ToldModel)
+    told: AutopilotGyroModel = field(default_factory=AutopilotGyroModel)
 
     def measured(self, record: FlightRecord) -> Measured:
         """All that was recorded so far, and what two gyros tell that one does not."""

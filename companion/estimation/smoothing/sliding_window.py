@@ -21,7 +21,7 @@ from companion.core.frames import Vector2
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.search import Doubt
 from companion.estimation.smoothing import factors
-from companion.estimation.smoothing.estimate import Estimate, Past
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoothing.smoother import FLYING_GATES, Smoother
@@ -68,7 +68,7 @@ class InFlightSmoothing:
         self._smoother = Smoother(models, FLYING_SUPPORT)
         self._work: Generator[None, None, Improved] | None = None
         self._due_s = PERIOD_S
-        self._past: Past | None = None
+        self._past: MarginalPrior | None = None
         self._whole_keyframes = 0
 
     def step(
@@ -126,7 +126,7 @@ class InFlightSmoothing:
         return Improved(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
 
 
-def begin_at(x: Unknowns, past: Past) -> None:
+def begin_at(x: Unknowns, past: MarginalPrior) -> None:
     """Scales, gains and bias as the past has them; headings without whole turns off."""
     pose, shared = past.at[:POSE_SIZE], past.at[POSE_SIZE:]
     turns = np.round((pose[YAW] - x.poses[0, YAW]) / (2 * np.pi))

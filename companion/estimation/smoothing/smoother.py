@@ -24,7 +24,7 @@ from companion.estimation.association.pruning import Support
 from companion.estimation.association.right_angles import square_pairs
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import Belief, BorderedSystem, Solution
-from companion.estimation.smoothing.estimate import Estimate, Past, values
+from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import (
     POSE_SIZE,
@@ -63,7 +63,7 @@ class Smoother:
         self.models, self.support = models, support
         self._association = Association(models.ranges, models.odometry, support)
 
-    def from_start(self, start: Array) -> Past:
+    def from_start(self, start: Array) -> MarginalPrior:
         """Before anything was seen: the first pose is `start` (3,), by definition of the frame.
 
         Odometry begins to wander when the drone lifts off.
@@ -80,14 +80,16 @@ class Smoother:
                 *(ranges.gain_sigma + factors.MIN_SIGMA),
             ]
         )
-        return Past(0, at, Belief(np.diag(sigma**-2.0), np.zeros(len(sigma))))
+        return MarginalPrior(0, at, Belief(np.diag(sigma**-2.0), np.zeros(len(sigma))))
 
-    def smooth(self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]) -> Estimate:
+    def smooth(
+        self, x: Unknowns, m: Measured, past: MarginalPrior, gates: Sequence[Gate]
+    ) -> Estimate:
         """The likeliest flight; `x` is where to begin from, and is set to it."""
         return at_once(self.smoothing(x, m, past, gates))
 
     def smoothing(
-        self, x: Unknowns, m: Measured, past: Past, gates: Sequence[Gate]
+        self, x: Unknowns, m: Measured, past: MarginalPrior, gates: Sequence[Gate]
     ) -> Generator[None, None, Estimate]:
         """The same in pieces of some milliseconds: it yields after each.
 
@@ -133,7 +135,7 @@ class Smoother:
         x: Unknowns,
         m: Measured,
         wall_of: Indices,
-        past: Past,
+        past: MarginalPrior,
         square: Sequence[tuple[int, int]] = (),
     ) -> Solution:
         """One Gauss-Newton step of `x`, with the hits' walls as they are."""
@@ -150,8 +152,8 @@ class Smoother:
         return solution
 
     def past_before(
-        self, frame: int, estimate: Estimate, m: Measured, past: Past
-    ) -> tuple[Past, Estimate]:
+        self, frame: int, estimate: Estimate, m: Measured, past: MarginalPrior
+    ) -> tuple[MarginalPrior, Estimate]:
         """What was measured before a later keyframe tells of it and of what is shared.
 
         And the estimate with the walls that were seen before it put first.
@@ -172,7 +174,7 @@ class Smoother:
         wall_of_part = wall_of[: len(part.frame)].copy()
         wall_of_part[hits:] = NO_WALL
         belief = self.system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
-        now = Past(past.frame + frame, values(before, frame), belief)
+        now = MarginalPrior(past.frame + frame, values(before, frame), belief)
         return now, Estimate(x, wall_of, solution)
 
     def motion(self, x: Unknowns, m: Measured) -> BorderedSystem:
@@ -183,14 +185,16 @@ class Smoother:
         factors.add_gyro(system, x, m, self.models)
         return system
 
-    def system(self, x: Unknowns, m: Measured, wall_of: Indices, past: Past) -> BorderedSystem:
+    def system(
+        self, x: Unknowns, m: Measured, wall_of: Indices, past: MarginalPrior
+    ) -> BorderedSystem:
         """All equations, about `x` and with the hits' walls as they are."""
         system = self.motion(x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
         self.believe(system, x, past)
         return system
 
-    def believe(self, system: BorderedSystem, x: Unknowns, past: Past) -> None:
+    def believe(self, system: BorderedSystem, x: Unknowns, past: MarginalPrior) -> None:
         """What the past tells; of walls that it did not know next to nothing."""
         belief = past.belief.moved(past.beside(x))
         system.believe(belief.grown(POSE_SIZE + factors.WALLS + x.walls.size))

@@ -30,7 +30,7 @@ _SIZE = 2
 
 
 @dataclass(frozen=True, slots=True)
-class ToldModel:
+class AutopilotGyroModel:
     """How far the heading may be trusted that the autopilot tells."""
 
     bias_walk_rad_s_sqrt_s: float = math.radians(0.002)
@@ -42,7 +42,7 @@ class ToldModel:
     """Of one heading that was told: it comes late, and more so as it goes on."""
 
 
-def steadied(m: Measured, gyro: GyroModel, told: ToldModel) -> Measured:
+def steadied(m: Measured, gyro: GyroModel, told: AutopilotGyroModel) -> Measured:
     """With how our gyro's bias has moved, where the autopilot's can tell."""
     at = np.flatnonzero(np.isfinite(m.told_rad))
     if len(at) < MIN_KEYFRAMES:
@@ -56,7 +56,7 @@ def steadied(m: Measured, gyro: GyroModel, told: ToldModel) -> Measured:
     return replace(m, bias_moved_rad_s=bias_moved_rad_s, is_steadied=is_steadied)
 
 
-def _bias_moved(m: Measured, gyro: GyroModel, told: ToldModel) -> Array | None:
+def _bias_moved(m: Measured, gyro: GyroModel, told: AutopilotGyroModel) -> Array | None:
     """(k - 1,): by so much from each keyframe to the next, rad/s; None if it cannot be told."""
     told_rad = m.told_rad - m.told_rad[0]
     used = np.flatnonzero(np.isfinite(told_rad))
@@ -81,7 +81,9 @@ def _bias_moved(m: Measured, gyro: GyroModel, told: ToldModel) -> Array | None:
     return moved_rad_s
 
 
-def _alone(x: Array, scale: float, m: Measured, gyro: GyroModel, told: ToldModel) -> BorderedSystem:
+def _alone(
+    x: Array, scale: float, m: Measured, gyro: GyroModel, told: AutopilotGyroModel
+) -> BorderedSystem:
     """What is known of the gyros before the autopilot tells; `x`: (k, 2), e and d."""
     at = _SIZE * np.arange(len(x) - 1)
     one = np.ones(len(at))

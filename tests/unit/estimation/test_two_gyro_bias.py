@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.state import Measured
-from companion.estimation.smoothing.two_gyro_bias import ToldModel, steadied
+from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, steadied
 
 STEP_S, KEYFRAMES = 0.2, 1500
 OWN_SCALE, THEIR_SCALE, THEIR_BIAS_DEG_S = 1.02, 0.99, 0.1
@@ -51,7 +51,7 @@ def wandering(seed: int) -> Array:
 @pytest.mark.parametrize("seed", range(4))
 def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> None:
     bias_deg_s = wandering(seed)
-    m = steadied(flight(bias_deg_s), GyroModel(), ToldModel())
+    m = steadied(flight(bias_deg_s), GyroModel(), AutopilotGyroModel())
     assert m.is_steadied.all()
     moved_deg_s = np.degrees(np.cumsum(m.bias_moved_rad_s))
     off_deg_s = moved_deg_s - (bias_deg_s[1:] - bias_deg_s[0])
@@ -64,13 +64,13 @@ def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> Non
 def test_a_heading_that_a_compass_sets_counts_for_nothing() -> None:
     disturbed_deg = 8 * np.sin(0.7 * STEP_S * np.arange(KEYFRAMES))
     m = flight(wandering(0), disturbed_deg)
-    assert steadied(m, GyroModel(), ToldModel()) is m
+    assert steadied(m, GyroModel(), AutopilotGyroModel()) is m
 
 
 def test_without_an_autopilot_that_tells_its_heading_nothing_is_known() -> None:
     m = flight(wandering(0))
     silent = replace(m, told_rad=np.full(KEYFRAMES, np.nan))
-    assert steadied(silent, GyroModel(), ToldModel()) is silent
+    assert steadied(silent, GyroModel(), AutopilotGyroModel()) is silent
 
 
 def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
@@ -78,7 +78,7 @@ def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
     m = flight(bias_deg_s)
     told_rad = m.told_rad.copy()
     told_rad[:40] = told_rad[700:750] = np.nan
-    m = steadied(replace(m, told_rad=told_rad), GyroModel(), ToldModel())
+    m = steadied(replace(m, told_rad=told_rad), GyroModel(), AutopilotGyroModel())
     assert not m.is_steadied[:40].any()
     assert m.is_steadied[40:].all()
     moved_deg_s = np.degrees(m.bias_moved_rad_s[40:].sum())

@@ -16,8 +16,8 @@ from companion.mapping.occupancy import Occupancy, Ray
 from companion.navigation import sweep as sweeping
 from companion.navigation import travel as travelling
 from companion.navigation.doorways import Doorway
-from companion.navigation.grid_planner import Ways, find_ground, find_ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
+from companion.navigation.observation import Observation
 from companion.navigation.path_follower import (
     ARRIVED_M,
     Course,
@@ -34,7 +34,7 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.frontiers import TRIES, frontiers, known_cells, vague_surfaces
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.tour import first_of_tour, shortest_first
-from companion.pdps.viewpoints import MIN_SHOWN, OPEN_LOOKS, Look, looks
+from companion.pdps.viewpoints import MIN_SHOWN, OPEN_LOOKS, Viewpoint, looks
 from companion.pdps.visibility import sights
 from companion.safety.seen_free import Lane
 
@@ -44,7 +44,7 @@ NORTH = Course(0.0)
 Place = tuple[float, float]
 
 
-def ways_from(grid: Occupancy, place_ne_m: Vector2) -> Ways:
+def ways_from(grid: Occupancy, place_ne_m: Vector2) -> ShortestPaths:
     return find_ways(find_ground(grid, place_ne_m, CLEAR_M))
 
 
@@ -70,9 +70,9 @@ def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:
 
 def sight(
     place: Place = (0.0, 0.0), yaw_rad: float = 0.0, ahead_m: float = 5.0, time_s: float = 10.0
-) -> Sight:
+) -> Observation:
     ahead = RangeReading(RangeState.DISTANCE, ahead_m, 0.01)
-    return Sight(Pose(time_s, *place, -PLAN.height_m, yaw_rad), {Beam.FRONT: ahead}, 0.0)
+    return Observation(Pose(time_s, *place, -PLAN.height_m, yaw_rad), {Beam.FRONT: ahead}, 0.0)
 
 
 def length_m(start: Place, way: tuple[Place, ...]) -> float:
@@ -182,7 +182,7 @@ def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None
     assert norths_m
     assert min(norths_m) > far_side_m
     edge = np.argwhere(frontiers(grid)).tolist()
-    tried = Look((0.0, 0.0), tuple(grid.place((row, column)) for row, column in edge))
+    tried = Viewpoint((0.0, 0.0), tuple(grid.place((row, column)) for row, column in edge))
     ways = ways_from(grid, (2.0, 0.0))
     look, *_ = looks(ways, sight((2.0, 0.0)), PLAN, (tried,) * TRIES)
     assert look.from_ne_m[0] > far_side_m + 0.5
@@ -216,7 +216,7 @@ def test_what_was_looked_at_often_enough_is_let_be() -> None:
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)
     )
     ways = ways_from(grid, (0.0, 0.0))
-    tried = (Look((1.0, 0.0), everywhere),) * TRIES
+    tried = (Viewpoint((1.0, 0.0), everywhere),) * TRIES
     assert looks(ways, sight(), PLAN, tried[1:])
     assert not looks(ways, sight(), PLAN, tried)
 
@@ -276,7 +276,7 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
     for reach_m, plan, has_more in ((4.0, OUTSIDE, False), (4.0, PLAN, True), (8.0, PLAN, False)):
         grid = open_ground(reach_m)
         grid.block((0.0, 0.0), 0.3)
-        seen_enough = (Look((1.5, 0.0), pillar),) * TRIES
+        seen_enough = (Viewpoint((1.5, 0.0), pillar),) * TRIES
         assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
 
 
@@ -289,13 +289,13 @@ def test_the_open_counts_when_all_else_is_far(strip_m: int, is_open: bool) -> No
     for north_m in range(4, strip_m, 2):
         look_round(grid, (float(north_m), 0.0), 2.0, hit=False)
     grid.block((strip_m + 1.0, 0.0), 0.3)
-    seen_enough = (Look((1.5, 0.0), pillar),) * TRIES
+    seen_enough = (Viewpoint((1.5, 0.0), pillar),) * TRIES
     found = looks(ways_from(grid, here), sight(here), PLAN, seen_enough)
     assert found[0].is_open == is_open
 
 
 def test_when_look_after_look_into_the_open_shows_nothing_it_is_let_be() -> None:
-    ways, inside = ways_from(open_ground(), (0.0, 0.0)), Look((0.0, 0.0), ((9.0, 9.0),))
+    ways, inside = ways_from(open_ground(), (0.0, 0.0)), Viewpoint((0.0, 0.0), ((9.0, 9.0),))
     into_the_open = replace(inside, is_open=True)
     assert looks(ways, sight(), PLAN, (into_the_open,) * (OPEN_LOOKS - 1))
     assert looks(ways, sight(), PLAN, (*(into_the_open,) * OPEN_LOOKS, inside))
@@ -324,7 +324,7 @@ def test_the_tour_is_the_shortest_of_all(count: int, seed: int) -> None:
 
 
 def followed(
-    way: Way, at: Sight, grid: Occupancy | None = None, course: Course | None = NORTH
+    way: Way, at: Observation, grid: Occupancy | None = None, course: Course | None = NORTH
 ) -> Setpoint:
     return follow(way, course, at, grid or open_ground(), PLAN)
 
@@ -836,7 +836,7 @@ def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
 
 
 def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
-    looking = Explore(look=Look((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
+    looking = Explore(look=Viewpoint((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
     explore, _ = step(looking, sight(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
@@ -870,7 +870,9 @@ def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
         (3.95 * math.cos(math.radians(b)), 3.95 * math.sin(math.radians(b))) for b in bearings_deg
     ]
     here = (0.0, 0.0)
-    going = Explore(ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Look(here, tuple(rim)))
+    going = Explore(
+        ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Viewpoint(here, tuple(rim))
+    )
     return step(going, sight(here, yaw_rad=yaw_rad), open_ground(), PLAN)[0]
 
 
@@ -887,7 +889,7 @@ def test_it_turns_the_way_that_shows_what_it_came_for_sooner(clockwise: bool) ->
 def test_it_does_not_turn_when_all_that_it_came_for_was_seen_on_the_way() -> None:
     here = (0.0, 0.0)
     going = Explore(
-        ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Look(here, ((1.0, 0.0),))
+        ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Viewpoint(here, ((1.0, 0.0),))
     )
     explore, _ = step(going, sight(here), open_ground(), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
@@ -942,10 +944,10 @@ def test_done_stays_done() -> None:
 LAYERED = MissionConfig(kind="layers")
 
 
-def layer_sight(above_m: float, height_m: float = LAYERED.height_m) -> Sight:
+def layer_sight(above_m: float, height_m: float = LAYERED.height_m) -> Observation:
     up = RangeReading(RangeState.DISTANCE, above_m, 0.01)
     at = Pose(10.0, 0.0, 0.0, -height_m, 0.0)
-    return Sight(at, {Beam.FRONT: up, Beam.UP: up}, 0.0)
+    return Observation(at, {Beam.FRONT: up, Beam.UP: up}, 0.0)
 
 
 def test_a_layer_that_was_seen_ends_at_the_start() -> None:

@@ -22,13 +22,13 @@ from companion.core.messages import (
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.navigation.energy_reserve import Reserve, Spent
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight_phases import Action, Flight, Phase, View, step
+from companion.pdps.flight_phases import Action, Flight, Phase, TickInput, step
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase
-from companion.pdps.viewpoints import Look
+from companion.pdps.viewpoints import Viewpoint
 from companion.safety.obstacle_memory import Surroundings
 
 PLAN = MissionConfig()
@@ -63,10 +63,10 @@ def view(
     fault: Fault | None = None,
     land_requested: bool = False,
     floor: Heights = UNSEEN_FLOOR,
-) -> View:
+) -> TickInput:
     ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR, Beam.UP: up}
-    sight = Sight(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
-    return View(
+    sight = Observation(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
+    return TickInput(
         time_s,
         vehicle,
         sight,
@@ -82,7 +82,7 @@ def flying(phase: Phase) -> Flight:
     return Flight(phase, since_s=99.0, began_s=90.0)
 
 
-def after(phase: Phase, seen: View) -> tuple[Phase, Action]:
+def after(phase: Phase, seen: TickInput) -> tuple[Phase, Action]:
     flight, action = step(flying(phase), seen, PLAN)
     return flight.phase, action
 
@@ -271,7 +271,7 @@ def test_a_mission_is_complete_without_the_rest_of_its_further_rounds(is_extra: 
 
 
 def test_a_mission_is_complete_without_the_rest_of_its_ties() -> None:
-    look = Look((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)))
+    look = Viewpoint((1.0, 1.0), ((4.0, 1.0), (-2.0, 1.0)))
     tie = replace(look, is_tie=True)
     turned_back = "turned back with 15 % of the battery"
     for present, tried, trouble in ((look, (), turned_back), (tie, (), ""), (look, (tie,), "")):

@@ -18,8 +18,8 @@ from companion.estimation.filters.heading_filter import HeadingFilter, WallBeari
 from companion.estimation.filters.position_filter import WALLS, LineSlam, Wall
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.navigation.grid_planner import Ways, find_ground, find_ways
-from companion.navigation.observation import Sight
+from companion.navigation.grid_planner import ShortestPaths, find_ground, find_ways
+from companion.navigation.observation import Observation
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.loop_views import (
     AGAIN_WITHIN_M,
@@ -31,7 +31,7 @@ from companion.pdps.loop_views import (
     again,
     ties,
 )
-from companion.pdps.viewpoints import Look
+from companion.pdps.viewpoints import Viewpoint
 from companion.pdps.visibility import is_clear
 
 PLAN = MissionConfig(kind="building")
@@ -63,26 +63,26 @@ def yard(*, partition: bool = False) -> Occupancy:
     return grid
 
 
-def sight(walls: KnownWalls, here: Vector2 = HERE) -> Sight:
+def sight(walls: KnownWalls, here: Vector2 = HERE) -> Observation:
     clear = RangeReading(RangeState.DISTANCE, 5.0, 0.01)
     pose = Pose(10.0, *here, -PLAN.height_m, 0.0)
-    return Sight(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
+    return Observation(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
 
 
 @cache
-def ways_from(grid: Occupancy, here: Vector2) -> Ways:
+def ways_from(grid: Occupancy, here: Vector2) -> ShortestPaths:
     return find_ways(find_ground(grid, here, 0.5))
 
 
 def found(
     walls: KnownWalls,
     grid: Occupancy,
-    tried: tuple[Look, ...] = (),
+    tried: tuple[Viewpoint, ...] = (),
     here: Vector2 = HERE,
     *,
     plan: MissionConfig = PLAN,
-    search: Callable[..., tuple[Look, ...]] = ties,
-) -> tuple[Look, ...]:
+    search: Callable[..., tuple[Viewpoint, ...]] = ties,
+) -> tuple[Viewpoint, ...]:
     return search(ways_from(grid, here), sight(walls, here), plan, tried)
 
 
@@ -113,10 +113,10 @@ def test_what_stands_between_hides_one_from_the_other() -> None:
     [(ties, TRIED_WITHIN_M, (2, 8)), (again, AGAIN_WITHIN_M, (1, 3))],
 )
 def test_from_one_place_it_is_tried_once(
-    search: Callable[..., tuple[Look, ...]], within_m: float, times: tuple[int, int]
+    search: Callable[..., tuple[Viewpoint, ...]], within_m: float, times: tuple[int, int]
 ) -> None:
     walls, grid = two_walls(0.2), yard()
-    tried: tuple[Look, ...] = ()
+    tried: tuple[Viewpoint, ...] = ()
     while more := found(walls, grid, tried, search=search):
         for look in tried:
             assert math.dist(look.from_ne_m, more[0].from_ne_m) > within_m
@@ -158,7 +158,7 @@ def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
     for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
         for east_m in (-4.6, 4.7):
             grid.block((north_m, east_m), 0.1)
-    enough = tuple(Look(HERE, _everywhere()) for _ in range(3))
+    enough = tuple(Viewpoint(HERE, _everywhere()) for _ in range(3))
     explore = Explore(ExplorePhase.CHOOSE, tried=enough)
     while explore.phase is ExplorePhase.CHOOSE:
         explore, _ = step(explore, sight(walls), grid, PLAN)
@@ -233,7 +233,7 @@ def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> Non
 @pytest.mark.parametrize("search", [ties, again])
 @pytest.mark.parametrize(("wander_m", "goes_through"), [(0.002, True), (0.07, False)])
 def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
-    search: Callable[..., tuple[Look, ...]], wander_m: float, goes_through: bool
+    search: Callable[..., tuple[Viewpoint, ...]], wander_m: float, goes_through: bool
 ) -> None:
     """A doorway of 1 m divides the yard."""
     grid = yard().copy()
@@ -242,7 +242,7 @@ def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
             grid.block((0.1 * decimetre + 0.05, 0.5), 0.01)
     ways = find_ways(find_ground(grid, HERE, 0.5))
     seen = replace(sight(two_walls(0.2)), wander_m=wander_m)
-    tried: tuple[Look, ...] = ()
+    tried: tuple[Viewpoint, ...] = ()
     while more := search(ways, seen, PLAN, tried):
         tried = (*tried, *more)
     assert tried

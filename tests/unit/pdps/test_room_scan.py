@@ -11,7 +11,7 @@ from companion.core.frames import Vector2
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
-from companion.navigation.observation import Sight
+from companion.navigation.observation import Observation
 from companion.pdps.room_scan import Mark, RoomScan, ScanPhase, step
 from companion.safety.seen_free import Lane
 
@@ -49,10 +49,10 @@ def sight(
     position: tuple[float, float] = (0.0, 0.0),
     wall_ahead: tuple[float, float] | None = None,
     time_s: float = 0.0,
-) -> Sight:
+) -> Observation:
     pose = Pose(time_s, *position, down_m=-PLAN.height_m, yaw_rad=yaw_rad)
     ranges = {Beam.FRONT: front, Beam.RIGHT: right, Beam.LEFT: left}
-    return Sight(pose, ranges, mount_offset_m=0.0, wall_ahead=wall_ahead)
+    return Observation(pose, ranges, mount_offset_m=0.0, wall_ahead=wall_ahead)
 
 
 def turn_once(walls_m: dict[int, float]) -> RoomScan:
@@ -251,7 +251,7 @@ def closing(scan: RoomScan, walls: KnownWalls) -> RoomScan:
     return scan
 
 
-def past(walls: KnownWalls) -> Sight:
+def past(walls: KnownWalls) -> Observation:
     return replace(sight(front=at(1.5), position=(0.0, 0.5)), walls=lambda: walls)
 
 
