@@ -103,7 +103,7 @@ def fly(minutes: float) -> None:
         spent_s.append(time.process_time() - began_s)
         if tick % round(REPORT_S / TICK_S) == 0:
             pose = estimator.pose(time_s)
-            off_m = math.dist((pose.north_m, pose.east_m), (north_m - start[0], east_m - start[1]))
+            off_m = math.dist(pose.ne_m, (north_m - start[0], east_m - start[1]))
             ms = 1e3 * np.array(spent_s)
             print(
                 f"| {time_s / 60:.0f} | {ms.mean():.2f} | {np.percentile(ms, 99):.1f} "

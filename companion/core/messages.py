@@ -235,6 +235,11 @@ class Pose:
     """One more each time that the pose has been set right by a step."""
 
     @property
+    def ne_m(self) -> Vector2:
+        """North and east."""
+        return self.north_m, self.east_m
+
+    @property
     def height_m(self) -> float:
         """Above the take-off point."""
         return -self.down_m

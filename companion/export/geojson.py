@@ -52,7 +52,7 @@ def write_geojson(survey: Survey, path: Path, place: Place) -> None:
         for gap in survey.openings
     ]
     if len(plan.path) > 1:
-        features.append(line([(pose.north_m, pose.east_m) for pose in plan.path], "path"))
+        features.append(line([pose.ne_m for pose in plan.path], "path"))
     path.write_text(
         json.dumps({"type": "FeatureCollection", "features": features}) + "\n", encoding="utf-8"
     )

@@ -39,7 +39,7 @@ class Heights:
         reading = scan.readings.get(Beam.DOWN)
         if reading is not None and reading.is_distance:
             height_m = pose.height_m - self._mount_offset_m - reading.distance_m
-            self._readings_m[_cell((pose.north_m, pose.east_m))].append(height_m)
+            self._readings_m[_cell(pose.ne_m)].append(height_m)
 
     @property
     def floor_m(self) -> float | None:

@@ -30,7 +30,7 @@ def sees_to_m(sensor: RangeModel) -> float:
 def rays(pose: Pose, scan: RangeScan, units: Mapping[Beam, RangeUnit]) -> list[Ray]:
     """Of the horizontal beams; one that is too near, stale or failed says nothing."""
     found = []
-    here = pose.north_m, pose.east_m
+    here = pose.ne_m
     for beam in BEARING_FRD_RAD:
         unit, reading = units.get(beam), scan.readings.get(beam)
         if unit is None or reading is None:

@@ -111,7 +111,7 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
 
 
 def _way_home_s(sight: Observation, space: Occupancy, plan: MissionConfig) -> float:
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     ground = find_ground(space, here, clear_of_all_m(plan))
     ways = find_ways(ground)
     if not ways.reaches(START_NE_M):

@@ -61,7 +61,7 @@ class Course:
 
 def passed(way: Way, sight: Observation, within_m: float) -> Way:
     """What is left of the way; nothing so near to its end."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
     return () if len(way) == 1 and math.dist(here, way[0]) < within_m else way
@@ -96,7 +96,7 @@ def _room_m(sight: Observation, space: Occupancy) -> float:
         pose.north_m + LOOK_AHEAD_M * math.cos(pose.yaw_rad),
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
-    places = (pose.north_m, pose.east_m), ahead_ne_m
+    places = pose.ne_m, ahead_ne_m
     mapped_m = (_to_mapped_m(place, pose, space) for place in places)
     beside_m = (sight.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in sight.ranges)
     return min((*mapped_m, *beside_m))
@@ -121,7 +121,7 @@ def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
 
 def is_blocked(way: Way, sight: Observation) -> bool:
     """Something stands where the way leads, and a beam points there."""
-    if not way or math.dist((sight.pose.north_m, sight.pose.east_m), way[0]) <= CLOSE_M:
+    if not way or math.dist(sight.pose.ne_m, way[0]) <= CLOSE_M:
         return False
     beam = _looking(_bearing_rad(way, sight), sight)
     return beam is not None and sight.clear_m(beam) <= FULL_STOP_BEFORE_M
@@ -145,7 +145,7 @@ def _bearing_rad(way: Way, sight: Observation) -> float:
 def _towards(
     way: Way, course: Course | None, sight: Observation, plan: MissionConfig, most_m_s: float
 ) -> Setpoint:
-    distance_m = math.dist((sight.pose.north_m, sight.pose.east_m), way[0])
+    distance_m = math.dist(sight.pose.ne_m, way[0])
     if distance_m < CLOSE_M and len(way) == 1:
         return stay(way[0], sight.pose)
     bearing_rad = _bearing_rad(way, sight)

@@ -50,7 +50,7 @@ def all_round(sight: Observation, stay_ne_m: Vector2) -> Sweep:
 
 def over_jambs(doorway: Doorway, sight: Observation) -> Sweep:
     """From beyond the right one to beyond the left one."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     left_rad, right_rad = (
         math.atan2(east_m - here[1], north_m - here[0]) for north_m, east_m in doorway.jambs_ne_m()
     )
@@ -77,7 +77,7 @@ def step(sweep: Sweep, sight: Observation, plan: MissionConfig) -> tuple[Sweep, 
 def _as_posed(sweep: Sweep, sight: Observation) -> Sweep:
     """After a step of the pose: where it is, and what it has met, as far as it had got there."""
     sweep = replace(sweep, resets=sight.pose.reset_counter)
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     north_m, east_m = here[0] - sweep.stay_ne_m[0], here[1] - sweep.stay_ne_m[1]
     if math.hypot(north_m, east_m) >= AT_PLACE_M:
         return sweep

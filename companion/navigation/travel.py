@@ -181,7 +181,7 @@ def _fly(
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
         if is_open:
-            here = sight.pose.north_m, sight.pose.east_m
+            here = sight.pose.ne_m
             travel = replace(travel, roomy_ne_m=here)
         if _must_plan(travel, sight, space, has_stepped=has_stepped):
             travel = _planned(travel, sight, space, plan)
@@ -200,7 +200,7 @@ def _fly(
 
 
 def _is_as_near_as_it_gets(travel: Travel, sight: Observation) -> bool:
-    away_m = math.dist((sight.pose.north_m, sight.pose.east_m), travel.goal_ne_m)
+    away_m = math.dist(sight.pose.ne_m, travel.goal_ne_m)
     return away_m < NEARLY_M and _without_progress_s(travel, sight.pose.time_s) >= NEARLY_S
 
 
@@ -217,7 +217,7 @@ def _must_plan(travel: Travel, sight: Observation, space: Occupancy, *, has_step
 
 def _is_free(way: Way, sight: Observation, space: Occupancy) -> bool:
     """Whether there is a way, and it is known to be free, as wide as a doorway."""
-    start = sight.pose.north_m, sight.pose.east_m
+    start = sight.pose.ne_m
     for corner in way:
         length_m = math.dist(start, corner)
         bearing_rad = math.atan2(corner[1] - start[1], corner[0] - start[0])
@@ -233,18 +233,18 @@ def in_the_open(sight: Observation, space: Occupancy) -> bool:
 
 
 def _has_room(sight: Observation, space: Occupancy, room_m: float) -> bool:
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     return space.nearest_m(here, room_m) >= room_m
 
 
 def _passes_doorway(travel: Travel, sight: Observation) -> bool:
     """It is in one: it must not turn there for a way that is better by a decimetre."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
 
 def _progress(travel: Travel, sight: Observation, least_m: float) -> Travel:
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < least_m:
         return travel
     return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
@@ -260,7 +260,7 @@ def _without_progress_s(travel: Travel, now_s: float) -> float:
 
 def _planned(travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig) -> Travel:
     now_s = sight.pose.time_s
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     gets_on = not _is_stuck(travel, now_s)
     ways = _ways(travel, here, space, plan)
     if gets_on and ways.reaches(travel.goal_ne_m):
@@ -280,7 +280,7 @@ def _another_way(
     travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
 ) -> Travel:
     """Through another doorway; home, round any place that it is stuck at."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     doorway = next(
         (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M), None
     )
@@ -333,7 +333,7 @@ def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) 
 
 def along(ways: ShortestPaths, travel: Travel, sight: Observation) -> Travel:
     """On the way to its goal, which the ways found from here reach."""
-    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+    here, now_s = sight.pose.ne_m, sight.pose.time_s
     way = ways.to(travel.goal_ne_m)
     found = find_doorways(ways.ground, here, way)
     travel = replace(travel, known=remembered(travel.known, found))
@@ -358,7 +358,7 @@ def _backed_off(
     There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
     would go to and fro.
     """
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     if not doorways:
         return None
     doorway = doorways[0]
@@ -377,7 +377,7 @@ def _was_swept(travel: Travel, doorway: Doorway) -> bool:
 
 def _still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
     """The doorways, those not swept any more that are far, or were swept long ago."""
-    here, now_s = (sight.pose.north_m, sight.pose.east_m), sight.pose.time_s
+    here, now_s = sight.pose.ne_m, sight.pose.time_s
 
     def is_exact(doorway: Doorway) -> bool:
         is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
@@ -393,7 +393,7 @@ def _still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
 
 def _begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
     """Before the next doorway, if it has not been looked at yet."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
         to_go_m = math.dist(here, middle)

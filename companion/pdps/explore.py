@@ -148,7 +148,7 @@ def _look(
     yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
     left_rad = explore.to_turn_rad - abs(wrap_rad(yaw_rad - last_rad))
-    here = explore.here_ne_m or (sight.pose.north_m, sight.pose.east_m)
+    here = explore.here_ne_m or sight.pose.ne_m
     explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
     look, is_enough = explore.look, left_rad <= 0
     if look and now_s - explore.checked_s > CHECK_S:
@@ -210,7 +210,7 @@ def _to_choose(explore: Explore, ended: Viewpoint | None) -> Explore:
 def _choose(explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig) -> Explore:
     """Four steps, a tick each: any may take a good part of it."""
     if explore.ground is None:
-        here = sight.pose.north_m, sight.pose.east_m
+        here = sight.pose.ne_m
         ground = find_ground(space, here, clear_of_all_m(plan))
         return replace(explore, ground=with_shut(ground, explore.shut(space)))
     if explore.ways is None:

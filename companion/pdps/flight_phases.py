@@ -533,7 +533,7 @@ def _land_elsewhere(flight: Flight, view: TickInput, plan: MissionConfig, why: s
 
 
 def _divert_to_floor(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
-    here = view.sight.pose.north_m, view.sight.pose.east_m
+    here = view.sight.pose.ne_m
     site = landing_site(here, view.space, view.floor, plan)
     if site == here:
         return _go(flight, Phase.LAND, view)
@@ -555,7 +555,7 @@ def _divert(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Fligh
 def _settle(flight: Flight, view: TickInput) -> tuple[Flight, Action]:
     """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
     pose = view.sight.pose
-    is_over = math.dist((pose.north_m, pose.east_m), START_NE_M) < OVER_START_M
+    is_over = math.dist(pose.ne_m, START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
         flight = _go(flight, _after(Phase.DESCEND, view), view)

@@ -112,7 +112,7 @@ def _safely_reached(room_m: Array, sight: Observation, grid: Occupancy) -> Cells
     """From here through nothing narrow; all, where the drone is in something narrow itself."""
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * sight.wander_m
     parts, _ = label(roomy, ALL_AROUND)
-    here = grid.cell((sight.pose.north_m, sight.pose.east_m))
+    here = grid.cell(sight.pose.ne_m)
     part = parts[here] if grid.has(here) else 0
     safe: Cells = parts == part if part else np.ones_like(roomy)
     return safe

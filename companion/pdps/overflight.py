@@ -85,7 +85,7 @@ def step(
 
 
 def _choose(overfly: Overfly, sight: Observation, space: Occupancy, plan: MissionConfig) -> Overfly:
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():

@@ -293,7 +293,7 @@ def _unknown_sides(scan: RoomScan, sight: Observation, space: Occupancy) -> list
 
 def _begin_sweep(scan: RoomScan, sight: Observation, sides: list[int]) -> RoomScan:
     """Turn so far that the right beam passes over what is unknown, and back."""
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
         return replace(scan, phase=ScanPhase.CLOSED if scan.is_extra else ScanPhase.BLOCKED)
     aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
@@ -383,7 +383,7 @@ def _meets_wall(sight: Observation) -> bool:
 
 
 def _marked(scan: RoomScan, sight: Observation) -> RoomScan:
-    here = sight.pose.north_m, sight.pose.east_m
+    here = sight.pose.ne_m
     if scan.marks and math.dist(scan.marks[-1].ne_m, here) < MARK_EVERY_M:
         return scan
     return replace(scan, marks=(*scan.marks, Mark(here, scan.heading_rad, scan.corners)))

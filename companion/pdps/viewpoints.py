@@ -224,7 +224,7 @@ def _not_in_vain(
 
 def turn_rad(sight: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
     """(n,): how far the nose has to turn towards each place."""
-    here = grid.cell((sight.pose.north_m, sight.pose.east_m))
+    here = grid.cell(sight.pose.ne_m)
     north, east = (views - here).T
     off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
     turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))

@@ -77,7 +77,7 @@ def beam_uses(recording: Recording) -> list[BeamUse]:
 
 def flown_m(plan: FloorPlan) -> float:
     """Length of the path."""
-    places = [(pose.north_m, pose.east_m) for pose in plan.path]
+    places = [pose.ne_m for pose in plan.path]
     return sum(math.dist(*leg) for leg in pairwise(places))
 
 

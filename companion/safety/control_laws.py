@@ -53,7 +53,7 @@ def approach_speed(room_m: float, most_m_s: float, lag_s: float) -> float:
 
 def glide(place_ne_m: Vector2, pose: Pose, most_m_s: float, lag_s: float) -> Setpoint:
     """Straight to a place nearby, whatever way the nose points, and stay there."""
-    here = pose.north_m, pose.east_m
+    here = pose.ne_m
     distance_m = math.dist(here, place_ne_m)
     if distance_m < CLOSE_M:
         return stay(place_ne_m, pose)

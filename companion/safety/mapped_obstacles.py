@@ -27,7 +27,7 @@ what odometry knows."""
 
 def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Points) -> Points:
     """(r, 2), forward and right of the drone's centre; `lately_frd_m` (n, 2) was met lately."""
-    here = pose.north_m, pose.east_m
+    here = pose.ne_m
     before_s = pose.time_s - KEPT_S
     met_ne_m = grid.met_before(before_s, here, RECALLED_WITHIN_M, BODY_RADIUS_M)
     if not len(met_ne_m):

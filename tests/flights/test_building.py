@@ -35,7 +35,7 @@ class PoseErrors:
         )
         pose = app.estimator.pose(simulation.time_s)
         true_ne_m = ned_to_frd(north_m, east_m, take_off.yaw_rad)
-        self.position_m.append(math.dist(true_ne_m, (pose.north_m, pose.east_m)))
+        self.position_m.append(math.dist(true_ne_m, pose.ne_m))
         off_rad = wrap_rad(pose.yaw_rad - (truth.yaw_rad - take_off.yaw_rad))
         self.heading_deg.append(abs(math.degrees(off_rad)))
 

@@ -71,7 +71,7 @@ def write_pdf(survey: Survey, path: Path, title: str) -> None:
 def choose_sheet(survey: Survey) -> Sheet:
     """The largest scale that fits; A4 if that is 1:100 or larger, else A3; upright or across."""
     corners = [end for wall in survey.plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
-    corners += [(pose.north_m, pose.east_m) for pose in survey.plan.path] or [(0.0, 0.0)]
+    corners += [pose.ne_m for pose in survey.plan.path] or [(0.0, 0.0)]
     south_m, north_m = min(n for n, _ in corners), max(n for n, _ in corners)
     west_m, east_m = min(e for _, e in corners), max(e for _, e in corners)
     wanted_m = east_m - west_m + 2 * AROUND_M, north_m - south_m + 2 * AROUND_M
