@@ -47,8 +47,8 @@ from companion.pdps import flight_phases
 from companion.pdps.flight_phases import (
     FINAL_PHASES,
     UNARMED_PHASES,
-    Action,
-    Flight,
+    FlightAction,
+    FlightState,
     Phase,
     TickInput,
 )
@@ -127,7 +127,7 @@ class Outputs:
     pose: Pose | None
     """Where it is by now; None before the estimate has begun."""
     progress: Progress
-    flight: Flight
+    flight: FlightState
     scan: RangeScan
     """The ranges as they are believed."""
 
@@ -160,7 +160,7 @@ class App:
         self._health = Health()
         self._resets = 0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
-        self.flight = Flight()
+        self.flight = FlightState()
 
     @property
     def space(self) -> Space:
@@ -264,7 +264,7 @@ class App:
                 self.space.add(rays(pose, scan, self._units), keyframes)
         self.space.advance()
 
-    def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> Action:
+    def _decide(self, now_s: float, inputs: Inputs, pose: Pose) -> FlightAction:
         sensors = self._config.sensors
         wall = self.estimator.wall_ahead(pose.yaw_rad) if self.estimator else None
         wander_m = self.estimator.models.odometry.wander_m if self.estimator else 0.0

@@ -40,7 +40,7 @@ ASKED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
 ASK_PERIOD_S = 1.0
 
 
-class Verdict(enum.Enum):
+class CheckResult(enum.Enum):
     """In a word."""
 
     GOOD = "good"
@@ -53,7 +53,7 @@ class Finding:
     """One part, and what is to be done about it."""
 
     part: str
-    verdict: Verdict
+    verdict: CheckResult
     seen: str
     remedy: str = ""
 
@@ -113,21 +113,21 @@ class Examination:
         if not vehicle.connected:
             return [*findings, self._of_silent_link(vehicle.unfit)]
         link = f"{vehicle.mode}, {'armed' if vehicle.armed else 'disarmed'}"
-        fitness = Verdict.BAD if vehicle.unfit else Verdict.GOOD
+        fitness = CheckResult.BAD if vehicle.unfit else CheckResult.GOOD
         findings.append(Finding("link", fitness, link, vehicle.unfit))
         findings.append(self._of_battery(vehicle))
         remedy = next((r for words, r in REMEDIES if words in vehicle.waits_for), "")
         if vehicle.waits_for:
-            verdict = Verdict.BAD if "send_pose" in vehicle.waits_for else Verdict.WAIT
+            verdict = CheckResult.BAD if "send_pose" in vehicle.waits_for else CheckResult.WAIT
             findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
         else:
-            findings.append(Finding("autopilot", Verdict.GOOD, "its estimate is ready"))
+            findings.append(Finding("autopilot", CheckResult.GOOD, "its estimate is ready"))
         self._ask(now_s)
         return [*findings, *self._of_avoidance()]
 
     def _of_beam(self, beam: Beam, now_s: float) -> Finding:
         if beam.value in self._refused:
-            return Finding(beam.value, Verdict.BAD, "absent", self._refused[beam.value])
+            return Finding(beam.value, CheckResult.BAD, "absent", self._refused[beam.value])
         reading = self._sensors[beam].read(now_s).readings[beam]
         self.readings[beam] = reading
         sensor = self._config.sensors.beams[beam]
@@ -135,14 +135,14 @@ class Examination:
             case RangeState.DISTANCE:
                 sigma_cm = 100 * math.sqrt(reading.variance_m2)
                 return Finding(
-                    beam.value, Verdict.GOOD, f"{reading.distance_m:.2f} m ± {sigma_cm:.0f} cm"
+                    beam.value, CheckResult.GOOD, f"{reading.distance_m:.2f} m ± {sigma_cm:.0f} cm"
                 )
             case RangeState.NOTHING:
                 far = f"nothing within {model_of(sensor).max_m:g} m"
-                return Finding(beam.value, Verdict.GOOD, far)
+                return Finding(beam.value, CheckResult.GOOD, far)
             case RangeState.TOO_NEAR:
                 near = f"something nearer than {model_of(sensor).min_m:g} m"
-                return Finding(beam.value, Verdict.GOOD, near)
+                return Finding(beam.value, CheckResult.GOOD, near)
             case RangeState.STALE | RangeState.FAILED:
                 remedy = "check its plug and its 5 V"
                 if isinstance(sensor, TfminiSensor):
@@ -150,27 +150,27 @@ class Examination:
                 seen = "silent"
                 if not math.isnan(reading.raw):
                     seen = f"{reading.raw:.2f} V, which no sensor that is well puts out"
-                return Finding(beam.value, Verdict.BAD, seen, remedy)
+                return Finding(beam.value, CheckResult.BAD, seen, remedy)
 
     def _of_gyro(self, now_s: float) -> Finding:
         if "gyro" in self._refused:
-            return Finding("gyro", Verdict.BAD, "absent", self._refused["gyro"])
+            return Finding("gyro", CheckResult.BAD, "absent", self._refused["gyro"])
         self._rates.extend(self._gyro.read(now_s))
         if len(self._rates) < GYRO_WINDOW:
-            return Finding("gyro", Verdict.WAIT, "listening")
+            return Finding("gyro", CheckResult.WAIT, "listening")
         if now_s - self._rates[-1].time_s > SILENT_S:
-            return Finding("gyro", Verdict.BAD, "silent", "check its wiring and supply")
+            return Finding("gyro", CheckResult.BAD, "silent", "check its wiring and supply")
         rates = [sample.yaw_rate_rad_s for sample in self._rates]
         mean = sum(rates) / len(rates)
         seen = f"{math.degrees(mean):+.2f} °/s, clockwise positive"
         if max(abs(rate - mean) for rate in rates) > STILL_RAD_S:
             return Finding(
-                "gyro", Verdict.WAIT, seen, "it turns; to take off it has to stand still"
+                "gyro", CheckResult.WAIT, seen, "it turns; to take off it has to stand still"
             )
         if abs(mean) > LARGE_BIAS_RAD_S:
             remedy = "a bias this large is a broken chip, or a drone that is turned evenly"
-            return Finding("gyro", Verdict.BAD, seen, remedy)
-        return Finding("gyro", Verdict.GOOD, seen)
+            return Finding("gyro", CheckResult.BAD, seen, remedy)
+        return Finding("gyro", CheckResult.GOOD, seen)
 
     def _of_battery(self, vehicle: VehicleState) -> Finding:
         if vehicle.battery is None:
@@ -178,42 +178,42 @@ class Examination:
                 "the companion will not turn back when it is low; ArduPilot: BATT_MONITOR, "
                 "PX4: BAT1_SOURCE"
             )
-            return Finding("battery", Verdict.GOOD, "not told", remedy)
+            return Finding("battery", CheckResult.GOOD, "not told", remedy)
         why = refusal(vehicle, self._config.mission)
-        verdict = Verdict.BAD if why and not vehicle.unfit else Verdict.GOOD
+        verdict = CheckResult.BAD if why and not vehicle.unfit else CheckResult.GOOD
         left = f"{100 * vehicle.battery:.0f} % left"
-        return Finding("battery", verdict, left, why if verdict is Verdict.BAD else "")
+        return Finding("battery", verdict, left, why if verdict is CheckResult.BAD else "")
 
     def _of_silent_link(self, strangers: str) -> Finding:
         url = self._config.link.url
         if strangers:
-            return Finding("link", Verdict.BAD, "heard, but not flown", strangers)
+            return Finding("link", CheckResult.BAD, "heard, but not flown", strangers)
         transport = self._transport
         if isinstance(transport, SerialTransport) and transport.messages_received == 0:
             if transport.bytes_received:
                 remedy = f"bytes, but no MAVLink: {url} has another baud rate than SERIALn_BAUD"
-                return Finding("link", Verdict.BAD, "garbage", remedy)
+                return Finding("link", CheckResult.BAD, "garbage", remedy)
             remedy = (
                 f"nothing comes in at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
                 "and take the login shell off the port"
             )
-            return Finding("link", Verdict.BAD, "silent", remedy)
+            return Finding("link", CheckResult.BAD, "silent", remedy)
         remedy = (
             f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "
             "link.system_id, and that the router sends there"
         )
         if self._config.link.signing_key is not None:
             remedy += "; or what it sends is not signed with our link.signing_key"
-        return Finding("link", Verdict.BAD, "silent", remedy)
+        return Finding("link", CheckResult.BAD, "silent", remedy)
 
     def _of_traffic(self) -> Iterator[Finding]:
         """Only what is wrong with it."""
         if self._too_much:
-            yield Finding("baud rate", Verdict.BAD, "too low", self._too_much)
+            yield Finding("baud rate", CheckResult.BAD, "too low", self._too_much)
         if told := not_taken(self._transport):
-            yield Finding("sending", Verdict.BAD, *told)
+            yield Finding("sending", CheckResult.BAD, *told)
         if told := slow_streams(self._link.streams):
-            yield Finding("streams", Verdict.BAD, *told)
+            yield Finding("streams", CheckResult.BAD, *told)
 
     def _ask(self, now_s: float) -> None:
         if now_s - self._asked_s < ASK_PERIOD_S:
@@ -234,7 +234,7 @@ class Examination:
         margin_m = told["AVOID_MARGIN"]
         seen = f"AVOID_MARGIN {margin_m:g} m"
         if not int(told["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not told["PRX1_TYPE"]:
-            yield Finding("avoidance", Verdict.GOOD, "off")
+            yield Finding("avoidance", CheckResult.GOOD, "off")
             return
         sensors = self._config.sensors
         front = range_models(sensors)[Beam.FRONT]
@@ -242,7 +242,7 @@ class Examination:
         sides = [self.readings.get(beam) for beam in (Beam.LEFT, Beam.RIGHT)]
         width_m = sum(r.distance_m if r and r.is_distance else math.inf for r in sides)
         if margin_m < wanted_m and 2 * margin_m < width_m:
-            yield Finding("avoidance", Verdict.GOOD, seen)
+            yield Finding("avoidance", CheckResult.GOOD, seen)
             return
         reason = (
             f"it keeps the drone from its stand-off of {wanted_m:g} m"
@@ -253,7 +253,7 @@ class Examination:
             f"{reason}: set AVOID_MARGIN to {MIN_AVOID_MARGIN_M:g}, "
             "or take bit 1 (proximity) out of AVOID_ENABLE"
         )
-        yield Finding("avoidance", Verdict.BAD, seen, remedy)
+        yield Finding("avoidance", CheckResult.BAD, seen, remedy)
 
 
 REMEDIES = (

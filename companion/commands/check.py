@@ -9,7 +9,7 @@ from rich.live import Live
 from rich.table import Table
 
 from companion.bringup.hand_test import ask_for_hands
-from companion.bringup.self_test import Examination, Finding, Verdict
+from companion.bringup.self_test import CheckResult, Examination, Finding
 from companion.commands.options import BusUrl, ConfigFile, LinkUrl, Profile, load_settings
 from companion.drivers.wires.opening import open_bus
 from companion.link.transports.open_link import open_transport
@@ -17,7 +17,7 @@ from companion.run.clocks import open_clock
 from companion.safety.health.lateness import TICK_S
 
 EXIT_NOT_READY = 1
-COLOURS = {Verdict.GOOD: "green", Verdict.WAIT: "yellow", Verdict.BAD: "red"}
+COLOURS = {CheckResult.GOOD: "green", CheckResult.WAIT: "yellow", CheckResult.BAD: "red"}
 
 
 commands = typer.Typer()
@@ -52,7 +52,7 @@ def check(
             now_s = clock.wait_until(now_s + TICK_S)
     console.print(table(findings))
     swapped = hands and ask_for_hands(examination, clock, console)
-    good = not swapped and all(finding.verdict is Verdict.GOOD for finding in findings)
+    good = not swapped and all(finding.verdict is CheckResult.GOOD for finding in findings)
     raise typer.Exit(0 if good else EXIT_NOT_READY)
 
 

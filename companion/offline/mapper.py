@@ -19,7 +19,7 @@ from companion.offline.reading.log import Array, Log, Watch
 from companion.offline.reading.sensors import SensorsConfig
 from companion.offline.record import Record, poses_of_rows, to_record
 from companion.offline.scale import with_supported_scale
-from companion.offline.verdict import Agreement, Verdict, agreement, judge
+from companion.offline.verdict import Agreement, MapVerdict, agreement, judge
 
 ROWS_TO_OPEN = 2.5
 """An opening is wider than this many steps between rows."""
@@ -38,7 +38,7 @@ class LogMap:
     path: Array
     """(rows, 3): north, east, yaw, in the frame of the log's odometry."""
     plan: FloorPlan
-    verdict: Verdict
+    verdict: MapVerdict
     agreement: Agreement
     """Of the hits with the map."""
     odometry_agreement: Agreement

@@ -51,7 +51,7 @@ class Agreement:
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class MapVerdict:
     """What to think of a result."""
 
     trusted: bool
@@ -85,7 +85,7 @@ def agreement(growth: Growth, record: Record, units: RangeUnits) -> Agreement:
     )
 
 
-def judge(found: Agreement, told: Agreement) -> Verdict:
+def judge(found: Agreement, told: Agreement) -> MapVerdict:
     """Of the map found, against the one that the odometry as it was told would make."""
     share = f"{100 * found.explained:.0f} % of the ranges agree with the map"
     likelier = f"ranges that it was not made from are {math.exp(found.gain):.2f} times as likely"
@@ -114,7 +114,7 @@ def judge(found: Agreement, told: Agreement) -> Verdict:
         ),
     )
     reason = next((reason for applies, reason in objections if applies), None)
-    return Verdict(reason is None, reason or share)
+    return MapVerdict(reason is None, reason or share)
 
 
 def _rms(values: NDArray[np.float64]) -> float:

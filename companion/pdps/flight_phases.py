@@ -181,7 +181,7 @@ class TickInput:
 
 
 @value
-class Flight:
+class FlightState:
     """The flight's whole memory."""
 
     phase: Phase = Phase.CONNECT
@@ -246,20 +246,22 @@ class Flight:
 
 
 @value
-class Action:
+class FlightAction:
     """What to ask of the autopilot at this tick."""
 
     setpoint: Setpoint | None = None
     command: Command | None = None
 
 
-NOTHING = Action()
+NOTHING = FlightAction()
 ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
 LOOKS_AGAIN = "no way back to the start was found; it looks again"
 NO_WAY_HOME = "there is no way back to the start any more"
 
 
-def step(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def step(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     """One tick: the next state and what to ask of the autopilot."""
     if flight.phase in FINAL_PHASES:
         return flight, NOTHING
@@ -278,14 +280,14 @@ def step(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, 
     return flight, action if _may_ask(flight, view.vehicle) else replace(action, command=None)
 
 
-def _may_ask(flight: Flight, vehicle: VehicleState) -> bool:
+def _may_ask(flight: FlightState, vehicle: VehicleState) -> bool:
     """While it stands disarmed, between two heartbeats, too."""
     if flight.phase is Phase.OFFBOARD:
         return vehicle.mode_age_s <= HEARTBEAT_S
     return vehicle.is_mode_just_told
 
 
-def _ended(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
+def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
     """By others, or before it has begun."""
     if flight.phase in FLYING_PHASES:
         return _taken_away(flight, view)
@@ -296,7 +298,7 @@ def _ended(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | Non
     return None if flight.phase is Phase.CONNECT else _not_to_be_armed(flight, view, plan)
 
 
-def _climb(flight: Flight, view: TickInput, plan: MissionConfig) -> float:
+def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity that keeps the height of the layer, and off the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
@@ -305,7 +307,7 @@ def _climb(flight: Flight, view: TickInput, plan: MissionConfig) -> float:
     return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
 
 
-def _in_time(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
+def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     """Home, when what is left of time and battery is needed for the way there."""
     spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
     kept, why = energy_reserve.step(flight.reserve, spent, view.sight, view.space, plan)
@@ -314,7 +316,7 @@ def _in_time(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
     return _turn_back(flight, view, why) if why else flight
 
 
-def _turn_back(flight: Flight, view: TickInput, why: str) -> Flight:
+def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
     """What was an extra may end so: the mission is complete without it."""
     parts = flight.room, flight.building, flight.layers
     is_extra = any(part.is_extra for part in parts)
@@ -322,19 +324,23 @@ def _turn_back(flight: Flight, view: TickInput, why: str) -> Flight:
     return _go(flight, Phase.HOME, view, trouble)
 
 
-def _go(flight: Flight, phase: Phase, view: TickInput, trouble: str | None = None) -> Flight:
+def _go(
+    flight: FlightState, phase: Phase, view: TickInput, trouble: str | None = None
+) -> FlightState:
     reason = flight.trouble if trouble is None else trouble
     return replace(flight, phase=phase, since_s=view.time_s, trouble=reason)
 
 
-def _age_s(flight: Flight, view: TickInput) -> float:
+def _age_s(flight: FlightState, view: TickInput) -> float:
     return view.time_s - flight.since_s
 
 
 # Before take-off
 
 
-def _not_to_be_armed(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
+def _not_to_be_armed(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> FlightState | None:
     """The drone is in other hands, or is not fit to fly."""
     vehicle = view.vehicle
     if flight.phase is Phase.PREPARE:
@@ -351,7 +357,7 @@ def _not_to_be_armed(flight: Flight, view: TickInput, plan: MissionConfig) -> Fl
     return None
 
 
-def _is_mode_changed(flight: Flight, vehicle: VehicleState) -> bool:
+def _is_mode_changed(flight: FlightState, vehicle: VehicleState) -> bool:
     """By somebody else, since ours was asked for."""
     if vehicle.left_offboard:
         return True
@@ -360,7 +366,7 @@ def _is_mode_changed(flight: Flight, vehicle: VehicleState) -> bool:
     return flight.phase is Phase.ARM or flight.mode_before not in ("", vehicle.mode)
 
 
-def _hand_over(flight: Flight, view: TickInput) -> Flight:
+def _hand_over(flight: FlightState, view: TickInput) -> FlightState:
     """Somebody else has the drone: nothing more is sent.
 
     It may be the autopilot itself, which lands when setpoints come too late.
@@ -371,7 +377,9 @@ def _hand_over(flight: Flight, view: TickInput) -> Flight:
     return _go(flight, Phase.HANDED_OVER, view, trouble + late)
 
 
-def _connect(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _connect(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     if view.vehicle.connected:
         told = replace(flight, notice=preflight.MID_STICK)
         return _go(told, Phase.PREPARE, view), NOTHING
@@ -381,7 +389,9 @@ def _connect(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flig
     return flight, NOTHING
 
 
-def _prepare(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _prepare(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     vehicle = view.vehicle
     if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
         if view.order is None:
@@ -398,7 +408,7 @@ def _prepare(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flig
     return flight, NOTHING
 
 
-def _ask_for_mode(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
+def _ask_for_mode(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     """Unless it should not fly."""
     if why := preflight.refusal(view.vehicle, plan):
         return _go(flight, Phase.FAILED, view, why)
@@ -407,32 +417,38 @@ def _ask_for_mode(flight: Flight, view: TickInput, plan: MissionConfig) -> Fligh
     return _go(replace(flight, mode_before=view.vehicle.mode), Phase.OFFBOARD, view)
 
 
-def _offboard(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _offboard(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     if view.vehicle.in_offboard_mode:
         return _arm(_go(flight, Phase.ARM, view), view, plan)
     return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
 
 
-def _arm(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _arm(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     if view.vehicle.armed:
         began = replace(flight, began_s=view.time_s)
-        return _go(began, Phase.TAKE_OFF, view), Action(HOLD)
+        return _go(began, Phase.TAKE_OFF, view), FlightAction(HOLD)
     return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
 
 
-def _take_off(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _take_off(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     vehicle, height_m = view.vehicle, view.sight.pose.height_m
     is_high = height_m > plan.height_m - AT_HEIGHT_M
     up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
     flight = replace(flight, up_since_s=up_since_s)
     stays_up = view.time_s - up_since_s > UP_FOR_S and _is_rising(vehicle)
     if is_high and (vehicle.landed_state is LandedState.IN_AIR or stays_up):
-        return _go(flight, _after(MISSION_PHASES[plan.kind], view), view), Action(HOLD)
+        return _go(flight, _after(MISSION_PHASES[plan.kind], view), view), FlightAction(HOLD)
     if _age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
         return _go(flight, Phase.LAND, view, _not_up(height_m, vehicle, is_high=is_high)), NOTHING
     if vehicle.takes_off_by_setpoint:
         down_m_s = climb_to(plan.height_m, height_m) if is_high else -TAKE_OFF_M_S
-        return flight, Action(Setpoint(down_m_s=down_m_s))
+        return flight, FlightAction(Setpoint(down_m_s=down_m_s))
     if _is_rising(vehicle) or vehicle.landed_state is LandedState.IN_AIR:
         return flight, NOTHING
     command = Command(CommandKind.TAKE_OFF, plan.height_m)
@@ -453,12 +469,12 @@ def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
 
 
 def _insist(
-    flight: Flight, view: TickInput, command: Command, timeout_s: float
-) -> tuple[Flight, Action]:
+    flight: FlightState, view: TickInput, command: Command, timeout_s: float
+) -> tuple[FlightState, FlightAction]:
     """Ask until it is so, or until it has been refused for too long."""
     if _age_s(flight, view) <= timeout_s:
         setpoint = None if command.kind is CommandKind.TAKE_OFF else HOLD
-        return flight, Action(setpoint, command)
+        return flight, FlightAction(setpoint, command)
     refusal = view.vehicle.refusal or "no answer"
     trouble = f"cannot {command.kind.value} after {timeout_s:.0f} s: {refusal}"
     return _go(flight, Phase.FAILED, view, trouble), NOTHING
@@ -467,7 +483,9 @@ def _insist(
 # In the air
 
 
-def _room(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _room(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
     if room is not flight.room:
         flight = replace(flight, room=room)
@@ -475,48 +493,56 @@ def _room(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight,
         flight = _go(flight, _after(Phase.HOME, view), view)
     elif room.phase is ScanPhase.BLOCKED:
         flight = _go(flight, Phase.BUILDING, view)
-    return flight, Action(setpoint)
+    return flight, FlightAction(setpoint)
 
 
-def _building(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _building(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
         flight = _go(flight, _after(Phase.HOME, view), view)
         if plan.kind != "exterior" and (left := in_words(left_unseen(view.space))):
             flight = replace(flight, notice=left)
-    return flight, Action(setpoint)
+    return flight, FlightAction(setpoint)
 
 
-def _layers(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _layers(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
     flight = replace(flight, layers=seen)
     if seen.phase is LayersPhase.DONE:
         flight = _go(flight, _after(Phase.HOME, view), view)
-    return flight, Action(setpoint)
+    return flight, FlightAction(setpoint)
 
 
-def _home(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _home(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     homeward = flight.way_home
     if homeward.phase is TravelPhase.ARRIVED:
         return _settle(flight, view)
     if not homeward.known:
         homeward = replace(homeward, known=flight.building.known_doorways)
     if homeward.phase is TravelPhase.GAVE_UP:
-        return _look_for_way_home(flight, view, plan), Action(HOLD)
+        return _look_for_way_home(flight, view, plan), FlightAction(HOLD)
     going, setpoint = travel.step(homeward, view.sight, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return replace(flight, arrived_s=view.time_s), Action(stay(START_NE_M, view.sight.pose))
+            return replace(flight, arrived_s=view.time_s), FlightAction(
+                stay(START_NE_M, view.sight.pose)
+            )
         case TravelPhase.GAVE_UP:
             since_s = min(flight.lost_since_s, view.time_s)
-            return replace(flight, lost_since_s=since_s, lost_s=view.time_s), Action(HOLD)
+            return replace(flight, lost_since_s=since_s, lost_s=view.time_s), FlightAction(HOLD)
         case _:
-            return flight, Action(setpoint)
+            return flight, FlightAction(setpoint)
 
 
-def _look_for_way_home(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
+def _look_for_way_home(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     """Anew, as if none of the ways had been tried; in the end it lands elsewhere."""
     if view.time_s - flight.lost_since_s > LOOKS_FOR_WAY_HOME_S:
         return _land_elsewhere(flight, view, plan, NO_WAY_HOME)
@@ -525,14 +551,16 @@ def _look_for_way_home(flight: Flight, view: TickInput, plan: MissionConfig) -> 
     return replace(flight, way_home=Travel(START_NE_M), notice=LOOKS_AGAIN)
 
 
-def _land_elsewhere(flight: Flight, view: TickInput, plan: MissionConfig, why: str) -> Flight:
+def _land_elsewhere(
+    flight: FlightState, view: TickInput, plan: MissionConfig, why: str
+) -> FlightState:
     """On floor that it has flown over nearby, if there is any and it has room to fly there."""
     if flight.phase not in MAY_DIVERT_PHASES:
         return _go(flight, Phase.LAND, view, why)
     return _divert_to_floor(_go(flight, flight.phase, view, why), view, plan)
 
 
-def _divert_to_floor(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight:
+def _divert_to_floor(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     here = view.sight.pose.ne_m
     site = landing_site(here, view.space, view.floor, plan)
     if site == here:
@@ -541,35 +569,39 @@ def _divert_to_floor(flight: Flight, view: TickInput, plan: MissionConfig) -> Fl
     return _go(replace(flight, diversion=Travel(site), diverted_s=since_s), Phase.DIVERT, view)
 
 
-def _divert(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _divert(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     assert flight.diversion is not None
     going, setpoint = travel.step(flight.diversion, view.sight, view.space, plan)
     flight = replace(flight, diversion=going)
     if going.phase is TravelPhase.ARRIVED:
-        return _go(flight, Phase.DESCEND, view), Action(HOLD)
+        return _go(flight, Phase.DESCEND, view), FlightAction(HOLD)
     if going.phase is TravelPhase.GAVE_UP or view.time_s - flight.diverted_s > DIVERTS_S:
-        return _go(flight, Phase.LAND, view), Action(HOLD)
-    return flight, Action(setpoint)
+        return _go(flight, Phase.LAND, view), FlightAction(HOLD)
+    return flight, FlightAction(setpoint)
 
 
-def _settle(flight: Flight, view: TickInput) -> tuple[Flight, Action]:
+def _settle(flight: FlightState, view: TickInput) -> tuple[FlightState, FlightAction]:
     """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
     pose = view.sight.pose
     is_over = math.dist(pose.ne_m, START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
         flight = _go(flight, _after(Phase.DESCEND, view), view)
-    return flight, Action(stay(START_NE_M, view.sight.pose))
+    return flight, FlightAction(stay(START_NE_M, view.sight.pose))
 
 
-def _descend(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _descend(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     if flight.diversion is not None and _is_table_below(view):
-        return _divert_to_floor(flight, view, plan), Action(HOLD)
+        return _divert_to_floor(flight, view, plan), FlightAction(HOLD)
     is_low = view.sight.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
     if is_low or _age_s(flight, view) > DESCENT_TIMEOUT_S:
-        return _go(flight, Phase.LAND, view), Action(HOLD)
+        return _go(flight, Phase.LAND, view), FlightAction(HOLD)
     over_ne_m = flight.diversion.goal_ne_m if flight.diversion else START_NE_M
-    return flight, Action(stay(over_ne_m, view.sight.pose))
+    return flight, FlightAction(stay(over_ne_m, view.sight.pose))
 
 
 def _is_table_below(view: TickInput) -> bool:
@@ -585,36 +617,42 @@ def _after(planned: Phase, view: TickInput) -> Phase:
     return planned if view.order is None else Phase.HOVER
 
 
-def _hover(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _hover(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     order = view.order
     if order is None or order.number <= flight.obeyed:
-        return flight, Action(HOLD)
+        return flight, FlightAction(HOLD)
     match order.task:
         case Task.SCAN:
             fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
-            return _obey(fresh, MISSION_PHASES[plan.kind], view, order), Action(HOLD)
+            return _obey(fresh, MISSION_PHASES[plan.kind], view, order), FlightAction(HOLD)
         case Task.HOME:
             homeward = replace(flight, way_home=Travel(START_NE_M), lost_since_s=math.inf)
-            return _obey(homeward, Phase.HOME, view, order), Action(HOLD)
+            return _obey(homeward, Phase.HOME, view, order), FlightAction(HOLD)
         case Task.LAND:
-            return _obey(flight, Phase.LAND, view, order), Action(HOLD)
+            return _obey(flight, Phase.LAND, view, order), FlightAction(HOLD)
         case _:
-            return replace(flight, obeyed=order.number), Action(HOLD)
+            return replace(flight, obeyed=order.number), FlightAction(HOLD)
 
 
-def _obey(flight: Flight, phase: Phase, view: TickInput, order: Order) -> Flight:
+def _obey(flight: FlightState, phase: Phase, view: TickInput, order: Order) -> FlightState:
     return replace(_go(flight, phase, view), obeyed=order.number)
 
 
-def _hold(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _hold(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     if view.fault is None:
-        return _go(flight, flight.held_from, view, flight.held_trouble), Action(HOLD)
+        return _go(flight, flight.held_from, view, flight.held_trouble), FlightAction(HOLD)
     if _age_s(flight, view) > view.fault.lasts_s:
         return _land(_go(flight, Phase.LAND, view), view, plan)
-    return flight, Action(HOLD)
+    return flight, FlightAction(HOLD)
 
 
-def _land(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight, Action]:
+def _land(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
     vehicle = view.vehicle
     if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
@@ -627,14 +665,14 @@ def _land(flight: Flight, view: TickInput, plan: MissionConfig) -> tuple[Flight,
         stands = vehicle.landed_state is LandedState.ON_GROUND
         disarm = stands and _age_s(flight, view) > DISARMED_BY_S
         command = Command(CommandKind.DISARM) if disarm else None
-        return replace(flight, land_mode_seen=True), Action(command=command)
+        return replace(flight, land_mode_seen=True), FlightAction(command=command)
     gave_back = vehicle.in_offboard_mode and vehicle.left_offboard
     if flight.land_mode_seen or gave_back or not vehicle.in_offboard_mode:
         return _hand_over(flight, view), NOTHING
-    return flight, Action(command=Command(CommandKind.LAND))
+    return flight, FlightAction(command=Command(CommandKind.LAND))
 
 
-def _taken_away(flight: Flight, view: TickInput) -> Flight | None:
+def _taken_away(flight: FlightState, view: TickInput) -> FlightState | None:
     """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
@@ -650,7 +688,7 @@ def _taken_away(flight: Flight, view: TickInput) -> Flight | None:
     return None
 
 
-def _cut_short(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
+def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
     """The flight goes on, but not as planned."""
     if view.land_requested:
         return _go(flight, Phase.LAND, view, "landing was requested")
@@ -663,7 +701,9 @@ def _cut_short(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight |
     return _with_the_battery(flight, view, plan)
 
 
-def _with_the_battery(flight: Flight, view: TickInput, plan: MissionConfig) -> Flight | None:
+def _with_the_battery(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> FlightState | None:
     """Home while there is enough for the way, down before it is empty."""
     percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
     if flight.diversion is None and percent <= plan.battery_land_percent:

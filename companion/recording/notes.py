@@ -8,7 +8,7 @@ from msgspec import json
 
 from companion.app import Inputs, Outputs
 from companion.core.messages import Beam, GyroSample, WallSegment
-from companion.pdps.flight_phases import Flight, Phase
+from companion.pdps.flight_phases import FlightState, Phase
 from companion.recording import foxglove, topics
 from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord
@@ -28,7 +28,7 @@ class Notes:
         self._gyro: list[GyroSample] = []
         self._failures: dict[Beam, str] = {}
         """What each beam says instead of a reading, if it does."""
-        self._flight: Flight | None = None
+        self._flight: FlightState | None = None
         self._numbers_s = self._scene_s = self._phase_s = float("-inf")
 
     def add(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
@@ -90,7 +90,7 @@ class Notes:
         )
         self._add(topics.FAULTS, now_s, entry)
 
-    def _add_phase(self, now_s: float, flight: Flight) -> None:
+    def _add_phase(self, now_s: float, flight: FlightState) -> None:
         """When it changes, and once a second for those who look in later."""
         last, self._flight = self._flight, flight
         is_new = flight is not last and (last is None or _told(flight) != _told(last))
@@ -99,5 +99,5 @@ class Notes:
             self._file.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_told(flight))))
 
 
-def _told(flight: Flight) -> tuple[str, str, str]:
+def _told(flight: FlightState) -> tuple[str, str, str]:
     return flight.phase.name, flight.activity, flight.trouble

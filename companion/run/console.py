@@ -10,7 +10,7 @@ from rich.text import Text
 
 from companion.app import Progress
 from companion.core.messages import FloorPlan
-from companion.pdps.flight_phases import Flight
+from companion.pdps.flight_phases import FlightState
 
 
 class ProgressLine:
@@ -58,7 +58,9 @@ def _line(progress: Progress) -> str:
     return f"{line}  {progress.trouble}" if progress.trouble else line
 
 
-def summary(flight: Flight, plan: FloorPlan, files: list[Path], waited_s: float | None) -> Table:
+def summary(
+    flight: FlightState, plan: FloorPlan, files: list[Path], waited_s: float | None
+) -> Table:
     """How the flight ended and what it left."""
     table = Table(title="flight", show_header=False, title_justify="left")
     table.add_row("result", flight.ending)

@@ -13,7 +13,7 @@ from companion.core.messages import Order, RangeReading, RangeScan, RangeState
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
 from companion.link.reports import Reports
-from companion.pdps.flight_phases import Flight
+from companion.pdps.flight_phases import FlightState
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 
@@ -55,7 +55,7 @@ def fly(
     record: Record = record_nothing,
     *,
     orders: Callable[[], Order | None] = lambda: None,
-) -> Flight:
+) -> FlightState:
     """Fly until the flight has ended, one way or another; its last state."""
     now_s = rig.clock.wait_until(0.0)
     tick = 0

@@ -26,7 +26,7 @@ from companion.link.link import Link
 from companion.link.reports import Reports
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import UdpTransport
-from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, FLYING_PHASES, Flight, Phase
+from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, FLYING_PHASES, FlightState, Phase
 from companion.recording.crashed import Crashed
 from companion.recording.reader import Recording, read
 from companion.recording.recorder import open_recorder
@@ -116,7 +116,7 @@ class Recovery:
         rig = Rig(link, NoRanges(), NoGyro(), clock, reports)
         now_s = clock.wait_until(0.0)
         app = App(settings)
-        app.flight = Flight(Phase.LAND, now_s, began_s=now_s, trouble=CRASHED)
+        app.flight = FlightState(Phase.LAND, now_s, began_s=now_s, trouble=CRASHED)
         service = Service()
         fly(app, rig, lambda progress: service.alive(progress.activity))
         self._console.print(app.flight.ending)

@@ -26,7 +26,7 @@ from companion.core.frames import Place
 from companion.core.messages import Beam, FloorPlan, Order, Pose, RangeReading, Task
 from companion.export.map_files import save
 from companion.export.write import write
-from companion.pdps.flight_phases import FINAL_PHASES, Flight, Phase
+from companion.pdps.flight_phases import FINAL_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
 from companion.run.loop import fly
 
@@ -221,7 +221,7 @@ class Drone:
             self._ticked.notify_all()
 
     @property
-    def _flight(self) -> Flight:
+    def _flight(self) -> FlightState:
         return self._app.flight
 
     def _do(self, task: Task, mission: str = "") -> None:
@@ -231,7 +231,7 @@ class Drone:
         if self._flight.phase is not Phase.HOVER:
             raise FlightEndedError(self._flight.ending)
 
-    def _wait(self, is_so: Callable[[Flight], bool]) -> None:
+    def _wait(self, is_so: Callable[[FlightState], bool]) -> None:
         """Until it is so, or the flight has ended."""
 
         def is_done() -> bool:

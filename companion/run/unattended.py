@@ -10,7 +10,7 @@ from companion.app import App, Inputs, Outputs, Progress
 from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
 from companion.export.map_files import AutoSave, save
-from companion.pdps.flight_phases import Flight, Phase
+from companion.pdps.flight_phases import FlightState, Phase
 from companion.recording.recorder import Recorder
 from companion.run.console import ProgressLine, summary
 from companion.run.loop import Record, Rig, fly, record_nothing
@@ -65,7 +65,7 @@ def fly_to_the_end(
     return exit_status(app.flight) if files else exit_status(app.flight) or EXIT_ENDED
 
 
-def exit_status(flight: Flight) -> int:
+def exit_status(flight: FlightState) -> int:
     """Of a flight that has ended; systemd's units go by it."""
     if flight.completed:
         return 0

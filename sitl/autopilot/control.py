@@ -15,7 +15,7 @@ import math
 from random import Random
 
 from companion.core.frames import Vector2, Vector3, wrap_rad
-from sitl.autopilot.estimation.estimator import Estimator
+from sitl.autopilot.estimation.estimator import AutopilotEstimator
 from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
 from sitl.autopilot.response import Response
 from sitl.core.vehicle import STEP_S
@@ -52,7 +52,7 @@ class Manoeuvre(enum.Enum):
 class Control:
     """The manoeuvre flown now, and the velocity it asks for."""
 
-    def __init__(self, estimator: Estimator, response: Response, random: Random) -> None:
+    def __init__(self, estimator: AutopilotEstimator, response: Response, random: Random) -> None:
         """`random` draws how far each landing drifts."""
         self._estimator = estimator
         self._response = response

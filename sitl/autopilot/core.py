@@ -16,7 +16,7 @@ from companion.link.transports.transport import sent_by
 from sitl.autopilot.ardupilot import ArduPilot
 from sitl.autopilot.commander import Commander
 from sitl.autopilot.control import Manoeuvre
-from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator, OdometryNoise
 from sitl.autopilot.estimation.navigation import Navigation
 from sitl.autopilot.estimation.own_sensors import Imu
 from sitl.autopilot.messages import Broadcast, Outbox
@@ -136,7 +136,7 @@ class Autopilot:
         return self._vehicle.state
 
     @property
-    def believed(self) -> Estimator:
+    def believed(self) -> AutopilotEstimator:
         """Where it thinks it is."""
         return self._navigation.estimator
 

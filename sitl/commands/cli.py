@@ -37,7 +37,7 @@ from sitl.running.options import (
     Start,
     WorldName,
 )
-from sitl.running.server import Door, Server
+from sitl.running.server import Endpoint, Server
 from sitl.running.sockets import external_door, fleet_doors
 from sitl.simulation.record import TruthRecord
 from sitl.view.cli import view
@@ -175,7 +175,7 @@ def _say(text: str) -> None:
     print(text, flush=True)
 
 
-def _tell_door(door: Door, whose: str) -> None:
+def _tell_door(door: Endpoint, whose: str) -> None:
     for transport in door.transports:
         print(f"MAVLink  {transport.address}  {whose}".rstrip())
     print(f"sensors  sitl://127.0.0.1:{door.bus_port}  {whose}".rstrip(), flush=True)

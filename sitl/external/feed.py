@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
-from sitl.autopilot.estimation.estimator import Estimator
+from sitl.autopilot.estimation.estimator import AutopilotEstimator
 from sitl.autopilot.estimation.ground_truth import quaternion_wxyz
 from sitl.autopilot.estimation.outside import rotated
 from sitl.autopilot.streams import Message
@@ -44,7 +44,7 @@ ORIENTATION = {
 }
 
 
-def odometry(firmware: str, estimator: Estimator, truth: TrueState) -> Message:
+def odometry(firmware: str, estimator: AutopilotEstimator, truth: TrueState) -> Message:
     """ODOMETRY (331): the pose, and the velocity in the body's frame."""
     w, x, y, z = quaternion_wxyz(truth.roll_rad, truth.pitch_rad, estimator.yaw_rad)
     return mavlink.MAVLink_odometry_message(

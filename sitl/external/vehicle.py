@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.requests import command_long
 from companion.link.transports.transport import UdpTransport
-from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator
 from sitl.autopilot.protocol import FORCE_DISARM
 from sitl.autopilot.streams import Message
 from sitl.core.noise import stream
@@ -46,7 +46,7 @@ class ExternalVehicle:
         self._tracker = TruthTracker(start)
         self._setup = ExternalSetup(tell)
         self._tell = tell
-        self._estimator = Estimator(start, setup.seed, REFERENCE_NOISE)
+        self._estimator = AutopilotEstimator(start, setup.seed, REFERENCE_NOISE)
         self._noise = stream(setup.seed, "range sensors of the autopilot")
         self._history = History(start, KEPT_STEPS)
         self._steps = 0

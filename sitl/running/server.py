@@ -44,7 +44,7 @@ class Attendance(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Door:
+class Endpoint:
     """Where one vehicle's companion comes in."""
 
     bus: DeviceBus
@@ -66,7 +66,7 @@ class Door:
 class _Client:
     socket: socket.socket
     connection: BusConnection
-    door: Door
+    door: Endpoint
     asked_s: float = float("-inf")
     """Wall time of its last request for time."""
 
@@ -95,7 +95,7 @@ class Server:
     def __init__(
         self,
         served: Served,
-        doors: Sequence[Door],
+        doors: Sequence[Endpoint],
         *,
         speed: float,
         lockstep: bool = False,
@@ -125,7 +125,7 @@ class Server:
         try:
             while self._running:
                 for key, _ in self._selector.select(FREE_RUN_STEP_S):
-                    if isinstance(key.data, Door):
+                    if isinstance(key.data, Endpoint):
                         self._accept(key.data)
                     else:
                         self._hear(key.data)
@@ -138,7 +138,7 @@ class Server:
                 key.fileobj.close()  # type: ignore[union-attr]
             self._selector.close()
 
-    def _accept(self, door: Door) -> None:
+    def _accept(self, door: Endpoint) -> None:
         try:
             client_socket, _ = door.listener.accept()
         except OSError:  # it has hung up already

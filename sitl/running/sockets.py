@@ -8,7 +8,7 @@ from companion.link.transports.transport import AUTOPILOT_COMPONENT, UdpTranspor
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.external.vehicle import COMPONENT, ExternalVehicle
 from sitl.running.fleet import Fleet, fleet_setups
-from sitl.running.server import Door, listen
+from sitl.running.server import Endpoint, listen
 from sitl.simulation.simulation import Setup
 
 ANY_PORT = 0
@@ -22,7 +22,7 @@ def fleet_doors(
     bus_port: int,
     *,
     signing_key: Path | None = None,
-) -> tuple[Fleet, list[Door]]:
+) -> tuple[Fleet, list[Endpoint]]:
     """Emulated vehicles; each one's ports are one higher than the last one's.
 
     Raises:
@@ -43,7 +43,7 @@ def fleet_doors(
     ]
     fleet = Fleet(setups, transports, watch)
     doors = [
-        Door(vehicle.board.bus, listen(bus_port + number if bus_port else ANY_PORT), links)
+        Endpoint(vehicle.board.bus, listen(bus_port + number if bus_port else ANY_PORT), links)
         for number, (vehicle, links) in enumerate(zip(fleet.vehicles, transports, strict=True))
     ]
     return fleet, doors
@@ -51,7 +51,7 @@ def fleet_doors(
 
 def external_door(
     setup: Setup, connect: str, bus_port: int, tell: Callable[[str], None]
-) -> tuple[ExternalVehicle, Door, str]:
+) -> tuple[ExternalVehicle, Endpoint, str]:
     """Somebody else's autopilot in our world, and where its MAVLink is awaited.
 
     Its companion has a link of its own.
@@ -61,7 +61,7 @@ def external_door(
     """
     transport = UdpTransport(connect, setup.system_id, COMPONENT)
     vehicle = ExternalVehicle(setup, transport, tell)
-    return vehicle, Door(vehicle.board.bus, listen(bus_port), ()), transport.address
+    return vehicle, Endpoint(vehicle.board.bus, listen(bus_port), ()), transport.address
 
 
 def port_after(url: str, number: int) -> str:

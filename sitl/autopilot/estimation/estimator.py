@@ -76,7 +76,7 @@ class OdometryNoise:
 REFERENCE_NOISE = OdometryNoise()
 
 
-class Estimator:
+class AutopilotEstimator:
     """Position, velocity and yaw as the autopilot believes them; its own NED from where it began.
 
     The control loops close on this estimate, so its errors become true motion.

@@ -3,7 +3,7 @@
 import math
 from dataclasses import replace
 
-from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator, OdometryNoise
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator, OdometryNoise
 from sitl.autopilot.estimation.outside import Outside
 from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality, Sources
 from sitl.core.truth import TrueState
@@ -28,7 +28,7 @@ class Navigation:
         self._is = personality
         self._parameters = parameters
         self._steps = 0
-        self.estimator = Estimator(start, seed, noise, personality.response.estimate)
+        self.estimator = AutopilotEstimator(start, seed, noise, personality.response.estimate)
         self.outside = Outside(personality.pose_messages)
         self.sources = personality.sources(parameters)
         self.origin: tuple[int, int, int] | None = None

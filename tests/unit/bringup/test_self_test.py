@@ -10,7 +10,7 @@ import pytest
 
 from companion.bringup.capture import readings_of, rest_bias_rad_s, turn_rad
 from companion.bringup.hand_test import changed_beam, verdict
-from companion.bringup.self_test import Examination, Finding, Verdict
+from companion.bringup.self_test import CheckResult, Examination, Finding
 from companion.config.settings import Config
 from companion.core.messages import Beam, RangeReading, RangeState
 from companion.link.transports.serial_transport import SerialTransport
@@ -56,22 +56,22 @@ def test_a_well_drone_is_good_in_every_part() -> None:
     assert set(findings) == {*Beam.__members__.values()} - {"back"} | {
         *("gyro", "link", "battery", "autopilot", "avoidance")
     }
-    assert {finding.verdict for finding in findings.values()} == {Verdict.GOOD}
+    assert {finding.verdict for finding in findings.values()} == {CheckResult.GOOD}
 
 
 def test_a_wrong_address_is_told_with_those_that_answer() -> None:
     front = {"kind": "sharp_ads1115", "address": 0x4A, "channel": 0}
     left = {"kind": "sharp_ads1115", "address": 0x48, "channel": 1}
     findings = Drone(ranges={"front": front, "left": left}).looked_at(1.0)
-    assert findings["front"].verdict is Verdict.BAD
+    assert findings["front"].verdict is CheckResult.BAD
     assert "0x4a" in findings["front"].remedy
     assert "something answers at 0x48, 0x49" in findings["front"].remedy
-    assert findings["left"].verdict is Verdict.GOOD
+    assert findings["left"].verdict is CheckResult.GOOD
 
 
 def test_a_gyro_at_the_other_address_is_named() -> None:
     findings = Drone(gyro_address=0x6A).looked_at(1.0)
-    assert findings["gyro"].verdict is Verdict.BAD
+    assert findings["gyro"].verdict is CheckResult.BAD
     assert "0x6a" in findings["gyro"].remedy
 
 
@@ -79,17 +79,17 @@ def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
     drone = Drone()
     drone.simulation.board.unplug("left")
     findings = drone.looked_at(1.0)
-    assert findings["left"].verdict is Verdict.BAD
+    assert findings["left"].verdict is CheckResult.BAD
     assert " V, which no sensor" in findings["left"].seen
     assert "plug" in findings["left"].remedy
-    assert findings["right"].verdict is Verdict.GOOD
+    assert findings["right"].verdict is CheckResult.GOOD
 
 
 def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
     drone = Drone()
     drone.simulation.disturb_link(Troubles(loss=1.0))
     link = drone.looked_at()["link"]
-    assert link.verdict is Verdict.BAD
+    assert link.verdict is CheckResult.BAD
     assert "udpin:127.0.0.1:14550" in link.remedy
 
 
@@ -104,7 +104,7 @@ def test_an_autopilot_without_velocity_is_told_what_it_needs(
     parameters: dict[str, float], words: str
 ) -> None:
     autopilot = Drone(parameters).looked_at()["autopilot"]
-    assert autopilot.verdict is Verdict.WAIT
+    assert autopilot.verdict is CheckResult.WAIT
     assert words in autopilot.seen
     assert "optical flow" in autopilot.remedy
 
@@ -123,7 +123,7 @@ def test_what_is_heard_and_not_flown_is_named(
     drone = Drone()
     claim(vehicle, autopilot).begin(drone.simulation)
     link = drone.looked_at()["link"]
-    assert link.verdict is Verdict.BAD
+    assert link.verdict is CheckResult.BAD
     assert words in link.remedy
 
 
@@ -137,7 +137,7 @@ def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -
     battery(percent).begin(drone.simulation)
     found = drone.looked_at()["battery"]
     assert found.seen == f"{percent} % left"
-    assert (found.verdict is Verdict.GOOD) == good
+    assert (found.verdict is CheckResult.GOOD) == good
     assert good == ("battery_home_percent" not in found.remedy)
 
 
@@ -145,7 +145,7 @@ def test_a_battery_that_is_not_told_is_said_and_does_no_harm() -> None:
     drone = Drone()
     mute("SYS_STATUS").begin(drone.simulation)
     found = drone.looked_at()["battery"]
-    assert (found.verdict, found.seen) == (Verdict.GOOD, "not told")
+    assert (found.verdict, found.seen) == (CheckResult.GOOD, "not told")
     assert "BATT_MONITOR" in found.remedy
 
 
@@ -153,7 +153,7 @@ def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -
     drone = Drone()
     mute("EXTENDED_SYS_STATE").begin(drone.simulation)
     autopilot = drone.looked_at()["autopilot"]
-    assert autopilot.verdict is Verdict.WAIT
+    assert autopilot.verdict is CheckResult.WAIT
     assert "EXTENDED_SYS_STATE" in autopilot.seen
 
 
@@ -161,17 +161,17 @@ def test_an_autopilot_that_would_fly_away_on_our_pose_is_told() -> None:
     """Position from us, heading from its compass."""
     half = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0}
     finding = Drone(half, send_pose=True).looked_at()["autopilot"]
-    assert finding.verdict is Verdict.BAD
+    assert finding.verdict is CheckResult.BAD
     assert finding.seen == "link.send_pose: EK3_SRC1_YAW is 1, set it to 6"
     assert Drone(half | {"EK3_SRC1_YAW": 6.0}, send_pose=True).looked_at()["autopilot"].verdict in (
-        Verdict.GOOD,
-        Verdict.WAIT,
+        CheckResult.GOOD,
+        CheckResult.WAIT,
     )
 
 
 def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
     autopilot = Drone().looked_at(1.6)["autopilot"]
-    assert autopilot.verdict is Verdict.WAIT
+    assert autopilot.verdict is CheckResult.WAIT
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_avoidance_that_keeps_it_from_its_stand_off_is_told(
     parameters: dict[str, float], good: bool
 ) -> None:
     avoidance = Drone(parameters).looked_at()["avoidance"]
-    assert (avoidance.verdict is Verdict.GOOD) == good
+    assert (avoidance.verdict is CheckResult.GOOD) == good
     assert good or "AVOID_MARGIN to 1" in avoidance.remedy
 
 
@@ -220,7 +220,7 @@ def test_a_silent_port_and_a_wrong_baud_rate_are_told_apart(
     bench = make_bench("gp2y0a710k0f")
     examination = Examination(config, transport, bench.bus)
     findings = {f.part: f for t in range(20) for f in examination.step(bench.passes(0.05))}
-    assert findings["link"].verdict is Verdict.BAD
+    assert findings["link"].verdict is CheckResult.BAD
     assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
 
 
@@ -234,7 +234,7 @@ def test_a_port_that_takes_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     bench = make_bench("gp2y0a710k0f")
     examination = Examination(config, SerialTransport(config.link.url, 1, 191), bench.bus)
     findings = {f.part: f for t in range(40) for f in examination.step(bench.passes(0.05))}
-    assert findings["sending"].verdict is Verdict.BAD
+    assert findings["sending"].verdict is CheckResult.BAD
     assert "RTSCTS" in findings["sending"].remedy
 
 
@@ -246,7 +246,7 @@ def test_a_stream_that_somebody_slows_again_and_again_is_told() -> None:
     for _ in range(8):
         slow.begin(drone.simulation)
         findings = drone.looked_at(1.0)
-    assert findings["streams"].verdict is Verdict.BAD
+    assert findings["streams"].verdict is CheckResult.BAD
     assert re.search(r"ATTITUDE \d+ Hz of 25", findings["streams"].seen)
 
 
@@ -257,7 +257,7 @@ def test_a_serial_sensor_at_a_wrong_baud_rate_is_told() -> None:
     examination = Examination(config, direct_pair()[1], bench.bus)
     findings = [examination.step(bench.passes(0.05)) for _ in range(20)][-1]
     front = next(finding for finding in findings if finding.part == "front")
-    assert front.verdict is Verdict.BAD
+    assert front.verdict is CheckResult.BAD
     assert "baud rate is not 57600" in front.remedy
 
 

@@ -9,7 +9,7 @@ from companion.config.settings import LinkConfig
 from companion.core.messages import Command, CommandKind, VehicleState
 from companion.link.link import Link
 from companion.link.transports.transport import Message
-from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, Flight, Phase, step
+from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, FlightState, Phase, step
 from tests.unit.pdps.test_flight_phases import PLAN, view
 
 ARDUPILOT, PX4, GENERIC, NONE = 3, 12, 0, 8
@@ -115,7 +115,7 @@ def test_ground_stations_and_gimbals_alone_are_no_autopilot() -> None:
 
 def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
     told = Air().hears(beat(kind=ROVER))
-    waiting = Flight(Phase.CONNECT, since_s=99.0)
+    waiting = FlightState(Phase.CONNECT, since_s=99.0)
     patient, _ = step(waiting, view(told), PLAN)
     assert patient.phase is Phase.CONNECT  # PX4 does not know its own type when it starts
     ended, _ = step(patient, view(told, time_s=99.1 + CONNECT_TIMEOUT_S), PLAN)
@@ -167,7 +167,7 @@ def test_another_companion_under_our_name_is_told(message: Message) -> None:
     assert vehicle.connected
     assert "somebody else sends as system 1, component 191" in vehicle.unfit
     assert "link.component_id" in vehicle.unfit
-    flight, action = step(Flight(Phase.PREPARE, since_s=99.0), view(vehicle), PLAN)
+    flight, action = step(FlightState(Phase.PREPARE, since_s=99.0), view(vehicle), PLAN)
     assert (flight.phase, flight.trouble) == (Phase.FAILED, vehicle.unfit)
     assert action.command is None
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from companion.bringup.self_test import Examination, Verdict
+from companion.bringup.self_test import CheckResult, Examination
 from companion.config.settings import Config
 from companion.core.errors import ConfigError
 from companion.link.link_budget import budget_complaint, link_budget
@@ -61,7 +61,7 @@ def test_too_much_is_refused_at_the_start_and_by_check(
     bench = make_bench("gp2y0a710k0f")
     findings = Examination(settings, direct_pair()[1], bench.bus).step(bench.passes(0.05))
     (told,) = (finding for finding in findings if finding.part == "baud rate")
-    assert told.verdict is Verdict.BAD
+    assert told.verdict is CheckResult.BAD
     for words in (f"link.url = serial:/dev/ttyAMA0:{baud}", *remedies):
         assert words in str(refused.value)
         assert words in told.remedy

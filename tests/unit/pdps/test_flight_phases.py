@@ -25,7 +25,7 @@ from companion.navigation.energy_reserve import Reserve, Spent
 from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight_phases import Action, Flight, Phase, TickInput, step
+from companion.pdps.flight_phases import FlightAction, FlightState, Phase, TickInput, step
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.pdps.viewpoints import Viewpoint
@@ -78,16 +78,16 @@ def view(
     )
 
 
-def flying(phase: Phase) -> Flight:
-    return Flight(phase, since_s=99.0, began_s=90.0)
+def flying(phase: Phase) -> FlightState:
+    return FlightState(phase, since_s=99.0, began_s=90.0)
 
 
-def after(phase: Phase, seen: TickInput) -> tuple[Phase, Action]:
+def after(phase: Phase, seen: TickInput) -> tuple[Phase, FlightAction]:
     flight, action = step(flying(phase), seen, PLAN)
     return flight.phase, action
 
 
-def asks(action: Action) -> CommandKind | None:
+def asks(action: FlightAction) -> CommandKind | None:
     return action.command.kind if action.command else None
 
 
@@ -97,7 +97,7 @@ def test_it_waits_for_the_autopilot() -> None:
 
 
 def test_it_is_patient_from_its_own_first_tick_on_not_from_the_clocks() -> None:
-    flight, nobody = Flight(), VehicleState()
+    flight, nobody = FlightState(), VehicleState()
     for waited_s, phase in ((0.0, Phase.CONNECT), (7.9, Phase.CONNECT), (8.1, Phase.FAILED)):
         flight, _ = step(flight, replace(view(nobody), time_s=500.0 + waited_s), PLAN)
         assert flight.phase is phase
@@ -125,7 +125,7 @@ def test_it_asks_for_the_mode_then_arms_then_takes_off() -> None:
 
 def test_no_setpoint_disturbs_the_climb() -> None:
     climbing = replace(FLYING, landed_state=LandedState.TAKING_OFF)
-    assert after(Phase.TAKE_OFF, view(climbing, height_m=0.5)) == (Phase.TAKE_OFF, Action())
+    assert after(Phase.TAKE_OFF, view(climbing, height_m=0.5)) == (Phase.TAKE_OFF, FlightAction())
 
 
 def test_px4_lifts_off_by_a_climbing_setpoint() -> None:
@@ -183,23 +183,23 @@ def test_landed_and_disarmed_is_done() -> None:
     assert (phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
     landed = replace(ON_GROUND, mode="LAND")
     flight, action = step(flying(Phase.LAND), view(landed), PLAN)
-    assert (flight.phase, flight.completed, action) == (Phase.DONE, True, Action())
+    assert (flight.phase, flight.completed, action) == (Phase.DONE, True, FlightAction())
 
 
 @pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD])
 def test_a_pilot_who_changes_the_mode_has_the_drone_at_once(phase: Phase) -> None:
     loiter = replace(FLYING, mode="LOITER", in_offboard_mode=False)
     flight, action = step(flying(phase), view(loiter), PLAN)
-    assert (flight.phase, action) == (Phase.HANDED_OVER, Action())
+    assert (flight.phase, action) == (Phase.HANDED_OVER, FlightAction())
     assert flight.trouble == "mode changed to LOITER"
     again, action = step(flight, view(), PLAN)
-    assert (again, action) == (flight, Action())
+    assert (again, action) == (flight, FlightAction())
 
 
 def test_a_pilot_who_takes_over_while_landing_is_not_fought() -> None:
     landing, _ = step(flying(Phase.LAND), view(replace(FLYING, mode="LAND")), PLAN)
     taken, action = step(landing, view(replace(FLYING, mode="LOITER")), PLAN)
-    assert (taken.phase, action) == (Phase.HANDED_OVER, Action())
+    assert (taken.phase, action) == (Phase.HANDED_OVER, FlightAction())
 
 
 def test_an_autopilot_that_lands_because_setpoints_come_late_is_told_as_that() -> None:
@@ -218,7 +218,7 @@ SILENT = Fault("the gyro is silent", 1.0)
 
 def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on() -> None:
     held, action = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
-    assert (held.phase, held.trouble, action) == (Phase.HOLD, SILENT.text, Action(HOLD))
+    assert (held.phase, held.trouble, action) == (Phase.HOLD, SILENT.text, FlightAction(HOLD))
     resumed, _ = step(held, view(time_s=100.5), PLAN)
     assert (resumed.phase, resumed.trouble) == (Phase.ROOM, "")
 
@@ -226,7 +226,7 @@ def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on() -> None:
 def test_a_fault_that_lasts_lands_the_drone() -> None:
     held, _ = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
     waiting, action = step(held, view(time_s=100.9, fault=SILENT), PLAN)
-    assert (waiting.phase, action) == (Phase.HOLD, Action(HOLD))
+    assert (waiting.phase, action) == (Phase.HOLD, FlightAction(HOLD))
     landing, action = step(held, view(time_s=101.1, fault=SILENT), PLAN)
     assert (landing.phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
     landed, _ = step(landing, view(ON_GROUND, time_s=110.0), PLAN)
@@ -374,7 +374,7 @@ def test_refused_arming_ends_with_the_autopilots_words() -> None:
 
 def test_a_vehicle_that_is_armed_already_is_left_alone() -> None:
     phase, action = after(Phase.PREPARE, view(FLYING))
-    assert (phase, action) == (Phase.FAILED, Action())
+    assert (phase, action) == (Phase.FAILED, FlightAction())
 
 
 def test_each_mission_begins_in_its_own_way() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from companion.core.messages import HOLD, CommandKind, Order, Task
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight_phases import Flight, Phase, TickInput, step
+from companion.pdps.flight_phases import FlightState, Phase, TickInput, step
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from tests.unit.pdps.test_flight_phases import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
 
@@ -21,7 +21,7 @@ def ordered(order: Order, seen: TickInput | None = None) -> TickInput:
     return replace(seen or view(), order=order)
 
 
-def after(flight: Flight, seen: TickInput) -> Flight:
+def after(flight: FlightState, seen: TickInput) -> FlightState:
     return step(flight, seen, PLAN)[0]
 
 

@@ -8,8 +8,8 @@ from companion.core.messages import CommandKind, Fault, LandedState, VehicleStat
 from companion.pdps.flight_phases import (
     FLYING_PHASES,
     NOTHING,
-    Action,
-    Flight,
+    FlightAction,
+    FlightState,
     Phase,
     step,
 )
@@ -19,11 +19,11 @@ from tests.unit.pdps.test_flight_phases import FLYING, ON_GROUND, PLAN, asks, fl
 
 GUIDED = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True)
 LATE_S = 0.6
-ASKING = replace(Flight(Phase.OFFBOARD, since_s=99.0), mode_before="STABILIZE")
+ASKING = replace(FlightState(Phase.OFFBOARD, since_s=99.0), mode_before="STABILIZE")
 MODES = ("LOITER", "ALT_HOLD", "RTL", "LAND", "BRAKE", "POSCTL", "mode 27")
 
 
-def after(phase: Phase, vehicle: VehicleState) -> tuple[Flight, Action]:
+def after(phase: Phase, vehicle: VehicleState) -> tuple[FlightState, FlightAction]:
     flight = ASKING if phase is Phase.OFFBOARD else flying(phase)
     return step(flight, view(vehicle), PLAN)
 

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
 from companion.config import settings as configuration
-from companion.pdps.flight_phases import Flight, Phase
+from companion.pdps.flight_phases import FlightState, Phase
 from companion.run.unattended import exit_status
 from sitl.autopilot.parameters.table import load_table
 
@@ -67,7 +67,7 @@ def test_only_a_flight_that_failed_is_a_failure_to_systemd(
 ) -> None:
     """What follows a failure lands a drone that is in our mode, also one that was given back."""
     (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
-    status = exit_status(Flight(phase, trouble="so it ended"))
+    status = exit_status(FlightState(phase, trouble="so it ended"))
     assert (status not in (0, int(told))) == is_failure
 
 

@@ -14,7 +14,7 @@ from companion.app import App
 from companion.commands import fly as command
 from companion.config.settings import Config
 from companion.core.errors import LinkError, OutputError
-from companion.pdps.flight_phases import Flight, Phase
+from companion.pdps.flight_phases import FlightState, Phase
 from companion.recording.recorder import NOT_RECORDED
 from companion.run import unattended
 
@@ -31,8 +31,8 @@ def on_no_drone(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
-    def fly(app: App, *_: object) -> Flight:
-        app.flight = Flight(phase, trouble="so it ended")
+    def fly(app: App, *_: object) -> FlightState:
+        app.flight = FlightState(phase, trouble="so it ended")
         return app.flight
 
     monkeypatch.setattr(unattended, "fly", fly)

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.frames import Vector3
 from companion.link.transports.transport import Message, pipe_pair
 from sitl.autopilot.core import PERSONALITIES
-from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, Estimator
+from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator
 from sitl.autopilot.estimation.ground_truth import hil_state_quaternion, sim_state
 from sitl.autopilot.estimation.outside import Outside
 from sitl.autopilot.parameters.table import load_table
@@ -312,7 +312,7 @@ def test_on_the_ground_the_down_range_is_what_the_landing_gear_leaves() -> None:
 
 def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
     start = flown(0.0)
-    estimator = Estimator(start, 3, REFERENCE_NOISE)
+    estimator = AutopilotEstimator(start, 3, REFERENCE_NOISE)
     errors_m = []
     for step in range(1, 6000):
         truth = flown(step * 0.01)
@@ -332,7 +332,7 @@ def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -> None:
     tilted = replace(START, roll_rad=0.2, pitch_rad=-0.1)
-    estimator = Estimator(tilted, 1, REFERENCE_NOISE)
+    estimator = AutopilotEstimator(tilted, 1, REFERENCE_NOISE)
     estimator.yaw_rad = 2.0
     estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
     (told,) = on_the_wire(odometry(firmware, estimator, tilted))

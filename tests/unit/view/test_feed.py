@@ -23,7 +23,7 @@ from companion.core.messages import (
     WallSegment,
 )
 from companion.link.link import Telemetry
-from companion.pdps.flight_phases import Flight
+from companion.pdps.flight_phases import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.looker import Looker, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
@@ -46,7 +46,7 @@ def outputs(time_s: float) -> Outputs:
     reading = RangeReading(RangeState.DISTANCE, 1.5, 0.01)
     scan = RangeScan(time_s, {Beam.FRONT: reading, Beam.UP: RangeReading(RangeState.NOTHING)})
     pose = Pose(time_s, 1.0, 2.0, -1.2, 0.5)
-    return Outputs(None, None, pose, Progress(time_s, "", "", tuple), Flight(), scan)
+    return Outputs(None, None, pose, Progress(time_s, "", "", tuple), FlightState(), scan)
 
 
 def fail(warning: str) -> None:
