@@ -5,7 +5,7 @@ means of six steps; PX4 1.17.0-beta1 in SIH, means of two to four; estimated vel
 autopilot's clock.
 """
 
-from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.response import Shaper
 from sitl.core.vehicle import Loop
 
@@ -51,7 +51,7 @@ HOLD_S, AFTER_S = 4, 3
 
 def emulated(kind: str, axis: str, size: float) -> list[float]:
     """Share of a step, every 10 ms: `HOLD_S` of it, then `AFTER_S` of zero."""
-    response = PERSONALITIES[kind]().response
+    response = FIRMWARES[kind]().response
     shaper = Shaper(getattr(response, axis))
     loop = Loop(getattr(response.airframe, axis))
     asked = [size] * (100 * HOLD_S) + [0.0] * (100 * AFTER_S)

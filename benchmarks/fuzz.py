@@ -52,11 +52,11 @@ IN_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
 # MAVLink
 
 
-def fuzz_autopilot(personality: str, count: int, seed: int) -> None:
+def fuzz_autopilot(firmware: str, count: int, seed: int) -> None:
     """Frames into the emulated autopilot, a step after every few; its answers must pack."""
     random = Random(seed)
     codec, answers = make_codec(255, 190), make_codec(1, 1)
-    autopilot = Autopilot(seed, START, personality=personality)
+    autopilot = Autopilot(seed, START, firmware=firmware)
     for number in range(count):
         frame = mavlink_frame(random)
         for message in codec.parse_buffer(frame) or []:

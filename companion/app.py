@@ -40,7 +40,7 @@ from companion.mapping.floor_plan import outline_closed, wall_segments
 from companion.mapping.heights import Heights
 from companion.mapping.low_ceilings import Overhead
 from companion.mapping.rays import rays
-from companion.mapping.redrawn_grid import Space
+from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
 from companion.pdps import flight_phases
@@ -148,7 +148,7 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
-        self._spaces = [Space()]
+        self._spaces = [RedrawnGrid()]
         """What is known of the space around, of each layer."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
@@ -163,7 +163,7 @@ class App:
         self.flight = FlightState()
 
     @property
-    def space(self) -> Space:
+    def space(self) -> RedrawnGrid:
         """What is known of the space around at the present height, as the flight uses it."""
         return self._spaces[self.flight.layers.number]
 
@@ -314,7 +314,7 @@ class App:
         plan = self._config.mission
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self._overhead.lower_than(top_m, self._ceiling.height_m)
-        self._spaces.append(Space(self._spaces[-1].grid.layer_above(low)))
+        self._spaces.append(RedrawnGrid(self._spaces[-1].grid.layer_above(low)))
 
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:

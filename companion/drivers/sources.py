@@ -6,7 +6,7 @@ from typing import Protocol
 from companion.config.range_sensors import SharpOnAds1115, SharpOnMcp3008
 from companion.core.messages import Beam, RangeReading
 from companion.drivers.chips import ads1115
-from companion.drivers.chips.ads1115 import Channel, Sweep
+from companion.drivers.chips.ads1115 import Channel, ConversionSweep
 from companion.drivers.chips.mcp3008 import Mcp3008
 from companion.drivers.chips.sharp import PROFILES, Profile
 from companion.drivers.wires.bus import Bus, Spi
@@ -51,9 +51,11 @@ class SharpsOnAds1115:
         self._bus = bus
         self._beams = {(s.address, s.channel): beam for beam, s in sensors.items()}
         self._profiles = {(s.address, s.channel): PROFILES[s.curve] for s in sensors.values()}
-        self._sweep = Sweep(list(self._beams))
+        self._sweep = ConversionSweep(list(self._beams))
         addresses = sorted({address for address, _ in self._beams})
-        self._sweeps_alone = [Sweep([c for c in self._beams if c[0] == a]) for a in addresses]
+        self._sweeps_alone = [
+            ConversionSweep([c for c in self._beams if c[0] == a]) for a in addresses
+        ]
         """Of each chip by itself."""
         for address in addresses:
             ads1115.check(bus, address)
@@ -68,7 +70,7 @@ class SharpsOnAds1115:
             for channel, v in volts.items()
         }
 
-    def _volts(self, sweep: Sweep) -> dict[Channel, float]:
+    def _volts(self, sweep: ConversionSweep) -> dict[Channel, float]:
         try:
             return sweep.volts(self._bus)
         except OSError:

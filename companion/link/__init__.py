@@ -1,1 +1,1 @@
-"""MAVLink to the autopilot: transports, dialects, and the companion's view of the vehicle."""
+"""MAVLink to the autopilot: transports, firmware, and the companion's view of the vehicle."""

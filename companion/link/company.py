@@ -9,12 +9,12 @@ from collections import deque
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.config.settings import LinkConfig
-from companion.link.dialect import DIALECTS, MULTICOPTERS
+from companion.link.firmware import FIRMWARES, MULTICOPTERS
 from companion.link.transports.transport import Message
 
 Source = tuple[int, int]
 """MAVLink system and component."""
-SUPPORTED = frozenset(dialect.autopilot for dialect in DIALECTS)
+SUPPORTED = frozenset(firmware.autopilot for firmware in FIRMWARES)
 BREAKS, BREAKS_WITHIN_S = 4, 5.0
 """An autopilot that restarts breaks three times: its clock goes back, and PX4 does not know its own
 kind for a moment. Of two under one name clock or kind go back and forth with every message."""

@@ -1,6 +1,6 @@
 """The companion's view of the autopilot: messages in, vehicle state and odometry out, and back.
 
-    HEARTBEAT ─► dialect, mode, armed            COMMAND_ACK, STATUSTEXT ─► refusals
+    HEARTBEAT ─► firmware, mode, armed            COMMAND_ACK, STATUSTEXT ─► refusals
     LOCAL_POSITION_NED + ATTITUDE ─► odometry    EKF_STATUS_REPORT ─► estimate ready
 
 Heartbeats go out from `send`, that is from the control loop: a companion that hangs falls silent.
@@ -16,7 +16,7 @@ from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
 from companion.link.company import Company
-from companion.link.dialect import Dialect, Parameter, dialect_of
+from companion.link.firmware import Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
 from companion.link.origin import Origin
@@ -69,7 +69,7 @@ class Link:
         self._company = Company(config)
         self._origin = Origin(config)
         self._setpoint_loss_s = config.setpoint_loss_s
-        self._dialect: Dialect | None = None
+        self._firmware: Firmware | None = None
         self._safety: tuple[Parameter, ...] = ()
         self._heard_s = self._mode_s = float("-inf")
         self._armed = self._left_offboard = False
@@ -137,7 +137,7 @@ class Link:
 
     def _note(self, kind: str, message: Message) -> None:
         if kind == "HEARTBEAT":
-            self._dialect = self._dialect or self._meet(message)
+            self._firmware = self._firmware or self._meet(message)
             self._note_mode(message.custom_mode)
             self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         elif kind == "SYS_STATUS":
@@ -150,56 +150,56 @@ class Link:
         elif kind == "COMMAND_ACK":
             if message.target_component in (0, self._component_id):
                 self._commands.acknowledge(message)
-        elif self._dialect is None:
+        elif self._firmware is None:
             return
-        elif message.get_msgId() == self._dialect.estimator_message:
-            self._estimate_complaint = self._dialect.estimate_complaint(message)
+        elif message.get_msgId() == self._firmware.estimator_message:
+            self._estimate_complaint = self._firmware.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
-            self._read.hear(message.param_id, self._dialect.parameter_value(message))
+            self._read.hear(message.param_id, self._firmware.parameter_value(message))
             for parameter in self._safety:
                 if message.param_id == parameter.name:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
                     self._parameters_set[parameter.name] = set_
 
     def _note_mode(self, custom_mode: int) -> None:
-        if self._dialect is not None:
-            was_ours = self._dialect.is_offboard(self._custom_mode)
-            self._left_offboard |= was_ours and not self._dialect.is_offboard(custom_mode)
+        if self._firmware is not None:
+            was_ours = self._firmware.is_offboard(self._custom_mode)
+            self._left_offboard |= was_ours and not self._firmware.is_offboard(custom_mode)
         self._custom_mode, self._mode_s = custom_mode, self._heard_s
 
-    def _meet(self, heartbeat: Message) -> Dialect | None:
-        dialect = dialect_of(heartbeat.autopilot, heartbeat.type)
-        if dialect is not None:
-            self._safety = dialect.safety_parameters(self._setpoint_loss_s)
-            pose_needs = dialect.pose_needs if self._pose_report is not None else {}
-            self._read.want([*dialect.texts_need, *pose_needs])
+    def _meet(self, heartbeat: Message) -> Firmware | None:
+        firmware = firmware_of(heartbeat.autopilot, heartbeat.type)
+        if firmware is not None:
+            self._safety = firmware.safety_parameters(self._setpoint_loss_s)
+            pose_needs = firmware.pose_needs if self._pose_report is not None else {}
+            self._read.want([*firmware.texts_need, *pose_needs])
             rates_hz = {
                 mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: POSITION_HZ,
                 mavlink.MAVLINK_MSG_ID_ATTITUDE: ATTITUDE_HZ,
                 mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: SLOW_HZ,
                 mavlink.MAVLINK_MSG_ID_SYS_STATUS: SLOW_HZ,
-                dialect.estimator_message: SLOW_HZ,
+                firmware.estimator_message: SLOW_HZ,
             }
             for listener in self._listeners:
                 rates_hz |= {id_: hz for id_, hz in listener.streams_hz.items() if hz > 0}
             self._streams = {id_: Stream(id_, rate_hz) for id_, rate_hz in rates_hz.items()}
-        return dialect
+        return firmware
 
     def _vehicle(self, now_s: float) -> VehicleState:
         age_s = now_s - self._heard_s
-        dialect = self._dialect
-        if dialect is None:
+        firmware = self._firmware
+        if firmware is None:
             return VehicleState(silent_s=age_s, unfit=self._company.strangers)
         waits_for = self._waits_for(now_s)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
             unfit=self._company.trouble,
-            mode=dialect.mode_name(self._custom_mode),
+            mode=firmware.mode_name(self._custom_mode),
             mode_age_s=now_s - self._mode_s,
-            in_offboard_mode=dialect.is_offboard(self._custom_mode),
+            in_offboard_mode=firmware.is_offboard(self._custom_mode),
             left_offboard=self._left_offboard,
-            takes_off_by_setpoint=dialect.takes_off_by_setpoint,
+            takes_off_by_setpoint=firmware.takes_off_by_setpoint,
             armed=self._armed,
             landed_state=self._landed_state,
             estimate_ready=not waits_for,
@@ -211,7 +211,7 @@ class Link:
 
     def transmit(self, messages: Sequence[Message]) -> None:
         """What others have to tell, once an autopilot is there to hear it."""
-        if self._dialect is not None:
+        if self._firmware is not None:
             for message in messages:
                 self._transport.send(message)
 
@@ -238,9 +238,9 @@ class Link:
             messages.append(_heartbeat(active=setpoint is not None))
             if self._may_beat_as_ground_station():
                 messages.append(self._ground_station.heartbeat())
-        if self._dialect is None:
+        if self._firmware is None:
             return messages
-        wanted = self._dialect.command(command) if command else None
+        wanted = self._firmware.command(command) if command else None
         messages += self._commands.messages(now_s, wanted, self._target)
         if setpoint is not None:
             messages.append(_velocity(int(now_s * 1000), self._target, setpoint))
@@ -252,7 +252,7 @@ class Link:
         return messages
 
     def _may_beat_as_ground_station(self) -> bool:
-        needs = self._dialect.texts_need if self._dialect is not None else {}
+        needs = self._firmware.texts_need if self._firmware is not None else {}
         return bool(needs) and all(self._read.values.get(n) == v for n, v in needs.items())
 
     def _requests(self) -> list[Message]:
@@ -283,9 +283,9 @@ class Link:
 
     def _pose_complaint(self, now_s: float) -> str:
         """Why it would not fly by our pose, if it is told that at all."""
-        if self._pose_report is None or self._dialect is None:
+        if self._pose_report is None or self._firmware is None:
             return ""
-        return self._pose_source.complaint(now_s, self._dialect.pose_needs, self._read.values)
+        return self._pose_source.complaint(now_s, self._firmware.pose_needs, self._read.values)
 
 
 def _landed_state(value: int) -> LandedState:

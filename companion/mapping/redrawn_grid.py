@@ -35,7 +35,7 @@ MAX_STAGES = 12
 _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(8)
 
 
-class Space:
+class RedrawnGrid:
     """The grid that the flight uses, and what it was drawn from."""
 
     def __init__(self, begun: Occupancy | None = None) -> None:

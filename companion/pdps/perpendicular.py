@@ -25,7 +25,7 @@ MAX_OFF_CENTRE_RAD = math.radians(10)
 
 
 @value
-class Ray:
+class TurnReading:
     """One return of the turn: bearing in local NED, range from the drone's centre."""
 
     bearing_rad: float
@@ -41,7 +41,7 @@ class Perpendicular:
     distance_m: float
 
 
-def find_perpendicular(turn: Sequence[Ray]) -> Perpendicular | None:
+def find_perpendicular(turn: Sequence[TurnReading]) -> Perpendicular | None:
     """The nearest wall that was swept square on; None if the turn met none.
 
     If no window holds the foot of a perpendicular (only corners or ends of walls were in range),
@@ -60,11 +60,11 @@ def find_perpendicular(turn: Sequence[Ray]) -> Perpendicular | None:
     return None
 
 
-def _window(turn: Sequence[Ray], centre_rad: float) -> list[Ray]:
+def _window(turn: Sequence[TurnReading], centre_rad: float) -> list[TurnReading]:
     return [ray for ray in turn if abs(wrap_rad(ray.bearing_rad - centre_rad)) < HALF_WINDOW_RAD]
 
 
-def _fit(rays: list[Ray], centre_rad: float) -> Perpendicular | None:
+def _fit(rays: list[TurnReading], centre_rad: float) -> Perpendicular | None:
     if len(rays) < MIN_RETURNS:
         return None
     bearing = np.array([ray.bearing_rad for ray in rays])
@@ -79,7 +79,7 @@ def _fit(rays: list[Ray], centre_rad: float) -> Perpendicular | None:
     return wall
 
 
-def free_distance(turn: Sequence[Ray], bearing_rad: float, seen_to_m: float) -> float:
+def free_distance(turn: Sequence[TurnReading], bearing_rad: float, seen_to_m: float) -> float:
     """How far the turn has shown free space around a bearing; 0 where it has seen nothing.
 
     `seen_to_m` caps the answer: nobody has looked farther.

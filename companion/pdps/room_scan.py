@@ -39,7 +39,7 @@ from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
 from companion.navigation.swing import TO_THE_RIGHT, Swing
-from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
 from companion.safety.control_laws import (
     FULL_STOP_BEFORE_M,
     approach_speed,
@@ -113,7 +113,7 @@ class RoomScan:
     phase: ScanPhase = ScanPhase.TURN
     turned_rad: float = 0.0
     last_yaw_rad: float | None = None
-    turn: tuple[Ray, ...] = ()
+    turn: tuple[TurnReading, ...] = ()
     heading_rad: float = 0.0
     standoff_m: float = 0.0
     """As planned for the drone as it flies by now, but no more than"""
@@ -191,9 +191,9 @@ def _turn(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[Room
     return faced, Setpoint()
 
 
-def _rays(sight: Observation) -> tuple[Ray, ...]:
+def _rays(sight: Observation) -> tuple[TurnReading, ...]:
     return tuple(
-        Ray(
+        TurnReading(
             wrap_rad(sight.pose.yaw_rad + sight.bearings_frd_rad[beam]),
             reading.distance_m + sight.mount_offset_m,
             math.sqrt(reading.variance_m2),

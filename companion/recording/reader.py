@@ -34,7 +34,7 @@ _setpoint_decoder = json.Decoder(Setpoint)
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
+class RecordedFault:
     """Something that went wrong, or was over again, in the words of the flight."""
 
     time_s: float
@@ -56,7 +56,7 @@ class Recording:
     """As the flight took them to be at the time, not smoothed."""
     setpoints: list[tuple[float, Setpoint]] = field(default_factory=list)
     phases: list[PhaseRecord] = field(default_factory=list)
-    faults: list[Fault] = field(default_factory=list)
+    faults: list[RecordedFault] = field(default_factory=list)
     autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
     plan: FloorPlan | None = None
     """The flight's final map; None if it was cut short."""
@@ -157,7 +157,7 @@ def _take(recording: Recording, topic: str, message: Message) -> None:
         case topics.FAULTS:
             log = Log.FromString(data)
             over = log.level == Log.INFO
-            recording.faults.append(Fault(time_s, log.name, log.message, over))
+            recording.faults.append(RecordedFault(time_s, log.name, log.message, over))
         case topics.AUTOPILOT:
             recording.autopilot_texts.append((time_s, Log.FromString(data).message))
         case topics.CONFIG:

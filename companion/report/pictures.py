@@ -9,7 +9,7 @@ import numpy as np
 from companion.core.figures import Axes, Figure, rc_context
 from companion.core.messages import Beam, FloorPlan
 from companion.export.plan.survey import Survey
-from companion.recording.reader import Fault, Recording
+from companion.recording.reader import RecordedFault, Recording
 from companion.report.numbers import Span, walls_over_time
 
 INK, FAINT, WALL, RETURN, FAULT, ROOM = (
@@ -53,7 +53,7 @@ STYLE: Any = {
 }
 
 
-def plan_picture(survey: Survey, spans: Sequence[Span], faults: Sequence[Fault]) -> str:
+def plan_picture(survey: Survey, spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
     """Walls with the numbers of the table, the path coloured by time, where faults happened."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.6, 7.0), layout="constrained")
@@ -105,7 +105,7 @@ def _draw_path(figure: Figure, axes: Axes, plan: FloorPlan) -> None:
     axes.annotate("take-off", (0, 0), (7, 5), textcoords="offset points", color=INK)
 
 
-def _draw_faults(axes: Axes, plan: FloorPlan, faults: Sequence[Fault]) -> None:
+def _draw_faults(axes: Axes, plan: FloorPlan, faults: Sequence[RecordedFault]) -> None:
     times_s = [pose.time_s for pose in plan.path]
     for fault in faults:
         if not fault.is_over and times_s[0] <= fault.time_s <= times_s[-1]:
@@ -113,7 +113,7 @@ def _draw_faults(axes: Axes, plan: FloorPlan, faults: Sequence[Fault]) -> None:
             axes.plot(pose.east_m, pose.north_m, marker="x", markersize=9, color=FAULT)
 
 
-def timeline_picture(spans: Sequence[Span], faults: Sequence[Fault]) -> str:
+def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
     """One row for each activity, and one for faults."""
     with rc_context(STYLE):
         rows = list(dict.fromkeys(span.activity for span in spans))

@@ -36,7 +36,7 @@ from companion.safety.obstacle_points import (
     TOO_STRONG,
     Drift,
     Found,
-    Line,
+    LineOfSight,
     Met,
     Points,
 )
@@ -182,7 +182,7 @@ class Near:
         self._folds.look(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
-    def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> Line:
+    def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> LineOfSight:
         """From where the drone was, and turned to, when the sensor measured."""
         age_s = unit.model.mean_age_s
         bearing_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
@@ -190,7 +190,9 @@ class Near:
         forward_m_s, right_m_s = self._velocity_frd_m_s
         eye_frd_m = -age_s * forward_m_s, -age_s * right_m_s
         from_eye = relative - eye_frd_m
-        return Line(eye_frd_m, bearing_rad, from_eye @ (cos_b, sin_b), from_eye @ (-sin_b, cos_b))
+        return LineOfSight(
+            eye_frd_m, bearing_rad, from_eye @ (cos_b, sin_b), from_eye @ (-sin_b, cos_b)
+        )
 
     def _turns_rad_s(self, time_s: float) -> float:
         """By the headings now and when it was looked last."""

@@ -86,7 +86,7 @@ NO_DRIFT = Drift()
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class LineOfSight:
     """Of sight: where the beam of a sensor went when it measured, body FRD as it is now."""
 
     eye_frd_m: Vector2
@@ -182,7 +182,7 @@ class Met:
         places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
         return points_to_frd(places - ne_m, yaw_rad)
 
-    def pass_through(self, time_s: float, line: Line, free_m: Vector2) -> None:
+    def pass_through(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
         """A beam has shown that it is free from and to so far."""
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
         beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)

@@ -9,11 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.frames import Vector3, frd_to_ned, wrap_rad
 from sitl.autopilot.estimation.ground_truth import Place, sim_state
 from sitl.autopilot.estimation.outside import AROUND, Outside, PoseMessages
-from sitl.autopilot.messages import MARKED
-from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
-from sitl.autopilot.parameters.protocol import Parameters
-from sitl.autopilot.parameters.table import load_table
-from sitl.autopilot.personality import (
+from sitl.autopilot.firmware import (
     Behaviour,
     Condition,
     EstimatorHealth,
@@ -25,6 +21,10 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.messages import MARKED
+from sitl.autopilot.parameters.ardupilot import ArduPilotParameters
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.response import ARDUCOPTER, Response
 from sitl.autopilot.streams import Message
 from sitl.core.truth import TrueState

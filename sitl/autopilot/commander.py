@@ -1,6 +1,6 @@
 """What the vehicle does: modes, arming, take-off, setpoints, failsafes.
 
-How it is asked is the protocol's matter, how it answers the personality's.
+How it is asked is the protocol's matter, how it answers the firmware's.
 """
 
 from random import Random
@@ -9,14 +9,14 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from sitl.autopilot.control import Control, Manoeuvre
 from sitl.autopilot.failsafes import FailsafeWatch
-from sitl.autopilot.parts import Parts
-from sitl.autopilot.personality import (
+from sitl.autopilot.firmware import (
     Behaviour,
     Condition,
     Refusal,
     Throttle,
     VelocityTarget,
 )
+from sitl.autopilot.parts import Parts
 from sitl.autopilot.streams import Message
 from sitl.core.vehicle import STEP_S, Vehicle
 
@@ -35,7 +35,7 @@ class Commander:
 
     def __init__(self, parts: Parts, vehicle: Vehicle, landing: Random) -> None:
         """`landing` draws how far each landing drifts."""
-        self._is = parts.personality
+        self._is = parts.firmware
         self._parameters = parts.parameters.values
         self._status = parts.status
         self._navigation = parts.navigation
@@ -145,7 +145,7 @@ class Commander:
             self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, text)
 
     def arm(self, *, forced: bool) -> int:
-        """Forcing skips what the personality lets it skip, but never the position."""
+        """Forcing skips what the firmware lets it skip, but never the position."""
         if self._status.armed:
             return ACCEPTED
         skips = forced and self._is.force_skips_checks and not self._status.crashed

@@ -16,7 +16,7 @@ from random import Random
 
 from companion.core.frames import Vector2, Vector3, wrap_rad
 from sitl.autopilot.estimation.estimator import AutopilotEstimator
-from sitl.autopilot.personality import PositionTarget, Target, VelocityTarget
+from sitl.autopilot.firmware import PositionTarget, Target, VelocityTarget
 from sitl.autopilot.response import Response
 from sitl.core.vehicle import STEP_S
 

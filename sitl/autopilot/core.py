@@ -19,10 +19,10 @@ from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator, OdometryNoise
 from sitl.autopilot.estimation.navigation import Navigation
 from sitl.autopilot.estimation.own_sensors import Imu
+from sitl.autopilot.firmware import EmulatedFirmware, Throttle, boot_values, system_id
 from sitl.autopilot.messages import Broadcast, Outbox
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.autopilot.parts import Parts
-from sitl.autopilot.personality import Personality, Throttle, boot_values, system_id
 from sitl.autopilot.protocol import Channel, Protocol
 from sitl.autopilot.px4 import Px4
 from sitl.autopilot.response import SetpointShaper
@@ -33,7 +33,7 @@ from sitl.core.truth import TrueState
 from sitl.core.vehicle import STEP_S, Vehicle
 from sitl.sensors.time_of_flight import TofUnit
 
-PERSONALITIES: dict[str, Callable[[], Personality]] = {"ardupilot": ArduPilot, "px4": Px4}
+FIRMWARES: dict[str, Callable[[], EmulatedFirmware]] = {"ardupilot": ArduPilot, "px4": Px4}
 
 HEARTBEAT_STEPS = 100
 FAILSAFE_STEPS = 10
@@ -65,7 +65,7 @@ class Autopilot:
         seed: int,
         start: TrueState,
         *,
-        personality: str = "ardupilot",
+        firmware: str = "ardupilot",
         parameters: Mapping[str, float] = NO_PARAMETERS,
         watch: ParameterWatch = keep_nothing,
         links: int = 1,
@@ -73,12 +73,12 @@ class Autopilot:
         noise: OdometryNoise = REFERENCE_NOISE,
         battery_s: float = FLIGHT_BATTERY_S,
     ) -> None:
-        self.kind = personality
+        self.kind = firmware
         """ "ardupilot" or "px4"."""
         self.mute: set[str] = set()
         """A fault for tests: messages that it does not send."""
         self._battery_s = battery_s
-        self._is = PERSONALITIES[personality]()
+        self._is = FIRMWARES[firmware]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
         self._vehicle = Vehicle(start, stream(seed, "gusts"), self._is.response.airframe)
         self._shaper = SetpointShaper(self._is.response)

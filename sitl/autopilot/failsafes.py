@@ -7,8 +7,8 @@ QUIET ──fails──► ACTIVE: told, mode changed where the autopilot is set
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
+from sitl.autopilot.firmware import Condition, Failsafe, ParameterValues
 from sitl.autopilot.messages import Broadcast
-from sitl.autopilot.personality import Condition, Failsafe, ParameterValues
 
 
 class FailsafeWatch:

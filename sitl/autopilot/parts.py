@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from sitl.autopilot.estimation.navigation import Navigation
+from sitl.autopilot.firmware import EmulatedFirmware
 from sitl.autopilot.messages import Broadcast
 from sitl.autopilot.parameters.protocol import Parameters
-from sitl.autopilot.personality import Personality
 from sitl.autopilot.telemetry import Status, Telemetry
 
 
@@ -13,7 +13,7 @@ from sitl.autopilot.telemetry import Status, Telemetry
 class Parts:
     """The parts of one flight controller."""
 
-    personality: Personality
+    firmware: EmulatedFirmware
     parameters: Parameters
     status: Status
     navigation: Navigation

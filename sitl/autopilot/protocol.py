@@ -51,7 +51,7 @@ class Protocol:
 
     def __init__(self, system_id: int, parts: Parts, commander: Commander) -> None:
         self._system_id = system_id
-        self._is = personality = parts.personality
+        self._is = firmware = parts.firmware
         self._status = parts.status
         self._navigation = parts.navigation
         self._telemetry = parts.telemetry
@@ -79,7 +79,7 @@ class Protocol:
             mavlink.MAV_CMD_RUN_PREARM_CHECKS: lambda p, _: commander.check(),
             mavlink.MAV_CMD_DO_SET_MODE: lambda p, _: self._set_mode(p),
             mavlink.MAV_CMD_NAV_TAKEOFF: lambda p, _: commander.take_off(p[6]),
-            mavlink.MAV_CMD_NAV_LAND: lambda p, _: commander.enter(personality.land_mode),
+            mavlink.MAV_CMD_NAV_LAND: lambda p, _: commander.enter(firmware.land_mode),
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._tell_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: self._send(c, _whole(p[0])),

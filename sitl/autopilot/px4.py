@@ -11,11 +11,7 @@ from companion.core.frames import Vector3, frd_to_ned
 from sitl.autopilot.estimation.ground_truth import Place, hil_state_quaternion
 from sitl.autopilot.estimation.outside import Outside, PoseMessages
 from sitl.autopilot.estimation.px4_estimate import estimator_flags
-from sitl.autopilot.messages import TextHabit
-from sitl.autopilot.parameters.protocol import Parameters
-from sitl.autopilot.parameters.px4 import Px4Parameters
-from sitl.autopilot.parameters.table import load_table
-from sitl.autopilot.personality import (
+from sitl.autopilot.firmware import (
     Behaviour,
     Condition,
     EstimatorHealth,
@@ -27,6 +23,10 @@ from sitl.autopilot.personality import (
     Target,
     VelocityTarget,
 )
+from sitl.autopilot.messages import TextHabit
+from sitl.autopilot.parameters.protocol import Parameters
+from sitl.autopilot.parameters.px4 import Px4Parameters
+from sitl.autopilot.parameters.table import load_table
 from sitl.autopilot.response import PX4, Response
 from sitl.autopilot.streams import Message
 from sitl.core.truth import TrueState

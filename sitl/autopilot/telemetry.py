@@ -11,7 +11,7 @@ from companion.core.messages import Beam
 from sitl.autopilot.control import Manoeuvre
 from sitl.autopilot.estimation.navigation import Navigation
 from sitl.autopilot.estimation.own_sensors import Imu, rangefinder_messages
-from sitl.autopilot.personality import ParameterValues, Personality
+from sitl.autopilot.firmware import EmulatedFirmware, ParameterValues
 from sitl.autopilot.streams import Maker, Message
 from sitl.core.truth import TrueState
 from sitl.sensors.time_of_flight import TofUnit
@@ -62,7 +62,7 @@ class Telemetry:
 
     def __init__(
         self,
-        personality: Personality,
+        firmware: EmulatedFirmware,
         parameters: ParameterValues,
         status: Status,
         navigation: Navigation,
@@ -77,7 +77,7 @@ class Telemetry:
         """Another: it tells so for as long as it flies."""
         self.rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]] = {}
         """Connected to the autopilot itself."""
-        self._is = personality
+        self._is = firmware
         self._parameters = parameters
         self._status = status
         self._navigation = navigation

@@ -21,7 +21,7 @@ ON_THE_FIELD = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0
 
 
 def fly_bare(
-    personality: str,
+    firmware: str,
     seed: int,
     mavlink: Sequence[str],
     *,
@@ -35,11 +35,11 @@ def fly_bare(
     Raises:
         SitlError, LinkError: one line that says what to mend.
     """
-    values, watch = read_parameters(personality, parameter_file, assignments)
+    values, watch = read_parameters(firmware, parameter_file, assignments)
     vehicle = Autopilot(
         seed,
         ON_THE_FIELD,
-        personality=personality,
+        firmware=firmware,
         parameters=values,
         watch=watch,
         links=len(mavlink),

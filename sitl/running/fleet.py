@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from companion.core.frames import Vector3
 from companion.link.transports.transport import Transport
-from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
 from sitl.core.vehicle import STEP_S
@@ -29,7 +29,7 @@ def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
         )
     if vehicles == 1:
         return [setup]
-    parameter = PERSONALITIES[setup.autopilot]().system_id_parameter
+    parameter = FIRMWARES[setup.autopilot]().system_id_parameter
     return [
         replace(
             setup,

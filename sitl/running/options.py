@@ -11,7 +11,7 @@ from rich.console import Console
 
 from companion.config import settings as configuration
 from companion.config.settings import Config
-from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, keep_nothing
+from sitl.autopilot.core import FIRMWARES, FLIGHT_BATTERY_S, keep_nothing
 from sitl.autopilot.parameters.file import ParameterFile, beyond_range, parse_assignments
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
@@ -155,7 +155,7 @@ def read_parameters(
     autopilot: str, file: Path | None, assignments: Sequence[str]
 ) -> tuple[dict[str, float], ParameterWatch]:
     """What an autopilot starts with, the assignments above the file, and who keeps changes."""
-    table = PERSONALITIES[autopilot]().table
+    table = FIRMWARES[autopilot]().table
     given = parse_assignments(assignments, table)
     for warning in beyond_range(given, table):
         Console(stderr=True, highlight=False).print(f"sitl: --param {warning}", soft_wrap=True)

@@ -17,10 +17,10 @@ from companion.config.settings import SensorsConfig
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
 from companion.link.transports.transport import Transport
-from sitl.autopilot.core import FLIGHT_BATTERY_S, PERSONALITIES, Autopilot, keep_nothing
+from sitl.autopilot.core import FIRMWARES, FLIGHT_BATTERY_S, Autopilot, keep_nothing
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
+from sitl.autopilot.firmware import boot_values, system_id
 from sitl.autopilot.parameters.protocol import ParameterWatch
-from sitl.autopilot.personality import boot_values, system_id
 from sitl.core.noise import stream
 from sitl.core.radio import Radio, Troubles
 from sitl.core.truth import History, TrueState
@@ -63,8 +63,8 @@ class Setup:
         Raises:
             ParameterError: a parameter that the autopilot does not have.
         """
-        personality = PERSONALITIES[self.autopilot]()
-        return system_id(personality, boot_values(personality, self.parameters))
+        firmware = FIRMWARES[self.autopilot]()
+        return system_id(firmware, boot_values(firmware, self.parameters))
 
 
 class Simulation:
@@ -99,7 +99,7 @@ class Simulation:
         self.autopilot = Autopilot(
             setup.seed,
             start,
-            personality=setup.autopilot,
+            firmware=setup.autopilot,
             parameters=setup.parameters,
             watch=watch,
             links=len(transports),

@@ -13,8 +13,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.app import App
 from companion.core.frames import Vector3, frd_to_ned
 from companion.core.messages import Beam
-from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
-from sitl.autopilot.personality import Throttle
+from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
+from sitl.autopilot.firmware import Throttle
 from sitl.core.errors import SitlError
 from sitl.core.radio import NO_TROUBLES, Troubles
 from sitl.sensors.sharp import USUAL_MEMORY

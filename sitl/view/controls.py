@@ -13,8 +13,8 @@ from viser import (
 from companion.config.settings import STANDOFFS
 from companion.core.messages import Beam
 from companion.export.write import FORMATS
-from companion.link.dialect import ARDUCOPTER_MODES, PX4_MODES
-from sitl.autopilot.personality import Throttle
+from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
+from sitl.autopilot.firmware import Throttle
 from sitl.core.errors import SitlError
 from sitl.view.faults import FAULTS
 from sitl.view.news import Inject, TakeOver

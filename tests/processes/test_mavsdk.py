@@ -1,4 +1,4 @@
-"""A client that is not ours flies the simulated vehicle: MAVSDK, on both personalities."""
+"""A client that is not ours flies the simulated vehicle: MAVSDK, on both firmwares."""
 
 from collections.abc import Iterator
 

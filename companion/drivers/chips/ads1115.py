@@ -70,7 +70,7 @@ def check(bus: Bus, address: int) -> None:
         )
 
 
-class Sweep:
+class ConversionSweep:
     """One conversion of every channel in one transfer, all chips converting at the same time."""
 
     def __init__(self, channels: Sequence[Channel]) -> None:

@@ -27,7 +27,7 @@ MAX_LINES_A_CELL = 20
 
 
 @dataclass(frozen=True, slots=True)
-class Dialect:
+class TableDialect:
     """What stands between cells, and what around them."""
 
     delimiter: str
@@ -75,17 +75,17 @@ def _is_open(line: str, quote: str) -> bool:
     return line.count(quote) % 2 == 1
 
 
-def sniffed(header: str, wanted: Collection[str]) -> tuple[Dialect, list[str]]:
+def sniffed(header: str, wanted: Collection[str]) -> tuple[TableDialect, list[str]]:
     """The dialect in which a header has most of the names that are wanted, and all its names."""
     line = header.removeprefix(COMMENT)
     found = [
         (dialect, [name.strip() for name in dialect.cells(line)])
-        for dialect in (Dialect(d, q) for q in QUOTES for d in DELIMITERS)
+        for dialect in (TableDialect(d, q) for q in QUOTES for d in DELIMITERS)
     ]
     return max(found, key=lambda each: sum(name in wanted for name in each[1]))
 
 
-def read_header(file: TextIO, wanted: Collection[str]) -> tuple[int, Dialect, list[str]]:
+def read_header(file: TextIO, wanted: Collection[str]) -> tuple[int, TableDialect, list[str]]:
     """How many lines it took, the dialect, and the columns' names."""
     lines, line = 1, file.readline()
     told = SPREADSHEETS_OWN.fullmatch(line)

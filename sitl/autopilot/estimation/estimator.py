@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from companion.core.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
 from sitl.autopilot.estimation.outside import OutsidePose
 from sitl.autopilot.estimation.wobble import NO_ERROR, EstimateError, Wobble
-from sitl.autopilot.personality import Sources
+from sitl.autopilot.firmware import Sources
 from sitl.core.noise import stream
 from sitl.core.truth import TrueState
 

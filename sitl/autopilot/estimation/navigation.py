@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator, OdometryNoise
 from sitl.autopilot.estimation.outside import Outside
-from sitl.autopilot.personality import EstimatorHealth, ParameterValues, Personality, Sources
+from sitl.autopilot.firmware import EmulatedFirmware, EstimatorHealth, ParameterValues, Sources
 from sitl.core.truth import TrueState
 
 SOURCES_STEPS = 10
@@ -21,16 +21,16 @@ class Navigation:
         self,
         start: TrueState,
         seed: int,
-        personality: Personality,
+        firmware: EmulatedFirmware,
         parameters: ParameterValues,
         noise: OdometryNoise = REFERENCE_NOISE,
     ) -> None:
-        self._is = personality
+        self._is = firmware
         self._parameters = parameters
         self._steps = 0
-        self.estimator = AutopilotEstimator(start, seed, noise, personality.response.estimate)
-        self.outside = Outside(personality.pose_messages)
-        self.sources = personality.sources(parameters)
+        self.estimator = AutopilotEstimator(start, seed, noise, firmware.response.estimate)
+        self.outside = Outside(firmware.pose_messages)
+        self.sources = firmware.sources(parameters)
         self.origin: tuple[int, int, int] | None = None
         """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""
         self.time_s = 0.0

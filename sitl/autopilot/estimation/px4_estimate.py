@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.autopilot.personality import EstimatorHealth
+from sitl.autopilot.firmware import EstimatorHealth
 
 SETTLED: int = (
     mavlink.ESTIMATOR_ATTITUDE

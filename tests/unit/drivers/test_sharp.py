@@ -173,7 +173,7 @@ def test_units_differ_in_gain() -> None:
 @given(st.floats(0, 4.095))
 def test_the_adc_rounds_to_its_counts(volts: float) -> None:
     bus = DeviceBus({0x48: Ads1115Device(lambda channel, time_s: volts)})
-    read_v = ads1115.Sweep([(0x48, 0)]).volts(bus)[0x48, 0]
+    read_v = ads1115.ConversionSweep([(0x48, 0)]).volts(bus)[0x48, 0]
     assert abs(read_v - volts) <= 125e-6 / 2 + 1e-12
     assert read_v / 125e-6 == pytest.approx(round(read_v / 125e-6), abs=1e-6)
 

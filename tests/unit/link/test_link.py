@@ -529,7 +529,7 @@ def test_ardupilot_hears_no_ground_station(vehicle: Vehicle) -> None:
 def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
     """The emulated PX4 tells texts to nobody else."""
     vehicle_end, companion_end = pipe_pair()
-    link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, personality="px4")
+    link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, firmware="px4")
     texts: list[str] = []
     for tick in range(200):
         texts += link.poll(tick * TICK_S).texts

@@ -7,7 +7,7 @@ import pytest
 
 from companion.mapping import redrawn_grid as spaces
 from companion.mapping.occupancy import Ray
-from companion.mapping.redrawn_grid import Space
+from companion.mapping.redrawn_grid import RedrawnGrid
 
 STEP_M, KEYFRAMES = 0.1, 400
 LAST = 40
@@ -27,9 +27,9 @@ def way_north() -> np.ndarray:
     return np.outer(np.arange(KEYFRAMES), (STEP_M, 0.0, 0.0))
 
 
-def along_a_corridor() -> Space:
+def along_a_corridor() -> RedrawnGrid:
     """Two metres wide; at every keyframe both walls are met, aslant, too."""
-    space, keyframes = Space(), way_north()
+    space, keyframes = RedrawnGrid(), way_north()
     for k, (north_m, _, _) in enumerate(keyframes.tolist()):
         rays = [
             Ray((north_m, 0.0), side * math.radians(deg), 1 / math.sin(math.radians(deg)), *EXACT)
@@ -41,12 +41,12 @@ def along_a_corridor() -> Space:
     return space
 
 
-def draw(space: Space) -> None:
+def draw(space: RedrawnGrid) -> None:
     for _ in range(100):
         space.advance()
 
 
-def is_known(space: Space, to_m: float) -> bool:
+def is_known(space: RedrawnGrid, to_m: float) -> bool:
     """Free all along the middle, and both walls stand."""
     grid = space.grid
     places = np.arange(1.0, to_m, STEP_M).tolist()

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from companion.core.frames import wrap_rad
-from companion.pdps.perpendicular import Ray, find_perpendicular, free_distance
+from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
 
 
-def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> list[Ray]:
+def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> list[TurnReading]:
     """Rays of a whole turn; walls by the bearing of their normal, rad, and distance."""
     random = Random(seed)
     rays = []
@@ -23,7 +23,7 @@ def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> 
             if math.cos(bearing - normal) > 0.05
         ]
         if ranges and min(ranges) < 5:
-            rays.append(Ray(bearing, min(ranges) + random.gauss(0, sigma_m), 0.05))
+            rays.append(TurnReading(bearing, min(ranges) + random.gauss(0, sigma_m), 0.05))
     return rays
 
 
@@ -44,7 +44,7 @@ def test_a_turn_that_returned_nothing_finds_nothing() -> None:
 
 
 def test_only_a_corner_in_range_gives_its_shortest_return() -> None:
-    rays = [Ray(0.1 * i, 4.0 + 0.3 * abs(i), 0.05) for i in (-1, 0, 1)]
+    rays = [TurnReading(0.1 * i, 4.0 + 0.3 * abs(i), 0.05) for i in (-1, 0, 1)]
     found = find_perpendicular(rays)
     assert found is not None
     assert (found.bearing_rad, found.distance_m) == (0.0, 4.0)

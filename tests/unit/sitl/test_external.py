@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.frames import Vector3
 from companion.link.transports.transport import Message, pipe_pair
-from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator
 from sitl.autopilot.estimation.ground_truth import hil_state_quaternion, sim_state
 from sitl.autopilot.estimation.outside import Outside
@@ -336,7 +336,7 @@ def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -
     estimator.yaw_rad = 2.0
     estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
     (told,) = on_the_wire(odometry(firmware, estimator, tilted))
-    outside = Outside(PERSONALITIES[firmware]().pose_messages)
+    outside = Outside(FIRMWARES[firmware]().pose_messages)
     assert outside.hear(told, 0.0) == ""
     pose = outside.take_pose()
     assert pose is not None

@@ -18,8 +18,8 @@ START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.3, 0.0)
 class Client:
     """A ground station with the vehicle on the other end of a pipe of bytes."""
 
-    def __init__(self, personality: str = "ardupilot", seed: int = 1, **options: Any) -> None:
-        self.autopilot = Autopilot(seed, START, personality=personality, **options)
+    def __init__(self, firmware: str = "ardupilot", seed: int = 1, **options: Any) -> None:
+        self.autopilot = Autopilot(seed, START, firmware=firmware, **options)
         self._vehicle_end, self._end = pipe_pair()
 
     def sends(self, message: Message) -> list[Any]:

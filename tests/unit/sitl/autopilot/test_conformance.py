@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import make_codec
-from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.estimation.ground_truth import sim_state
 from sitl.autopilot.messages import Broadcast, Outbox
 from tests.unit.sitl.autopilot.client import (
@@ -26,11 +26,11 @@ from tests.unit.sitl.autopilot.client import (
 
 REJECTED = mavlink.MAV_RESULT_TEMPORARILY_REJECTED
 ROOT = Path(__file__).parents[4]
-PERSONALITY = pytest.mark.parametrize("personality", list(PERSONALITIES))
+FIRMWARE = pytest.mark.parametrize("firmware", list(FIRMWARES))
 
 
-def settled(personality: str) -> Client:
-    client = Client(personality)
+def settled(firmware: str) -> Client:
+    client = Client(firmware)
     client.waits(5)
     client.sends(ORIGIN)
     return client
@@ -49,23 +49,23 @@ def texts(heard: list[Any]) -> list[str]:
 # Who it is
 
 
-@PERSONALITY
-def test_it_is_component_one_of_its_system(personality: str) -> None:
-    client = Client(personality, parameters={})
+@FIRMWARE
+def test_it_is_component_one_of_its_system(firmware: str) -> None:
+    client = Client(firmware, parameters={})
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in client.waits(1)} == {(1, 1)}
 
 
 @pytest.mark.parametrize(
-    ("personality", "version", "bytewise"),
+    ("firmware", "version", "bytewise"),
     [("ardupilot", 67502976, False), ("px4", 0x011100, True)],
 )
 def test_the_version_says_how_parameters_travel(
-    personality: str, version: int, bytewise: bool
+    firmware: str, version: int, bytewise: bool
 ) -> None:
-    answer = told(Client(personality), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    answer = told(Client(firmware), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     assert version in (answer.flight_sw_version, answer.flight_sw_version >> 8)
     assert bool(answer.capabilities & 16) is bytewise
-    assert Client(personality).result(520) == ACCEPTED
+    assert Client(firmware).result(520) == ACCEPTED
 
 
 # Modes
@@ -112,11 +112,11 @@ def test_px4_in_offboard_is_neither_manual_nor_automatic() -> None:
 # What it tells
 
 
-@PERSONALITY
-def test_landed_states_from_ground_to_ground(personality: str) -> None:
-    client = settled(personality)
+@FIRMWARE
+def test_landed_states_from_ground_to_ground(firmware: str) -> None:
+    client = settled(firmware)
     client.result(511, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 100_000)
-    if personality == "ardupilot":
+    if firmware == "ardupilot":
         client.result(176, 1, 4)
     client.result(400, 1)
     heard = client.waits(1) + client.commands(22, 0, 0, 0, 0, 0, 0, 2.0) + client.waits(9)
@@ -132,15 +132,15 @@ def test_landed_states_from_ground_to_ground(personality: str) -> None:
     ]
 
 
-@PERSONALITY
-def test_the_sensors_bits(personality: str) -> None:
-    client = Client(personality)
+@FIRMWARE
+def test_the_sensors_bits(firmware: str) -> None:
+    client = Client(firmware)
     status = told(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     inertial_and_flow = 1 | 2 | 4 | 0x40
     assert status.onboard_control_sensors_present == inertial_and_flow
     assert not status.onboard_control_sensors_health & 0x1000_0000
     fence = status.onboard_control_sensors_health & 0x10_0000
-    assert bool(fence) is (personality == "ardupilot")
+    assert bool(fence) is (firmware == "ardupilot")
     client.waits(5)
     client.sends(ORIGIN)
     client.waits(1)
@@ -152,19 +152,19 @@ def test_the_sensors_bits(personality: str) -> None:
     assert not status.onboard_control_sensors_present & 0x20
 
 
-@PERSONALITY
-def test_the_battery_has_four_cells(personality: str) -> None:
-    battery = told(Client(personality), mavlink.MAVLINK_MSG_ID_BATTERY_STATUS)
+@FIRMWARE
+def test_the_battery_has_four_cells(firmware: str) -> None:
+    battery = told(Client(firmware), mavlink.MAVLINK_MSG_ID_BATTERY_STATUS)
     assert list(battery.voltages) == [4200] * 4 + [65535] * 6
     assert battery.battery_remaining == 100
     assert battery.current_battery == 1200
 
 
-@PERSONALITY
-def test_home_and_origin_are_told_once_they_are_set(personality: str) -> None:
-    client = Client(personality)
+@FIRMWARE
+def test_home_and_origin_are_told_once_they_are_set(firmware: str) -> None:
+    client = Client(firmware)
     client.waits(5)
-    not_yet = DENIED if personality == "px4" else FAILED
+    not_yet = DENIED if firmware == "px4" else FAILED
     for message_id in (242, 49):
         assert client.result(512, message_id) == not_yet
     assert client.result(410) == not_yet
@@ -194,9 +194,9 @@ def test_the_true_places_floats_are_scaled_as_ardupilots_are() -> None:
 # How it answers
 
 
-@PERSONALITY
-def test_an_ack_is_for_who_asked(personality: str) -> None:
-    client = Client(personality)
+@FIRMWARE
+def test_an_ack_is_for_who_asked(firmware: str) -> None:
+    client = Client(firmware)
     codec = make_codec(42, 77)
     message = mavlink.MAVLink_command_long_message(1, 1, 31999, 0, *[0] * 7)
     (asked,) = make_codec(1, 1).parse_buffer(bytearray(message.pack(codec)))
@@ -205,10 +205,10 @@ def test_an_ack_is_for_who_asked(personality: str) -> None:
     assert (ack.target_system, ack.target_component) == (42, 77)
 
 
-@PERSONALITY
-def test_what_is_for_another_system_is_not_answered(personality: str) -> None:
+@FIRMWARE
+def test_what_is_for_another_system_is_not_answered(firmware: str) -> None:
     message = mavlink.MAVLink_command_long_message(7, 1, 512, 0, 148, *[0] * 6)
-    assert Client(personality).sends(message) == []
+    assert Client(firmware).sends(message) == []
 
 
 def test_intervals_that_cannot_be_are_refused_each_in_its_way() -> None:
@@ -231,9 +231,9 @@ def test_a_long_text_comes_in_chunks_of_fifty() -> None:
     assert chunks[0].id
 
 
-@PERSONALITY
-def test_it_asks_for_the_time_itself(personality: str) -> None:
-    asked = [m for m in Client(personality).waits(20) if m.get_type() == "TIMESYNC"]
+@FIRMWARE
+def test_it_asks_for_the_time_itself(firmware: str) -> None:
+    asked = [m for m in Client(firmware).waits(20) if m.get_type() == "TIMESYNC"]
     assert len(asked) >= 2
     assert all(m.tc1 == 0 and m.ts1 > 0 for m in asked)
 
@@ -246,16 +246,16 @@ def test_a_check_says_what_arming_would_be_refused_for() -> None:
     assert texts(heard) == ["PreArm: AHRS: waiting for home"]
 
 
-@PERSONALITY
-def test_disarming_in_the_air_is_refused_without_a_word_but_not_by_force(personality: str) -> None:
-    client = settled(personality)
-    if personality == "ardupilot":
+@FIRMWARE
+def test_disarming_in_the_air_is_refused_without_a_word_but_not_by_force(firmware: str) -> None:
+    client = settled(firmware)
+    if firmware == "ardupilot":
         client.result(176, 1, 4)
     client.result(400, 1)
     client.result(22, *[math.nan] * 6, 2.0)
     client.waits(6)
     heard = client.commands(400, 0)
-    assert heard[0].result == (FAILED if personality == "ardupilot" else REJECTED)
+    assert heard[0].result == (FAILED if firmware == "ardupilot" else REJECTED)
     assert texts(heard) == []
     assert client.result(400, 0, 21196) == ACCEPTED
     client.waits(3)

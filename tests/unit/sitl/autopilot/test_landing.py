@@ -9,15 +9,15 @@ from tests.unit.sitl.autopilot.client import ACCEPTED, ORIGIN, Client
 LANDINGS = 20
 
 
-def drift_m(personality: str, seed: int) -> float:
+def drift_m(firmware: str, seed: int) -> float:
     """Sideways, from 1 m above the ground down to it."""
-    client = Client(personality, seed)
+    client = Client(firmware, seed)
     client.waits(5)
     client.sends(ORIGIN)
-    if personality == "ardupilot":
+    if firmware == "ardupilot":
         client.is_ready()
     assert client.result(400, 1) == ACCEPTED
-    target = [0.0] * 6 + [2.0] if personality == "ardupilot" else [math.nan] * 7
+    target = [0.0] * 6 + [2.0] if firmware == "ardupilot" else [math.nan] * 7
     assert client.result(22, *target) == ACCEPTED
     client.waits(12)
     truth = client.autopilot.truth
@@ -34,8 +34,8 @@ def drift_m(personality: str, seed: int) -> float:
     return math.dist(high_ne_m, touched[:2])
 
 
-@pytest.mark.parametrize(("personality", "measured_m"), [("px4", 0.27), ("ardupilot", 0.10)])
-def test_a_landing_drifts_as_far_as_a_real_one(personality: str, measured_m: float) -> None:
+@pytest.mark.parametrize(("firmware", "measured_m"), [("px4", 0.27), ("ardupilot", 0.10)])
+def test_a_landing_drifts_as_far_as_a_real_one(firmware: str, measured_m: float) -> None:
     """Root mean square of some landings against that of the real firmware's."""
-    squares = [drift_m(personality, seed) ** 2 for seed in range(1, LANDINGS + 1)]
+    squares = [drift_m(firmware, seed) ** 2 for seed in range(1, LANDINGS + 1)]
     assert math.sqrt(sum(squares) / LANDINGS) == pytest.approx(measured_m, rel=0.35)

@@ -32,8 +32,8 @@ FORWARD, DOWN = 0, 25
 class VisionClient(Client):
     """A ground station that also feeds pose and ranges at 50 Hz, if it is told to."""
 
-    def __init__(self, personality: str = "ardupilot") -> None:
-        super().__init__(personality)
+    def __init__(self, firmware: str = "ardupilot") -> None:
+        super().__init__(firmware)
         self.feeds: set[str] = set()
         self.offset_m = 0.0
         self.resets = 0
@@ -261,9 +261,9 @@ def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
     assert "LOCAL_POSITION_NED" not in kinds(client.waits(1))
 
 
-@pytest.mark.parametrize("personality", ["ardupilot", "px4"])
-def test_what_another_component_tells_is_passed_on_to_the_other_links(personality: str) -> None:
-    autopilot = Autopilot(1, START, personality=personality, links=2)
+@pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
+def test_what_another_component_tells_is_passed_on_to_the_other_links(firmware: str) -> None:
+    autopilot = Autopilot(1, START, firmware=firmware, links=2)
     for message in (distance(DOWN), mavlink.MAVLink_command_long_message(1, 1, 31999, *[0] * 8)):
         sent_by(message, 197, 0).pack(make_codec(1, 197))
         autopilot.receive(message, 0)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.link.transports.transport import make_codec
-from sitl.autopilot.core import PERSONALITIES
+from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.parameters.table import INTEGER_BITS, ParameterError, load_table
 from tests.unit.sitl.autopilot.client import Client, as_float
 
@@ -58,13 +58,13 @@ def test_px4_has_only_two_types_and_ardupilot_four() -> None:
     assert {p.kind for p in load_table("ardupilot").values()} == {*INTEGER_BITS, REAL32}
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
-def test_the_vehicle_is_configured_to_fly_without_gps(personality: str) -> None:
-    client, configured = Client(personality), PERSONALITIES[personality]().configured
+@pytest.mark.parametrize("firmware", list(FIRMWARES))
+def test_the_vehicle_is_configured_to_fly_without_gps(firmware: str) -> None:
+    client, configured = Client(firmware), FIRMWARES[firmware]().configured
     client.lists()
     told = {m.param_id: m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
     for name, value in configured.items():
-        bytewise = personality == "px4"
+        bytewise = firmware == "px4"
         assert told[name].param_value == (as_float("<i", int(value)) if bytewise else value)
 
 
@@ -76,9 +76,9 @@ def test_a_vehicle_is_not_started_with_a_parameter_that_it_does_not_have() -> No
 # Lists
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
-def test_a_list_is_streamed_and_complete(personality: str) -> None:
-    client = Client(personality)
+@pytest.mark.parametrize("firmware", list(FIRMWARES))
+def test_a_list_is_streamed_and_complete(firmware: str) -> None:
+    client = Client(firmware)
     client.lists()
     told = [m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"]
     told = [m for m in told if m.param_id != "_HASH_CHECK"]
@@ -130,9 +130,9 @@ def test_px4_tells_the_index_even_when_asked_by_name(px4: Client) -> None:
     assert px4.reads(index=told.param_index)[0].param_id == "COM_OF_LOSS_T"
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
-def test_what_is_not_known_is_met_with_silence(personality: str) -> None:
-    client = Client(personality)
+@pytest.mark.parametrize("firmware", list(FIRMWARES))
+def test_what_is_not_known_is_met_with_silence(firmware: str) -> None:
+    client = Client(firmware)
     assert client.reads("NO_SUCH") == []
     assert client.reads(index=5000) == []
     assert client.sets("NO_SUCH", 1.0) == []
@@ -186,11 +186,11 @@ def test_ardupilot_holds_nobody_to_the_documented_range(ardupilot: Client) -> No
     assert ardupilot.sets("GUID_TIMEOUT", 60.0)[0].param_value == 60.0
 
 
-@pytest.mark.parametrize("personality", list(PERSONALITIES))
+@pytest.mark.parametrize("firmware", list(FIRMWARES))
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_not_a_number_is_not_answered(personality: str, value: float) -> None:
-    client = Client(personality)
-    name = {"ardupilot": "GUID_TIMEOUT", "px4": "COM_OF_LOSS_T"}[personality]
+def test_what_is_not_a_number_is_not_answered(firmware: str, value: float) -> None:
+    client = Client(firmware)
+    name = {"ardupilot": "GUID_TIMEOUT", "px4": "COM_OF_LOSS_T"}[firmware]
     before = client.reads(name)[0].param_value
     assert client.sets(name, value) == []
     assert client.reads(name)[0].param_value == before
@@ -224,7 +224,7 @@ def test_nothing_that_is_set_raises(name: str, bits: int, kind: int) -> None:
             assert told.pack(make_codec(1, 1))
 
 
-CLIENTS = tuple(Client(personality) for personality in PERSONALITIES)
+CLIENTS = tuple(Client(firmware) for firmware in FIRMWARES)
 """Shared: what one message has set, the next finds."""
 
 
@@ -232,16 +232,16 @@ CLIENTS = tuple(Client(personality) for personality in PERSONALITIES)
 
 
 @pytest.mark.parametrize(
-    ("personality", "name"), [("ardupilot", "SYSID_THISMAV"), ("px4", "MAV_SYS_ID")]
+    ("firmware", "name"), [("ardupilot", "SYSID_THISMAV"), ("px4", "MAV_SYS_ID")]
 )
-def test_the_system_changes_only_with_a_restart(personality: str, name: str) -> None:
-    client = Client(personality)
-    kind = load_table(personality)[name].kind
-    bytewise = personality == "px4"
+def test_the_system_changes_only_with_a_restart(firmware: str, name: str) -> None:
+    client = Client(firmware)
+    kind = load_table(firmware)[name].kind
+    bytewise = firmware == "px4"
     assert client.sets(name, as_float("<i", 9) if bytewise else 9.0, kind)
     assert client.autopilot.system_id == 1
     assert client.reads(name)
-    restarted = Client(personality, parameters={name: 9})
+    restarted = Client(firmware, parameters={name: 9})
     assert restarted.autopilot.system_id == 9
     assert restarted.reads(name) == []  # it is asked for system 1
 

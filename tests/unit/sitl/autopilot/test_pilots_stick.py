@@ -4,7 +4,7 @@ from random import Random
 
 import pytest
 
-from sitl.autopilot.personality import Throttle
+from sitl.autopilot.firmware import Throttle
 from sitl.bench.fault_cases import FAULTS
 from sitl.testing import pilot_mode
 from sitl.testing.script import MODE_NAMES, ModeError

@@ -124,7 +124,7 @@ class Failsafe:
     """The mode that it changes to; None: it only tells."""
 
 
-class Personality(Protocol):
+class EmulatedFirmware(Protocol):
     """One kind of autopilot."""
 
     autopilot: int
@@ -255,12 +255,12 @@ class Personality(Protocol):
         ...
 
 
-def boot_values(personality: Personality, parameters: Mapping[str, float]) -> dict[str, float]:
+def boot_values(firmware: EmulatedFirmware, parameters: Mapping[str, float]) -> dict[str, float]:
     """What its parameters hold at the start."""
-    return initial_values(personality.table, {**personality.configured, **parameters})
+    return initial_values(firmware.table, {**firmware.configured, **parameters})
 
 
-def system_id(personality: Personality, values: Mapping[str, float]) -> int:
+def system_id(firmware: EmulatedFirmware, values: Mapping[str, float]) -> int:
     """The MAVLink system that it is from its start on; 1 if the parameter holds none."""
-    asked = int(values[personality.system_id_parameter])
+    asked = int(values[firmware.system_id_parameter])
     return asked if 1 <= asked <= 255 else 1

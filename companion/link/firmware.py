@@ -52,7 +52,7 @@ NO_VELOCITY = "its estimator has no velocity source"
 NO_POSITION = "its estimator has no position"
 
 
-class Dialect(Protocol):
+class Firmware(Protocol):
     """One kind of autopilot."""
 
     autopilot: ClassVar[int]
@@ -229,11 +229,11 @@ class Px4:
                 return mavlink.MAV_CMD_DO_SET_MODE, (custom, self.AUTO_MAIN, self.LAND_SUB)
 
 
-DIALECTS: tuple[Dialect, ...] = (ArduPilot(), Px4())
+FIRMWARES: tuple[Firmware, ...] = (ArduPilot(), Px4())
 
 
-def dialect_of(autopilot: int, vehicle_type: int) -> Dialect | None:
-    """The dialect for HEARTBEAT.autopilot and .type; None if such a vehicle is not flown."""
+def firmware_of(autopilot: int, vehicle_type: int) -> Firmware | None:
+    """The firmware for HEARTBEAT.autopilot and .type; None if such a vehicle is not flown."""
     if vehicle_type not in MULTICOPTERS:
         return None
-    return next((d for d in DIALECTS if d.autopilot == autopilot), None)
+    return next((d for d in FIRMWARES if d.autopilot == autopilot), None)
