@@ -16,7 +16,7 @@ from companion.commands.options import (
     Profile,
     load_settings,
 )
-from companion.config.settings import Config
+from companion.config.settings import MISSION_KINDS, Config
 from companion.core.errors import CompanionError
 from companion.core.printed import flight_console
 from companion.run.hardware import open_rig
@@ -32,7 +32,7 @@ def fly_command(
     link: LinkUrl = None,
     bus: BusUrl = None,
     profile: Profile = None,
-    mission: Annotated[str | None, typer.Option(help="room, building, exterior, layers.")] = None,
+    mission: Annotated[str | None, typer.Option(help=f"{', '.join(MISSION_KINDS)}.")] = None,
     mission_set: MissionSet = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:

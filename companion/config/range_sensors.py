@@ -1,6 +1,6 @@
 """Configuration of the range sensors: for each beam what looks there, and where it is connected."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -8,6 +8,7 @@ from companion.core.messages import Beam
 
 SharpCurve = Literal["gp2y0a710k0f", "paper"]
 Profile = Literal["gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna"]
+PROFILES: tuple[str, ...] = get_args(Profile)
 
 
 class Group(BaseModel):

@@ -32,6 +32,7 @@ from companion.core.textfile import NotTextError, read_text, reason
 _G = TypeVar("_G", bound=Group)
 
 MissionKind = Literal["room", "building", "exterior", "layers"]
+MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
 STANDOFFS = ("range", "accurate")
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
 

@@ -11,7 +11,7 @@ import typer
 from rich.console import Console
 
 from companion.commands.options import MissionSet
-from companion.config.settings import mission_settings
+from companion.config.settings import MISSION_KINDS, mission_settings
 from companion.core import terminal
 from companion.core.errors import CompanionError
 from companion.core.extras import needs_extra
@@ -234,7 +234,7 @@ def fly(
     mission: Annotated[
         str,
         typer.Option(
-            help="What to fly: room, building, exterior, layers, or a mission file, .toml or .py."
+            help=f"What to fly: {', '.join(MISSION_KINDS)}, or a mission file, .toml or .py."
         ),
     ] = "room",
     mission_set: MissionSet = None,

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from companion.config import settings as configuration
+from companion.config.range_sensors import PROFILES
 from companion.config.settings import Config
 from sitl.autopilot.core import FIRMWARES, FLIGHT_BATTERY_S, keep_nothing
 from sitl.autopilot.parameters.file import ParameterFile, beyond_range, parse_assignments
@@ -32,9 +33,7 @@ class Autopilot(StrEnum):
 
 WorldName = Annotated[str, typer.Argument(help="A built-in world, random_SEED, or a world file.")]
 Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
-Profile = Annotated[
-    str, typer.Option(help="Range sensors: gp2y0a710k0f, paper, vl53l1x, tfmini_s or tf_luna.")
-]
+Profile = Annotated[str, typer.Option(help=f"Range sensors: {', '.join(PROFILES)}.")]
 Start = Annotated[
     str | None, typer.Option(help="Start pose: its name or number in the world; the first.")
 ]

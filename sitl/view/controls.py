@@ -10,7 +10,7 @@ from viser import (
     GuiTextHandle,
 )
 
-from companion.config.settings import STANDOFFS
+from companion.config.settings import MISSION_KINDS, STANDOFFS
 from companion.core.messages import Beam
 from companion.export.write import FORMATS
 from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
@@ -21,7 +21,6 @@ from sitl.view.news import Inject, TakeOver
 from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest
 from sitl.world.loading import world_names
 
-MISSIONS = ("room", "building", "exterior", "layers")
 MODES = {
     "ardupilot": tuple(sorted(ARDUCOPTER_MODES.values())),
     "px4": tuple(sorted(PX4_MODES.values())),
@@ -62,7 +61,7 @@ class Controls:
             )
             self.fit = gui.add_button("All in view")
         with gui.add_folder("Mission"):
-            self.mission: GuiDropdownHandle[str] = gui.add_dropdown("kind", MISSIONS)
+            self.mission: GuiDropdownHandle[str] = gui.add_dropdown("kind", MISSION_KINDS)
             self.standoff: GuiTextHandle = gui.add_text(
                 "stand-off", "1.5", hint="Metres, 0.6 to 5, or range, or accurate"
             )

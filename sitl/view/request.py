@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from companion.config import range_sensors
 from companion.config.range_sensors import USUAL_BEAMS
 from companion.config.settings import Config, validated
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE
@@ -10,7 +11,7 @@ from sitl.world.loading import load_world
 
 OWN_PROFILE = "own"
 """Sensors with the range and the noise that were asked for, whatever nature allows."""
-PROFILES = ("gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna", OWN_PROFILE)
+PROFILES = (*range_sensors.PROFILES, OWN_PROFILE)
 MIN_RANGE_M = 0.1
 
 
