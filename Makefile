@@ -1,12 +1,13 @@
 # make fly    set up, fly a simulated drone through a room; leaves out/map.png, map.ply, report.json
 # make test   set up, run the tests
+# make test-fast   set up, run the tests that neither fly nor start programs
 # make check  set up, run the linters, the type checker and the layers' contract
 
 PYTHON ?= python3
 VENV := .venv
 SPEED ?= 1000
 
-.PHONY: setup fly test check
+.PHONY: setup fly test test-fast check
 
 setup: $(VENV)/.ready
 
@@ -25,6 +26,9 @@ fly: setup
 
 test: setup
 	@$(VENV)/bin/pytest
+
+test-fast: setup
+	@$(VENV)/bin/pytest -m "unit or contract" tests/unit tests/contract
 
 check: setup
 	@$(VENV)/bin/ruff check

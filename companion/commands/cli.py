@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 from typer.core import TyperGroup
 
+from companion.commands.version import Version
 from companion.core import terminal
 from companion.core.errors import CompanionError
 
@@ -49,7 +50,7 @@ commands = typer.Typer(
 
 
 @commands.callback()
-def companion() -> None:
+def companion(version: Version = False) -> None:
     """Fly a drone through rooms it has never seen and bring back the map; or map a log."""
 
 

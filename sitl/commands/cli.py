@@ -11,6 +11,7 @@ import typer
 from rich.console import Console
 
 from companion.commands.options import MissionSet
+from companion.commands.version import Version
 from companion.config.settings import MISSION_KINDS, mission_settings
 from companion.core import terminal
 from companion.core.errors import CompanionError
@@ -54,12 +55,16 @@ commands = typer.Typer(
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
-    help="Simulated rooms, autopilot and sensors for the companion.",
 )
 commands.add_typer(world_commands, name="world")
 commands.add_typer(bench_commands, name="bench")
 commands.command()(view)
 commands.command()(score)
+
+
+@commands.callback()
+def sitl(version: Version = False) -> None:
+    """Simulated rooms, autopilot and sensors for the companion."""
 
 
 class RunAutopilot(StrEnum):

@@ -1,0 +1,16 @@
+"""`--version`."""
+
+from importlib.metadata import version
+
+import pytest
+import typer
+from typer.testing import CliRunner
+
+from companion.commands import cli as companion
+from sitl.commands import cli as sitl
+
+
+@pytest.mark.parametrize("commands", [companion.commands, sitl.commands])
+def test_both_commands_tell_their_version(commands: typer.Typer) -> None:
+    told = CliRunner().invoke(commands, ["--version"])
+    assert (told.exit_code, told.stdout.strip()) == (0, version("pdps-companion"))
