@@ -43,8 +43,8 @@ from companion.mapping.rays import rays
 from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.navigation.observation import Observation
 from companion.navigation.standoff import standoff_m
-from companion.pdps import flight_phases
-from companion.pdps.flight_phases import (
+from companion.pdps.flight import phases
+from companion.pdps.flight.state import (
     FINAL_PHASES,
     UNARMED_PHASES,
     FlightAction,
@@ -297,7 +297,7 @@ class App:
         plan = self._config.mission
         if inputs.order is not None and inputs.order.mission:
             plan = plan.model_copy(update={"kind": inputs.order.mission})
-        self.flight, action = flight_phases.step(self.flight, view, plan)
+        self.flight, action = phases.step(self.flight, view, plan)
         if self.flight.layers.number == len(self._spaces):
             self._begin_layer()
         slowed = self._health.slowed(action.setpoint, plan.clearance_m)

@@ -3,7 +3,7 @@
 Pure state machines: they take what is known at this tick and return the next state and what to
 ask of the autopilot. None of them does I/O or reads a clock.
 
-    flight_phases ─┬─► room_scan: the tracing of one room, begun by `perpendicular`
+    flight ─┬─► room_scan: the tracing of one room, begun by `perpendicular`
                    ├─► explore: the seeing of a building: `frontiers` says what is unseen,
                    │            `viewpoints` and `visibility` from where to see it, `tour` in
                    │            which order

@@ -8,7 +8,7 @@ from msgspec import json
 
 from companion.app import Inputs, Outputs
 from companion.core.messages import Beam, GyroSample, WallSegment
-from companion.pdps.flight_phases import FlightState, Phase
+from companion.pdps.flight.state import FlightState, Phase
 from companion.recording import foxglove, topics
 from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord

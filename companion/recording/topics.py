@@ -48,7 +48,7 @@ class PhaseRecord:
 
     time_s: float
     phase: str
-    """Its name in `companion/pdps/flight_phases.py`."""
+    """Its name in `companion/pdps/flight/phases.py`."""
     activity: str
     trouble: str
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from companion.app import Progress
 from companion.core.messages import FloorPlan
-from companion.pdps.flight_phases import FlightState
+from companion.pdps.flight.state import FlightState
 
 
 class ProgressLine:

@@ -13,7 +13,7 @@ from companion.core.messages import Order, RangeReading, RangeScan, RangeState
 from companion.drivers.gyro import Gyro
 from companion.link.link import Link
 from companion.link.reports import Reports
-from companion.pdps.flight_phases import FlightState
+from companion.pdps.flight.state import FlightState
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 

@@ -26,7 +26,8 @@ from companion.link.link import Link
 from companion.link.reports import Reports
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import UdpTransport
-from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, FLYING_PHASES, FlightState, Phase
+from companion.pdps.flight.ground import CONNECT_TIMEOUT_S
+from companion.pdps.flight.state import FLYING_PHASES, FlightState, Phase
 from companion.recording.crashed import Crashed
 from companion.recording.reader import Recording, read
 from companion.recording.recorder import open_recorder

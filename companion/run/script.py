@@ -26,7 +26,7 @@ from companion.core.frames import Place
 from companion.core.messages import Beam, FloorPlan, Order, Pose, RangeReading, Task
 from companion.export.map_files import save
 from companion.export.write import write
-from companion.pdps.flight_phases import FINAL_PHASES, FlightState, Phase
+from companion.pdps.flight.state import FINAL_PHASES, FlightState, Phase
 from companion.run.hardware import open_rig
 from companion.run.loop import fly
 

@@ -10,7 +10,7 @@ from companion.app import App, Inputs, Outputs, Progress
 from companion.core.errors import CompanionError
 from companion.core.messages import FloorPlan
 from companion.export.map_files import AutoSave, save
-from companion.pdps.flight_phases import FlightState, Phase
+from companion.pdps.flight.state import FlightState, Phase
 from companion.recording.recorder import Recorder
 from companion.run.console import ProgressLine, summary
 from companion.run.loop import Record, Rig, fly, record_nothing

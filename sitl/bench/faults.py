@@ -13,7 +13,7 @@ from companion.app import App, Progress
 from companion.config import settings as configuration
 from companion.core.errors import OutputError
 from companion.export.map_files import AutoSave, load_json, save_as, save_json
-from companion.pdps.flight_phases import FINAL_PHASES, Phase
+from companion.pdps.flight.state import FINAL_PHASES, Phase
 from sitl.bench.fault_cases import Case, draw_case
 from sitl.scoring.report import Report
 from sitl.simulation.lockstep import fly_in_lockstep

@@ -6,7 +6,7 @@ import pytest
 
 from companion.app import App
 from companion.config import settings as configuration
-from companion.pdps.flight_phases import Phase
+from companion.pdps.flight.state import Phase
 from sitl.bench.accuracy import fly, summary
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import Sitl, at, refuse_arming, watch

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from companion.app import App
-from companion.pdps.flight_phases import Phase
+from companion.pdps.flight.state import Phase
 from sitl.autopilot.ardupilot import LAND, LOITER
 from sitl.simulation.simulation import Simulation
 from sitl.testing import (

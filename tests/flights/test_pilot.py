@@ -7,7 +7,7 @@ import pytest
 
 from companion.link import requests
 from companion.link.transports.transport import Message
-from companion.pdps.flight_phases import Phase
+from companion.pdps.flight.state import Phase
 from sitl.simulation.simulation import Simulation
 from sitl.testing import (
     Action,

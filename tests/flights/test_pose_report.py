@@ -8,7 +8,7 @@ from companion.app import App
 from companion.config import settings as configuration
 from companion.core.frames import Vector2
 from companion.core.messages import Pose
-from companion.pdps.flight_phases import Phase
+from companion.pdps.flight.state import Phase
 from companion.safety.health.lateness import TICK_S
 from sitl.scoring.score import score_trajectory
 from sitl.simulation.lockstep import fly_in_lockstep

@@ -9,7 +9,9 @@ from companion.config.settings import LinkConfig
 from companion.core.messages import Command, CommandKind, VehicleState
 from companion.link.link import Link
 from companion.link.transports.transport import Message
-from companion.pdps.flight_phases import CONNECT_TIMEOUT_S, FlightState, Phase, step
+from companion.pdps.flight.ground import CONNECT_TIMEOUT_S
+from companion.pdps.flight.phases import step
+from companion.pdps.flight.state import FlightState, Phase
 from tests.unit.pdps.test_flight_phases import PLAN, view
 
 ARDUPILOT, PX4, GENERIC, NONE = 3, 12, 0, 8

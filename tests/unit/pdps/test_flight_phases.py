@@ -25,7 +25,8 @@ from companion.navigation.energy_reserve import Reserve, Spent
 from companion.navigation.observation import Observation
 from companion.navigation.travel import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight_phases import FlightAction, FlightState, Phase, TickInput, step
+from companion.pdps.flight.phases import step
+from companion.pdps.flight.state import FlightAction, FlightState, Phase, TickInput
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from companion.pdps.viewpoints import Viewpoint

@@ -6,7 +6,8 @@ import pytest
 
 from companion.core.messages import HOLD, CommandKind, Order, Task
 from companion.pdps.explore import Explore, ExplorePhase
-from companion.pdps.flight_phases import FlightState, Phase, TickInput, step
+from companion.pdps.flight.phases import step
+from companion.pdps.flight.state import FlightState, Phase, TickInput
 from companion.pdps.room_scan import RoomScan, ScanPhase
 from tests.unit.pdps.test_flight_phases import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
 

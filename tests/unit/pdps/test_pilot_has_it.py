@@ -5,14 +5,8 @@ from dataclasses import replace
 import pytest
 
 from companion.core.messages import CommandKind, Fault, LandedState, VehicleState
-from companion.pdps.flight_phases import (
-    FLYING_PHASES,
-    NOTHING,
-    FlightAction,
-    FlightState,
-    Phase,
-    step,
-)
+from companion.pdps.flight.phases import step
+from companion.pdps.flight.state import FLYING_PHASES, NOTHING, FlightAction, FlightState, Phase
 from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, exit_status
 from companion.safety import preflight
 from tests.unit.pdps.test_flight_phases import FLYING, ON_GROUND, PLAN, asks, flying, view

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
 from companion.config import settings as configuration
-from companion.pdps.flight_phases import FlightState, Phase
+from companion.pdps.flight.state import FlightState, Phase
 from companion.run.unattended import exit_status
 from sitl.autopilot.parameters.table import load_table
 

@@ -14,7 +14,7 @@ from companion.app import App
 from companion.commands import fly as command
 from companion.config.settings import Config
 from companion.core.errors import LinkError, OutputError
-from companion.pdps.flight_phases import FlightState, Phase
+from companion.pdps.flight.state import FlightState, Phase
 from companion.recording.recorder import NOT_RECORDED
 from companion.run import unattended
 

@@ -23,7 +23,7 @@ from companion.core.messages import (
     WallSegment,
 )
 from companion.link.link import Telemetry
-from companion.pdps.flight_phases import FlightState
+from companion.pdps.flight.state import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
 from companion.view.looker import Looker, parse_address
 from companion.view.snapshot import Snapshot, decode, encode

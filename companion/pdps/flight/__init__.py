@@ -1,0 +1,1 @@
+"""The state machine of the whole flight; `phases` has its diagram."""

@@ -1,0 +1,171 @@
+"""From the first heartbeat to the height of flight: the phases before a mission."""
+
+import math
+from dataclasses import replace
+
+from companion.config.settings import MissionConfig
+from companion.core.messages import (
+    HOLD,
+    Command,
+    CommandKind,
+    LandedState,
+    Setpoint,
+    Task,
+    VehicleState,
+)
+from companion.pdps.flight.state import (
+    MISSION_PHASES,
+    NOTHING,
+    FlightAction,
+    FlightState,
+    Phase,
+    TickInput,
+    after,
+    age_s,
+    go,
+    hand_over,
+)
+from companion.safety import preflight
+from companion.safety.control_laws import climb_to
+
+CONNECT_TIMEOUT_S = 8.0
+PREPARE_TIMEOUT_S = 60.0
+ARM_TIMEOUT_S = 30.0
+TAKE_OFF_TIMEOUT_S = 20.0
+TAKE_OFF_M_S = 0.5
+AT_HEIGHT_M = 0.15
+UP_FOR_S = 2.0
+"""ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
+has come to rest by then."""
+ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
+
+
+def not_to_be_armed(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> FlightState | None:
+    """The drone is in other hands, or is not fit to fly."""
+    vehicle = view.vehicle
+    if flight.phase is Phase.PREPARE:
+        if vehicle.armed:
+            trouble = "the vehicle is armed already; disarm it"
+            return replace(go(flight, Phase.FAILED, view, trouble), is_others=True)
+        return go(flight, Phase.FAILED, view, vehicle.unfit) if vehicle.unfit else None
+    if _is_mode_changed(flight, vehicle):
+        return hand_over(flight, view)
+    if vehicle.armed and (flight.phase is Phase.OFFBOARD or vehicle.is_refused):
+        return replace(go(flight, Phase.FAILED, view, ARMED_BY_OTHERS), is_others=True)
+    if not vehicle.armed and (why := preflight.refusal(vehicle, plan)):
+        return go(flight, Phase.FAILED, view, why)
+    return None
+
+
+def _is_mode_changed(flight: FlightState, vehicle: VehicleState) -> bool:
+    """By somebody else, since ours was asked for."""
+    if vehicle.left_offboard:
+        return True
+    if vehicle.in_offboard_mode:
+        return False
+    return flight.phase is Phase.ARM or flight.mode_before not in ("", vehicle.mode)
+
+
+def connect(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    if view.vehicle.connected:
+        told = replace(flight, notice=preflight.MID_STICK)
+        return go(told, Phase.PREPARE, view), NOTHING
+    if age_s(flight, view) > CONNECT_TIMEOUT_S:
+        trouble = view.vehicle.unfit or "no autopilot heard"
+        return go(flight, Phase.FAILED, view, trouble), NOTHING
+    return flight, NOTHING
+
+
+def prepare(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    vehicle = view.vehicle
+    if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
+        if view.order is None:
+            return _ask_for_mode(flight, view, plan), NOTHING
+        if view.order.task is Task.TAKE_OFF:
+            asking = replace(flight, obeyed=view.order.number)
+            return _ask_for_mode(asking, view, plan), NOTHING
+        return replace(flight, since_s=view.time_s), NOTHING
+    if age_s(flight, view) > PREPARE_TIMEOUT_S:
+        no_estimate = vehicle.waits_for or "no position estimate"
+        missing = "the gyro is not at rest" if vehicle.estimate_ready else no_estimate
+        trouble = f"not ready after {PREPARE_TIMEOUT_S:.0f} s: {view.starved or missing}"
+        return go(flight, Phase.FAILED, view, trouble), NOTHING
+    return flight, NOTHING
+
+
+def _ask_for_mode(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
+    """Unless it should not fly."""
+    if why := preflight.refusal(view.vehicle, plan):
+        return go(flight, Phase.FAILED, view, why)
+    if view.vehicle.battery is None:
+        flight = replace(flight, notice=preflight.BATTERY_UNKNOWN)
+    return go(replace(flight, mode_before=view.vehicle.mode), Phase.OFFBOARD, view)
+
+
+def offboard(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    if view.vehicle.in_offboard_mode:
+        return arm(go(flight, Phase.ARM, view), view, plan)
+    return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
+
+
+def arm(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    if view.vehicle.armed:
+        began = replace(flight, began_s=view.time_s)
+        return go(began, Phase.TAKE_OFF, view), FlightAction(HOLD)
+    return _insist(flight, view, Command(CommandKind.ARM), ARM_TIMEOUT_S)
+
+
+def take_off(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    vehicle, height_m = view.vehicle, view.sight.pose.height_m
+    is_high = height_m > plan.height_m - AT_HEIGHT_M
+    up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
+    flight = replace(flight, up_since_s=up_since_s)
+    stays_up = view.time_s - up_since_s > UP_FOR_S and _is_rising(vehicle)
+    if is_high and (vehicle.landed_state is LandedState.IN_AIR or stays_up):
+        return go(flight, after(MISSION_PHASES[plan.kind], view), view), FlightAction(HOLD)
+    if age_s(flight, view) > TAKE_OFF_TIMEOUT_S:
+        return go(flight, Phase.LAND, view, _not_up(height_m, vehicle, is_high=is_high)), NOTHING
+    if vehicle.takes_off_by_setpoint:
+        down_m_s = climb_to(plan.height_m, height_m) if is_high else -TAKE_OFF_M_S
+        return flight, FlightAction(Setpoint(down_m_s=down_m_s))
+    if _is_rising(vehicle) or vehicle.landed_state is LandedState.IN_AIR:
+        return flight, NOTHING
+    command = Command(CommandKind.TAKE_OFF, plan.height_m)
+    return _insist(flight, view, command, TAKE_OFF_TIMEOUT_S)
+
+
+def _is_rising(vehicle: VehicleState) -> bool:
+    return vehicle.landed_state is LandedState.TAKING_OFF
+
+
+def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
+    """Why the take-off has failed, in words."""
+    if is_high:
+        told = vehicle.landed_state.name.lower().replace("_", " ")
+        return f"at {height_m:.1f} m it still tells {told!r} (EXTENDED_SYS_STATE)"
+    reason = f": {vehicle.refusal}" if vehicle.refusal else ""
+    return f"still at {max(height_m, 0.0):.1f} m{reason}"
+
+
+def _insist(
+    flight: FlightState, view: TickInput, command: Command, timeout_s: float
+) -> tuple[FlightState, FlightAction]:
+    """Ask until it is so, or until it has been refused for too long."""
+    if age_s(flight, view) <= timeout_s:
+        setpoint = None if command.kind is CommandKind.TAKE_OFF else HOLD
+        return flight, FlightAction(setpoint, command)
+    refusal = view.vehicle.refusal or "no answer"
+    trouble = f"cannot {command.kind.value} after {timeout_s:.0f} s: {refusal}"
+    return go(flight, Phase.FAILED, view, trouble), NOTHING

@@ -1,0 +1,282 @@
+"""The whole flight, from the first heartbeat to the last.
+
+                                                  ┌─► ROOM ─────┐
+    CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► DESCEND ─► LAND ─► DONE
+                                                 │└─► BUILDING ─┘    │          │         ▲
+                                                 └────────┬──────────┴──────────┘         │
+                                                fault     ▼           fault lasts         │
+                                                         HOLD ────────────────────────────┘
+                                                          │
+                                                          │ fault gone: back to where it was
+                                                          ▼
+    a script orders it step by step: PREPARE waits to be told to take off; TAKE_OFF, the missions
+    and HOME end in HOVER, which goes to a mission, HOME or LAND when told to
+
+    the missions, HOME, HOVER:     time or battery is up, no way home   ─► DIVERT, where there is
+                                                                           floor nearby, or LAND
+    DIVERT:                        over floor that it has flown over    ─► DESCEND
+    DESCEND, not over its start:   what is below is no floor            ─► DIVERT, or LAND
+                                   no way there, or not in time         ─► LAND
+    TAKE_OFF, DESCEND, HOLD:       time or battery is up                ─► LAND
+    from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
+                                   autopilot disarms                    ─► FAILED
+                                   nothing heard for 10 s               ─► FAILED
+    before arming:                 the program is to end                ─► FAILED
+                                   somebody else arms it, or sends
+                                   under our name; battery low          ─► FAILED
+    OFFBOARD, ARM:                 somebody changes the mode            ─► HANDED_OVER
+    LAND:                          any mode but ours and LAND           ─► HANDED_OVER
+    before take-off:               no autopilot, no estimate, arming
+                                   refused, each for too long           ─► FAILED
+
+Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, DESCEND, HOVER and HOLD, that is
+while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
+velocity and show PX4 that a companion is there. From the moment at which the mode is asked for, a
+change of mode that is not the one asked for is the pilot's or the autopilot's: the companion stops
+sending at once, asks for nothing more, and does not look whether the mode comes back. That holds
+for PX4's LAND after setpoints were late, too: setpoints would bring it back to OFFBOARD. Only what
+was armed by our command is flown. Each command goes out right after a HEARTBEAT that has told who
+has the drone, so once a second, and not while the link is silent; only for the mode it asks in
+between, too. HOLD is a setpoint of zero velocity; if the link is gone, the autopilot comes to rest
+by its own setpoint timeout. DONE, HANDED_OVER and FAILED are final.
+"""
+
+import math
+from dataclasses import replace
+
+from companion.config.settings import MissionConfig
+from companion.core.messages import (
+    HOLD,
+    Beam,
+    Order,
+    Task,
+    VehicleState,
+)
+from companion.navigation import energy_reserve
+from companion.navigation.energy_reserve import Spent
+from companion.navigation.grid_planner import START_NE_M
+from companion.navigation.travel import Travel
+from companion.pdps import explore, layers, room_scan
+from companion.pdps.explore import Explore, ExplorePhase
+from companion.pdps.flight.ground import arm, connect, not_to_be_armed, offboard, prepare, take_off
+from companion.pdps.flight.landing import LAND_FROM_M, descend, divert, home, land, land_elsewhere
+from companion.pdps.flight.state import (
+    FINAL_PHASES,
+    FLYING_PHASES,
+    HEARTBEAT_S,
+    LEVEL_PHASES,
+    LINK_LOST_S,
+    MISSION_PHASES,
+    NOTHING,
+    UNARMED_PHASES,
+    FlightAction,
+    FlightState,
+    Phase,
+    TickInput,
+    after,
+    age_s,
+    go,
+    hand_over,
+)
+from companion.pdps.layers import Layers, LayersPhase
+from companion.pdps.left_unseen import in_words, left_unseen
+from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.safety.control_laws import (
+    CLIMB_LAG_S,
+    MAX_CLIMB_M_S,
+    approach_speed,
+    climb_to,
+)
+from companion.safety.velocity_guard import BODY_RADIUS_M, guarded
+
+
+def step(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    """One tick: the next state and what to ask of the autopilot."""
+    if flight.phase in FINAL_PHASES:
+        return flight, NOTHING
+    if math.isinf(flight.since_s):
+        flight = replace(flight, since_s=view.time_s)
+    if ended := _ended(flight, view, plan):
+        return ended, NOTHING
+    if flight.phase in FLYING_PHASES and (cut_short := _cut_short(flight, view, plan)):
+        flight = cut_short
+    if flight.phase in MISSION_PHASES.values():
+        flight = _in_time(flight, view, plan)
+    flight, action = _STEPS[flight.phase](flight, view, plan)
+    if action.setpoint is not None and flight.phase in LEVEL_PHASES:
+        level = replace(action.setpoint, down_m_s=_climb(flight, view, plan))
+        action = replace(action, setpoint=guarded(level, view.around, plan.clearance_m))
+    return flight, action if _may_ask(flight, view.vehicle) else replace(action, command=None)
+
+
+def _may_ask(flight: FlightState, vehicle: VehicleState) -> bool:
+    """While it stands disarmed, between two heartbeats, too."""
+    if flight.phase is Phase.OFFBOARD:
+        return vehicle.mode_age_s <= HEARTBEAT_S
+    return vehicle.is_mode_just_told
+
+
+def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
+    """By others, or before it has begun."""
+    if flight.phase in FLYING_PHASES:
+        return _taken_away(flight, view)
+    if flight.phase not in UNARMED_PHASES:
+        return None
+    if view.land_requested and not view.vehicle.armed:
+        return go(flight, Phase.FAILED, view, "it was to end before it took off")
+    return None if flight.phase is Phase.CONNECT else not_to_be_armed(flight, view, plan)
+
+
+def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
+    """Down velocity that keeps the height of the layer, and off the ceiling."""
+    descends = flight.phase is Phase.DESCEND
+    height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
+    down_m_s = climb_to(height_m, view.sight.pose.height_m)
+    room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
+
+
+def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
+    """Home, when what is left of time and battery is needed for the way there."""
+    spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
+    kept, why = energy_reserve.step(flight.reserve, spent, view.sight, view.space, plan)
+    if kept is not flight.reserve:
+        flight = replace(flight, reserve=kept)
+    return _turn_back(flight, view, why) if why else flight
+
+
+def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
+    """What was an extra may end so: the mission is complete without it."""
+    parts = flight.room, flight.building, flight.layers
+    is_extra = any(part.is_extra for part in parts)
+    trouble = "" if is_extra else f"turned back {why}"
+    return go(flight, Phase.HOME, view, trouble)
+
+
+def _room(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
+    if room is not flight.room:
+        flight = replace(flight, room=room)
+    if room.phase is ScanPhase.CLOSED:
+        flight = go(flight, after(Phase.HOME, view), view)
+    elif room.phase is ScanPhase.BLOCKED:
+        flight = go(flight, Phase.BUILDING, view)
+    return flight, FlightAction(setpoint)
+
+
+def _building(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
+    flight = replace(flight, building=building)
+    if building.phase is ExplorePhase.DONE:
+        flight = go(flight, after(Phase.HOME, view), view)
+        if plan.kind != "exterior" and (left := in_words(left_unseen(view.space))):
+            flight = replace(flight, notice=left)
+    return flight, FlightAction(setpoint)
+
+
+def _layers(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
+    flight = replace(flight, layers=seen)
+    if seen.phase is LayersPhase.DONE:
+        flight = go(flight, after(Phase.HOME, view), view)
+    return flight, FlightAction(setpoint)
+
+
+def _hover(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    order = view.order
+    if order is None or order.number <= flight.obeyed:
+        return flight, FlightAction(HOLD)
+    match order.task:
+        case Task.SCAN:
+            fresh = replace(flight, room=RoomScan(), building=Explore(), layers=Layers())
+            return _obey(fresh, MISSION_PHASES[plan.kind], view, order), FlightAction(HOLD)
+        case Task.HOME:
+            homeward = replace(flight, way_home=Travel(START_NE_M), lost_since_s=math.inf)
+            return _obey(homeward, Phase.HOME, view, order), FlightAction(HOLD)
+        case Task.LAND:
+            return _obey(flight, Phase.LAND, view, order), FlightAction(HOLD)
+        case _:
+            return replace(flight, obeyed=order.number), FlightAction(HOLD)
+
+
+def _obey(flight: FlightState, phase: Phase, view: TickInput, order: Order) -> FlightState:
+    return replace(go(flight, phase, view), obeyed=order.number)
+
+
+def _hold(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> tuple[FlightState, FlightAction]:
+    if view.fault is None:
+        return go(flight, flight.held_from, view, flight.held_trouble), FlightAction(HOLD)
+    if age_s(flight, view) > view.fault.lasts_s:
+        return land(go(flight, Phase.LAND, view), view, plan)
+    return flight, FlightAction(HOLD)
+
+
+def _taken_away(flight: FlightState, view: TickInput) -> FlightState | None:
+    """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
+    vehicle = view.vehicle
+    if vehicle.silent_s > LINK_LOST_S:
+        return go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
+    if vehicle.mode_age_s > LINK_LOST_S:
+        return go(flight, Phase.FAILED, view, "no HEARTBEAT from the autopilot for 10 s")
+    if vehicle.is_silent:
+        return None
+    if not vehicle.armed:
+        return go(flight, Phase.FAILED, view, "the autopilot disarmed in the air")
+    if vehicle.left_offboard or not vehicle.in_offboard_mode:
+        return hand_over(flight, view)
+    return None
+
+
+def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
+    """The flight goes on, but not as planned."""
+    if view.land_requested:
+        return go(flight, Phase.LAND, view, "landing was requested")
+    if flight.diversion is None and view.time_s - flight.began_s > plan.time_limit_s:
+        why = f"time limit of {plan.time_limit_s:.0f} s reached"
+        return land_elsewhere(flight, view, plan, why)
+    if view.fault is not None and flight.phase is not Phase.HOLD:
+        held = replace(flight, held_from=flight.phase, held_trouble=flight.trouble)
+        return go(held, Phase.HOLD, view, view.fault.text)
+    return _with_the_battery(flight, view, plan)
+
+
+def _with_the_battery(
+    flight: FlightState, view: TickInput, plan: MissionConfig
+) -> FlightState | None:
+    """Home while there is enough for the way, down before it is empty."""
+    percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
+    if flight.diversion is None and percent <= plan.battery_land_percent:
+        return land_elsewhere(flight, view, plan, f"{percent:.0f} % of the battery is left")
+    if percent <= plan.battery_home_percent and flight.phase in MISSION_PHASES.values():
+        return _turn_back(flight, view, f"with {percent:.0f} % of the battery")
+    return None
+
+
+_STEPS = {
+    Phase.CONNECT: connect,
+    Phase.PREPARE: prepare,
+    Phase.OFFBOARD: offboard,
+    Phase.ARM: arm,
+    Phase.TAKE_OFF: take_off,
+    Phase.ROOM: _room,
+    Phase.BUILDING: _building,
+    Phase.LAYERS: _layers,
+    Phase.HOME: home,
+    Phase.DIVERT: divert,
+    Phase.DESCEND: descend,
+    Phase.HOVER: _hover,
+    Phase.HOLD: _hold,
+    Phase.LAND: land,
+}
