@@ -11,7 +11,7 @@ from companion.config.settings import Config, to_toml
 from companion.core.messages import FloorPlan, GyroSample, RangeScan, VehicleState
 from companion.link.link import Telemetry
 from companion.recording.recorder import open_recorder
-from sitl.testing.script import ACTIONS
+from sitl.testing.actions.table import ACTIONS
 
 ROOMS = Path(__file__).parent.parent / "sitl" / "world" / "rooms"
 WORDS = (

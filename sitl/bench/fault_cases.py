@@ -9,7 +9,8 @@ from typing import Any
 
 from companion.core.messages import Beam
 from sitl.core.noise import stream
-from sitl.testing.script import ACTIONS, Event, at
+from sitl.testing.actions.table import ACTIONS
+from sitl.testing.script import Event, at
 from sitl.world.cropping import cropped
 from sitl.world.format import Box, Start, Walls, World
 from sitl.world.generator import random_world

@@ -25,7 +25,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from companion.core.textfile import read_text
 from sitl.core.errors import SitlError, complaint
-from sitl.testing.script import ACTIONS, Action, Event, at, optional, when
+from sitl.testing.actions.action import Action
+from sitl.testing.actions.table import ACTIONS
+from sitl.testing.script import Event, at, optional, when
 
 SUFFIXES = (".toml", ".py")
 

@@ -5,7 +5,11 @@ from collections.abc import Callable
 
 from companion.core.frames import frd_to_ned
 from sitl.simulation.simulation import Simulation
-from sitl.testing.script import Action, break_bus, crash, hang_bus, link_down, somebody, unplug
+from sitl.testing.actions.action import Action
+from sitl.testing.actions.link import link_down
+from sitl.testing.actions.sensors import break_bus, hang_bus, unplug
+from sitl.testing.actions.surroundings import somebody
+from sitl.testing.actions.vehicle import crash
 
 AHEAD_M = 1.8
 HEAD_M = 1.2

@@ -13,7 +13,8 @@ from sitl.core.errors import SitlError
 from sitl.scoring.report import make_report
 from sitl.simulation.lockstep import Script, fly_in_lockstep
 from sitl.simulation.simulation import Simulation
-from sitl.testing.script import Event, Play, pilot_mode
+from sitl.testing.actions.vehicle import pilot_mode
+from sitl.testing.script import Event, Play
 from sitl.view.faults import FAULTS
 from sitl.view.news import (
     Begin,

@@ -26,7 +26,7 @@ from sitl.testing import (
     stay_taking_off,
 )
 from sitl.testing import watch as each_tick
-from sitl.testing.script import MODE_NAMES
+from sitl.testing.actions.vehicle import MODE_NAMES
 
 MODE, ARM, TAKE_OFF, INTERVAL = 176, 400, 22, 511
 BOTH = pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from sitl.autopilot.firmware import Throttle
 from sitl.bench.fault_cases import FAULTS
 from sitl.testing import pilot_mode
-from sitl.testing.script import MODE_NAMES, ModeError
+from sitl.testing.actions.vehicle import MODE_NAMES, ModeError
 from tests.unit.sitl.autopilot.client import ACCEPTED, Client
 from tests.unit.sitl.autopilot.test_px4 import offboard, stream
 

@@ -1,0 +1,50 @@
+"""Faults of the link."""
+
+from pymavlink.dialects.v20 import ardupilotmega as mavlink
+
+from sitl.core.radio import NO_TROUBLES, Troubles
+from sitl.simulation.simulation import Simulation
+from sitl.testing.actions.action import Action
+
+GROUND_STATION = 255
+"""The system id of most."""
+
+
+def bad_link(
+    loss: float = 0.0,
+    duplicates: float = 0.0,
+    reordering: float = 0.0,
+    jitter_s: float = 0.0,
+    for_s: float | None = None,
+) -> Action:
+    """MAVLink suffers in both directions: shares of all messages, and the most they are late."""
+    troubles = Troubles(loss, duplicates, reordering, jitter_s)
+    return Action(
+        lambda simulation: simulation.disturb_link(troubles),
+        lambda simulation: simulation.disturb_link(NO_TROUBLES),
+        for_s,
+    )
+
+
+def link_down(for_s: float | None = None) -> Action:
+    """MAVLink is lost in both directions."""
+    return bad_link(loss=1.0, for_s=for_s)
+
+
+def other_rates(message: str, rate_hz: float) -> Action:
+    """A ground station on the companion's link asks for a message at its own rate; 0 stops it."""
+    ids = {kind.msgname: number for number, kind in mavlink.mavlink_map.items()}
+    if message not in ids:
+        raise ValueError(f"no message {message!r} in MAVLink; as in 'ATTITUDE'")
+    interval_us = 1e6 / rate_hz if rate_hz > 0 else -1.0
+
+    def ask(simulation: Simulation) -> None:
+        asked = mavlink.MAVLink_command_long_message(
+            *(0, mavlink.MAV_COMP_ID_AUTOPILOT1),
+            *(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, 0, ids[message], interval_us, 0, 0, 0, 0, 0),
+        )
+        asked._header.srcSystem = GROUND_STATION
+        asked._header.srcComponent = mavlink.MAV_COMP_ID_MISSIONPLANNER
+        simulation.autopilot.receive(asked)
+
+    return Action(ask)
