@@ -23,15 +23,22 @@ Safety: nose first, only through cells that beams have found free; slow where it
 appears ahead stops it.
 """
 
-import enum
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
 from companion.core.messages import HOLD, Setpoint
 from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation import sweep as sweeping
+from companion.navigation.doorway_sweeps import (
+    SWEEP_FROM_M,
+    SWEEP_ROOM_M,
+    backed_off,
+    begin_sweep,
+    measured,
+    still_swept,
+)
 from companion.navigation.doorways import (
     AWAY_M,
     DOORWAY_ROOM_M,
@@ -44,9 +51,7 @@ from companion.navigation.doorways import (
     with_shut,
 )
 from companion.navigation.grid_planner import (
-    START_NE_M,
     TIGHT_CLEAR_M,
-    CostGrid,
     ShortestPaths,
     find_ground,
     find_ways,
@@ -55,106 +60,30 @@ from companion.navigation.grid_planner import (
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import (
     ARRIVED_M,
-    Course,
     Way,
     faced,
     follow,
     is_blocked,
     passed,
 )
-from companion.navigation.sweep import Sweep
+from companion.navigation.travel_state import Travel, TravelPhase
 from companion.safety.velocity_guard import clear_of_all_m
 
 CHECK_S, PLAN_S = 2.0, 8.0
+
 DETOUR_M = 3.0
+
 STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
 """So long without getting so far, and it gives up. Between walls that keep it off it moves to and
 fro by more than in the open."""
-SWEEP_FROM_M, MIN_SWEEP_FROM_M = 1.6, 1.1
-"""So far before a doorway; nearer the sensor cannot measure the jambs."""
-SWEEP_ROOM_M = 0.65
-"""With so much room it may turn on the spot: in a corridor, but not in a doorway."""
-BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
-"""So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
+
 NEARLY_M, NEARLY_S = 0.3, 4.0
 """In a tight place it may not come nearer to its goal: what is too near for the sensors keeps it
 off. It does not wait there longer, for what it knows of that drifts."""
-IN_DOORWAY_M = 0.2
-SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
-"""What was swept is known exactly only for so long, and near it: the pose drifts."""
+
 AHEAD_M, MAX_SHUT = 0.5, 8
 """So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
 way."""
-
-
-class TravelPhase(enum.Enum):
-    """Where in the diagram above."""
-
-    FLY = "on the way"
-    SWEEP = "looking for the way"
-    ARRIVED = "arrived"
-    GAVE_UP = "no way"
-
-
-@dataclass(frozen=True, slots=True)
-class Travel:
-    """The whole memory of going to one place."""
-
-    goal_ne_m: Vector2
-    within_m: float = ARRIVED_M
-    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there; and
-    where it is tight, so near as it gets."""
-    phase: TravelPhase = TravelPhase.FLY
-    way: Way = ()
-    course: Course | None = None
-    """To the next corner, once it was faced."""
-    planned_s: float = -math.inf
-    checked_s: float = -math.inf
-    """When the way was found, and when it was last found free."""
-    resets: int = 0
-    """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
-    doorways: tuple[Doorway, ...] = ()
-    known: tuple[Doorway, ...] = ()
-    """All doorways found so far."""
-    shut: tuple[Doorway, ...] = ()
-    """Those that it could not get through, and other places as if they were doorways."""
-    stuck_at: tuple[Doorway, ...] = ()
-    """The same, of all ways so far."""
-    sweep: Sweep | None = None
-    """In SWEEP."""
-    roomy_ne_m: Vector2 | None = None
-    """Where it last had room to turn round."""
-    looked_round: bool = False
-    """It does so once, when there is no way."""
-    progress_s: float | None = None
-    progress_ne_m: Vector2 = (0.0, 0.0)
-    """When and where it last got on."""
-
-    @property
-    def goes_home(self) -> bool:
-        """On which it stops before less."""
-        return self.goal_ne_m == START_NE_M
-
-
-def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel:
-    """To another place, with what was found on the way so far."""
-    if before is None:
-        return Travel(goal_ne_m, within_m)
-    return Travel(
-        goal_ne_m,
-        within_m,
-        course=before.course,
-        known=before.known,
-        shut=stuck_twice(before),
-        stuck_at=before.stuck_at,
-        roomy_ne_m=before.roomy_ne_m,
-    )
-
-
-def stuck_twice(travel: Travel) -> tuple[Doorway, ...]:
-    """Where it was stuck on two ways; somebody may have stood there the first time."""
-    places = travel.stuck_at
-    return tuple(at for i, at in enumerate(places) if any(map(at.is_same, places[:i])))
 
 
 def step(
@@ -176,7 +105,7 @@ def _fly(
     now_s = sight.pose.time_s
     is_open = in_the_open(sight, space)
     travel = _progress(travel, sight, STUCK_M if is_open else TIGHT_STUCK_M)
-    travel = replace(travel, known=_still_swept(travel, sight))
+    travel = replace(travel, known=still_swept(travel, sight))
     has_stepped = sight.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
         travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
@@ -187,7 +116,7 @@ def _fly(
             travel = _planned(travel, sight, space, plan)
     if travel.phase is not TravelPhase.FLY:
         return travel, HOLD
-    if _has_room(sight, space, SWEEP_ROOM_M) and (sweep := _begin_sweep(travel, sight)):
+    if _has_room(sight, space, SWEEP_ROOM_M) and (sweep := begin_sweep(travel, sight)):
         return sweep, HOLD
     if is_blocked(travel.way, sight):
         return replace(travel, course=None), HOLD
@@ -339,7 +268,7 @@ def along(ways: ShortestPaths, travel: Travel, sight: Observation) -> Travel:
     travel = replace(travel, known=remembered(travel.known, found))
     doorways = on_the_way(travel.known, found, here, way)
     squared = passed_squarely(ways.ground, here, way, doorways)
-    back = _backed_off(ways.ground, travel, sight, doorways)
+    back = backed_off(ways.ground, travel, sight, doorways)
     return replace(
         travel,
         way=squared if back is None else (back, *squared),
@@ -350,62 +279,6 @@ def along(ways: ShortestPaths, travel: Travel, sight: Observation) -> Travel:
     )
 
 
-def _backed_off(
-    ground: CostGrid, travel: Travel, sight: Observation, doorways: tuple[Doorway, ...]
-) -> Vector2 | None:
-    """A place from where the next doorway's jambs can be measured, if it has come too near.
-
-    There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
-    would go to and fro.
-    """
-    here = sight.pose.ne_m
-    if not doorways:
-        return None
-    doorway = doorways[0]
-    is_too_near = math.dist(here, doorway.middle_ne_m) <= MIN_SWEEP_FROM_M
-    is_before = doorway.along_m(here) < -IN_DOORWAY_M
-    if not is_too_near or not is_before or _was_swept(travel, doorway):
-        return None
-    places = (doorway.at_m(-off_m, aside_m) for off_m, aside_m in BACK_OFF_M)
-    near = (place for place in places if ground.fits_along(here, place))
-    return next((place for place in near if ground.clear_m(place) >= SWEEP_ROOM_M), None)
-
-
-def _was_swept(travel: Travel, doorway: Doorway) -> bool:
-    return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
-
-
-def _still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
-    """The doorways, those not swept any more that are far, or were swept long ago."""
-    here, now_s = sight.pose.ne_m, sight.pose.time_s
-
-    def is_exact(doorway: Doorway) -> bool:
-        is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
-        return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
-
-    if not any(math.isfinite(doorway.swept_s) for doorway in travel.known):
-        return travel.known  # as nearly always
-    return tuple(
-        doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
-        for doorway in travel.known
-    )
-
-
-def _begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
-    """Before the next doorway, if it has not been looked at yet."""
-    here = sight.pose.ne_m
-    for doorway in travel.doorways:
-        middle = doorway.middle_ne_m
-        to_go_m = math.dist(here, middle)
-        if not MIN_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
-            continue
-        if _was_swept(travel, doorway):
-            continue
-        sweep = sweeping.over_jambs(doorway, sight)
-        return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep)
-    return None
-
-
 def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Travel, Setpoint]:
     assert travel.sweep is not None
     sweep, setpoint = sweeping.step(travel.sweep, sight, plan)
@@ -413,7 +286,7 @@ def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Tra
     if not sweep.is_done:
         return travel, setpoint
     flying = replace(
-        _measured(travel, sweep),
+        measured(travel, sweep),
         phase=TravelPhase.FLY,
         sweep=None,
         planned_s=-math.inf,
@@ -421,16 +294,3 @@ def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Tra
         progress_s=sight.pose.time_s,
     )
     return flying, setpoint
-
-
-def _measured(travel: Travel, sweep: Sweep) -> Travel:
-    """What was found of the doorway; if it is too narrow, there is another way, or none."""
-    if sweep.doorway is None:
-        return travel
-    looked = sweep.doorway.measured(sweep.met_ne_m)
-    *others, doorway = remembered(travel.known, [looked])
-    if travel.goes_home or not doorway.looks_narrow:
-        return replace(travel, known=(*others, doorway))
-    if doorway.is_too_narrow:
-        return replace(travel, known=(*others, doorway), way=(), looked_round=True)
-    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # looks again

@@ -39,7 +39,7 @@ from companion.navigation.grid_planner import (
 )
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import ARRIVED_M
-from companion.navigation.travel import Travel, TravelPhase, stuck_twice
+from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
 from companion.pdps.frontiers import Places, still_unseen
 from companion.pdps.loop_views import again, ties
 from companion.pdps.tour import first_of_tour
@@ -224,7 +224,7 @@ def _choose(explore: Explore, sight: Observation, space: Occupancy, plan: Missio
         return replace(explore, looks=found)
     places = tuple(look.from_ne_m for look in explore.looks)
     look = explore.looks[first_of_tour(explore.ways, places, START_NE_M)]
-    going = travel.onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
+    going = onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
     return Explore(
         ExplorePhase.GO,
         travel=travel.along(explore.ways, going, sight),

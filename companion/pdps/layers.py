@@ -23,7 +23,7 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation import travel
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.observation import Observation
-from companion.navigation.travel import Travel, TravelPhase
+from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps import explore, overflight
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.overflight import Overfly, OverflyPhase

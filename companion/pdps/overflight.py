@@ -24,7 +24,7 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.navigation import travel
 from companion.navigation.grid_planner import CostGrid, ShortestPaths, find_ground, find_ways
 from companion.navigation.observation import Observation
-from companion.navigation.travel import Travel, TravelPhase
+from companion.navigation.travel_state import Travel, TravelPhase, onward
 from companion.pdps.frontiers import without_specks
 from companion.pdps.viewpoints import turn_rad
 from companion.safety.velocity_guard import clear_of_all_m
@@ -90,7 +90,7 @@ def _choose(overfly: Overfly, sight: Observation, space: Occupancy, plan: Missio
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)
-    goal = travel.onward(overfly.came, _goal(left, ways, sight, plan), NEAR_ENOUGH_M)
+    goal = onward(overfly.came, _goal(left, ways, sight, plan), NEAR_ENOUGH_M)
     return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, sight))
 
 

@@ -27,7 +27,6 @@ that is known to be free as wide as the drone; it backs away from a wall no fart
 turn has shown free; a beam that fails stops the movement along it.
 """
 
-import enum
 import math
 from dataclasses import replace
 
@@ -35,11 +34,11 @@ from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import HOLD, Beam, RangeState, Setpoint
-from companion.core.values import value
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.observation import Observation
-from companion.navigation.swing import TO_THE_RIGHT, Swing
+from companion.navigation.swing import TO_THE_RIGHT
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
+from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
 from companion.safety.control_laws import (
     FULL_STOP_BEFORE_M,
     approach_speed,
@@ -51,100 +50,54 @@ from companion.safety.control_laws import (
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
+
 ON_HEADING_RAD = math.radians(2.5)
+
 ROUND_CORNER_RAD = math.radians(15)
 """When no more than this is left of a corner's turn, the drone already sets off along the next
 wall: the right beam looks there."""
+
 AT_STANDOFF_M = 0.10
+
 STANDOFF_WITHIN_S = 30.0
 """When it has not come there by then, something keeps the drone off."""
+
 SEEN_BY_ONE_TURN_M = 3.0
 """How far back one turn is trusted to have seen free space."""
+
 MIN_ROOM_BEHIND_M = 0.7
+
 SEEK_UNTIL_M = 4.0
+
 CORNER_READINGS = 2
 """Consecutive readings that must agree before a corner is believed."""
+
 CORNER_MARGIN_M = 0.12
+
 CORNERS_OF_A_ROOM = 4
+
 CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
+
 CLOSING_RAD = math.radians(20)
+
 MARK_EVERY_M = 0.5
+
 REFINEMENT_RAD = math.radians(30)
 """Of its heading at once: so far a step of the pose may turn the map, of which the heading knows
 nothing."""
+
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
+
 HALF_WAY_M = 0.5
+
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
+
 SWEPT_WITHIN_M = 0.25
+
 LOOSE_M, MAX_EXTRA_ROUNDS = 0.06, 2
 """Sigma of the distance between two walls that is worth another round."""
-
-
-class ScanPhase(enum.Enum):
-    """Where in the diagram above."""
-
-    TURN = "turning 360° to find the nearest wall"
-    SEEK = "flying forward until a wall returns"
-    FACE = "facing the wall"
-    STAND_OFF = "taking stand-off"
-    SCAN = "scanning parallel to the wall"
-    CORNER = "turning at a corner"
-    SWEEP = "looking along the wall"
-    BLOCKED = "something stands at the wall"
-    CLOSED = "all walls traced"
-
-
-@value
-class Mark:
-    """Where the scan was."""
-
-    ne_m: Vector2
-    heading_rad: float
-    corners: int
-    """Turned until then."""
-
-
-@value
-class RoomScan:
-    """The scan's whole memory."""
-
-    phase: ScanPhase = ScanPhase.TURN
-    turned_rad: float = 0.0
-    last_yaw_rad: float | None = None
-    turn: tuple[TurnReading, ...] = ()
-    heading_rad: float = 0.0
-    standoff_m: float = 0.0
-    """As planned for the drone as it flies by now, but no more than"""
-    most_standoff_m: float = math.inf
-    """the first turn has shown that it may back away."""
-    faced_s: float = math.inf
-    """When it began to take that."""
-    marks: tuple[Mark, ...] = ()
-    """The way along the walls so far."""
-    corners: int = 0
-    swing: Swing = TO_THE_RIGHT
-    corner_readings: int = 0
-    corner_ne_m: Vector2 = (0.0, 0.0)
-    """Where it turns: as far from the next wall as it keeps off this one."""
-    sweep_rad: tuple[float, ...] = ()
-    """Headings still to be turned to."""
-    swept_ne_m: Vector2 | None = None
-    """Where it began to look along the wall the last time."""
-    extra_rounds: int = 0
-    """Begun since all walls were traced once."""
-
-    @property
-    def is_extra(self) -> bool:
-        """What goes on is not worth the last battery."""
-        return self.extra_rounds > 0
-
-    @property
-    def activity(self) -> str:
-        """The phase in words."""
-        return "going round again" if self.is_extra else str(self.phase.value)
-
 
 _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
 """What looks for the nearest wall in the first turn."""

@@ -8,7 +8,7 @@ from pathlib import Path
 from companion.app import App, Progress
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
-from companion.pdps.room_scan import ScanPhase
+from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report

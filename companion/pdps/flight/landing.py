@@ -14,7 +14,7 @@ from companion.core.messages import (
 from companion.navigation import travel
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.landing_site import landing_site
-from companion.navigation.travel import Travel, TravelPhase
+from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.flight.ground import AT_HEIGHT_M
 from companion.pdps.flight.state import (
     LEVEL_PHASES,

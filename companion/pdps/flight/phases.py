@@ -55,7 +55,7 @@ from companion.core.messages import (
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
-from companion.navigation.travel import Travel
+from companion.navigation.travel_state import Travel
 from companion.pdps import explore, layers, room_scan
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.ground import arm, connect, not_to_be_armed, offboard, prepare, take_off
@@ -80,7 +80,7 @@ from companion.pdps.flight.state import (
 )
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
-from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.safety.control_laws import (
     CLIMB_LAG_S,
     MAX_CLIMB_M_S,

@@ -17,10 +17,10 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation.energy_reserve import Reserve
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.observation import Observation
-from companion.navigation.travel import Travel
+from companion.navigation.travel_state import Travel
 from companion.pdps.explore import Explore
 from companion.pdps.layers import Layers
-from companion.pdps.room_scan import RoomScan
+from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
 
 HEARTBEAT_S = 1.0

@@ -28,7 +28,7 @@ from companion.navigation.path_follower import (
     passed,
 )
 from companion.navigation.sweep import Sweep, over_jambs
-from companion.navigation.travel import Travel, TravelPhase
+from companion.navigation.travel_state import Travel, TravelPhase, onward, stuck_twice
 from companion.pdps import layers as layering
 from companion.pdps.explore import Explore, ExplorePhase, step
 from companion.pdps.frontiers import TRIES, frontiers, known_cells, vague_surfaces
@@ -565,7 +565,7 @@ def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
     travel, time_s = looked_at_again_if_narrow(Travel((3.0, 0.0)), grid, width_m)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)
     assert travel.phase is (TravelPhase.FLY if enters else TravelPhase.GAVE_UP)
-    later = travelling.onward(travel, (3.0, 0.5), ARRIVED_M)
+    later = onward(travel, (3.0, 0.5), ARRIVED_M)
     later = replace(later, known=tuple(replace(d, swept_s=-math.inf) for d in later.known))
     later, _ = gone(later, grid, time_s=time_s + 60.0)
     assert bool(later.doorways) is enters
@@ -770,7 +770,7 @@ def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
 def stuck_on_a_way(before: Travel | None) -> Travel:
     """It has looked round, and gets no farther than to the start."""
     grid = open_ground()
-    travel = replace(travelling.onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
+    travel = replace(onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
     for time_s in (10.0, 21.0):
         travel, _ = gone(travel, grid, time_s=time_s)
     return travel
@@ -779,9 +779,9 @@ def stuck_on_a_way(before: Travel | None) -> Travel:
 def test_where_it_was_stuck_on_two_ways_nothing_is_looked_for_any_more() -> None:
     once = stuck_on_a_way(None)
     assert once.phase is TravelPhase.GAVE_UP
-    assert travelling.stuck_twice(once) == ()
+    assert stuck_twice(once) == ()
     twice = stuck_on_a_way(once)
-    ahead, *_ = travelling.stuck_twice(twice)
+    ahead, *_ = stuck_twice(twice)
     assert math.dist(ahead.middle_ne_m, (0.5, 0.0)) < 0.2
     grid = open_ground()
     for travel, leads_ahead in ((once, True), (twice, False)):
@@ -808,7 +808,7 @@ def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway()
         if abs(0.1 * row + 0.05) > 0.45:
             grid.block((0.1 * row + 0.05, 0.05), 0.01)
     roomy, doorway = (0.05, -1.5), (0.05, 0.05)
-    going = travelling.onward(Travel(doorway, roomy_ne_m=roomy), (9.0, 9.0), ARRIVED_M)
+    going = onward(Travel(doorway, roomy_ne_m=roomy), (9.0, 9.0), ARRIVED_M)
     while going.phase is TravelPhase.FLY:
         going, _ = travelling.step(going, sight(doorway), grid, PLAN)
     assert going.phase is TravelPhase.SWEEP

@@ -23,12 +23,12 @@ from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.navigation.energy_reserve import Reserve, Spent
 from companion.navigation.observation import Observation
-from companion.navigation.travel import Travel, TravelPhase
+from companion.navigation.travel_state import Travel, TravelPhase
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightAction, FlightState, Phase, TickInput
 from companion.pdps.layers import Layers, LayersPhase
-from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from companion.pdps.viewpoints import Viewpoint
 from companion.safety.obstacle_memory import Surroundings
 

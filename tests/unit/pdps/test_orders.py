@@ -8,7 +8,7 @@ from companion.core.messages import HOLD, CommandKind, Order, Task
 from companion.pdps.explore import Explore, ExplorePhase
 from companion.pdps.flight.phases import step
 from companion.pdps.flight.state import FlightState, Phase, TickInput
-from companion.pdps.room_scan import RoomScan, ScanPhase
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
 from tests.unit.pdps.test_flight_phases import FLYING, ON_GROUND, PLAN, SILENT, asks, flying, view
 
 WAIT = Order()

@@ -12,7 +12,8 @@ from companion.core.known_walls import KnownWalls
 from companion.core.messages import Beam, Pose, RangeReading, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy, Ray
 from companion.navigation.observation import Observation
-from companion.pdps.room_scan import Mark, RoomScan, ScanPhase, step
+from companion.pdps.room_scan import step
+from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
 from companion.safety.seen_free import Lane
 
 PLAN = MissionConfig()

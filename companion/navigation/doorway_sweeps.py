@@ -1,0 +1,100 @@
+"""Doorways on the way: when to pass the front beam over their jambs, and what that has found."""
+
+import math
+from dataclasses import replace
+
+from companion.core.frames import Vector2
+from companion.navigation import sweep as sweeping
+from companion.navigation.doorways import (
+    Doorway,
+    remembered,
+)
+from companion.navigation.grid_planner import (
+    CostGrid,
+)
+from companion.navigation.observation import Observation
+from companion.navigation.sweep import Sweep
+from companion.navigation.travel_state import Travel, TravelPhase
+
+SWEEP_FROM_M, MIN_SWEEP_FROM_M = 1.6, 1.1
+"""So far before a doorway; nearer the sensor cannot measure the jambs."""
+
+SWEEP_ROOM_M = 0.65
+"""With so much room it may turn on the spot: in a corridor, but not in a doorway."""
+
+BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
+"""So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
+
+IN_DOORWAY_M = 0.2
+
+SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
+"""What was swept is known exactly only for so long, and near it: the pose drifts."""
+
+
+def backed_off(
+    ground: CostGrid, travel: Travel, sight: Observation, doorways: tuple[Doorway, ...]
+) -> Vector2 | None:
+    """A place from where the next doorway's jambs can be measured, if it has come too near.
+
+    There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
+    would go to and fro.
+    """
+    here = sight.pose.ne_m
+    if not doorways:
+        return None
+    doorway = doorways[0]
+    is_too_near = math.dist(here, doorway.middle_ne_m) <= MIN_SWEEP_FROM_M
+    is_before = doorway.along_m(here) < -IN_DOORWAY_M
+    if not is_too_near or not is_before or _was_swept(travel, doorway):
+        return None
+    places = (doorway.at_m(-off_m, aside_m) for off_m, aside_m in BACK_OFF_M)
+    near = (place for place in places if ground.fits_along(here, place))
+    return next((place for place in near if ground.clear_m(place) >= SWEEP_ROOM_M), None)
+
+
+def _was_swept(travel: Travel, doorway: Doorway) -> bool:
+    return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
+
+
+def still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
+    """The doorways, those not swept any more that are far, or were swept long ago."""
+    here, now_s = sight.pose.ne_m, sight.pose.time_s
+
+    def is_exact(doorway: Doorway) -> bool:
+        is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
+        return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
+
+    if not any(math.isfinite(doorway.swept_s) for doorway in travel.known):
+        return travel.known  # as nearly always
+    return tuple(
+        doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
+        for doorway in travel.known
+    )
+
+
+def begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
+    """Before the next doorway, if it has not been looked at yet."""
+    here = sight.pose.ne_m
+    for doorway in travel.doorways:
+        middle = doorway.middle_ne_m
+        to_go_m = math.dist(here, middle)
+        if not MIN_SWEEP_FROM_M < to_go_m < SWEEP_FROM_M:
+            continue
+        if _was_swept(travel, doorway):
+            continue
+        sweep = sweeping.over_jambs(doorway, sight)
+        return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep)
+    return None
+
+
+def measured(travel: Travel, sweep: Sweep) -> Travel:
+    """What was found of the doorway; if it is too narrow, there is another way, or none."""
+    if sweep.doorway is None:
+        return travel
+    looked = sweep.doorway.measured(sweep.met_ne_m)
+    *others, doorway = remembered(travel.known, [looked])
+    if travel.goes_home or not doorway.looks_narrow:
+        return replace(travel, known=(*others, doorway))
+    if doorway.is_too_narrow:
+        return replace(travel, known=(*others, doorway), way=(), looked_round=True)
+    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # looks again
