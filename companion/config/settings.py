@@ -148,7 +148,7 @@ class MissionConfig(Group):
     battery_home_percent: float = Field(20.0, ge=0, le=100)
     """With no more than this the drone turns back; 0: never."""
     battery_land_percent: float = Field(10.0, ge=0, le=100)
-    """With no more than this it lands where it is."""
+    """With no more than this it lands where it is, or on floor nearby."""
 
 
 class RecordingConfig(Group):

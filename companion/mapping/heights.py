@@ -9,8 +9,7 @@ told from it. That is why tops are mapped only from layers high enough above the
 import math
 import statistics
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
-from itertools import product
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.ndimage import label
@@ -50,21 +49,15 @@ class Heights:
         low = statistics.median(every)
         return statistics.median([m for m in every if m < low + ABOVE_FLOOR_M])
 
-    def cells_of_floor(self, place_ne_m: Vector2, within_m: float, hull_m: float) -> int:
-        """How many cells so near to a place are floor; 0 if one within `hull_m` is not."""
+    def is_floor(self) -> dict[Vector2, bool]:
+        """Of each cell that the beam has met, by its middle: whether all that was met is floor."""
         floor_m = self.floor_m
         if floor_m is None:
-            return 0
-        cells = 0
-        for cell, off_m in _around(place_ne_m, within_m):
-            readings_m = self._readings_m.get(cell)
-            if readings_m is None:
-                continue
-            is_floor = all(abs(m - floor_m) < ABOVE_FLOOR_M for m in readings_m)
-            if off_m < hull_m and not is_floor:
-                return 0
-            cells += is_floor
-        return cells
+            return {}
+        return {
+            _middle(cell): all(abs(m - floor_m) < ABOVE_FLOOR_M for m in readings_m)
+            for cell, readings_m in self._readings_m.items()
+        }
 
     def tops(self) -> tuple[Surface, ...]:
         """Surfaces above the floor, the largest first."""
@@ -84,15 +77,8 @@ def _cell(place_ne_m: Vector2) -> Cell:
     return math.floor(place_ne_m[0] / CELL_M), math.floor(place_ne_m[1] / CELL_M)
 
 
-def _around(place_ne_m: Vector2, within_m: float) -> Iterator[tuple[Cell, float]]:
-    """Cells whose middles are so near to a place, and how far they are."""
-    (row, column), reach = _cell(place_ne_m), math.ceil(within_m / CELL_M)
-    for cell in product(
-        range(row - reach, row + reach + 1), range(column - reach, column + reach + 1)
-    ):
-        middle = (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
-        if (off_m := math.dist(middle, place_ne_m)) <= within_m:
-            yield cell, off_m
+def _middle(cell: Cell) -> Vector2:
+    return (cell[0] + 0.5) * CELL_M, (cell[1] + 0.5) * CELL_M
 
 
 def _top_m(readings_m: list[float], floor_m: float) -> float | None:

@@ -5,28 +5,19 @@ from dataclasses import replace
 
 from companion.core.frames import Vector2
 from companion.navigation import sweep as sweeping
-from companion.navigation.doorways import (
-    Doorway,
-    remembered,
-)
-from companion.navigation.grid_planner import (
-    CostGrid,
-)
+from companion.navigation.doorways import Doorway, remembered
+from companion.navigation.grid_planner import CostGrid
 from companion.navigation.observation import Observation
 from companion.navigation.sweep import Sweep
 from companion.navigation.travel_state import Travel, TravelPhase
 
 SWEEP_FROM_M, MIN_SWEEP_FROM_M = 1.6, 1.1
 """So far before a doorway; nearer the sensor cannot measure the jambs."""
-
 SWEEP_ROOM_M = 0.65
 """With so much room it may turn on the spot: in a corridor, but not in a doorway."""
-
 BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
 """So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
-
 IN_DOORWAY_M = 0.2
-
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 """What was swept is known exactly only for so long, and near it: the pose drifts."""
 

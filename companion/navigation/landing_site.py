@@ -4,7 +4,10 @@ Tables and chairs are lower than the level beams. Only the down beam meets them,
 centre, so a site lies where that beam has met the floor in several cells and nothing else nearby.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
+from numpy.typing import NDArray
 
 from companion.config.settings import MissionConfig
 from companion.core.frames import Vector2
@@ -14,7 +17,7 @@ from companion.navigation.grid_planner import find_ground, find_ways
 from companion.safety.velocity_guard import clear_of_all_m
 
 REACH_M = 6.0
-"""As `Ways.metres` counts, which is more where it is tight; 20 s of flight. Chosen: a room."""
+"""As `ShortestPaths.metres` counts, more where it is tight; 20 s of flight. Chosen: a room."""
 HULL_M, FLOOR_M = 0.4, 0.5
 """What stands on the floor within the first is under the hull: its radius, and the 0.2 m by which a
 landing drifts (docs/autopilot.md). Floor within the second speaks for the site."""
@@ -27,14 +30,19 @@ def landing_site(here: Vector2, space: Occupancy, floor: Heights, plan: MissionC
     grid = space.window((here,), REACH_M)
     ways = find_ways(find_ground(grid, here, clear_of_all_m(plan)))
     ground = ways.ground
-    may = ground.grid.flown & (ways.metres < REACH_M)
-    places = [ground.grid.place((row, column)) for row, column in np.argwhere(may).tolist()]
-    if not places:
-        return here
+    may = np.argwhere(ground.grid.flown & (ways.metres < REACH_M))
+    sites = [here, *(ground.grid.place((row, column)) for row, column in may.tolist())]
+    cells = np.minimum(_cells_of_floor(sites, floor), ENOUGH_CELLS)
+    away_m = [ways.metres[ground.grid.cell(site)] for site in sites]
+    best = int(np.lexsort((away_m, -cells))[0])
+    return sites[best] if cells[best] > cells[0] else here
 
-    def worth(site: Vector2) -> tuple[int, float]:
-        cells = floor.cells_of_floor(site, FLOOR_M, HULL_M)
-        return min(cells, ENOUGH_CELLS), -float(ways.metres[ground.grid.cell(site)])
 
-    best = max(places, key=worth)
-    return best if worth(best)[0] > floor.cells_of_floor(here, FLOOR_M, HULL_M) else here
+def _cells_of_floor(sites: Sequence[Vector2], floor: Heights) -> NDArray[np.int64]:
+    """(n,): how many cells near each site are floor; 0 if one under the hull is not."""
+    is_floor = floor.is_floor()
+    middles = np.array(list(is_floor)).reshape(-1, 2)
+    flat = np.array(list(is_floor.values()), dtype=bool)
+    off_m = np.linalg.norm(np.array(sites)[:, None] - middles, axis=2)
+    stands_under = ((off_m < HULL_M) & ~flat).any(axis=1)
+    return np.where(stands_under, 0, ((off_m <= FLOOR_M) & flat).sum(axis=1))

@@ -58,29 +58,18 @@ from companion.navigation.grid_planner import (
     retraced,
 )
 from companion.navigation.observation import Observation
-from companion.navigation.path_follower import (
-    ARRIVED_M,
-    Way,
-    faced,
-    follow,
-    is_blocked,
-    passed,
-)
+from companion.navigation.path_follower import ARRIVED_M, Way, faced, follow, is_blocked, passed
 from companion.navigation.travel_state import Travel, TravelPhase
 from companion.safety.velocity_guard import clear_of_all_m
 
 CHECK_S, PLAN_S = 2.0, 8.0
-
 DETOUR_M = 3.0
-
 STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
 """So long without getting so far, and it gives up. Between walls that keep it off it moves to and
 fro by more than in the open."""
-
 NEARLY_M, NEARLY_S = 0.3, 4.0
 """In a tight place it may not come nearer to its goal: what is too near for the sensors keeps it
 off. It does not wait there longer, for what it knows of that drifts."""
-
 AHEAD_M, MAX_SHUT = 0.5, 8
 """So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
 way."""

@@ -5,22 +5,14 @@ import math
 from dataclasses import dataclass
 
 from companion.core.frames import Vector2
-from companion.navigation.doorways import (
-    Doorway,
-)
-from companion.navigation.grid_planner import (
-    START_NE_M,
-)
-from companion.navigation.path_follower import (
-    ARRIVED_M,
-    Course,
-    Way,
-)
+from companion.navigation.doorways import Doorway
+from companion.navigation.grid_planner import START_NE_M
+from companion.navigation.path_follower import ARRIVED_M, Course, Way
 from companion.navigation.sweep import Sweep
 
 
 class TravelPhase(enum.Enum):
-    """Where in the diagram above."""
+    """Where in the diagram of `travel.py`."""
 
     FLY = "on the way"
     SWEEP = "looking for the way"

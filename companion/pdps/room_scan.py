@@ -50,52 +50,33 @@ from companion.safety.control_laws import (
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
-
 ON_HEADING_RAD = math.radians(2.5)
-
 ROUND_CORNER_RAD = math.radians(15)
 """When no more than this is left of a corner's turn, the drone already sets off along the next
 wall: the right beam looks there."""
-
 AT_STANDOFF_M = 0.10
-
 STANDOFF_WITHIN_S = 30.0
 """When it has not come there by then, something keeps the drone off."""
-
 SEEN_BY_ONE_TURN_M = 3.0
 """How far back one turn is trusted to have seen free space."""
-
 MIN_ROOM_BEHIND_M = 0.7
-
 SEEK_UNTIL_M = 4.0
-
 CORNER_READINGS = 2
 """Consecutive readings that must agree before a corner is believed."""
-
 CORNER_MARGIN_M = 0.12
-
 CORNERS_OF_A_ROOM = 4
-
 CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
-
 CLOSING_RAD = math.radians(20)
-
 MARK_EVERY_M = 0.5
-
 REFINEMENT_RAD = math.radians(30)
 """Of its heading at once: so far a step of the pose may turn the map, of which the heading knows
 nothing."""
-
 KNOWN_AHEAD_M = 1.3
 """From the drone's centre along the wall; with less it looks before it goes on."""
-
 HALF_WAY_M = 0.5
-
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
 """So far aside that the beam passes over all of the way from a hand before the drone on."""
-
 SWEPT_WITHIN_M = 0.25
-
 LOOSE_M, MAX_EXTRA_ROUNDS = 0.06, 2
 """Sigma of the distance between two walls that is worth another round."""
 

@@ -10,7 +10,7 @@ from companion.pdps.perpendicular import TurnReading
 
 
 class ScanPhase(enum.Enum):
-    """Where in the diagram above."""
+    """Where in the diagram of `room_scan.py`."""
 
     TURN = "turning 360° to find the nearest wall"
     SEEK = "flying forward until a wall returns"

@@ -4,13 +4,7 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import (
-    HOLD,
-    Beam,
-    Command,
-    CommandKind,
-    LandedState,
-)
+from companion.core.messages import HOLD, Beam, Command, CommandKind, LandedState
 from companion.navigation import travel
 from companion.navigation.grid_planner import START_NE_M
 from companion.navigation.landing_site import landing_site
@@ -96,7 +90,7 @@ def land_elsewhere(
     """On floor that it has flown over nearby, if there is any and it has room to fly there."""
     if flight.phase not in MAY_DIVERT_PHASES:
         return go(flight, Phase.LAND, view, why)
-    return _divert_to_floor(go(flight, flight.phase, view, why), view, plan)
+    return _divert_to_floor(replace(flight, trouble=why), view, plan)
 
 
 def _divert_to_floor(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
@@ -128,7 +122,7 @@ def _settle(flight: FlightState, view: TickInput) -> tuple[FlightState, FlightAc
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
         flight = go(flight, after(Phase.DESCEND, view), view)
-    return flight, FlightAction(stay(START_NE_M, view.sight.pose))
+    return flight, FlightAction(stay(START_NE_M, pose))
 
 
 def descend(

@@ -45,13 +45,7 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.messages import (
-    HOLD,
-    Beam,
-    Order,
-    Task,
-    VehicleState,
-)
+from companion.core.messages import HOLD, Beam, Order, Task, VehicleState
 from companion.navigation import energy_reserve
 from companion.navigation.energy_reserve import Spent
 from companion.navigation.grid_planner import START_NE_M
@@ -81,12 +75,7 @@ from companion.pdps.flight.state import (
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
-from companion.safety.control_laws import (
-    CLIMB_LAG_S,
-    MAX_CLIMB_M_S,
-    approach_speed,
-    climb_to,
-)
+from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S, approach_speed, climb_to
 from companion.safety.velocity_guard import BODY_RADIUS_M, guarded
 
 

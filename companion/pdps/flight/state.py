@@ -4,13 +4,7 @@ import enum
 import math
 from dataclasses import field, replace
 
-from companion.core.messages import (
-    Command,
-    Fault,
-    Order,
-    Setpoint,
-    VehicleState,
-)
+from companion.core.messages import Command, Fault, Order, Setpoint, VehicleState
 from companion.core.values import value
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
@@ -28,7 +22,7 @@ LINK_LOST_S = 10.0
 
 
 class Phase(enum.Enum):
-    """Where in the diagram above."""
+    """Where in the diagram of `phases.py`."""
 
     CONNECT = "waiting for the autopilot"
     PREPARE = "waiting for gyro rest and a usable estimate"

@@ -12,6 +12,8 @@ from companion.core.extras import needs_extra
 
 BLOCKER = """
 import os, sys
+
+pytestmark = pytest.mark.processes
 gone = os.environ["GONE"].split(",")
 class Gone:
     def find_spec(self, name, path=None, target=None):

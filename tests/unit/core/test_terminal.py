@@ -13,6 +13,8 @@ import companion.export.map_png, pathlib
 from companion.core.messages import FloorPlan
 companion.export.map_png.draw(FloorPlan(), pathlib.Path("plan.png"))
 import matplotlib, os
+
+pytestmark = pytest.mark.processes
 print(matplotlib.rcParams["backend"], os.environ["MPLBACKEND"])
 """
 

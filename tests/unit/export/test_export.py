@@ -41,6 +41,8 @@ from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
 from tests.worlds import SMALL_ROOM
 
+pytestmark = pytest.mark.flights
+
 PLACE = Place(47.3977, 8.5456, math.radians(30))
 LABELS = Labels("a flight", PLACE)
 PT_M = 0.0254 / 72

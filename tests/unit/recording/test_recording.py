@@ -47,6 +47,8 @@ from sitl.testing import Flight, Sitl, link_down, unplug, when
 from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
 
+pytestmark = pytest.mark.flights
+
 ANY = st.floats()
 BEGIN_BYTES = 200
 """Magic, header, and what kind of recording it is."""

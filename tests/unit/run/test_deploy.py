@@ -234,6 +234,8 @@ def test_a_raspberry_pi_5_keeps_its_debug_connector(
 def test_a_flight_needs_nothing_of_what_is_left_out() -> None:
     script = f"""
 import runpy, sys
+
+pytestmark = pytest.mark.processes
 for name in {LEFT_OUT}:
     sys.modules[name] = None
 runpy.run_path({str(DEPLOY / "self_test.py")!r}, run_name="__main__")

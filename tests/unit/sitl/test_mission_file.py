@@ -7,6 +7,8 @@ import pytest
 from sitl.testing import Sitl
 from sitl.testing.mission_file import MissionError, load_mission
 
+pytestmark = pytest.mark.flights
+
 GOOD = """
 [mission]
 speed_m_s = 0.7

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 DEADLINE_S = 60
 WITHOUT_VISER = "import sys; sys.modules['viser'] = None; from {}.commands.cli import main; main()"
 
