@@ -10,10 +10,10 @@ import pytest
 from companion.core.errors import MissingExtraError
 from companion.core.extras import needs_extra
 
+pytestmark = pytest.mark.processes
+
 BLOCKER = """
 import os, sys
-
-pytestmark = pytest.mark.processes
 gone = os.environ["GONE"].split(",")
 class Gone:
     def find_spec(self, name, path=None, target=None):

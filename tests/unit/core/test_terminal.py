@@ -7,14 +7,14 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.processes
+
 BACKENDS = ["module://matplotlib_inline.backend_inline", "Qt4Agg", "no such thing"]
 OWN = """
 import companion.export.map_png, pathlib
 from companion.core.messages import FloorPlan
 companion.export.map_png.draw(FloorPlan(), pathlib.Path("plan.png"))
 import matplotlib, os
-
-pytestmark = pytest.mark.processes
 print(matplotlib.rcParams["backend"], os.environ["MPLBACKEND"])
 """
 

@@ -16,6 +16,8 @@ from companion.pdps.flight.state import FlightState, Phase
 from companion.run.unattended import exit_status
 from sitl.autopilot.parameters.table import load_table
 
+pytestmark = pytest.mark.processes
+
 _spec = importlib.util.spec_from_file_location("boot_config", DEPLOY / "boot_config.py")
 assert _spec is not None
 assert _spec.loader is not None
@@ -234,8 +236,6 @@ def test_a_raspberry_pi_5_keeps_its_debug_connector(
 def test_a_flight_needs_nothing_of_what_is_left_out() -> None:
     script = f"""
 import runpy, sys
-
-pytestmark = pytest.mark.processes
 for name in {LEFT_OUT}:
     sys.modules[name] = None
 runpy.run_path({str(DEPLOY / "self_test.py")!r}, run_name="__main__")
