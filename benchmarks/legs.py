@@ -83,6 +83,7 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
     )
     met_m, met_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
     passed, swing = Passed(fill), TO_THE_RIGHT
+    least_m_s = 0.0 if fill.is_proof else CRAWL_M_S
     nose = Axis(ARDUCOPTER.yaw, ARDUCOPTER.airframe.yaw)
     forward = Axis(ARDUCOPTER.horizontal, ARDUCOPTER.airframe.horizontal)
     along_m = speed_m_s = yaw_rad = time_s = 0.0
@@ -101,7 +102,7 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         passed.go(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
         passed.stand(here, time_s)
         left_m = max(lane.clear_m - LAG_S * speed_m_s, 0.0)
-        bound_m_s = min(most_m_s, max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * left_m)))
+        bound_m_s = min(most_m_s, max(least_m_s, math.sqrt(2 * STOPS_M_S2 * left_m)))
         speed_m_s = forward.tick(bound_m_s)
         along_m += speed_m_s * TICK_S
     stops_m = STOPS_WITHIN_S * met_m_s + met_m_s**2 / (2 * STOPS_M_S2)

@@ -18,10 +18,11 @@ from companion.safety.seen_free import Lane
 
 RATE_RAD_S = math.radians(45)
 """Two readings of a sensor that measures twenty times a second are 4 cm apart a metre away. Chosen
-by `benchmarks/legs.py`: at 0.6 m/s among legs 0.1 % of those in the way are met too late, 0.3 % at
-30 deg/s, for the nose comes back too late, and 0.5 % at 60, for the readings are too far apart."""
-MIN_RAD, MAX_RAD = math.radians(3), math.radians(45)
-"""Bounds of the swing to either side. Chosen: a beam's own jitter; half of what is between two."""
+by `benchmarks/legs.py`: at 0.6 m/s among legs 0.1 % of those in the way are met too late, 0.2 % at
+30 deg/s, for the nose comes back too late, and at 60, for the readings are too far apart."""
+MIN_RAD, MAX_RAD = math.radians(3), math.radians(75)
+"""Bounds of the swing to either side. Chosen: a beam's own jitter; what the body touches first
+after a corner lies up to 60° off the way, seen from the sensor."""
 
 
 @dataclass(frozen=True, slots=True)

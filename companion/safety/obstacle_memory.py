@@ -26,7 +26,7 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
-from companion.safety.fold_back import ALIAS_M, Folds
+from companion.safety.fold_back import ALIAS_M, KNOWN_M, Folds
 from companion.safety.obstacle_points import (
     GUESSED,
     KEPT_WITHIN_M,
@@ -159,10 +159,11 @@ class Near:
             measured_m = line.along_m[is_on_it & self._met.is_measured]
             known_m = float(measured_m.min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
-            free_m = _free_m(unfolded, unit)
-            self._met.pass_through(scan.time_s, line, free_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
+            elsewhere_m = line.along_m[is_on_it & self._met.is_met_from_elsewhere(eye_ne_m)]
+            free_m = _free_m(unfolded, unit, elsewhere_m - unit.offset_m)
+            self._met.pass_through(scan.time_s, line, free_m)
             for grid in grids:
                 grid.go(eye_ne_m, bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
@@ -172,7 +173,7 @@ class Near:
                 self._met.meet_again(again, scan.time_s, float(aside_m), self._place(there))
             elif end is not None:
                 end_m, sigma_m = end
-                found = Found(_how_known(reading, unfolded), sigma_m, bearing_rad)
+                found = Found(_how_known(reading, unfolded), sigma_m, bearing_rad, eye_ne_m)
                 new.append((self._place(line.at_m(end_m)), found))
         for grid in grids:
             grid.stand(self._ne_m, scan.time_s)
@@ -211,17 +212,19 @@ class Near:
         return points_to_frd(self._met.places - self._ne_m, self._yaw_rad)
 
 
-def _free_m(reading: RangeReading, unit: RangeUnit) -> Vector2:
+def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Points) -> Vector2:
     """Nothing lies along the beam from here to there.
 
     A reading that may have folded back says nothing of what it may have met then, nor of what is
-    nearer, if that is more than a guess.
+    nearer, if that is more than a guess; unless what it means was met from elsewhere, too, at one
+    of `elsewhere_m`, (n,) from the sensor.
     """
     model = unit.model
     if reading.is_distance:
         alias_m = model.alias_m(reading.distance_m)
         end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
-        from_m = 0.0 if alias_m is None else alias_m + unit.offset_m + SURELY_M
+        is_known = (np.abs(elsewhere_m - reading.distance_m) <= KNOWN_M).any()
+        from_m = 0.0 if alias_m is None or is_known else alias_m + unit.offset_m + SURELY_M
         return from_m, end_m + unit.offset_m
     if reading.state is RangeState.NOTHING:
         return 0.0, model.max_m

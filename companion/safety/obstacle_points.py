@@ -59,7 +59,11 @@ _STRIP_RIGHT_M = STRIP_M * (np.arange(STRIPS) - STRIPS // 2)
 ALONE_FROM_M, ALONE_TO_M, GLANCE_S = 0.06, 0.20, 3.0
 """What beams have gone by at such a distance on both sides, and beyond, within so long, one swing
 of the nose, stands alone and is no wider than a leg, or the end of something thin."""
-_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S, _PASSED = 2, 3, 4, 5, 6, 7, 8, 9
+ELSEWHERE_M = 0.15
+"""When the drone comes nearer by so much, a folded reading becomes longer: what it means moves on
+by more than `fold_back.KNOWN_M`. Chosen: half as much again."""
+_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
+_FROM_NE, _PASSED = slice(9, 11), 11
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
 """How well a point is known. A signal stronger than that of the least distance is proof that
 something is there, not of where; a reading that seems to have folded back is proof of neither."""
@@ -113,14 +117,17 @@ class Found:
     """Of its distance; 0 where that is exact."""
     ray_rad: float
     """Heading of the beam."""
+    from_ne_m: Vector2
+    """Place of the drone when the sensor measured."""
 
 
 class Met:
     """Points in a frame that only odometry moves.
 
-    (n, 9 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
+    (n, 11 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
     distance where that was vague and the heading of the beam, when it was met again, when a beam
-    last went by on the left and on the right of it, and through each of the strips around it.
+    last went by on the left and on the right of it, the north and east of the drone then,
+    and when a beam last went through each of the strips around it.
     """
 
     def __init__(self) -> None:
@@ -155,6 +162,15 @@ class Met:
         """(n,): something is there."""
         sure: Chosen = self._points[:, _KNOWN] > GUESSED
         return sure
+
+    def is_met_from_elsewhere(self, ne_m: Vector2) -> Chosen:
+        """(n,): measured when the drone was elsewhere than at a place.
+
+        What a folded reading means is not met from two places: it moves on with the drone.
+        """
+        off_m = self._points[:, _FROM_NE] - ne_m
+        elsewhere: Chosen = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
+        return self.is_measured & elsewhere
 
     def before(self, time_s: float) -> Points:
         """(m, 2): those that were met earlier."""
@@ -234,7 +250,8 @@ class Met:
         again = (again | (off_m2 < same_m**2)) & no_better  # no guess for what was measured
         again &= self._points[:, _SIGMA_M] >= sigma_m
         how = known, sigma_m, ray_rad
-        new = (*place_ne_m, time_s, *how, time_s, -math.inf, -math.inf, *NOT_PASSED)
+        unpassed = -math.inf, -math.inf, *found.from_ne_m, *NOT_PASSED
+        new = *place_ne_m, time_s, *how, time_s, *unpassed
         self._points = np.vstack([self._points[~again], new])
 
     def _stands_alone(self, which: Chosen, time_s: float) -> bool:

@@ -13,7 +13,8 @@ something ahead on its course, it may be as near to what is on both sides of it,
 ahead: it would be held fast between them, and what it knows of them drifts.
 
 What no beam has met may stand there all the same, if no beam has gone there. So the drone is no
-faster than it stops before the first place, as wide as it is, that beams have not gone through.
+faster than it stops before the first place, as wide as it is, that beams have not gone through. But
+for a crawl, unless it is among legs: there it stands until a beam has gone there.
 
 Only the map knows what was met minutes ago. That bounds the speed towards it as in a passage, and
 the drone does not give way to it: the map may be off by decimetres.
@@ -94,14 +95,14 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2:
     """No faster than it stops before what beams have not gone through, but at a crawl."""
     speed_m_s = math.hypot(*velocity)
-    if speed_m_s <= CRAWL_M_S:
+    least_m_s, most_m_s = (0.0, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
+    if speed_m_s <= least_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
     left_m = around.lane(math.atan2(right_m_s, forward_m_s)).clear_m
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
-    most_m_s = max(CRAWL_M_S, math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0)))
-    if around.is_among_legs:
-        most_m_s = min(most_m_s, AMONG_LEGS_M_S)
+    stops_m_s = math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0))
+    most_m_s = min(max(least_m_s, stops_m_s), most_m_s)
     share = min(1.0, most_m_s / speed_m_s)
     return share * forward_m_s, share * right_m_s
 
