@@ -86,10 +86,10 @@ def fly(minutes: float) -> None:
         for beam, bearing_rad in BEARING_FRD_RAD.items():
             true_m = range_m(north_m, east_m, yaw_rad + bearing_rad) - sensors.mount_offset_m
             sigma_m = GP2Y0A710K0F.sigma_m(min(max(true_m, 1.0), 5.5))
-            told_m = true_m + random.gauss(0, sigma_m)
-            seen = GP2Y0A710K0F.min_m < told_m < GP2Y0A710K0F.max_m
+            measured_m = true_m + random.gauss(0, sigma_m)
+            seen = GP2Y0A710K0F.min_m < measured_m < GP2Y0A710K0F.max_m
             readings[beam] = (
-                RangeReading(RangeState.DISTANCE, told_m, sigma_m**2)
+                RangeReading(RangeState.DISTANCE, measured_m, sigma_m**2)
                 if seen
                 else RangeReading(RangeState.NOTHING)
             )

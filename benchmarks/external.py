@@ -52,11 +52,11 @@ def _displacements(
     return np.column_stack([turned.real, turned.imag])
 
 
-def told_on_true(recording: Recording, truth: TruthRecord) -> str:
+def reported_on_true(recording: Recording, truth: TruthRecord) -> str:
     """How late motion is told, how far off it is then, and its scale over several lags."""
     messages = [t.inputs.telemetry.odometry for t in recording.ticks]
     odometry = [o for o in messages if o is not None]
-    told_states = (
+    reported_states = (
         np.array([o.time_s for o in odometry]),
         np.array([o.position_ned_m[:2] for o in odometry]),
         np.unwrap([o.yaw_rad for o in odometry]),
@@ -67,24 +67,28 @@ def told_on_true(recording: Recording, truth: TruthRecord) -> str:
         np.unwrap([s.yaw_rad for s in truth.path]),
     )
     moved_m = np.array([o.velocity_ned_m_s[:2] for o in odometry])[:-1]
-    moved_m = moved_m * np.diff(told_states[0])[:, None]
-    by_velocity = told_states[0], np.vstack([np.zeros(2), moved_m.cumsum(axis=0)]), told_states[2]
+    moved_m = moved_m * np.diff(reported_states[0])[:, None]
+    by_velocity = (
+        reported_states[0],
+        np.vstack([np.zeros(2), moved_m.cumsum(axis=0)]),
+        reported_states[2],
+    )
     airborne_s = [s.time_s for s in truth.path if s.position_ned_m[2] < -0.3]
     times_s = np.arange(airborne_s[0], airborne_s[-1] - LAGS_S[-1], STEP_S)
 
     def compared(
-        lag_s: float, late_s: float, told: tuple[Array, Array, Array] = told_states
+        lag_s: float, late_s: float, told: tuple[Array, Array, Array] = reported_states
     ) -> tuple[float, float]:
         """The scale, and what is left, rms in metres."""
         true_m = _displacements(times_s, true_states, lag_s)
-        told_m = _displacements(times_s, told, lag_s, late_s)
-        scale = float((told_m * true_m).sum() / (true_m**2).sum())
-        return scale, float(np.sqrt(((told_m - scale * true_m) ** 2).sum(axis=1).mean()))
+        reported_m = _displacements(times_s, told, lag_s, late_s)
+        scale = float((reported_m * true_m).sum() / (true_m**2).sum())
+        return scale, float(np.sqrt(((reported_m - scale * true_m) ** 2).sum(axis=1).mean()))
 
     late_s = min(np.arange(0, MAX_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
     scales = [f"{lag_s:g} s {compared(lag_s, late_s)[0]:.3f}" for lag_s in LAGS_S]
     place_m, velocity_m = (
-        compared(LATE_OVER_S, late_s, told)[1] for told in (told_states, by_velocity)
+        compared(LATE_OVER_S, late_s, told)[1] for told in (reported_states, by_velocity)
     )
     over = f"off by {100 * place_m:.1f} cm over {LATE_OVER_S:g} s"
     over += f", by its velocity {100 * velocity_m:.1f} cm"
@@ -110,7 +114,7 @@ def main() -> None:
         recording = read(max((folder / "out").glob("*.mcap")))
         truth = TruthRecord.load(folder / "truth.json")
         print(row(world, int(seed), folder))
-        print(f"  {told_on_true(recording, truth)}")
+        print(f"  {reported_on_true(recording, truth)}")
         print(f"  {landing(recording, truth)}", flush=True)
 
 

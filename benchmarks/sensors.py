@@ -44,9 +44,9 @@ def sharp() -> Iterator[str]:
         volts = [unit.volts(0.05 * i) for i in range(REFRESHES)]
         readings = (physics.profile.reading(v) for v in volts)
         spread_m = statistics.stdev(r.distance_m for r in readings if r.is_distance)
-        told_cm, spread_cm = 100 * physics.profile.sigma_m(distance_m), 100 * spread_m
+        assumed_cm, spread_cm = 100 * physics.profile.sigma_m(distance_m), 100 * spread_m
         mean_v = statistics.mean(volts)
-        yield f"{distance_m:5.1f} m {mean_v:9.2f} {told_cm:12.1f} cm {spread_cm:12.1f} cm"
+        yield f"{distance_m:5.1f} m {mean_v:9.2f} {assumed_cm:12.1f} cm {spread_cm:12.1f} cm"
 
 
 def time_of_flight() -> Iterator[str]:
@@ -60,8 +60,8 @@ def time_of_flight() -> Iterator[str]:
                 return at_m
 
             units = [TofUnit(physics, still, Random(seed)) for seed in range(1000)]
-            told_m = [unit.distance_m(1.0) for unit in units]
-            spread_m = statistics.stdev(m for m in told_m if m is not None)
+            measured_m = [unit.distance_m(1.0) for unit in units]
+            spread_m = statistics.stdev(m for m in measured_m if m is not None)
             spreads.append(f"{100 * model.sigma_m(distance_m):.1f}, {100 * spread_m:.1f} cm")
         yield (
             f"{name:10s} {model.min_m:5.2f} to {model.max_m:4.1f}   {'; '.join(spreads)}"

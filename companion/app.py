@@ -272,7 +272,7 @@ class App:
         view = TickInput(
             time_s=now_s,
             vehicle=inputs.telemetry.vehicle,
-            sight=Observation(
+            observation=Observation(
                 pose,
                 inputs.scan.readings,
                 sensors.mount_offset_m,

@@ -28,16 +28,16 @@ def wiring_remedy(wires: Wires, sensor: RangeSensor) -> str:
     """Where something of its kind does answer; or nothing."""
     match sensor:
         case SharpOnAds1115():
-            return _told(answering(wires, ADS1115_ADDRESSES))
+            return _listed(answering(wires, ADS1115_ADDRESSES))
         case Vl53l1xSensor(mux_address=None):
-            return _told(answering(wires, VL53L1X_ADDRESSES))
+            return _listed(answering(wires, VL53L1X_ADDRESSES))
         case Vl53l1xSensor():
-            return _told(answering(wires, MUX_ADDRESSES))
+            return _listed(answering(wires, MUX_ADDRESSES))
         case _:
             return ""
 
 
-def _told(addresses: list[int]) -> str:
+def _listed(addresses: list[int]) -> str:
     if not addresses:
         return "; nothing like it answers anywhere: check SDA, SCL and supply"
     return "; something answers at " + ", ".join(f"0x{address:02x}" for address in addresses)

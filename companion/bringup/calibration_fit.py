@@ -27,7 +27,7 @@ class TapePoint:
     """What a unit told at one distance by the tape measure."""
 
     true_m: float
-    told_m: float
+    measured_m: float
     """Mean of the readings."""
     sigma_m: float
     """Of that mean."""
@@ -49,14 +49,16 @@ def tape_point(true_m: float, readings: Sequence[RangeReading]) -> TapePoint:
     Raises:
         CalibrationError: too few of them were distances.
     """
-    told_m = [reading.distance_m for reading in readings if reading.is_distance]
-    if len(told_m) < MIN_READINGS or len(told_m) < 0.8 * len(readings):
+    measured_m = [reading.distance_m for reading in readings if reading.is_distance]
+    if len(measured_m) < MIN_READINGS or len(measured_m) < 0.8 * len(readings):
         states = ", ".join(sorted({reading.state.value for reading in readings}))
         raise CalibrationError(
-            f"at {true_m:g} m only {len(told_m)} of {len(readings)} readings were distances "
+            f"at {true_m:g} m only {len(measured_m)} of {len(readings)} readings were distances "
             f"({states}); choose distances within the sensor's range, and a flat light board"
         )
-    return TapePoint(true_m, float(np.mean(told_m)), float(np.std(told_m)) / math.sqrt(len(told_m)))
+    return TapePoint(
+        true_m, float(np.mean(measured_m)), float(np.std(measured_m)) / math.sqrt(len(measured_m))
+    )
 
 
 def fit(points: Sequence[TapePoint]) -> Fit:
@@ -71,12 +73,12 @@ def fit(points: Sequence[TapePoint]) -> Fit:
             f"{len(points)} distances from {true_m.min():g} to {true_m.max():g} m tell no gain; "
             f"measure at three to five, the farthest {MIN_SPAN:g} times the nearest or more"
         )
-    told_m = np.array([point.told_m for point in points])
+    measured_m = np.array([point.measured_m for point in points])
     weights = 1 / np.maximum([point.sigma_m for point in points], 1e-4)
     design = np.column_stack([true_m, np.ones_like(true_m)])
     weighted = np.vstack([design * weights[:, None], [[0.0, 1 / OFFSET_SIGMA_M]]])
-    gain, offset_m = np.linalg.lstsq(weighted, np.append(told_m * weights, 0.0), rcond=None)[0]
-    residual_m = math.sqrt(np.mean((told_m - design @ [gain, offset_m]) ** 2))
+    gain, offset_m = np.linalg.lstsq(weighted, np.append(measured_m * weights, 0.0), rcond=None)[0]
+    residual_m = math.sqrt(np.mean((measured_m - design @ [gain, offset_m]) ** 2))
     gain_sigma = math.sqrt(np.linalg.inv(weighted.T @ weighted)[0, 0])
     if not GAIN_BOUNDS[0] <= gain <= GAIN_BOUNDS[1]:
         raise CalibrationError(

@@ -52,7 +52,7 @@ def calibrate_range(
             "then press Enter"
         )
         points.append(tape_point(true_m, readings_of(rig, beam, seconds)))
-        console.print(f"  told {points[-1].told_m:.3f} m ± {1000 * points[-1].sigma_m:.1f} mm")
+        console.print(f"  told {points[-1].measured_m:.3f} m ± {1000 * points[-1].sigma_m:.1f} mm")
     found = fit(points)
     gain, offset_m = found.calibration.gain, found.calibration.offset_m
     console.print(

@@ -201,7 +201,7 @@ class VehicleState:
         return self.silent_s > LINK_SILENT_S
 
     @property
-    def is_mode_just_told(self) -> bool:
+    def is_mode_recent(self) -> bool:
         """So lately that a pilot's change since then is unlikely."""
         return self.mode_age_s <= JUST_TOLD_S
 

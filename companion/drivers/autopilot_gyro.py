@@ -36,7 +36,7 @@ class AutopilotGyro:
         self._samples: list[GyroSample] = []
         self._has_highres = False
         self._clock = BootClock()
-        self._told_s = self._last_s = -math.inf
+        self._boot_s = self._last_s = -math.inf
 
     def hear(self, message: Any, now_s: float) -> None:
         """Take in one sample, by its own time; an older one than the last changes nothing."""
@@ -46,10 +46,10 @@ class AutopilotGyro:
             return
         boot_s, yaw_rate_rad_s = self._TOLD[kind](message)
         if self._clock.hear(boot_s, now_s):
-            self._told_s = -math.inf
-        if boot_s <= self._told_s or not abs(yaw_rate_rad_s) <= MAX_RATE_RAD_S:  # nor NaN
+            self._boot_s = -math.inf
+        if boot_s <= self._boot_s or not abs(yaw_rate_rad_s) <= MAX_RATE_RAD_S:  # nor NaN
             return
-        self._told_s = boot_s
+        self._boot_s = boot_s
         time_s = min(self._clock.time_s(boot_s), now_s)
         if time_s > self._last_s:  # a quicker message has just shown that it is earlier
             self._last_s = time_s

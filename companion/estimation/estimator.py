@@ -41,7 +41,7 @@ MAX_PLAUSIBLE_SPEED_M_S = 5.0
 MAX_OBLIQUE_RAD = math.radians(30)
 REACH_M = 1.0
 """A wall may go on this far beyond where it has been seen."""
-TOLD_LASTS_S = 0.15
+AUTOPILOT_YAW_LASTS_S = 0.15
 """Three messages of odometry."""
 TOLD_STEP_RAD = math.radians(3)
 """When the autopilot's heading parts from the gyro's by more in one message, its compass set it."""
@@ -76,9 +76,9 @@ class Estimator:
         self._over_floor = Height()
         self._raw = DeadReckoning()
         """Neither scales nor bias corrected."""
-        self._told_ahead_rad, self._told_s = 0.0, -math.inf
+        self._autopilot_ahead_rad, self._odometry_s = 0.0, -math.inf
         """How far the autopilot's heading was ahead of the raw one when it was told last,"""
-        self._told_on_ground_rad = 0.0
+        self._autopilot_on_ground_rad = 0.0
         """and what it was before take-off."""
         self._drifting = DeadReckoning()
         """Corrected as well as they were known at the time."""
@@ -145,24 +145,26 @@ class Estimator:
         """How much farther than ours the autopilot has turned, in whole turns nearest to before."""
         ahead_s = odometry.time_s - self._turned_until_s
         raw_rad = self._raw.yaw_rad + ahead_s * self._yaw_rate_rad_s
-        parted_rad = wrap_rad(odometry.turned_rad - raw_rad - self._told_ahead_rad)
-        self._told_ahead_rad += parted_rad
-        self._told_s = odometry.time_s
+        parted_rad = wrap_rad(odometry.turned_rad - raw_rad - self._autopilot_ahead_rad)
+        self._autopilot_ahead_rad += parted_rad
+        self._odometry_s = odometry.time_s
         if self._height_m < LIFTED_M:
-            self._told_on_ground_rad = raw_rad + self._told_ahead_rad
+            self._autopilot_on_ground_rad = raw_rad + self._autopilot_ahead_rad
         elif abs(parted_rad) > TOLD_STEP_RAD:
-            self._told_on_ground_rad += parted_rad
+            self._autopilot_on_ground_rad += parted_rad
 
-    def _told_rad(self, now_s: float) -> float:
+    def _autopilot_yaw_rad(self, now_s: float) -> float:
         """Turned since take-off by the autopilot; not a number when it has not told lately."""
-        if self._height_m < LIFTED_M or now_s - self._told_s > TOLD_LASTS_S:
+        if self._height_m < LIFTED_M or now_s - self._odometry_s > AUTOPILOT_YAW_LASTS_S:
             return math.nan
-        return self._raw.yaw_rad + self._told_ahead_rad - self._told_on_ground_rad
+        return self._raw.yaw_rad + self._autopilot_ahead_rad - self._autopilot_on_ground_rad
 
     def see(self, scan: RangeScan) -> None:
         """Take in one sweep of the horizontal beams."""
         pose = self.pose(scan.time_s)
-        self.record.advance(pose, self._raw.ne_m, self._raw.yaw_rad, self._told_rad(scan.time_s))
+        self.record.advance(
+            pose, self._raw.ne_m, self._raw.yaw_rad, self._autopilot_yaw_rad(scan.time_s)
+        )
         for beam, unit in self._units.items():
             reading = scan.readings.get(beam)
             if reading is None:

@@ -37,7 +37,7 @@ class Reports:
     def __init__(self, config: LinkConfig, models: Mapping[Beam, RangeModel]) -> None:
         self._config = config
         self._models = models
-        self._told_s = -math.inf
+        self._sent_s = -math.inf
         self._activity = self._trouble = self._notice = ""
         self._text_id = 0
 
@@ -46,8 +46,8 @@ class Reports:
     ) -> list[Message]:
         """Ranges ten times a second, and a text whenever there is something new."""
         messages: list[Message] = []
-        if self._config.tell_ranges != "none" and now_s - self._told_s >= PERIOD_S - 1e-6:
-            self._told_s = now_s
+        if self._config.tell_ranges != "none" and now_s - self._sent_s >= PERIOD_S - 1e-6:
+            self._sent_s = now_s
             messages += self._ranges(round(now_s * 1000), scan)
         if self._config.tell_texts:
             messages += self._texts(activity, trouble, notice)
@@ -90,7 +90,7 @@ class Reports:
             covariance = max(1, round(reading.variance_m2 * 1e4))
         return mavlink.MAVLink_distance_sensor_message(
             time_ms % 2**32,
-            *(least_cm, most_cm, _told_cm(reading, least_cm, most_cm)),
+            *(least_cm, most_cm, _distance_cm(reading, least_cm, most_cm)),
             mavlink.MAV_DISTANCE_SENSOR_INFRARED,
             list(ORIENTATIONS).index(beam),
             ORIENTATIONS[beam],
@@ -103,10 +103,10 @@ class Reports:
         least_cm, most_cm = min(b[0] for b in bounds_cm), max(b[1] for b in bounds_cm)
         sectors = [UNKNOWN_SECTOR] * SECTORS
         for beam, reading in around.items():
-            told_cm = _told_cm(reading, least_cm, most_cm)
+            distance_cm = _distance_cm(reading, least_cm, most_cm)
             if reading.state is RangeState.TOO_NEAR:
-                told_cm = self._bounds_cm(beam)[0]  # what is below the least would be ignored
-            sectors[SECTOR_OF[beam]] = told_cm
+                distance_cm = self._bounds_cm(beam)[0]  # what is below the least would be ignored
+            sectors[SECTOR_OF[beam]] = distance_cm
         return mavlink.MAVLink_obstacle_distance_message(
             time_ms * 1000,
             mavlink.MAV_DISTANCE_SENSOR_INFRARED,
@@ -145,7 +145,7 @@ def _ascii(text: str) -> bytes:
     return plain.encode("ascii", "replace")
 
 
-def _told_cm(reading: RangeReading, least_cm: int, most_cm: int) -> int:
+def _distance_cm(reading: RangeReading, least_cm: int, most_cm: int) -> int:
     """Beyond the bounds: nothing is there, or something is too near."""
     if reading.state is RangeState.TOO_NEAR:
         return max(least_cm - 1, 0)

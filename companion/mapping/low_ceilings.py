@@ -43,8 +43,10 @@ class Overhead:
         tells_to_m = math.inf if ceiling_m is None else ceiling_m - self._near_limit_m - MARGIN_M
         places = []
         for (row, column), met_m in self._met_m.items():
-            told_m = [at_m + above_m for at_m, above_m in met_m if above_m or at_m < tells_to_m]
-            low = sum(m < height_m for m in told_m)
-            if low >= max(MIN_READINGS, MIN_SHARE * len(told_m)):
+            above_m_all = [
+                at_m + above_m for at_m, above_m in met_m if above_m or at_m < tells_to_m
+            ]
+            low = sum(m < height_m for m in above_m_all)
+            if low >= max(MIN_READINGS, MIN_SHARE * len(above_m_all)):
                 places.append(((row + 0.5) * CELL_M, (column + 0.5) * CELL_M))
         return tuple(places)

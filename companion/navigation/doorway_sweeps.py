@@ -23,14 +23,14 @@ SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
 
 
 def backed_off(
-    ground: CostGrid, travel: Travel, sight: Observation, doorways: tuple[Doorway, ...]
+    ground: CostGrid, travel: Travel, observation: Observation, doorways: tuple[Doorway, ...]
 ) -> Vector2 | None:
     """A place from where the next doorway's jambs can be measured, if it has come too near.
 
     There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
     would go to and fro.
     """
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     if not doorways:
         return None
     doorway = doorways[0]
@@ -47,9 +47,9 @@ def _was_swept(travel: Travel, doorway: Doorway) -> bool:
     return any(doorway.is_same(known) and math.isfinite(known.swept_s) for known in travel.known)
 
 
-def still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
+def still_swept(travel: Travel, observation: Observation) -> tuple[Doorway, ...]:
     """The doorways, those not swept any more that are far, or were swept long ago."""
-    here, now_s = sight.pose.ne_m, sight.pose.time_s
+    here, now_s = observation.pose.ne_m, observation.pose.time_s
 
     def is_exact(doorway: Doorway) -> bool:
         is_near = math.dist(here, doorway.middle_ne_m) < SWEPT_FOR_M
@@ -63,9 +63,9 @@ def still_swept(travel: Travel, sight: Observation) -> tuple[Doorway, ...]:
     )
 
 
-def begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
+def begin_sweep(travel: Travel, observation: Observation) -> Travel | None:
     """Before the next doorway, if it has not been looked at yet."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
         to_go_m = math.dist(here, middle)
@@ -73,7 +73,7 @@ def begin_sweep(travel: Travel, sight: Observation) -> Travel | None:
             continue
         if _was_swept(travel, doorway):
             continue
-        sweep = sweeping.over_jambs(doorway, sight)
+        sweep = sweeping.over_jambs(doorway, observation)
         return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep)
     return None
 

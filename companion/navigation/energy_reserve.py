@@ -66,7 +66,7 @@ class Reserve:
 
 
 def step(
-    reserve: Reserve, spent: Spent, sight: Observation, space: Occupancy, plan: MissionConfig
+    reserve: Reserve, spent: Spent, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Reserve, str]:
     """One tick of a mission: why the drone must turn back now; empty if it need not."""
     flown_s = spent.flown_s
@@ -76,7 +76,7 @@ def step(
     if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
         return reserve, ""
     if since_s > ASK_AGAIN_S:
-        way_home_s = _way_home_s(sight, space, plan)
+        way_home_s = _way_home_s(observation, space, plan)
         reserve = replace(reserve, asked_s=flown_s, way_home_s=way_home_s)
     return reserve, "" if left_s > ROUGHLY * reserve.way_home_s else why
 
@@ -110,8 +110,8 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
     return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
 
 
-def _way_home_s(sight: Observation, space: Occupancy, plan: MissionConfig) -> float:
-    here = sight.pose.ne_m
+def _way_home_s(observation: Observation, space: Occupancy, plan: MissionConfig) -> float:
+    here = observation.pose.ne_m
     ground = find_ground(space, here, clear_of_all_m(plan))
     ways = find_ways(ground)
     if not ways.reaches(START_NE_M):
@@ -120,7 +120,7 @@ def _way_home_s(sight: Observation, space: Occupancy, plan: MissionConfig) -> fl
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    most_m_s = AMONG_LEGS_MEAN_M_S if sight.is_among_legs else plan.speed_m_s
+    most_m_s = AMONG_LEGS_MEAN_M_S if observation.is_among_legs else plan.speed_m_s
     return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
 
 

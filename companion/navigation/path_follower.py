@@ -59,46 +59,50 @@ class Course:
     swing: Swing = TO_THE_RIGHT
 
 
-def passed(way: Way, sight: Observation, within_m: float) -> Way:
+def passed(way: Way, observation: Observation, within_m: float) -> Way:
     """What is left of the way; nothing so near to its end."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
     return () if len(way) == 1 and math.dist(here, way[0]) < within_m else way
 
 
-def faced(course: Course | None, way: Way, sight: Observation) -> Course | None:
+def faced(course: Course | None, way: Way, observation: Observation) -> Course | None:
     """The course to the next corner; None as long as no beam has pointed along it."""
-    bearing_rad = _bearing_rad(way, sight)
-    ahead_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
+    bearing_rad = _bearing_rad(way, observation)
+    ahead_rad = wrap_rad(bearing_rad - observation.pose.yaw_rad)
     if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
-        swing = course.swing.onward(-ahead_rad, sight.lane(ahead_rad))
+        swing = course.swing.onward(-ahead_rad, observation.lane(ahead_rad))
         return replace(course, swing=swing)
-    if _looking(bearing_rad, sight) is None:
+    if _looking(bearing_rad, observation) is None:
         return None
     return Course(bearing_rad, Swing(1 if ahead_rad >= 0 else -1))  # on from the turn
 
 
 def follow(
-    way: Way, course: Course | None, sight: Observation, space: Occupancy, plan: MissionConfig
+    way: Way, course: Course | None, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
     """The velocity that flies a way, of which something is left."""
-    return _towards(way, course, sight, plan, most_speed_m_s(_room_m(sight, space), plan))
+    return _towards(
+        way, course, observation, plan, most_speed_m_s(_room_m(observation, space), plan)
+    )
 
 
-def _room_m(sight: Observation, space: Occupancy) -> float:
+def _room_m(observation: Observation, space: Occupancy) -> float:
     """To what is mapped, up to a metre: the least from here, and from where it will be soon.
 
     What the beams to the sides meet, they meet wherever the drone is.
     """
-    pose = sight.pose
+    pose = observation.pose
     ahead_ne_m = (
         pose.north_m + LOOK_AHEAD_M * math.cos(pose.yaw_rad),
         pose.east_m + LOOK_AHEAD_M * math.sin(pose.yaw_rad),
     )
     places = pose.ne_m, ahead_ne_m
     mapped_m = (_to_mapped_m(place, pose, space) for place in places)
-    beside_m = (sight.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in sight.ranges)
+    beside_m = (
+        observation.clear_m(beam) for beam in (Beam.LEFT, Beam.RIGHT) if beam in observation.ranges
+    )
     return min((*mapped_m, *beside_m))
 
 
@@ -119,44 +123,44 @@ def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
     return max(MIN_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
 
 
-def is_blocked(way: Way, sight: Observation) -> bool:
+def is_blocked(way: Way, observation: Observation) -> bool:
     """Something stands where the way leads, and a beam points there."""
-    if not way or math.dist(sight.pose.ne_m, way[0]) <= CLOSE_M:
+    if not way or math.dist(observation.pose.ne_m, way[0]) <= CLOSE_M:
         return False
-    beam = _looking(_bearing_rad(way, sight), sight)
-    return beam is not None and sight.clear_m(beam) <= FULL_STOP_BEFORE_M
+    beam = _looking(_bearing_rad(way, observation), observation)
+    return beam is not None and observation.clear_m(beam) <= FULL_STOP_BEFORE_M
 
 
-def _looking(bearing_rad: float, sight: Observation) -> Beam | None:
+def _looking(bearing_rad: float, observation: Observation) -> Beam | None:
     """The beam that points there."""
-    off_rad = bearing_rad - sight.pose.yaw_rad
+    off_rad = bearing_rad - observation.pose.yaw_rad
     for beam in LOOKING:
-        aside_rad = wrap_rad(off_rad - sight.bearings_frd_rad[beam])
-        if beam in sight.ranges and abs(aside_rad) < ALONG_RAD:
+        aside_rad = wrap_rad(off_rad - observation.bearings_frd_rad[beam])
+        if beam in observation.ranges and abs(aside_rad) < ALONG_RAD:
             return beam
     return None
 
 
-def _bearing_rad(way: Way, sight: Observation) -> float:
+def _bearing_rad(way: Way, observation: Observation) -> float:
     """To the next corner."""
-    return math.atan2(way[0][1] - sight.pose.east_m, way[0][0] - sight.pose.north_m)
+    return math.atan2(way[0][1] - observation.pose.east_m, way[0][0] - observation.pose.north_m)
 
 
 def _towards(
-    way: Way, course: Course | None, sight: Observation, plan: MissionConfig, most_m_s: float
+    way: Way, course: Course | None, observation: Observation, plan: MissionConfig, most_m_s: float
 ) -> Setpoint:
-    distance_m = math.dist(sight.pose.ne_m, way[0])
+    distance_m = math.dist(observation.pose.ne_m, way[0])
     if distance_m < CLOSE_M and len(way) == 1:
-        return stay(way[0], sight.pose)
-    bearing_rad = _bearing_rad(way, sight)
-    off_rad = wrap_rad(bearing_rad - sight.pose.yaw_rad)
+        return stay(way[0], observation.pose)
+    bearing_rad = _bearing_rad(way, observation)
+    off_rad = wrap_rad(bearing_rad - observation.pose.yaw_rad)
     most_rad_s = math.radians(plan.turn_rate_deg_s)
-    yaw_rate_rad_s = turn_towards(bearing_rad, sight.pose.yaw_rad, most_rad_s)
+    yaw_rate_rad_s = turn_towards(bearing_rad, observation.pose.yaw_rad, most_rad_s)
     if course and abs(off_rad) < SWINGS_WITHIN_RAD:
         yaw_rate_rad_s = clamp(course.swing.rate_rad_s, most_rad_s)
     nose_on = 1.0 if course else max(0.0, 1 - abs(off_rad) / FLIES_FROM_RAD)
-    room_m = min(_room_ahead_m(bearing_rad, sight, plan), distance_m)
-    speed_m_s = nose_on * approach_speed(room_m, most_m_s, sight.lag_s)
+    room_m = min(_room_ahead_m(bearing_rad, observation, plan), distance_m)
+    speed_m_s = nose_on * approach_speed(room_m, most_m_s, observation.lag_s)
     return Setpoint(
         speed_m_s * math.cos(off_rad),
         speed_m_s * math.sin(off_rad),
@@ -164,11 +168,11 @@ def _towards(
     )
 
 
-def _room_ahead_m(bearing_rad: float, sight: Observation, plan: MissionConfig) -> float:
+def _room_ahead_m(bearing_rad: float, observation: Observation, plan: MissionConfig) -> float:
     """Along the way, as far as a beam tells; what the front beam meets beside the way is passed."""
-    beam = _looking(bearing_rad, sight)
+    beam = _looking(bearing_rad, observation)
     if beam is not None:
-        return sight.clear_m(beam) - FULL_STOP_BEFORE_M
-    clear_m = sight.clear_m(Beam.FRONT)
-    aside_m = clear_m * math.sin(abs(wrap_rad(bearing_rad - sight.pose.yaw_rad)))
+        return observation.clear_m(beam) - FULL_STOP_BEFORE_M
+    clear_m = observation.clear_m(Beam.FRONT)
+    aside_m = clear_m * math.sin(abs(wrap_rad(bearing_rad - observation.pose.yaw_rad)))
     return math.inf if aside_m > clear_of_all_m(plan) else clear_m - FULL_STOP_BEFORE_M

@@ -42,42 +42,42 @@ class Sweep:
         return not self.headings_rad
 
 
-def all_round(sight: Observation, stay_ne_m: Vector2) -> Sweep:
+def all_round(observation: Observation, stay_ne_m: Vector2) -> Sweep:
     """In thirds: the way to a heading is the short one."""
-    thirds = (sight.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
-    return Sweep(tuple(thirds), stay_ne_m, sight.pose.reset_counter)
+    thirds = (observation.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
+    return Sweep(tuple(thirds), stay_ne_m, observation.pose.reset_counter)
 
 
-def over_jambs(doorway: Doorway, sight: Observation) -> Sweep:
+def over_jambs(doorway: Doorway, observation: Observation) -> Sweep:
     """From beyond the right one to beyond the left one."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     left_rad, right_rad = (
         math.atan2(east_m - here[1], north_m - here[0]) for north_m, east_m in doorway.jambs_ne_m()
     )
     headings_rad = right_rad + BESIDE_JAMB_RAD, left_rad - BESIDE_JAMB_RAD
-    swept = replace(doorway, swept_s=sight.pose.time_s)
-    return Sweep(headings_rad, here, sight.pose.reset_counter, swept)
+    swept = replace(doorway, swept_s=observation.pose.time_s)
+    return Sweep(headings_rad, here, observation.pose.reset_counter, swept)
 
 
-def step(sweep: Sweep, sight: Observation, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
+def step(sweep: Sweep, observation: Observation, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
     """One tick: the next state and the velocity to fly."""
-    if sight.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
-        sweep = _as_posed(sweep, sight)
-    holding = stay(sweep.stay_ne_m, sight.pose)
+    if observation.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
+        sweep = _as_posed(sweep, observation)
+    holding = stay(sweep.stay_ne_m, observation.pose)
     heading_rad, *later = sweep.headings_rad
-    if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) <= ON_HEADING_RAD:
+    if abs(wrap_rad(heading_rad - observation.pose.yaw_rad)) <= ON_HEADING_RAD:
         return replace(sweep, headings_rad=tuple(later)), holding
     if not later:
-        sweep = replace(sweep, met_ne_m=(*sweep.met_ne_m, *_met_ahead(sight)))
+        sweep = replace(sweep, met_ne_m=(*sweep.met_ne_m, *_met_ahead(observation)))
     most_rad_s = math.radians(plan.turn_rate_deg_s) if later else SLOWLY_RAD_S
-    rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
+    rate_rad_s = turn_towards(heading_rad, observation.pose.yaw_rad, most_rad_s)
     return sweep, replace(holding, yaw_rate_rad_s=rate_rad_s)
 
 
-def _as_posed(sweep: Sweep, sight: Observation) -> Sweep:
+def _as_posed(sweep: Sweep, observation: Observation) -> Sweep:
     """After a step of the pose: where it is, and what it has met, as far as it had got there."""
-    sweep = replace(sweep, resets=sight.pose.reset_counter)
-    here = sight.pose.ne_m
+    sweep = replace(sweep, resets=observation.pose.reset_counter)
+    here = observation.pose.ne_m
     north_m, east_m = here[0] - sweep.stay_ne_m[0], here[1] - sweep.stay_ne_m[1]
     if math.hypot(north_m, east_m) >= AT_PLACE_M:
         return sweep
@@ -85,11 +85,11 @@ def _as_posed(sweep: Sweep, sight: Observation) -> Sweep:
     return replace(sweep, stay_ne_m=here, met_ne_m=met_ne_m)
 
 
-def _met_ahead(sight: Observation) -> tuple[Vector2, ...]:
-    reading = sight.ranges.get(Beam.FRONT)
+def _met_ahead(observation: Observation) -> tuple[Vector2, ...]:
+    reading = observation.ranges.get(Beam.FRONT)
     if reading is None or not reading.is_distance:
         return ()
-    away_m = reading.distance_m + sight.mount_offset_m
-    bearing_rad = sight.pose.yaw_rad + sight.bearings_frd_rad[Beam.FRONT]
+    away_m = reading.distance_m + observation.mount_offset_m
+    bearing_rad = observation.pose.yaw_rad + observation.bearings_frd_rad[Beam.FRONT]
     north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
-    return ((sight.pose.north_m + north_m, sight.pose.east_m + east_m),)
+    return ((observation.pose.north_m + north_m, observation.pose.east_m + east_m),)

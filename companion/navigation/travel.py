@@ -76,66 +76,68 @@ way."""
 
 
 def step(
-    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     match travel.phase:
         case TravelPhase.FLY:
-            return _fly(travel, sight, space, plan)
+            return _fly(travel, observation, space, plan)
         case TravelPhase.SWEEP:
-            return _sweep(travel, sight, plan)
+            return _sweep(travel, observation, plan)
         case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
             return travel, HOLD
 
 
 def _fly(
-    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
-    now_s = sight.pose.time_s
-    is_open = in_the_open(sight, space)
-    travel = _progress(travel, sight, STUCK_M if is_open else TIGHT_STUCK_M)
-    travel = replace(travel, known=still_swept(travel, sight))
-    has_stepped = sight.pose.reset_counter != travel.resets
+    now_s = observation.pose.time_s
+    is_open = in_the_open(observation, space)
+    travel = _progress(travel, observation, STUCK_M if is_open else TIGHT_STUCK_M)
+    travel = replace(travel, known=still_swept(travel, observation))
+    has_stepped = observation.pose.reset_counter != travel.resets
     if has_stepped or now_s - travel.checked_s > CHECK_S:
-        travel = replace(travel, checked_s=now_s, resets=sight.pose.reset_counter)
+        travel = replace(travel, checked_s=now_s, resets=observation.pose.reset_counter)
         if is_open:
-            here = sight.pose.ne_m
+            here = observation.pose.ne_m
             travel = replace(travel, roomy_ne_m=here)
-        if _must_plan(travel, sight, space, has_stepped=has_stepped):
-            travel = _planned(travel, sight, space, plan)
+        if _must_plan(travel, observation, space, has_stepped=has_stepped):
+            travel = _planned(travel, observation, space, plan)
     if travel.phase is not TravelPhase.FLY:
         return travel, HOLD
-    if _has_room(sight, space, SWEEP_ROOM_M) and (sweep := begin_sweep(travel, sight)):
+    if _has_room(observation, space, SWEEP_ROOM_M) and (sweep := begin_sweep(travel, observation)):
         return sweep, HOLD
-    if is_blocked(travel.way, sight):
+    if is_blocked(travel.way, observation):
         return replace(travel, course=None), HOLD
     within_m = travel.within_m if is_open and travel.course else ARRIVED_M
-    way = passed(travel.way, sight, within_m)
-    if not way or (not is_open and _is_as_near_as_it_gets(travel, sight)):
+    way = passed(travel.way, observation, within_m)
+    if not way or (not is_open and _is_as_near_as_it_gets(travel, observation)):
         return replace(travel, phase=TravelPhase.ARRIVED), HOLD
-    course = faced(travel.course, way, sight)
-    return replace(travel, way=way, course=course), follow(way, course, sight, space, plan)
+    course = faced(travel.course, way, observation)
+    return replace(travel, way=way, course=course), follow(way, course, observation, space, plan)
 
 
-def _is_as_near_as_it_gets(travel: Travel, sight: Observation) -> bool:
-    away_m = math.dist(sight.pose.ne_m, travel.goal_ne_m)
-    return away_m < NEARLY_M and _without_progress_s(travel, sight.pose.time_s) >= NEARLY_S
+def _is_as_near_as_it_gets(travel: Travel, observation: Observation) -> bool:
+    away_m = math.dist(observation.pose.ne_m, travel.goal_ne_m)
+    return away_m < NEARLY_M and _without_progress_s(travel, observation.pose.time_s) >= NEARLY_S
 
 
-def _must_plan(travel: Travel, sight: Observation, space: Occupancy, *, has_stepped: bool) -> bool:
+def _must_plan(
+    travel: Travel, observation: Observation, space: Occupancy, *, has_stepped: bool
+) -> bool:
     """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
-    now_s = sight.pose.time_s
+    now_s = observation.pose.time_s
     if not travel.way or _is_stuck(travel, now_s):
         return True
-    if _passes_doorway(travel, sight):
+    if _passes_doorway(travel, observation):
         return False
     is_due = now_s - travel.planned_s > PLAN_S or (has_stepped and bool(travel.doorways))
-    return is_due or not _is_free(travel.way, sight, space)
+    return is_due or not _is_free(travel.way, observation, space)
 
 
-def _is_free(way: Way, sight: Observation, space: Occupancy) -> bool:
+def _is_free(way: Way, observation: Observation, space: Occupancy) -> bool:
     """Whether there is a way, and it is known to be free, as wide as a doorway."""
-    start = sight.pose.ne_m
+    start = observation.pose.ne_m
     for corner in way:
         length_m = math.dist(start, corner)
         bearing_rad = math.atan2(corner[1] - start[1], corner[0] - start[0])
@@ -145,27 +147,27 @@ def _is_free(way: Way, sight: Observation, space: Occupancy) -> bool:
     return bool(way)
 
 
-def in_the_open(sight: Observation, space: Occupancy) -> bool:
+def in_the_open(observation: Observation, space: Occupancy) -> bool:
     """Not in a doorway, nor where it is as narrow."""
-    return _has_room(sight, space, DOORWAY_ROOM_M)
+    return _has_room(observation, space, DOORWAY_ROOM_M)
 
 
-def _has_room(sight: Observation, space: Occupancy, room_m: float) -> bool:
-    here = sight.pose.ne_m
+def _has_room(observation: Observation, space: Occupancy, room_m: float) -> bool:
+    here = observation.pose.ne_m
     return space.nearest_m(here, room_m) >= room_m
 
 
-def _passes_doorway(travel: Travel, sight: Observation) -> bool:
+def _passes_doorway(travel: Travel, observation: Observation) -> bool:
     """It is in one: it must not turn there for a way that is better by a decimetre."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
 
-def _progress(travel: Travel, sight: Observation, least_m: float) -> Travel:
-    here = sight.pose.ne_m
+def _progress(travel: Travel, observation: Observation, least_m: float) -> Travel:
+    here = observation.pose.ne_m
     if travel.progress_s is not None and math.dist(here, travel.progress_ne_m) < least_m:
         return travel
-    return replace(travel, progress_s=sight.pose.time_s, progress_ne_m=here)
+    return replace(travel, progress_s=observation.pose.time_s, progress_ne_m=here)
 
 
 def _is_stuck(travel: Travel, now_s: float) -> bool:
@@ -176,29 +178,31 @@ def _without_progress_s(travel: Travel, now_s: float) -> float:
     return 0.0 if travel.progress_s is None else now_s - travel.progress_s
 
 
-def _planned(travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig) -> Travel:
-    now_s = sight.pose.time_s
-    here = sight.pose.ne_m
+def _planned(
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> Travel:
+    now_s = observation.pose.time_s
+    here = observation.pose.ne_m
     gets_on = not _is_stuck(travel, now_s)
     ways = _ways(travel, here, space, plan)
     if gets_on and ways.reaches(travel.goal_ne_m):
-        return along(ways, travel, sight)
+        return along(ways, travel, observation)
     if gets_on and travel.way:  # whoever stands there may go
         return replace(travel, planned_s=now_s)
     roomy = travel.roomy_ne_m or here
     may_look = not travel.looked_round and ways.ground.fits_along(here, roomy)
     travel = replace(travel, looked_round=True)
     if not may_look:
-        return _another_way(travel, sight, space, plan)
-    sweep = sweeping.all_round(sight, roomy)
+        return _another_way(travel, observation, space, plan)
+    sweep = sweeping.all_round(observation, roomy)
     return replace(travel, phase=TravelPhase.SWEEP, sweep=sweep, way=())
 
 
 def _another_way(
-    travel: Travel, sight: Observation, space: Occupancy, plan: MissionConfig
+    travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Travel:
     """Through another doorway; home, round any place that it is stuck at."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     doorway = next(
         (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M), None
     )
@@ -209,11 +213,11 @@ def _another_way(
         travel,
         shut=(*travel.shut, stuck_at),
         stuck_at=(*travel.stuck_at, stuck_at),
-        progress_s=sight.pose.time_s,
+        progress_s=observation.pose.time_s,
     )
     may_go_round = doorway is not None or travel.goes_home
     if may_go_round and (ways := _ways(travel, here, space, plan)).reaches(travel.goal_ne_m):
-        return along(ways, travel, sight)
+        return along(ways, travel, observation)
     return replace(travel, phase=TravelPhase.GAVE_UP)
 
 
@@ -249,28 +253,30 @@ def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) 
     return find_ways(with_shut(retraced(ground), shut))
 
 
-def along(ways: ShortestPaths, travel: Travel, sight: Observation) -> Travel:
+def along(ways: ShortestPaths, travel: Travel, observation: Observation) -> Travel:
     """On the way to its goal, which the ways found from here reach."""
-    here, now_s = sight.pose.ne_m, sight.pose.time_s
+    here, now_s = observation.pose.ne_m, observation.pose.time_s
     way = ways.to(travel.goal_ne_m)
     found = find_doorways(ways.ground, here, way)
     travel = replace(travel, known=remembered(travel.known, found))
     doorways = on_the_way(travel.known, found, here, way)
     squared = passed_squarely(ways.ground, here, way, doorways)
-    back = backed_off(ways.ground, travel, sight, doorways)
+    back = backed_off(ways.ground, travel, observation, doorways)
     return replace(
         travel,
         way=squared if back is None else (back, *squared),
         doorways=doorways,
         planned_s=now_s,
         checked_s=now_s,
-        resets=sight.pose.reset_counter,
+        resets=observation.pose.reset_counter,
     )
 
 
-def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Travel, Setpoint]:
+def _sweep(
+    travel: Travel, observation: Observation, plan: MissionConfig
+) -> tuple[Travel, Setpoint]:
     assert travel.sweep is not None
-    sweep, setpoint = sweeping.step(travel.sweep, sight, plan)
+    sweep, setpoint = sweeping.step(travel.sweep, observation, plan)
     travel = replace(travel, sweep=sweep, resets=sweep.resets)
     if not sweep.is_done:
         return travel, setpoint
@@ -280,6 +286,6 @@ def _sweep(travel: Travel, sight: Observation, plan: MissionConfig) -> tuple[Tra
         sweep=None,
         planned_s=-math.inf,
         checked_s=-math.inf,
-        progress_s=sight.pose.time_s,
+        progress_s=observation.pose.time_s,
     )
     return flying, setpoint

@@ -12,8 +12,8 @@ from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
-from companion.offline.as_told import PathAsTold
 from companion.offline.growth import Growth
+from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.reading.log import Array, Log, Watch
 from companion.offline.reading.sensors import SensorsConfig
@@ -52,7 +52,7 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     beams = horizontal_beams(log, sensors)
     record, support = to_record(log, beams), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})
-    as_told = _held_to_odometry(record, units, support)
+    odometry_path = _held_to_odometry(record, units, support)
     estimate = Growth(Smoother(Models(units), support), record.measured, log.odometry[0])
     estimate.grow(lambda share: watch("mapping", share))
     estimate.finish()
@@ -61,9 +61,9 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
         estimate.finish()
     noise = estimate.smoother.models.ranges
     estimate = with_supported_scale(estimate, record.measured, noise)
-    found, told = (agreement(growth, record, noise) for growth in (estimate, as_told))
+    found, told = (agreement(growth, record, noise) for growth in (estimate, odometry_path))
     verdict = judge(found, told)
-    chosen = estimate if verdict.trusted else as_told
+    chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(
         log,
@@ -87,7 +87,7 @@ def odometry_map(log: Log, sensors: SensorsConfig) -> FloorPlan:
 
 
 def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> Growth:
-    smoother = PathAsTold(Models(units), support)
+    smoother = OdometryPath(Models(units), support)
     held = Growth(smoother, record.measured, record.motion[0])
     held.extend(len(record.rows))
     held.finish()

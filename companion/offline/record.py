@@ -68,7 +68,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
         age_s=np.cumsum(dt_s),
         moved_frd_m=moved[:, :2],
         turned_rad=moved[:, 2],
-        told_rad=np.full(len(rows), np.nan),
+        autopilot_yaw_rad=np.full(len(rows), np.nan),
         bias_moved_rad_s=np.zeros_like(dt_s),
         is_steadied=np.zeros_like(dt_s, dtype=bool),
         frame=frame_of[hit_row],

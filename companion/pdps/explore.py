@@ -127,34 +127,34 @@ class Explore:
 
 
 def step(
-    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     match explore.phase:
         case ExplorePhase.LOOK:
-            return _look(explore, sight, space, plan)
+            return _look(explore, observation, space, plan)
         case ExplorePhase.CHOOSE:
-            chosen = _choose(explore, sight, space, plan)
-            return chosen, _meanwhile(explore, sight, space, plan)
+            chosen = _choose(explore, observation, space, plan)
+            return chosen, _meanwhile(explore, observation, space, plan)
         case ExplorePhase.GO:
-            return _go(explore, sight, space, plan)
+            return _go(explore, observation, space, plan)
         case ExplorePhase.DONE:
             return explore, HOLD
 
 
 def _look(
-    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    yaw_rad, now_s = sight.pose.yaw_rad, sight.pose.time_s
+    yaw_rad, now_s = observation.pose.yaw_rad, observation.pose.time_s
     last_rad = yaw_rad if explore.last_yaw_rad is None else explore.last_yaw_rad
     left_rad = explore.to_turn_rad - abs(wrap_rad(yaw_rad - last_rad))
-    here = explore.here_ne_m or sight.pose.ne_m
+    here = explore.here_ne_m or observation.pose.ne_m
     explore = replace(explore, to_turn_rad=left_rad, last_yaw_rad=yaw_rad, here_ne_m=here)
     look, is_enough = explore.look, left_rad <= 0
     if look and now_s - explore.checked_s > CHECK_S:
         explore = replace(explore, checked_s=now_s)
         is_enough = is_enough or not _left_of(look, space)
-    gliding = glide(here, sight.pose, GLIDE_SHARE * plan.speed_m_s, sight.lag_s)
+    gliding = glide(here, observation.pose, GLIDE_SHARE * plan.speed_m_s, observation.lag_s)
     if is_enough:
         return replace(_to_choose(explore, look), here_ne_m=here), gliding
     rate_rad_s = math.copysign(math.radians(plan.turn_rate_deg_s), 1 if explore.clockwise else -1)
@@ -162,12 +162,12 @@ def _look(
 
 
 def _to_look(
-    explore: Explore, look: Viewpoint, at: Travel, sight: Observation, space: Occupancy
+    explore: Explore, look: Viewpoint, at: Travel, observation: Observation, space: Occupancy
 ) -> Explore:
     left = _left_of(look, space)
     if not left:
         return replace(_to_choose(explore, look), travel=replace(at, within_m=ARRIVED_M))
-    turn_rad = _turn_rad(left, at.goal_ne_m, sight.pose.yaw_rad)
+    turn_rad = _turn_rad(left, at.goal_ne_m, observation.pose.yaw_rad)
     enough_rad = MAX_LOOK_RAD if look.is_tie else abs(turn_rad) + PAST_RAD
     return Explore(
         ExplorePhase.LOOK,
@@ -207,18 +207,20 @@ def _to_choose(explore: Explore, ended: Viewpoint | None) -> Explore:
     return Explore(ExplorePhase.CHOOSE, tried=tried, came=came)
 
 
-def _choose(explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig) -> Explore:
+def _choose(
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> Explore:
     """Four steps, a tick each: any may take a good part of it."""
     if explore.ground is None:
-        here = sight.pose.ne_m
+        here = observation.pose.ne_m
         ground = find_ground(space, here, clear_of_all_m(plan))
         return replace(explore, ground=with_shut(ground, explore.shut(space)))
     if explore.ways is None:
         return replace(explore, ways=find_ways(explore.ground))
     if not explore.looks:
-        found = looks(explore.ways, sight, plan, explore.tried)
-        found = found or ties(explore.ways, sight, plan, explore.tried)
-        found = found or again(explore.ways, sight, plan, explore.tried)
+        found = looks(explore.ways, observation, plan, explore.tried)
+        found = found or ties(explore.ways, observation, plan, explore.tried)
+        found = found or again(explore.ways, observation, plan, explore.tried)
         if not found:
             return replace(explore, phase=ExplorePhase.DONE)
         return replace(explore, looks=found)
@@ -227,44 +229,46 @@ def _choose(explore: Explore, sight: Observation, space: Occupancy, plan: Missio
     going = onward(explore.travel or explore.came, look.from_ne_m, NEAR_ENOUGH_M)
     return Explore(
         ExplorePhase.GO,
-        travel=travel.along(explore.ways, going, sight),
+        travel=travel.along(explore.ways, going, observation),
         look=look,
         tried=explore.tried,
-        checked_s=sight.pose.time_s,
+        checked_s=observation.pose.time_s,
     )
 
 
 def _meanwhile(
-    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
     """It goes on until it has chosen, or it would stop every time."""
     if explore.travel is not None:
-        going, setpoint = travel.step(explore.travel, sight, space, plan)
+        going, setpoint = travel.step(explore.travel, observation, space, plan)
         return setpoint if going.phase is TravelPhase.FLY else HOLD
     if explore.here_ne_m is not None:
-        return glide(explore.here_ne_m, sight.pose, GLIDE_SHARE * plan.speed_m_s, sight.lag_s)
+        return glide(
+            explore.here_ne_m, observation.pose, GLIDE_SHARE * plan.speed_m_s, observation.lag_s
+        )
     return HOLD
 
 
 def _go(
-    explore: Explore, sight: Observation, space: Occupancy, plan: MissionConfig
+    explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    going, look, now_s = explore.travel, explore.look, sight.pose.time_s
+    going, look, now_s = explore.travel, explore.look, observation.pose.time_s
     if going is None or look is None:
         return _to_choose(explore, None), HOLD
     is_due = going.phase is TravelPhase.FLY and now_s - explore.checked_s > CHECK_S
-    if is_due and travel.in_the_open(sight, space):
+    if is_due and travel.in_the_open(observation, space):
         left = _left_of(look, space)
         explore = replace(explore, checked_s=now_s)
         if len(left) < WORTH_SHARE * len(look.at_ne_m):
             seen = tuple(place for place in look.at_ne_m if place not in left)
             chooses = replace(_to_choose(explore, replace(look, at_ne_m=seen)), travel=going)
-            return chooses, _meanwhile(chooses, sight, space, plan)
+            return chooses, _meanwhile(chooses, observation, space, plan)
     before = going
-    going, setpoint = travel.step(going, sight, space, plan)
+    going, setpoint = travel.step(going, observation, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED:
-            return _to_look(explore, look, before, sight, space), setpoint
+            return _to_look(explore, look, before, observation, space), setpoint
         case TravelPhase.GAVE_UP:
             return _to_choose(replace(explore, travel=going), look), setpoint
         case _:

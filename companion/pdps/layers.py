@@ -73,45 +73,45 @@ class Layers:
 
 
 def step(
-    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
+    layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
     """One tick: the next state and the velocity to fly; `space` is that of the present layer."""
     match layers.phase:
         case LayersPhase.EXPLORE:
-            return _explore(layers, sight, space, plan)
+            return _explore(layers, observation, space, plan)
         case LayersPhase.RETURN:
-            return _return(layers, sight, space, plan)
+            return _return(layers, observation, space, plan)
         case LayersPhase.CLIMB:
-            return _climb(layers, sight, plan)
+            return _climb(layers, observation, plan)
         case LayersPhase.OVERFLY:
-            return _overfly(layers, sight, space, plan)
+            return _overfly(layers, observation, space, plan)
         case LayersPhase.DONE:
             return layers, HOLD
 
 
 def _explore(
-    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
+    layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    exploring, setpoint = explore.step(layers.explore, sight, space, plan)
+    exploring, setpoint = explore.step(layers.explore, observation, space, plan)
     if exploring.phase is ExplorePhase.DONE:
         return replace(layers, phase=LayersPhase.RETURN, travel=TO_START), setpoint
     return replace(layers, explore=exploring), setpoint
 
 
 def _overfly(
-    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
+    layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    over, setpoint = overflight.step(layers.overfly, sight, space, plan)
+    over, setpoint = overflight.step(layers.overfly, observation, space, plan)
     phase = LayersPhase.DONE if over.phase is OverflyPhase.DONE else layers.phase
     return replace(layers, phase=phase, overfly=over), setpoint
 
 
 def _return(
-    layers: Layers, sight: Observation, space: Occupancy, plan: MissionConfig
+    layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    going, setpoint = travel.step(layers.travel, sight, space, plan)
+    going, setpoint = travel.step(layers.travel, observation, space, plan)
     if going.phase is TravelPhase.ARRIVED:
-        if _fits_above(layers, sight, plan):
+        if _fits_above(layers, observation, plan):
             higher = replace(layers, phase=LayersPhase.CLIMB, number=layers.number + 1)
             return higher, setpoint
         return replace(layers, phase=LayersPhase.OVERFLY), setpoint
@@ -120,13 +120,15 @@ def _return(
     return replace(layers, travel=going), setpoint
 
 
-def _fits_above(layers: Layers, sight: Observation, plan: MissionConfig) -> bool:
+def _fits_above(layers: Layers, observation: Observation, plan: MissionConfig) -> bool:
     """By what the up beam says over the start; it must say that there is room."""
-    above_m = sight.clear_m(Beam.UP)
+    above_m = observation.clear_m(Beam.UP)
     return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
 
 
-def _climb(layers: Layers, sight: Observation, plan: MissionConfig) -> tuple[Layers, Setpoint]:
-    if abs(sight.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
+def _climb(
+    layers: Layers, observation: Observation, plan: MissionConfig
+) -> tuple[Layers, Setpoint]:
+    if abs(observation.pose.height_m - layers.height_m(plan)) < AT_HEIGHT_M:
         return Layers(LayersPhase.EXPLORE, layers.number), HOLD
-    return layers, stay(START_NE_M, sight.pose)
+    return layers, stay(START_NE_M, observation.pose)

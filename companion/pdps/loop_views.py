@@ -46,11 +46,14 @@ Array = NDArray[np.float64]
 
 
 def ties(
-    ways: ShortestPaths, sight: Observation, plan: MissionConfig, tried: tuple[Viewpoint, ...] = ()
+    ways: ShortestPaths,
+    observation: Observation,
+    plan: MissionConfig,
+    tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
     """The look at two walls that tells most for its time, if any is worth it."""
-    walls, grid = sight.walls(), ways.ground.grid
-    views, places, time_s = _views(ways, sight, plan, tried, TRIED_WITHIN_M)
+    walls, grid = observation.walls(), ways.ground.grid
+    views, places, time_s = _views(ways, observation, plan, tried, TRIED_WITHIN_M)
     faces = _faces(walls, places)
     gap_sigmas_m = np.triu(walls.gap_sigmas_m())
     pairs = np.argwhere((gap_sigmas_m > LOOSE_M) & _together(faces))
@@ -66,7 +69,10 @@ def ties(
 
 
 def again(
-    ways: ShortestPaths, sight: Observation, plan: MissionConfig, tried: tuple[Viewpoint, ...] = ()
+    ways: ShortestPaths,
+    observation: Observation,
+    plan: MissionConfig,
+    tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
     """The look that takes least time at the wall that is known worst, if any is worth it.
 
@@ -74,8 +80,8 @@ def again(
     """
     if plan.kind == "layers":
         return ()
-    walls, grid = sight.walls(), ways.ground.grid
-    views, places, time_s = _views(ways, sight, plan, tried, AGAIN_WITHIN_M)
+    walls, grid = observation.walls(), ways.ground.grid
+    views, places, time_s = _views(ways, observation, plan, tried, AGAIN_WITHIN_M)
     faces = _faces(walls, places)
     seen = _seen(grid, walls, faces & (walls.sigmas_m > VAGUE_M), views, places)
     if not seen.any():
@@ -89,7 +95,7 @@ def again(
 
 def _views(
     ways: ShortestPaths,
-    sight: Observation,
+    observation: Observation,
     plan: MissionConfig,
     tried: tuple[Viewpoint, ...],
     tried_within_m: float,
@@ -97,7 +103,7 @@ def _views(
     """Cells (v, 2) from where nothing was tied before, their places (v, 2), seconds to each."""
     grid = ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
-    safe = _safely_reached(room_m, sight, grid)
+    safe = _safely_reached(room_m, observation, grid)
     views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M) & safe)
     places = centres(grid, views)
     is_new = np.ones(len(places), dtype=bool)
@@ -105,14 +111,14 @@ def _views(
         if look.is_tie:
             is_new &= np.hypot(*(places - look.from_ne_m).T) > tried_within_m
     views, places = views[is_new], places[is_new]
-    return views, places, seconds(views, room_m[tuple(views.T)], ways, sight, plan)
+    return views, places, seconds(views, room_m[tuple(views.T)], ways, observation, plan)
 
 
-def _safely_reached(room_m: Array, sight: Observation, grid: Occupancy) -> Cells:
+def _safely_reached(room_m: Array, observation: Observation, grid: Occupancy) -> Cells:
     """From here through nothing narrow; all, where the drone is in something narrow itself."""
-    roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * sight.wander_m
+    roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * observation.wander_m
     parts, _ = label(roomy, ALL_AROUND)
-    here = grid.cell(sight.pose.ne_m)
+    here = grid.cell(observation.pose.ne_m)
     part = parts[here] if grid.has(here) else 0
     safe: Cells = parts == part if part else np.ones_like(roomy)
     return safe

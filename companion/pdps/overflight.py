@@ -68,14 +68,14 @@ class Overfly:
 
 
 def step(
-    overfly: Overfly, sight: Observation, space: Occupancy, plan: MissionConfig
+    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Overfly, Setpoint]:
     """One tick: the next state and the velocity to fly."""
     if overfly.phase is OverflyPhase.CHOOSE:
-        return _choose(overfly, sight, space, plan), HOLD
+        return _choose(overfly, observation, space, plan), HOLD
     if overfly.travel is None or overfly.phase is OverflyPhase.DONE:
         return overfly, HOLD
-    going, setpoint = travel.step(overfly.travel, sight, space, plan)
+    going, setpoint = travel.step(overfly.travel, observation, space, plan)
     match going.phase:
         case TravelPhase.ARRIVED | TravelPhase.GAVE_UP:
             aimed_at = (*overfly.aimed_at, going.goal_ne_m)
@@ -84,14 +84,16 @@ def step(
             return replace(overfly, travel=going), setpoint
 
 
-def _choose(overfly: Overfly, sight: Observation, space: Occupancy, plan: MissionConfig) -> Overfly:
-    here = sight.pose.ne_m
+def _choose(
+    overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig
+) -> Overfly:
+    here = observation.pose.ne_m
     ways = find_ways(find_ground(space, here, clear_of_all_m(plan)))
     left = _not_flown_over(ways, overfly.aimed_at)
     if not left.any():
         return replace(overfly, phase=OverflyPhase.DONE)
-    goal = onward(overfly.came, _goal(left, ways, sight, plan), NEAR_ENOUGH_M)
-    return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, sight))
+    goal = onward(overfly.came, _goal(left, ways, observation, plan), NEAR_ENOUGH_M)
+    return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, observation))
 
 
 def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells:
@@ -107,24 +109,26 @@ def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells
     return without_specks(left, MIN_CELLS)
 
 
-def _goal(left: Cells, ways: ShortestPaths, sight: Observation, plan: MissionConfig) -> Vector2:
+def _goal(
+    left: Cells, ways: ShortestPaths, observation: Observation, plan: MissionConfig
+) -> Vector2:
     """The end of the straight way that meets most for its time, or the nearest that is left."""
     grid = ways.ground.grid
     ends, meets = _straight_on(left, ways.ground)
-    worth = meets / (_seconds(ends, ways, sight, plan) + STOP_S)
+    worth = meets / (_seconds(ends, ways, observation, plan) + STOP_S)
     best = int(np.argmax(worth))
     if meets[best] < MIN_MET:
         ends = np.argwhere(left)
-        best = int(np.argmin(_seconds(ends, ways, sight, plan)))
+        best = int(np.argmin(_seconds(ends, ways, observation, plan)))
     row, column = ends[best].tolist()
     return grid.place((row, column))
 
 
 def _seconds(
-    cells: Indices, ways: ShortestPaths, sight: Observation, plan: MissionConfig
+    cells: Indices, ways: ShortestPaths, observation: Observation, plan: MissionConfig
 ) -> Seconds:
     """(n,): to get to each cell, the turn towards it counted."""
-    turn_s = turn_rad(sight, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
+    turn_s = turn_rad(observation, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     seconds: Seconds = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
     return seconds
 

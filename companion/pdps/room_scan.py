@@ -85,30 +85,32 @@ _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
 
 
 def step(
-    scan: RoomScan, sight: Observation, space: Occupancy, plan: MissionConfig
+    scan: RoomScan, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
     """One tick: the next state and the velocity to fly."""
-    standoff_m = min(sight.standoff_m, scan.most_standoff_m)
+    standoff_m = min(observation.standoff_m, scan.most_standoff_m)
     if standoff_m != scan.standoff_m:
         scan = replace(scan, standoff_m=standoff_m)
-    if scan.phase is ScanPhase.SCAN and (sides := _unknown_sides(scan, sight, space)):
-        scan = _begin_sweep(scan, sight, sides)
-    scan, setpoint = _MOVES[scan.phase](scan, sight, plan)
+    if scan.phase is ScanPhase.SCAN and (sides := _unknown_sides(scan, observation, space)):
+        scan = _begin_sweep(scan, observation, sides)
+    scan, setpoint = _MOVES[scan.phase](scan, observation, plan)
     return scan, Setpoint(
-        _guarded(setpoint.forward_m_s, Beam.FRONT, sight),
-        _guarded(setpoint.right_m_s, Beam.RIGHT, sight),
+        _guarded(setpoint.forward_m_s, Beam.FRONT, observation),
+        _guarded(setpoint.right_m_s, Beam.RIGHT, observation),
         yaw_rate_rad_s=setpoint.yaw_rate_rad_s,
     )
 
 
-def _turn(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    yaw_rad = sight.pose.yaw_rad
+def _turn(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
+    yaw_rad = observation.pose.yaw_rad
     last_rad = yaw_rad if scan.last_yaw_rad is None else scan.last_yaw_rad
     scan = replace(
         scan,
         turned_rad=scan.turned_rad + wrap_rad(yaw_rad - last_rad),
         last_yaw_rad=yaw_rad,
-        turn=scan.turn + _rays(sight),
+        turn=scan.turn + _rays(observation),
     )
     if scan.turned_rad < math.tau:
         return scan, Setpoint(yaw_rate_rad_s=math.radians(plan.turn_rate_deg_s))
@@ -125,54 +127,60 @@ def _turn(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[Room
     return faced, Setpoint()
 
 
-def _rays(sight: Observation) -> tuple[TurnReading, ...]:
+def _rays(observation: Observation) -> tuple[TurnReading, ...]:
     return tuple(
         TurnReading(
-            wrap_rad(sight.pose.yaw_rad + sight.bearings_frd_rad[beam]),
-            reading.distance_m + sight.mount_offset_m,
+            wrap_rad(observation.pose.yaw_rad + observation.bearings_frd_rad[beam]),
+            reading.distance_m + observation.mount_offset_m,
             math.sqrt(reading.variance_m2),
         )
         for beam in _TURNING
-        if (reading := sight.ranges.get(beam)) is not None and reading.is_distance
+        if (reading := observation.ranges.get(beam)) is not None and reading.is_distance
     )
 
 
-def _seek(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    ahead_m = sight.clear_m(Beam.FRONT)
-    if ahead_m < max(SEEK_UNTIL_M, sight.standoff_m):
+def _seek(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
+    ahead_m = observation.clear_m(Beam.FRONT)
+    if ahead_m < max(SEEK_UNTIL_M, observation.standoff_m):
         return RoomScan(), Setpoint()
-    yaw_rate = _turn_rate(scan, sight, plan)
+    yaw_rate = _turn_rate(scan, observation, plan)
     return scan, Setpoint(forward_m_s=0.5 * plan.speed_m_s, yaw_rate_rad_s=yaw_rate)
 
 
-def _face(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    scan = _refined(scan, sight)
-    if _on_heading(scan, sight):
-        return replace(scan, phase=ScanPhase.STAND_OFF, faced_s=sight.pose.time_s), Setpoint()
-    return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+def _face(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
+    scan = _refined(scan, observation)
+    if _on_heading(scan, observation):
+        return replace(scan, phase=ScanPhase.STAND_OFF, faced_s=observation.pose.time_s), Setpoint()
+    return scan, Setpoint(yaw_rate_rad_s=_turn_rate(scan, observation, plan))
 
 
 def _stand_off(
-    scan: RoomScan, sight: Observation, plan: MissionConfig
+    scan: RoomScan, observation: Observation, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
-    scan = _refined(scan, sight)
-    distance_m = _wall_distance_m(scan, sight)
-    if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, sight):
+    scan = _refined(scan, observation)
+    distance_m = _wall_distance_m(scan, observation)
+    if abs(distance_m - scan.standoff_m) < AT_STANDOFF_M and _on_heading(scan, observation):
         return replace(scan, phase=ScanPhase.SCAN), Setpoint()
-    if sight.pose.time_s - scan.faced_s > STANDOFF_WITHIN_S:
+    if observation.pose.time_s - scan.faced_s > STANDOFF_WITHIN_S:
         return replace(scan, phase=ScanPhase.BLOCKED), Setpoint()
     forward = keep_distance(distance_m, scan.standoff_m, 0.7 * plan.speed_m_s)
-    return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+    return scan, Setpoint(forward, yaw_rate_rad_s=_turn_rate(scan, observation, plan))
 
 
-def _scan(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    scan = _marked(_refined(scan, sight), sight)
-    if _is_closed(scan, sight):
-        if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(sight.walls()):
+def _scan(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
+    scan = _marked(_refined(scan, observation), observation)
+    if _is_closed(scan, observation):
+        if scan.extra_rounds == MAX_EXTRA_ROUNDS or not _are_loose(observation.walls()):
             return replace(scan, phase=ScanPhase.CLOSED), Setpoint()
         scan = replace(scan, extra_rounds=scan.extra_rounds + 1, marks=scan.marks[-1:])
-    gap_m = _gap_m(scan, sight)
-    met = _meets_wall(sight) and gap_m < CORNER_MARGIN_M
+    gap_m = _gap_m(scan, observation)
+    met = _meets_wall(observation) and gap_m < CORNER_MARGIN_M
     corner_readings = scan.corner_readings + 1 if met else 0
     if corner_readings != scan.corner_readings:
         scan = replace(scan, corner_readings=corner_readings)
@@ -182,52 +190,52 @@ def _scan(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[Room
             phase=ScanPhase.CORNER,
             heading_rad=wrap_rad(scan.heading_rad + QUARTER_TURN_RAD),
             corner_readings=0,
-            corner_ne_m=_along_m(scan, sight, gap_m),
+            corner_ne_m=_along_m(scan, observation, gap_m),
         )
         return turned, Setpoint()
-    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - sight.pose.yaw_rad)
-    off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
-    scan = replace(scan, swing=scan.swing.onward(off_rad, sight.lane(along_rad)))
-    along = _along_wall(scan, sight, plan)
+    along_rad = wrap_rad(scan.heading_rad + QUARTER_TURN_RAD - observation.pose.yaw_rad)
+    off_rad = wrap_rad(observation.pose.yaw_rad - scan.heading_rad)
+    scan = replace(scan, swing=scan.swing.onward(off_rad, observation.lane(along_rad)))
+    along = _along_wall(scan, observation, plan)
     swings_rad_s = clamp(scan.swing.rate_rad_s, math.radians(plan.turn_rate_deg_s))
     return scan, replace(along, yaw_rate_rad_s=swings_rad_s)
 
 
-def _along_m(scan: RoomScan, sight: Observation, along_m: float) -> Vector2:
+def _along_m(scan: RoomScan, observation: Observation, along_m: float) -> Vector2:
     """The place so far along the wall from here."""
     north_m, east_m = frd_to_ned(0.0, along_m, scan.heading_rad)
-    return sight.pose.north_m + north_m, sight.pose.east_m + east_m
+    return observation.pose.north_m + north_m, observation.pose.east_m + east_m
 
 
-def _along_wall(scan: RoomScan, sight: Observation, plan: MissionConfig) -> Setpoint:
+def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -> Setpoint:
     """At the stand-off, up to where the next wall begins."""
-    wall_m = _wall_distance_m(scan, sight)
+    wall_m = _wall_distance_m(scan, observation)
     towards_m_s = keep_distance(wall_m, scan.standoff_m, 0.4 * plan.speed_m_s)
-    along_m_s = approach_speed(_gap_m(scan, sight), plan.speed_m_s, sight.lag_s)
-    off_rad = wrap_rad(sight.pose.yaw_rad - scan.heading_rad)
+    along_m_s = approach_speed(_gap_m(scan, observation), plan.speed_m_s, observation.lag_s)
+    off_rad = wrap_rad(observation.pose.yaw_rad - scan.heading_rad)
     return Setpoint(*ned_to_frd(towards_m_s, along_m_s, off_rad))
 
 
-def _unknown_sides(scan: RoomScan, sight: Observation, space: Occupancy) -> list[int]:
+def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -> list[int]:
     """On which sides of the way along the wall, 1 towards it, too little is known to be free.
 
     Enough is some way ahead, or up to the next wall. No sweep passes over what is at its flanks.
     """
     along_rad = scan.heading_rad + QUARTER_TURN_RAD
-    enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, sight) + BODY_RADIUS_M)
+    enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, observation) + BODY_RADIUS_M)
     unknown = []
     for side in (1, -1):
         off = frd_to_ned(side * 0.5 * HALF_WAY_M, BODY_RADIUS_M, scan.heading_rad)
-        middle = sight.pose.north_m + off[0], sight.pose.east_m + off[1]
+        middle = observation.pose.north_m + off[0], observation.pose.east_m + off[1]
         known_m = space.known_free_m(middle, along_rad, 0.5 * HALF_WAY_M, KNOWN_AHEAD_M)
         if BODY_RADIUS_M + known_m < enough_m:
             unknown.append(side)
     return unknown
 
 
-def _begin_sweep(scan: RoomScan, sight: Observation, sides: list[int]) -> RoomScan:
+def _begin_sweep(scan: RoomScan, observation: Observation, sides: list[int]) -> RoomScan:
     """Turn so far that the right beam passes over what is unknown, and back."""
-    here = sight.pose.ne_m
+    here = observation.pose.ne_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
         return replace(scan, phase=ScanPhase.CLOSED if scan.is_extra else ScanPhase.BLOCKED)
     aside = tuple(scan.heading_rad - side * SWEEP_RAD for side in sides)
@@ -235,33 +243,41 @@ def _begin_sweep(scan: RoomScan, sight: Observation, sides: list[int]) -> RoomSc
     return replace(scan, phase=ScanPhase.SWEEP, sweep_rad=headings, swept_ne_m=here)
 
 
-def _sweep(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _sweep(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
     heading_rad, *later = scan.sweep_rad
-    holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, sight.pose)
-    if abs(wrap_rad(heading_rad - sight.pose.yaw_rad)) > ON_SWEEP_RAD:
+    holding = HOLD if scan.swept_ne_m is None else stay(scan.swept_ne_m, observation.pose)
+    if abs(wrap_rad(heading_rad - observation.pose.yaw_rad)) > ON_SWEEP_RAD:
         most_rad_s = math.radians(plan.turn_rate_deg_s)
-        rate_rad_s = turn_towards(heading_rad, sight.pose.yaw_rad, most_rad_s)
+        rate_rad_s = turn_towards(heading_rad, observation.pose.yaw_rad, most_rad_s)
         return scan, replace(holding, yaw_rate_rad_s=rate_rad_s)
     phase = ScanPhase.SWEEP if later else ScanPhase.SCAN
     return replace(scan, phase=phase, sweep_rad=tuple(later)), holding
 
 
-def _blocked(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _blocked(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
     return scan, Setpoint()
 
 
-def _corner(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
-    if _on_heading(scan, sight):
+def _corner(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
+    if _on_heading(scan, observation):
         corners = scan.corners + 1
         scan = replace(scan, phase=ScanPhase.SCAN, corners=corners, swing=TO_THE_RIGHT)
-        return scan, _along_wall(scan, sight, plan)
-    is_nearly_round = abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ROUND_CORNER_RAD
-    turning = stay(scan.corner_ne_m, sight.pose)
-    moving = _along_wall(scan, sight, plan) if is_nearly_round else turning
-    return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, sight, plan))
+        return scan, _along_wall(scan, observation, plan)
+    is_nearly_round = abs(wrap_rad(scan.heading_rad - observation.pose.yaw_rad)) < ROUND_CORNER_RAD
+    turning = stay(scan.corner_ne_m, observation.pose)
+    moving = _along_wall(scan, observation, plan) if is_nearly_round else turning
+    return scan, replace(moving, yaw_rate_rad_s=_turn_rate(scan, observation, plan))
 
 
-def _closed(scan: RoomScan, sight: Observation, plan: MissionConfig) -> tuple[RoomScan, Setpoint]:
+def _closed(
+    scan: RoomScan, observation: Observation, plan: MissionConfig
+) -> tuple[RoomScan, Setpoint]:
     return scan, Setpoint()
 
 
@@ -278,58 +294,60 @@ _MOVES = {
 }
 
 
-def _refined(scan: RoomScan, sight: Observation) -> RoomScan:
+def _refined(scan: RoomScan, observation: Observation) -> RoomScan:
     """Point at the wall as it is mapped by now rather than as the first turn saw it."""
-    if sight.wall_ahead is None:
+    if observation.wall_ahead is None:
         return scan
-    normal_rad, _ = sight.wall_ahead
+    normal_rad, _ = observation.wall_ahead
     if abs(wrap_rad(normal_rad - scan.heading_rad)) > REFINEMENT_RAD:
         return scan
     return replace(scan, heading_rad=normal_rad)
 
 
-def _on_heading(scan: RoomScan, sight: Observation) -> bool:
-    return abs(wrap_rad(scan.heading_rad - sight.pose.yaw_rad)) < ON_HEADING_RAD
+def _on_heading(scan: RoomScan, observation: Observation) -> bool:
+    return abs(wrap_rad(scan.heading_rad - observation.pose.yaw_rad)) < ON_HEADING_RAD
 
 
-def _turn_rate(scan: RoomScan, sight: Observation, plan: MissionConfig) -> float:
+def _turn_rate(scan: RoomScan, observation: Observation, plan: MissionConfig) -> float:
     most_rad_s = math.radians(plan.turn_rate_deg_s)
-    return turn_towards(scan.heading_rad, sight.pose.yaw_rad, most_rad_s)
+    return turn_towards(scan.heading_rad, observation.pose.yaw_rad, most_rad_s)
 
 
-def _wall_distance_m(scan: RoomScan, sight: Observation) -> float:
+def _wall_distance_m(scan: RoomScan, observation: Observation) -> float:
     """To the wall ahead: as mapped, if the front beam agrees, else as the beam says."""
-    ahead_m = sight.clear_m(Beam.FRONT) * math.cos(sight.pose.yaw_rad - scan.heading_rad)
-    if sight.wall_ahead is None:
+    ahead_m = observation.clear_m(Beam.FRONT) * math.cos(
+        observation.pose.yaw_rad - scan.heading_rad
+    )
+    if observation.wall_ahead is None:
         return ahead_m
-    _, mapped_m = sight.wall_ahead
+    _, mapped_m = observation.wall_ahead
     return mapped_m if abs(mapped_m - ahead_m) < 0.5 else ahead_m
 
 
-def _gap_m(scan: RoomScan, sight: Observation) -> float:
+def _gap_m(scan: RoomScan, observation: Observation) -> float:
     """Along the wall, to the stand-off of the next."""
-    return sight.clear_m(Beam.RIGHT) - scan.standoff_m
+    return observation.clear_m(Beam.RIGHT) - scan.standoff_m
 
 
-def _meets_wall(sight: Observation) -> bool:
-    reading = sight.ranges.get(Beam.RIGHT)
+def _meets_wall(observation: Observation) -> bool:
+    reading = observation.ranges.get(Beam.RIGHT)
     return reading is not None and reading.state in (RangeState.DISTANCE, RangeState.TOO_NEAR)
 
 
-def _marked(scan: RoomScan, sight: Observation) -> RoomScan:
-    here = sight.pose.ne_m
+def _marked(scan: RoomScan, observation: Observation) -> RoomScan:
+    here = observation.pose.ne_m
     if scan.marks and math.dist(scan.marks[-1].ne_m, here) < MARK_EVERY_M:
         return scan
     return replace(scan, marks=(*scan.marks, Mark(here, scan.heading_rad, scan.corners)))
 
 
-def _is_closed(scan: RoomScan, sight: Observation) -> bool:
+def _is_closed(scan: RoomScan, observation: Observation) -> bool:
     """The walls behind were seen up to a mark a whole round ago, and from there on then."""
     for mark in scan.marks:
         if scan.corners - mark.corners < CORNERS_OF_A_ROOM:
             break
-        north_m = sight.pose.north_m - mark.ne_m[0]
-        east_m = sight.pose.east_m - mark.ne_m[1]
+        north_m = observation.pose.north_m - mark.ne_m[0]
+        east_m = observation.pose.east_m - mark.ne_m[1]
         _, along_m = ned_to_frd(north_m, east_m, mark.heading_rad)
         is_past = along_m > CLOSING_OVERLAP_M
         is_there = is_past and math.hypot(north_m, east_m) < CLOSING_WITHIN_M
@@ -343,8 +361,10 @@ def _are_loose(walls: KnownWalls) -> bool:
     return float(walls.gap_sigmas_m().max(initial=0.0)) > LOOSE_M
 
 
-def _guarded(speed_m_s: float, beam: Beam, sight: Observation) -> float:
+def _guarded(speed_m_s: float, beam: Beam, observation: Observation) -> float:
     """Never on towards something near: the last word on every phase."""
     if speed_m_s <= 0:
         return speed_m_s
-    return approach_speed(sight.clear_m(beam) - FULL_STOP_BEFORE_M, speed_m_s, sight.lag_s)
+    return approach_speed(
+        observation.clear_m(beam) - FULL_STOP_BEFORE_M, speed_m_s, observation.lag_s
+    )

@@ -79,7 +79,7 @@ class Viewpoint:
 
 def looks(
     ways: ShortestPaths,
-    sight: Observation,
+    observation: Observation,
     plan: MissionConfig,
     tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
@@ -101,7 +101,7 @@ def looks(
         if not len(stage.targets):
             continue
         views = viewpoints(np.isfinite(ways.metres) & (to_occupied_m >= stage.least_room_m))
-        time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, sight, plan)
+        time_s = seconds(views, to_occupied_m[tuple(views.T)], ways, observation, plan)
         is_near = time_s <= stage.most_s
         if not is_near.any():
             continue
@@ -171,11 +171,15 @@ def _in_vain(tried: Sequence[Viewpoint]) -> bool:
 
 
 def seconds(
-    views: Indices, room_m: Metres, ways: ShortestPaths, sight: Observation, plan: MissionConfig
+    views: Indices,
+    room_m: Metres,
+    ways: ShortestPaths,
+    observation: Observation,
+    plan: MissionConfig,
 ) -> Seconds:
     """(n,): what it takes to go to each place and look, and what is lost where it is crowded."""
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
-    time_s += turn_rad(sight, views, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
+    time_s += turn_rad(observation, views, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     crowded: Seconds = time_s + CROWDED_S * np.maximum(AMPLE_ROOM_M - room_m, 0)
     return crowded
 
@@ -222,11 +226,11 @@ def _not_in_vain(
     return pairs[~in_vain]
 
 
-def turn_rad(sight: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
+def turn_rad(observation: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
     """(n,): how far the nose has to turn towards each place."""
-    here = grid.cell(sight.pose.ne_m)
+    here = grid.cell(observation.pose.ne_m)
     north, east = (views - here).T
-    off_rad = np.arctan2(east, north) - sight.pose.yaw_rad
+    off_rad = np.arctan2(east, north) - observation.pose.yaw_rad
     turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
     return turned_rad
 

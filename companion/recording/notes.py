@@ -93,11 +93,11 @@ class Notes:
     def _add_phase(self, now_s: float, flight: FlightState) -> None:
         """When it changes, and once a second for those who look in later."""
         last, self._flight = self._flight, flight
-        is_new = flight is not last and (last is None or _told(flight) != _told(last))
+        is_new = flight is not last and (last is None or _texts(flight) != _texts(last))
         if is_new or now_s - self._phase_s >= PHASE_PERIOD_S:
             self._phase_s = now_s
-            self._file.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_told(flight))))
+            self._file.add(topics.PHASE, now_s, json.encode(PhaseRecord(now_s, *_texts(flight))))
 
 
-def _told(flight: FlightState) -> tuple[str, str, str]:
+def _texts(flight: FlightState) -> tuple[str, str, str]:
     return flight.phase.name, flight.activity, flight.trouble

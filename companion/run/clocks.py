@@ -60,7 +60,7 @@ class SitlClock:
         self._transport = transport
         self._warn = warn
         self._last_s = 0.0
-        self._told_real_s = -math.inf
+        self._tick_real_s = -math.inf
         self._fallback: SystemClock | None = None
 
     def wait_until(self, time_s: float) -> float:
@@ -76,13 +76,13 @@ class SitlClock:
             self._fallback = SystemClock(self._last_s)
             return self._last_s
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
-        self._told_real_s = time.monotonic()
+        self._tick_real_s = time.monotonic()
         return self._last_s
 
     def now_s(self) -> float:
         if self._fallback is not None:
             return self._fallback.now_s()
-        if time.monotonic() - self._told_real_s < STANDS_STILL_S:
+        if time.monotonic() - self._tick_real_s < STANDS_STILL_S:
             return self._last_s
         return self.wait_until(self._last_s)
 

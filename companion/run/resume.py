@@ -177,7 +177,7 @@ def hold(link: Link, clock: Clock, work: Iterator[None]) -> bool:
     is_done = False
     while True:
         vehicle = link.poll(now_s).vehicle
-        is_known = bool(vehicle.mode) and vehicle.is_mode_just_told
+        is_known = bool(vehicle.mode) and vehicle.is_mode_recent
         if is_known and (vehicle.left_offboard or not is_ours(vehicle)):
             return False
         if is_done and (is_known or now_s > known_by_s):

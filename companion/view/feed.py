@@ -88,7 +88,7 @@ class TcpFeed:
         self._app = app
         self._mount_offset_m = mount_offset_m
         self._warn = warn
-        self._told_s = self._sketched_s = float("-inf")
+        self._sent_s = self._sketched_s = float("-inf")
         self._lookers = 0
         self._seats = threading.Semaphore(MAX_LOOKERS)
         self._is_closed = False
@@ -113,10 +113,10 @@ class TcpFeed:
         """Whatever goes wrong here ends the looking on, and not the flight."""
         if self._is_closed or not self._lookers:
             return
-        is_due = now_s - self._told_s >= PERIOD_S - 1e-6
+        is_due = now_s - self._sent_s >= PERIOD_S - 1e-6
         if not is_due and not outputs.finished:
             return
-        self._told_s = now_s
+        self._sent_s = now_s
         try:
             self._tell(now_s, outputs)
         except Exception as error:

@@ -124,7 +124,7 @@ def _references(
 
 def fly_all(setups: Sequence[Setup]) -> list[FlightResult]:
     """On all cores, with a bar; without those that were called off, or whose process died."""
-    flown: list[FlightResult | str] = with_a_bar(setups, _told, fly, _lost)
+    flown: list[FlightResult | str] = with_a_bar(setups, _progress_line, fly, _lost)
     return [result for result in flown if isinstance(result, FlightResult)]
 
 
@@ -133,7 +133,7 @@ def ended(world: str, profile: str, seed: object, ending: object) -> str:
     return f"{world}, {profile}, seed {seed}: {ending}"
 
 
-def _told(flown: FlightResult | str) -> str:
+def _progress_line(flown: FlightResult | str) -> str:
     if isinstance(flown, str):
         return flown
     report = flown.report

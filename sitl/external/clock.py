@@ -21,7 +21,7 @@ class AutopilotClock:
 
     def __init__(self) -> None:
         self._ahead_s: float | None = None
-        self._told_s = float("-inf")
+        self._autopilot_s = float("-inf")
 
     def hear(self, message: Message, now_s: float) -> float | None:
         """Our time of the moment that a message tells of; None if it tells no time."""
@@ -30,12 +30,12 @@ class AutopilotClock:
         boot_s = message.time_boot_ms * 1e-3
         if self._ahead_s is None or abs(boot_s + self._ahead_s - now_s) > GONE_S:
             self._ahead_s = now_s - boot_s
-        self._told_s = boot_s + self._ahead_s
-        return self._told_s
+        self._autopilot_s = boot_s + self._ahead_s
+        return self._autopilot_s
 
-    def told_s(self, now_s: float) -> float:
+    def autopilot_s(self, now_s: float) -> float:
         """The moment of what was heard last, as far as the autopilot has told it."""
-        return self._told_s if now_s - self._told_s <= GONE_S else now_s
+        return self._autopilot_s if now_s - self._autopilot_s <= GONE_S else now_s
 
 
 class Silence:

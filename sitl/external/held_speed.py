@@ -26,7 +26,7 @@ class HeldSpeed:
         self._work_s: list[float] = []
         self._late = 0
         self._began: tuple[float, float] | None = None
-        self._has_told = False
+        self._has_reported = False
 
     def asked(self, now_s: float, worked_s: float, time_s: float, wanted_s: float) -> None:
         """After `worked_s` the companion asks for a time; the world is at `time_s`."""
@@ -47,9 +47,9 @@ class HeldSpeed:
     def _look(self, runs: float) -> None:
         busy_s = sorted(self._work_s)[int(BUSY_SHARE * len(self._work_s)) - 1]
         is_late = self._late > LATE_SHARE * len(self._work_s)
-        if self._has_told and not is_late:
+        if self._has_reported and not is_late:
             return
-        self._has_told = True
+        self._has_reported = True
         held = TICK_S / max(busy_s, 1e-9)
         text = f"the autopilot runs at {runs:.1f} x real time; this machine holds {held:.1f} x"
         if is_late:

@@ -34,7 +34,7 @@ class TruthTracker:
 
     def hear(self, message: Message, now_s: float) -> bool:
         """Take in a message; True if it told the true state."""
-        told = _told(message)
+        told = _reported(message)
         if told is None:
             return False
         place, state = told
@@ -42,17 +42,17 @@ class TruthTracker:
             self._home = place
         there = offset_ned_m(self._home, place)
         began = self._start.position_ned_m
-        told_at = (there[0] + began[0], there[1] + began[1], min(there[2], 0.0) + began[2])
+        reported_ned_m = (there[0] + began[0], there[1] + began[1], min(there[2], 0.0) + began[2])
         self.state = replace(
-            state, time_s=now_s, position_ned_m=self._pulled(self.at(now_s), told_at)
+            state, time_s=now_s, position_ned_m=self._pulled(self.at(now_s), reported_ned_m)
         )
         return True
 
-    def _pulled(self, predicted: TrueState, told_at: Vector3) -> Vector3:
+    def _pulled(self, predicted: TrueState, reported_ned_m: Vector3) -> Vector3:
         here = predicted.position_ned_m
-        if math.dist(here, told_at) > JUMP_M:
-            return told_at
-        north, east, down = (h + PULL * (t - h) for h, t in zip(here, told_at, strict=True))
+        if math.dist(here, reported_ned_m) > JUMP_M:
+            return reported_ned_m
+        north, east, down = (h + PULL * (t - h) for h, t in zip(here, reported_ned_m, strict=True))
         return north, east, down
 
     def at(self, time_s: float) -> TrueState:
@@ -70,7 +70,7 @@ class TruthTracker:
         )
 
 
-def _told(message: Message) -> tuple[Place, TrueState] | None:
+def _reported(message: Message) -> tuple[Place, TrueState] | None:
     m = message
     match m.get_type():
         case "SIM_STATE":

@@ -90,7 +90,7 @@ class SensorBoard:
             s.port: TfminiDevice(self._tof(beam)) for beam, s in _of_kind(config, TfminiSensor)
         }
         self.bus = DeviceBus(devices, dict(self._spi_devices(config)), ports)
-        self.told_by_autopilot = {
+        self.from_autopilot = {
             beam: (self._tof(beam), sensor) for beam, sensor in _of_kind(config, AutopilotRange)
         }
 

@@ -80,6 +80,6 @@ class TofUnit:
         model = physics.model
         within_m = min(max(true_m, model.min_m), model.max_m)
         sigma2_m2 = model.sigma_m(within_m) ** 2 - (model.gain_sigma * within_m) ** 2
-        told_m = true_m * self.gain + noise * math.sqrt(sigma2_m2)
-        steps = max(0, round(told_m / physics.resolution_m))
+        measured_m = true_m * self.gain + noise * math.sqrt(sigma2_m2)
+        steps = max(0, round(measured_m / physics.resolution_m))
         return steps * physics.resolution_m

@@ -115,7 +115,7 @@ class Simulation:
             self._history.at,
             gain_sigma=setup.range_gain_sigma,
         )
-        self.autopilot.connect(self.board.told_by_autopilot)
+        self.autopilot.connect(self.board.from_autopilot)
 
     @property
     def time_s(self) -> float:

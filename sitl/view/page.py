@@ -72,8 +72,8 @@ class Page:
         self._turns = Turns(server, (SitlError, CompanionError))
         self._unseen: Seen | None = None
         self._unseen_lock = threading.Lock()
-        self._told_wall_s = self._plotted_wall_s = 0.0
-        self._is_untold = self._is_unplotted = False
+        self._shown_wall_s = self._plotted_wall_s = 0.0
+        self._is_unshown = self._is_unplotted = False
         self._framing = Framing(server, *first.bounds)
         self._flights = 0
         self._shown: Shown | None = None
@@ -254,13 +254,13 @@ class Page:
             self._mapped_side.show(snapshot)
         if snapshot.sketch is not None:
             shown.scoring.update(snapshot.sketch.walls)
-        self._is_untold = self._is_unplotted = True
+        self._is_unshown = self._is_unplotted = True
 
     def _keep_up(self) -> None:
         """Numbers and plots of the latest moment, not at every one."""
         wall_s = time.monotonic()
-        if self._is_untold and wall_s - self._told_wall_s > TELL_PERIOD_S:
-            self._told_wall_s, self._is_untold = wall_s, False
+        if self._is_unshown and wall_s - self._shown_wall_s > TELL_PERIOD_S:
+            self._shown_wall_s, self._is_unshown = wall_s, False
             self._tell()
         if self._is_unplotted and wall_s - self._plotted_wall_s > PERIOD_S:
             self._plotted_wall_s, self._is_unplotted = wall_s, False

@@ -150,9 +150,9 @@ def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Whic
     on_both_sides = _side(eyes[:, None], ends[:, None], c) * _side(eyes[:, None], ends[:, None], d)
     line, wall = np.nonzero(near & (on_both_sides <= 0))
     a, b, c, d = eyes[line], ends[line], c[wall], d[wall]
-    sight: Which = np.ones(len(points), dtype=bool)
-    sight[line[_side(c, d, a) * _side(c, d, b) <= 0]] = False
-    return sight
+    observation: Which = np.ones(len(points), dtype=bool)
+    observation[line[_side(c, d, a) * _side(c, d, b) <= 0]] = False
+    return observation
 
 
 def _side(a: Points, b: Points, p: Points) -> Points:

@@ -95,7 +95,7 @@ class Bench:
         """One tick: what the autopilot says of its own sensors, then all beams."""
         time_s = self.passes(TICK_S)
         if sensors.from_autopilot is not None and not self.board.bus.is_broken:
-            told = rangefinder_messages(self.board.told_by_autopilot, round(1000 * time_s))
+            told = rangefinder_messages(self.board.from_autopilot, round(1000 * time_s))
             for message in decode(self.codec, b"".join(m.pack(self.codec) for m in told)):
                 sensors.from_autopilot.hear(message, time_s)
         return sensors.read(time_s)

@@ -34,7 +34,7 @@ class VelocityLag:
         self._predicted: Array = np.zeros((len(_LAGS_S), 2))
         self._costs = _FIRST_COST * np.log(_LAGS_S / FIRST_LAG_S) ** 2
         self._asked_s = -math.inf
-        self._told_s = -math.inf
+        self._odometry_s = -math.inf
         self._yaw_rad = 0.0
 
     @property
@@ -45,7 +45,7 @@ class VelocityLag:
         """What goes out at this tick; None: nothing, the autopilot flies as it sees fit."""
         dt_s, self._asked_s = now_s - self._asked_s, now_s
         if setpoint is None or dt_s > _GAP_S:
-            self._told_s = -math.inf
+            self._odometry_s = -math.inf
             self._asked_s = -math.inf if setpoint is None else now_s
             return
         asked = np.array(frd_to_ned(setpoint.forward_m_s, setpoint.right_m_s, self._yaw_rad))
@@ -54,12 +54,12 @@ class VelocityLag:
 
     def take(self, odometry: Odometry) -> None:
         """What the autopilot tells of its velocity."""
-        told_m_s, self._yaw_rad = np.array(odometry.velocity_ned_m_s[:2]), odometry.yaw_rad
-        dt_s, self._told_s = odometry.time_s - self._told_s, odometry.time_s
+        velocity_m_s, self._yaw_rad = np.array(odometry.velocity_ned_m_s[:2]), odometry.yaw_rad
+        dt_s, self._odometry_s = odometry.time_s - self._odometry_s, odometry.time_s
         if not 0 < dt_s < _GAP_S:
-            self._predicted[:] = told_m_s
+            self._predicted[:] = velocity_m_s
             return
         if np.hypot(*(self._predicted[0] - self._predicted[-1])) < _TELLS_M_S:
             return
-        off = ((told_m_s - self._predicted) ** 2).sum(axis=1)
+        off = ((velocity_m_s - self._predicted) ** 2).sum(axis=1)
         self._costs += dt_s * (off - self._costs / _MEMORY_S)

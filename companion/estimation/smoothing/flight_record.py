@@ -44,7 +44,7 @@ class FrameColumn(IntEnum):
     DOWN_M = 7
     POSITION_SIGMA_M = 8
     YAW_SIGMA_RAD = 9
-    TOLD_RAD = 10
+    AUTOPILOT_YAW_RAD = 10
     """Turned since take-off by the autopilot, not wrapped; not a number while it tells nothing."""
     GAP_RAD2 = 11
     """Variance of what was turned while the gyro was silent."""
@@ -141,7 +141,7 @@ class FlightRecord:
         return float(self.frames[is_since, FrameColumn.GAP_RAD2].sum()) + self._gap_rad2
 
     def advance(
-        self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float, told_rad: float = math.nan
+        self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float, autopilot_yaw_rad: float = math.nan
     ) -> None:
         """The drone is here by now, there by uncorrected dead reckoning, turned as it is told."""
         north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
@@ -152,7 +152,9 @@ class FlightRecord:
         place = pose.north_m, pose.east_m, pose.yaw_rad, pose.down_m
         sigmas = pose.position_sigma_m, pose.yaw_sigma_rad
         motion = *self._moved_frd_m, self._turned_rad
-        self._frames.append((pose.time_s, *motion, *place, *sigmas, told_rad, self._gap_rad2))
+        self._frames.append(
+            (pose.time_s, *motion, *place, *sigmas, autopilot_yaw_rad, self._gap_rad2)
+        )
         self._last_s = pose.time_s
         self._raw_ne_m, self._raw_yaw_rad = raw_ne_m, raw_yaw_rad
         self._moved_frd_m, self._turned_rad, self._gap_rad2 = (0.0, 0.0), 0.0, 0.0

@@ -97,7 +97,7 @@ class Measured:
     """(k - 1, 2)."""
     turned_rad: Array
     """(k - 1,)."""
-    told_rad: Array
+    autopilot_yaw_rad: Array
     """(k,): turned since take-off by the autopilot; not a number where it did not tell."""
     bias_moved_rad_s: Array
     """(k - 1,): by how much the gyro's bias has moved, where that is known,"""
@@ -134,7 +134,7 @@ class Measured:
             age_s=time_s[1:] - time_s[:1],
             moved_frd_m=moved_frd_m,
             turned_rad=turned_rad,
-            told_rad=frames[:, FrameColumn.TOLD_RAD],
+            autopilot_yaw_rad=frames[:, FrameColumn.AUTOPILOT_YAW_RAD],
             bias_moved_rad_s=np.zeros_like(dt_s),
             is_steadied=np.zeros_like(dt_s, dtype=bool),
             frame=hits[:, HitColumn.FRAME].astype(np.int64),
@@ -165,7 +165,7 @@ class Measured:
             self.age_s[motion],
             self.moved_frd_m[motion],
             self.turned_rad[motion],
-            self.told_rad[first:end],
+            self.autopilot_yaw_rad[first:end],
             self.bias_moved_rad_s[motion],
             self.is_steadied[motion],
             self.frame[hits] - first,

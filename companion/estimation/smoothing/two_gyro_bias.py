@@ -44,7 +44,7 @@ class AutopilotGyroModel:
 
 def steadied(m: Measured, gyro: GyroModel, told: AutopilotGyroModel) -> Measured:
     """With how our gyro's bias has moved, where the autopilot's can tell."""
-    at = np.flatnonzero(np.isfinite(m.told_rad))
+    at = np.flatnonzero(np.isfinite(m.autopilot_yaw_rad))
     if len(at) < MIN_KEYFRAMES:
         return m
     first, last = int(at[0]), int(at[-1])
@@ -58,23 +58,23 @@ def steadied(m: Measured, gyro: GyroModel, told: AutopilotGyroModel) -> Measured
 
 def _bias_moved(m: Measured, gyro: GyroModel, told: AutopilotGyroModel) -> Array | None:
     """(k - 1,): by so much from each keyframe to the next, rad/s; None if it cannot be told."""
-    told_rad = m.told_rad - m.told_rad[0]
-    used = np.flatnonzero(np.isfinite(told_rad))
-    told_rad = told_rad[used]
-    ahead_rad = np.concatenate([[0.0], np.cumsum(m.turned_rad)])[used] - told_rad
-    x, scale, off_rad = np.zeros((len(m.told_rad), _SIZE)), 0.0, -ahead_rad
+    autopilot_yaw_rad = m.autopilot_yaw_rad - m.autopilot_yaw_rad[0]
+    used = np.flatnonzero(np.isfinite(autopilot_yaw_rad))
+    autopilot_yaw_rad = autopilot_yaw_rad[used]
+    ahead_rad = np.concatenate([[0.0], np.cumsum(m.turned_rad)])[used] - autopilot_yaw_rad
+    x, scale, off_rad = np.zeros((len(m.autopilot_yaw_rad), _SIZE)), 0.0, -ahead_rad
     for _ in range(ROUNDS):
         system = _alone(x, scale, m, gyro, told)
         system.add(
             off_rad,
             told.sigma_rad * cauchy(off_rad / told.sigma_rad),
             [(_SIZE * used, np.ones(len(used)))],
-            [(0, told_rad)],
+            [(0, autopilot_yaw_rad)],
         )
         solution = system.solve()
         x += solution.chained.reshape(-1, _SIZE)
         scale += float(solution.shared[0])
-        off_rad = x[used, 0] + scale * told_rad - ahead_rad
+        off_rad = x[used, 0] + scale * autopilot_yaw_rad - ahead_rad
     if np.sqrt(np.mean(off_rad**2)) > MAX_RMS * told.sigma_rad:
         return None
     moved_rad_s: Array = np.diff(x[:, 1])

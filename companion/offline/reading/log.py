@@ -81,7 +81,7 @@ class Log:
             LogError: there is no row at all, or the clock or the units cannot be right.
         """
         if not len(time_s):
-            raise LogError("no row that can be used" + _told(reading.rows_skipped))
+            raise LogError("no row that can be used" + _skipped_rows(reading.rows_skipped))
         check_clock(time_s)
         reading.rows_sorted = int((np.diff(time_s) < 0).sum())
         order = np.argsort(time_s, kind="stable")
@@ -104,7 +104,7 @@ class Log:
         )
 
 
-def _told(skipped: dict[str, Skipped]) -> str:
+def _skipped_rows(skipped: dict[str, Skipped]) -> str:
     if not skipped:
         return ""
     reason, entry = next(iter(skipped.items()))

@@ -128,7 +128,7 @@ def arm(
 def take_off(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    vehicle, height_m = view.vehicle, view.sight.pose.height_m
+    vehicle, height_m = view.vehicle, view.observation.pose.height_m
     is_high = height_m > plan.height_m - AT_HEIGHT_M
     up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
     flight = replace(flight, up_since_s=up_since_s)

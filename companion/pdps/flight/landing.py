@@ -61,12 +61,12 @@ def home(
         homeward = replace(homeward, known=flight.building.known_doorways)
     if homeward.phase is TravelPhase.GAVE_UP:
         return _look_for_way_home(flight, view, plan), FlightAction(HOLD)
-    going, setpoint = travel.step(homeward, view.sight, view.space, plan)
+    going, setpoint = travel.step(homeward, view.observation, view.space, plan)
     flight = replace(flight, way_home=going)
     match going.phase:
         case TravelPhase.ARRIVED:
             return replace(flight, arrived_s=view.time_s), FlightAction(
-                stay(START_NE_M, view.sight.pose)
+                stay(START_NE_M, view.observation.pose)
             )
         case TravelPhase.GAVE_UP:
             since_s = min(flight.lost_since_s, view.time_s)
@@ -94,7 +94,7 @@ def land_elsewhere(
 
 
 def _divert_to_floor(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
-    here = view.sight.pose.ne_m
+    here = view.observation.pose.ne_m
     site = landing_site(here, view.space, view.floor, plan)
     if site == here:
         return go(flight, Phase.LAND, view)
@@ -106,7 +106,7 @@ def divert(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
     assert flight.diversion is not None
-    going, setpoint = travel.step(flight.diversion, view.sight, view.space, plan)
+    going, setpoint = travel.step(flight.diversion, view.observation, view.space, plan)
     flight = replace(flight, diversion=going)
     if going.phase is TravelPhase.ARRIVED:
         return go(flight, Phase.DESCEND, view), FlightAction(HOLD)
@@ -117,7 +117,7 @@ def divert(
 
 def _settle(flight: FlightState, view: TickInput) -> tuple[FlightState, FlightAction]:
     """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
-    pose = view.sight.pose
+    pose = view.observation.pose
     is_over = math.dist(pose.ne_m, START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
     if waited_s > SETTLES_S or (is_over and waited_s > 0.5 * SETTLES_S):
@@ -130,19 +130,19 @@ def descend(
 ) -> tuple[FlightState, FlightAction]:
     if flight.diversion is not None and _is_table_below(view):
         return _divert_to_floor(flight, view, plan), FlightAction(HOLD)
-    is_low = view.sight.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
+    is_low = view.observation.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
     if is_low or age_s(flight, view) > DESCENT_TIMEOUT_S:
         return go(flight, Phase.LAND, view), FlightAction(HOLD)
     over_ne_m = flight.diversion.goal_ne_m if flight.diversion else START_NE_M
-    return flight, FlightAction(stay(over_ne_m, view.sight.pose))
+    return flight, FlightAction(stay(over_ne_m, view.observation.pose))
 
 
 def _is_table_below(view: TickInput) -> bool:
     """What the down beam meets is not floor; the floor nearer than half a metre is not told."""
-    height_m, reading = view.sight.pose.height_m, view.sight.ranges.get(Beam.DOWN)
+    height_m, reading = view.observation.pose.height_m, view.observation.ranges.get(Beam.DOWN)
     if reading is None or not reading.is_distance or height_m < TELLS_FLOOR_FROM_M:
         return False
-    return abs(height_m - view.sight.mount_offset_m - reading.distance_m) > FLOOR_OFF_M
+    return abs(height_m - view.observation.mount_offset_m - reading.distance_m) > FLOOR_OFF_M
 
 
 def land(
@@ -152,7 +152,7 @@ def land(
     if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
-    if vehicle.is_silent or not vehicle.is_mode_just_told:
+    if vehicle.is_silent or not vehicle.is_mode_recent:
         return flight, NOTHING  # somebody else may have it by now
     if not vehicle.armed:
         return go(flight, Phase.DONE, view), NOTHING

@@ -104,7 +104,7 @@ def _may_ask(flight: FlightState, vehicle: VehicleState) -> bool:
     """While it stands disarmed, between two heartbeats, too."""
     if flight.phase is Phase.OFFBOARD:
         return vehicle.mode_age_s <= HEARTBEAT_S
-    return vehicle.is_mode_just_told
+    return vehicle.is_mode_recent
 
 
 def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
@@ -122,15 +122,15 @@ def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
     """Down velocity that keeps the height of the layer, and off the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
-    down_m_s = climb_to(height_m, view.sight.pose.height_m)
-    room_m = view.sight.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
+    down_m_s = climb_to(height_m, view.observation.pose.height_m)
+    room_m = view.observation.clear_m(Beam.UP) - BODY_RADIUS_M - plan.clearance_m
     return max(down_m_s, -approach_speed(room_m, MAX_CLIMB_M_S, CLIMB_LAG_S))
 
 
 def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     """Home, when what is left of time and battery is needed for the way there."""
     spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
-    kept, why = energy_reserve.step(flight.reserve, spent, view.sight, view.space, plan)
+    kept, why = energy_reserve.step(flight.reserve, spent, view.observation, view.space, plan)
     if kept is not flight.reserve:
         flight = replace(flight, reserve=kept)
     return _turn_back(flight, view, why) if why else flight
@@ -147,7 +147,7 @@ def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
 def _room(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    room, setpoint = room_scan.step(flight.room, view.sight, view.space, plan)
+    room, setpoint = room_scan.step(flight.room, view.observation, view.space, plan)
     if room is not flight.room:
         flight = replace(flight, room=room)
     if room.phase is ScanPhase.CLOSED:
@@ -160,7 +160,7 @@ def _room(
 def _building(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    building, setpoint = explore.step(flight.building, view.sight, view.space, plan)
+    building, setpoint = explore.step(flight.building, view.observation, view.space, plan)
     flight = replace(flight, building=building)
     if building.phase is ExplorePhase.DONE:
         flight = go(flight, after(Phase.HOME, view), view)
@@ -172,7 +172,7 @@ def _building(
 def _layers(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    seen, setpoint = layers.step(flight.layers, view.sight, view.space, plan)
+    seen, setpoint = layers.step(flight.layers, view.observation, view.space, plan)
     flight = replace(flight, layers=seen)
     if seen.phase is LayersPhase.DONE:
         flight = go(flight, after(Phase.HOME, view), view)

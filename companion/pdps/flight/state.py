@@ -67,7 +67,7 @@ class TickInput:
 
     time_s: float
     vehicle: VehicleState
-    sight: Observation
+    observation: Observation
     space: Occupancy
     floor: Heights
     gyro_at_rest: bool

@@ -35,7 +35,7 @@ WAIT_S = 0.5
 BRIDGED_RAD, BRIDGED_GAP_S, BRIDGED_SHARE = math.radians(0.5), 0.25, 0.03
 """Sigma of a turn that was bridged, less in a shorter gap: it is told late in a turn that begins or
 ends; and both gyros have a scale."""
-UNTOLD_RAD_S = math.radians(30)
+UNSEEN_RAD_S = math.radians(30)
 """Sigma of a turn of which nobody tells, per second."""
 MEMORY_S = 5.0
 """The two turns are compared over this time, the older the less."""
@@ -60,7 +60,7 @@ class GyroWatch:
         self._waits_since_s = math.inf
         self._usual_s = math.nan
         """Between two samples."""
-        self._told: deque[Odometry] = deque(maxlen=KEPT)
+        self._odometries: deque[Odometry] = deque(maxlen=KEPT)
         self._compared: tuple[Odometry, float] | None = None
         """When both were last heard, and how far the autopilot had turned more than the gyro."""
         self._goes_on = False
@@ -82,7 +82,7 @@ class GyroWatch:
         return ""
 
     @property
-    def told_until_s(self) -> float:
+    def odometry_until_s(self) -> float:
         """The time of the latest sample that was handed on."""
         return -math.inf if self._last is None else self._last.time_s
 
@@ -102,7 +102,7 @@ class GyroWatch:
         if samples:
             self._is_saturated = any(abs(s.yaw_rate_rad_s) > MAX_RATE_RAD_S for s in samples)
         if odometry is not None:
-            self._told.append(odometry)
+            self._odometries.append(odometry)
         taken = self._without_gap(now_s, [*self._waiting, *samples], odometry, bias_rad_s or 0.0)
         self._integrate(taken, bias_rad_s or 0.0)
         if odometry is not None:
@@ -162,7 +162,7 @@ class GyroWatch:
         gap_s = max(steps_s[at], 1e-3)
         rate_rad_s = 0.5 * (before.yaw_rate_rad_s + samples[at].yaw_rate_rad_s)
         if odometry is None or self._compared is None:
-            sigma_rad = UNTOLD_RAD_S * gap_s
+            sigma_rad = UNSEEN_RAD_S * gap_s
         else:
             others_rad = sum(
                 (sample.yaw_rate_rad_s - bias_rad_s) * step_s
@@ -183,15 +183,15 @@ class GyroWatch:
         self, odometry: Odometry, last: GyroSample, turned_rad: float, bias_rad_s: float
     ) -> float:
         """How far the autopilot has turned more than the gyro, which had by its last sample."""
-        told_rad = self._told_at(last.time_s)
-        if told_rad is None:
+        autopilot_rad = self._autopilot_yaw_at(last.time_s)
+        if autopilot_rad is None:
             late_s = odometry.time_s - last.time_s
-            told_rad = odometry.turned_rad - (last.yaw_rate_rad_s - bias_rad_s) * late_s
-        return told_rad - turned_rad
+            autopilot_rad = odometry.turned_rad - (last.yaw_rate_rad_s - bias_rad_s) * late_s
+        return autopilot_rad - turned_rad
 
-    def _told_at(self, time_s: float) -> float | None:
+    def _autopilot_yaw_at(self, time_s: float) -> float | None:
         """How far the autopilot had turned by then; None if it did not tell before and after."""
-        for before, after in pairwise(self._told):
+        for before, after in pairwise(self._odometries):
             if before.time_s < time_s <= after.time_s <= before.time_s + TOLD_S:
                 share = (time_s - before.time_s) / (after.time_s - before.time_s)
                 turn_rad = wrap_rad(after.turned_rad - before.turned_rad)

@@ -24,7 +24,7 @@ class SteadyOdometry:
     """
 
     def __init__(self) -> None:
-        self._told: Odometry | None = None
+        self._last: Odometry | None = None
         self._given: Odometry | None = None
         self._turned_rad = 0.0
         """What all jumps of the heading come to,"""
@@ -36,7 +36,7 @@ class SteadyOdometry:
         """The same motion without jumps; None also for what no drone does."""
         if told is None or not _is_plausible(told):
             return None
-        last, self._told = self._told, told
+        last, self._last = self._last, told
         if last is None or self._given is None:
             self._given = told
             return told

@@ -48,7 +48,7 @@ class UnaskedWatch:
         self._quick: deque[tuple[float, Vector3]] = deque()
         self._slow = STILL
         self._since_s = math.inf
-        self._told: deque[tuple[float, float]] = deque()
+        self._noted: deque[tuple[float, float]] = deque()
         """Times and what was unasked then."""
 
     def ask(self, now_s: float, setpoint: Setpoint | None, yaw_rad: float) -> None:
@@ -72,13 +72,13 @@ class UnaskedWatch:
         """What the autopilot tells of its velocity."""
         now_s = odometry.time_s
         if not self._quick or now_s - self._since_s < SETTLED_S:
-            self._told.clear()
+            self._noted.clear()
             self.unasked_m_s, self.has_flown_away = 0.0, False
             return
         self.unasked_m_s = self._beyond(odometry.velocity_ned_m_s)
-        self._told.append((now_s, self.unasked_m_s))
-        while now_s - self._told[0][0] > THIRDS_S[0] + GAP_S:
-            self._told.popleft()
+        self._noted.append((now_s, self.unasked_m_s))
+        while now_s - self._noted[0][0] > THIRDS_S[0] + GAP_S:
+            self._noted.popleft()
         if self.unasked_m_s < NEAR_M_S:
             self.has_flown_away = False
         elif self._is_far(now_s) or self._grows_steadily(now_s):
@@ -110,7 +110,9 @@ class UnaskedWatch:
 
     def _at(self, time_s: float) -> float | None:
         """What was told last by then."""
-        return next((m_s for told_s, m_s in reversed(self._told) if told_s <= time_s + 1e-6), None)
+        return next(
+            (m_s for noted_s, m_s in reversed(self._noted) if noted_s <= time_s + 1e-6), None
+        )
 
 
 def _answer(was: Vector3, asked: Vector3, share: float) -> Vector3:

@@ -97,7 +97,7 @@ class Health:
         A link that loses messages leaves out odometry now and then; but in a late tick the drone
         has flown on, and braked.
         """
-        is_turned = abs(time_s - self._gyro.told_until_s) <= HEADING_S
+        is_turned = abs(time_s - self._gyro.odometry_until_s) <= HEADING_S
         is_moved = abs(time_s - self._odometry_s) <= HEADING_S
         return is_turned and (is_moved or not self._lateness.is_late)
 

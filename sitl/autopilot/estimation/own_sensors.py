@@ -29,19 +29,19 @@ class Imu:
 
     def scaled(self, boot_ms: int, yaw_rate_rad_s: float) -> Message:
         """SCALED_IMU (26): mrad/s."""
-        told = round(1000 * self._told_rad_s(yaw_rate_rad_s))
+        told = round(1000 * self._measured_rad_s(yaw_rate_rad_s))
         return mavlink.MAVLink_scaled_imu_message(
             boot_ms, *(0, 0, -1000), *(0, 0, told), *(0, 0, 0)
         )
 
     def highres(self, boot_us: int, yaw_rate_rad_s: float) -> Message:
         """HIGHRES_IMU (105): only accelerometer and gyro are updated."""
-        told = self._told_rad_s(yaw_rate_rad_s)
+        told = self._measured_rad_s(yaw_rate_rad_s)
         return mavlink.MAVLink_highres_imu_message(
             boot_us, *(0, 0, -9.81), *(0, 0, told), *(0, 0, 0), *(0, 0, 0, 0), 0x3F
         )
 
-    def _told_rad_s(self, yaw_rate_rad_s: float) -> float:
+    def _measured_rad_s(self, yaw_rate_rad_s: float) -> float:
         noise = self._random.gauss(0, NOISE_RAD_S)
         return yaw_rate_rad_s * self._scale + self._bias_rad_s + noise
 
@@ -56,12 +56,12 @@ def rangefinder_messages(
         if unit.is_unplugged:
             continue
         distance_m = unit.distance_m(boot_ms * 1e-3)
-        told_m = sensor.max_m + 0.1 if distance_m is None else distance_m
+        distance_m_or_max = sensor.max_m + 0.1 if distance_m is None else distance_m
         messages.append(
             mavlink.MAVLink_distance_sensor_message(
                 boot_ms,
                 *(round(100 * metres) for metres in (sensor.min_m, sensor.max_m)),
-                min(round(100 * told_m), MAX_CM),
+                min(round(100 * distance_m_or_max), MAX_CM),
                 mavlink.MAV_DISTANCE_SENSOR_LASER,
                 number,
                 orientations[beam],

@@ -22,4 +22,4 @@ class ArduPilotParameters(Parameters):
         return value
 
     def _answer(self, name: str) -> Message:
-        return self._told(name, NO_INDEX)
+        return self._value_message(name, NO_INDEX)

@@ -49,7 +49,7 @@ class Parameters(ABC):
         """PARAM_REQUEST_READ (20), by index or, if that is -1, by name; silence if unknown."""
         names = list(self._table)
         if 0 <= message.param_index < len(names):
-            return [self._told(names[message.param_index], message.param_index)]
+            return [self._value_message(names[message.param_index], message.param_index)]
         if message.param_index == -1 and message.param_id in self._table:
             return [self._answer(message.param_id)]
         return []
@@ -66,9 +66,9 @@ class Parameters(ABC):
         """What of a list this step sends."""
         count = min(self.listed_per_step, len(self._to_list))
         names = [self._to_list.popleft() for _ in range(count)]
-        return [self._told(name, self._index.get(name, NO_INDEX)) for name in names]
+        return [self._value_message(name, self._index.get(name, NO_INDEX)) for name in names]
 
-    def _told(self, name: str, index: int) -> Message:
+    def _value_message(self, name: str, index: int) -> Message:
         """PARAM_VALUE (22)."""
         kind = self._table[name].kind
         wire = self._wire(self.values[name], kind)

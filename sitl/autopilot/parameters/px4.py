@@ -33,7 +33,7 @@ class Px4Parameters(Parameters):
     def read(self, message: Message) -> list[Message]:
         """PARAM_REQUEST_READ (20), of the hash too."""
         if message.param_index == -1 and message.param_id == HASH:
-            return [self._told(HASH, NO_INDEX)]
+            return [self._value_message(HASH, NO_INDEX)]
         return super().read(message)
 
     def begin_list(self) -> None:
@@ -41,9 +41,9 @@ class Px4Parameters(Parameters):
         first = [] if self._to_list else [HASH]
         self._to_list = deque([*first, *self._table])
 
-    def _told(self, name: str, index: int) -> Message:
+    def _value_message(self, name: str, index: int) -> Message:
         if name != HASH:
-            return super()._told(name, index)
+            return super()._value_message(name, index)
         kind = mavlink.MAV_PARAM_TYPE_UINT32
         return mavlink.MAVLink_param_value_message(
             HASH.encode(), _as_float(struct.pack("<I", self._hash())), kind, len(self._table), index
@@ -64,7 +64,7 @@ class Px4Parameters(Parameters):
         return _as_float(_four_bytes(value, kind))
 
     def _answer(self, name: str) -> Message:
-        return self._told(name, self._index[name])
+        return self._value_message(name, self._index[name])
 
     def _hash(self) -> int:
         """`param_hash_check`: a CRC-32, not inverted, over each name and its value's bytes."""

@@ -36,7 +36,7 @@ def test_without_noise_gain_and_offset_are_exact(gain: float, offset_m: float) -
     assert found.calibration.offset_m == pytest.approx(offset_m, abs=5e-4)
     for point in points:
         reading = corrected(
-            RangeReading(RangeState.DISTANCE, point.told_m, 0.01), found.calibration
+            RangeReading(RangeState.DISTANCE, point.measured_m, 0.01), found.calibration
         )
         assert reading.distance_m == pytest.approx(point.true_m, abs=1e-3)
 

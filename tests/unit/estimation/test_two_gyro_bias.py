@@ -29,7 +29,7 @@ def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
         age_s=10 + time_s[1:],
         moved_frd_m=np.zeros((KEYFRAMES - 1, 2)),
         turned_rad=np.radians(own_deg),
-        told_rad=np.radians(told_deg),
+        autopilot_yaw_rad=np.radians(told_deg),
         bias_moved_rad_s=np.zeros(KEYFRAMES - 1),
         is_steadied=np.zeros(KEYFRAMES - 1, dtype=bool),
         frame=none,
@@ -69,16 +69,16 @@ def test_a_heading_that_a_compass_sets_counts_for_nothing() -> None:
 
 def test_without_an_autopilot_that_tells_its_heading_nothing_is_known() -> None:
     m = flight(wandering(0))
-    silent = replace(m, told_rad=np.full(KEYFRAMES, np.nan))
+    silent = replace(m, autopilot_yaw_rad=np.full(KEYFRAMES, np.nan))
     assert steadied(silent, GyroModel(), AutopilotGyroModel()) is silent
 
 
 def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
     bias_deg_s = wandering(2)
     m = flight(bias_deg_s)
-    told_rad = m.told_rad.copy()
-    told_rad[:40] = told_rad[700:750] = np.nan
-    m = steadied(replace(m, told_rad=told_rad), GyroModel(), AutopilotGyroModel())
+    autopilot_yaw_rad = m.autopilot_yaw_rad.copy()
+    autopilot_yaw_rad[:40] = autopilot_yaw_rad[700:750] = np.nan
+    m = steadied(replace(m, autopilot_yaw_rad=autopilot_yaw_rad), GyroModel(), AutopilotGyroModel())
     assert not m.is_steadied[:40].any()
     assert m.is_steadied[40:].all()
     moved_deg_s = np.degrees(m.bias_moved_rad_s[40:].sum())

@@ -342,11 +342,11 @@ def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> No
 
 
 def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
-    assert vehicle.says(heartbeat(4)).vehicle.is_mode_just_told
+    assert vehicle.says(heartbeat(4)).vehicle.is_mode_recent
     vehicle.now_s = 3.0
     state = vehicle.says(attitude(1000)).vehicle
-    assert (state.is_silent, state.is_mode_just_told) == (False, False)
-    assert vehicle.says(heartbeat(5)).vehicle.is_mode_just_told
+    assert (state.is_silent, state.is_mode_recent) == (False, False)
+    assert vehicle.says(heartbeat(5)).vehicle.is_mode_recent
 
 
 def test_a_mode_that_was_ours_again_by_the_time_we_looked_was_left(vehicle: Vehicle) -> None:

@@ -68,7 +68,7 @@ def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:
     return grid
 
 
-def sight(
+def observation(
     place: Place = (0.0, 0.0), yaw_rad: float = 0.0, ahead_m: float = 5.0, time_s: float = 10.0
 ) -> Observation:
     ahead = RangeReading(RangeState.DISTANCE, ahead_m, 0.01)
@@ -141,7 +141,7 @@ def test_where_it_has_come_through_it_may_go_back_unless_that_was_closed(
 
 def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
     grid = walled(reach_m=2.0)
-    assert not looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
+    assert not looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN)
 
 
 def test_a_doorway_is_a_frontier_to_look_through() -> None:
@@ -150,7 +150,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
         for _ in range(20):
             grid.add(Ray((0.0, 0.0), math.radians(degree), 4.0, 0.01, False, 0.0))
     assert frontiers(grid).any()
-    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
+    look, *_ = looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN)
     for place in look.at_ne_m:
         assert abs(math.atan2(place[1], place[0])) < math.radians(25)
 
@@ -162,7 +162,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.08, True, 0.0))
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.4, 0.0, False, 0.0))
     assert vague_surfaces(grid).any()
-    look, *_ = looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN)
+    look, *_ = looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN)
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
 
@@ -184,7 +184,7 @@ def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None
     edge = np.argwhere(frontiers(grid)).tolist()
     tried = Viewpoint((0.0, 0.0), tuple(grid.place((row, column)) for row, column in edge))
     ways = ways_from(grid, (2.0, 0.0))
-    look, *_ = looks(ways, sight((2.0, 0.0)), PLAN, (tried,) * TRIES)
+    look, *_ = looks(ways, observation((2.0, 0.0)), PLAN, (tried,) * TRIES)
     assert look.from_ne_m[0] > far_side_m + 0.5
 
 
@@ -194,18 +194,18 @@ def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
         for _ in range(20):
             grid.add(Ray((0.0, 0.0), math.radians(degree), 3.5, 0.01, False, 0.0))
     ways = ways_from(grid, (0.0, 0.0))
-    large = looks(ways, sight(), PLAN)
+    large = looks(ways, observation(), PLAN)
     assert large
     assert all(len(look.at_ne_m) >= MIN_SHOWN for look in large)
-    small = looks(ways, sight(), PLAN, large * TRIES)
+    small = looks(ways, observation(), PLAN, large * TRIES)
     assert small
     assert all(len(look.at_ne_m) < MIN_SHOWN for look in small)
 
 
 def test_what_a_look_has_left_unseen_is_looked_at_from_elsewhere() -> None:
     ways = ways_from(open_ground(), (0.0, 0.0))
-    first, *_ = looks(ways, sight(), PLAN)
-    for look in looks(ways, sight(), PLAN, (first,)):
+    first, *_ = looks(ways, observation(), PLAN)
+    for look in looks(ways, observation(), PLAN, (first,)):
         is_it_again = [min(math.dist(a, b) for b in first.at_ne_m) < 0.2 for a in look.at_ne_m]
         assert math.dist(look.from_ne_m, first.from_ne_m) > 0.3 or not any(is_it_again)
 
@@ -217,8 +217,8 @@ def test_what_was_looked_at_often_enough_is_let_be() -> None:
     )
     ways = ways_from(grid, (0.0, 0.0))
     tried = (Viewpoint((1.0, 0.0), everywhere),) * TRIES
-    assert looks(ways, sight(), PLAN, tried[1:])
-    assert not looks(ways, sight(), PLAN, tried)
+    assert looks(ways, observation(), PLAN, tried[1:])
+    assert not looks(ways, observation(), PLAN, tried)
 
 
 def test_a_frontier_shows_from_before_it_and_not_from_its_side() -> None:
@@ -235,7 +235,7 @@ def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
     """Not from the side, along what is known already."""
     grid = open_ground()
     known = known_cells(grid)
-    for look in looks(ways_from(grid, (0.0, 0.0)), sight(), PLAN):
+    for look in looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN):
         from_north_m, from_east_m = look.from_ne_m
         for north_m, east_m in look.at_ne_m:
             away_m = math.hypot(north_m - from_north_m, east_m - from_east_m)
@@ -252,11 +252,11 @@ def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
 def test_outside_only_what_is_near_to_something_is_looked_at() -> None:
     grid = open_ground()
     ways = ways_from(grid, (0.0, 0.0))
-    assert not looks(ways, sight(), OUTSIDE)
-    assert looks(ways, sight(), PLAN)
+    assert not looks(ways, observation(), OUTSIDE)
+    assert looks(ways, observation(), PLAN)
     grid.block((3.0, 0.0), 0.3)
     for plan in (OUTSIDE, PLAN):
-        found = looks(ways_from(grid, (0.0, 0.0)), sight(), plan)
+        found = looks(ways_from(grid, (0.0, 0.0)), observation(), plan)
         assert all(place[0] > 0 for look in found for place in look.at_ne_m)
 
 
@@ -266,7 +266,7 @@ def test_unknown_space_amid_known_is_looked_at(plan: MissionConfig) -> None:
     for degree in range(0, 360, 40):
         bearing_rad = math.radians(degree)
         look_round(grid, (7 * math.cos(bearing_rad), 7 * math.sin(bearing_rad)), 3.0, hit=False)
-    found = looks(ways_from(grid, (7.0, 0.0)), sight((7.0, 0.0)), plan)
+    found = looks(ways_from(grid, (7.0, 0.0)), observation((7.0, 0.0)), plan)
     assert found
     assert all(math.hypot(*place) < 5 for look in found for place in look.at_ne_m)
 
@@ -277,7 +277,7 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
         grid = open_ground(reach_m)
         grid.block((0.0, 0.0), 0.3)
         seen_enough = (Viewpoint((1.5, 0.0), pillar),) * TRIES
-        assert bool(looks(ways_from(grid, here), sight(here), plan, seen_enough)) == has_more
+        assert bool(looks(ways_from(grid, here), observation(here), plan, seen_enough)) == has_more
 
 
 @pytest.mark.parametrize(("strip_m", "is_open"), [(10, False), (34, True)])
@@ -290,16 +290,16 @@ def test_the_open_counts_when_all_else_is_far(strip_m: int, is_open: bool) -> No
         look_round(grid, (float(north_m), 0.0), 2.0, hit=False)
     grid.block((strip_m + 1.0, 0.0), 0.3)
     seen_enough = (Viewpoint((1.5, 0.0), pillar),) * TRIES
-    found = looks(ways_from(grid, here), sight(here), PLAN, seen_enough)
+    found = looks(ways_from(grid, here), observation(here), PLAN, seen_enough)
     assert found[0].is_open == is_open
 
 
 def test_when_look_after_look_into_the_open_shows_nothing_it_is_let_be() -> None:
     ways, inside = ways_from(open_ground(), (0.0, 0.0)), Viewpoint((0.0, 0.0), ((9.0, 9.0),))
     into_the_open = replace(inside, is_open=True)
-    assert looks(ways, sight(), PLAN, (into_the_open,) * (OPEN_LOOKS - 1))
-    assert looks(ways, sight(), PLAN, (*(into_the_open,) * OPEN_LOOKS, inside))
-    assert not looks(ways, sight(), PLAN, (into_the_open,) * OPEN_LOOKS)
+    assert looks(ways, observation(), PLAN, (into_the_open,) * (OPEN_LOOKS - 1))
+    assert looks(ways, observation(), PLAN, (*(into_the_open,) * OPEN_LOOKS, inside))
+    assert not looks(ways, observation(), PLAN, (into_the_open,) * OPEN_LOOKS)
 
 
 def test_what_lies_on_the_way_home_is_left_for_the_way_home() -> None:
@@ -330,13 +330,13 @@ def followed(
 
 
 def test_it_turns_to_where_it_flies_and_is_slow_until_it_has() -> None:
-    setpoint = followed(((0.0, 3.0),), sight(), course=None)
+    setpoint = followed(((0.0, 3.0),), observation(), course=None)
     assert setpoint.forward_m_s == pytest.approx(0)
     assert setpoint.right_m_s == pytest.approx(0)
     assert setpoint.yaw_rate_rad_s > 0
-    half = followed(((3.0, 0.0),), sight(yaw_rad=0.7), course=None)
+    half = followed(((3.0, 0.0),), observation(yaw_rad=0.7), course=None)
     assert 0.2 < math.hypot(half.forward_m_s, half.right_m_s) < 0.6
-    assert followed(((3.0, 0.0),), sight(), course=None).forward_m_s > 0.9
+    assert followed(((3.0, 0.0),), observation(), course=None).forward_m_s > 0.9
 
 
 @pytest.mark.parametrize(
@@ -346,12 +346,12 @@ def test_a_course_is_faced_when_the_nose_has_pointed_along_it(
     yaw_deg: float, bearing_deg: float, is_faced: bool
 ) -> None:
     corner = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
-    here = sight(yaw_rad=math.radians(yaw_deg))
+    here = observation(yaw_rad=math.radians(yaw_deg))
     assert (faced(None, (corner,), here) is not None) == is_faced
 
 
 def test_a_course_stays_faced_until_the_way_bends() -> None:
-    turned = sight(yaw_rad=math.radians(45))
+    turned = observation(yaw_rad=math.radians(45))
     still = faced(NORTH, ((3.0, 1.0),), turned)
     assert still is not None
     assert still.bearing_rad == NORTH.bearing_rad
@@ -360,9 +360,9 @@ def test_a_course_stays_faced_until_the_way_bends() -> None:
 
 def test_it_slows_down_where_it_is_narrow() -> None:
     grid = open_ground()
-    wide = followed(((3.0, 0.0),), sight(), grid)
+    wide = followed(((3.0, 0.0),), observation(), grid)
     grid.block((0.6, 0.5), 0.1)
-    narrow = followed(((3.0, 0.0),), sight(), grid)
+    narrow = followed(((3.0, 0.0),), observation(), grid)
     assert narrow.forward_m_s < 0.5 * wide.forward_m_s
 
 
@@ -375,10 +375,10 @@ def test_it_swings_its_nose_to_where_gaps_are_left_and_keeps_to_its_way(
     grid.block((1.0, -beside_m), 0.1)
     left_deg, right_deg = gap_deg
     lane = Lane(left_rad=math.radians(left_deg), right_rad=math.radians(right_deg))
-    way, course, yaws_deg = ((3.0, 0.0),), faced(None, ((3.0, 0.0),), sight()), [0.0]
+    way, course, yaws_deg = ((3.0, 0.0),), faced(None, ((3.0, 0.0),), observation()), [0.0]
     for tick in range(200):
         yaw_rad = math.radians(yaws_deg[-1])
-        here = sight(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0))
+        here = observation(yaw_rad=yaw_rad, time_s=0.05 * tick, place=(1.0, 0.0))
         course = faced(course, way, replace(here, lane=lambda _: lane))
         setpoint = followed(way, here, grid, course)
         course_rad = yaw_rad + math.atan2(setpoint.right_m_s, setpoint.forward_m_s)
@@ -392,7 +392,7 @@ def test_it_swings_its_nose_to_where_gaps_are_left_and_keeps_to_its_way(
 def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
-    sure = sight(place=(1.0, 0.0), time_s=120.0)
+    sure = observation(place=(1.0, 0.0), time_s=120.0)
     lost = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
     assert followed(way, lost, grid).forward_m_s < followed(way, sure, grid).forward_m_s
 
@@ -400,13 +400,13 @@ def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -
 def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
-    sure = sight(place=(1.0, 0.0), time_s=5.0)
+    sure = observation(place=(1.0, 0.0), time_s=5.0)
     far = replace(sure, pose=replace(sure.pose, position_sigma_m=0.45))
     assert followed(way, far, grid) == followed(way, sure, grid)
 
 
 def test_beside_a_wall_that_the_map_has_elsewhere_it_is_slow() -> None:
-    way, alone = ((3.0, 0.0),), sight(place=(1.0, 0.0), time_s=5.0)
+    way, alone = ((3.0, 0.0),), observation(place=(1.0, 0.0), time_s=5.0)
     near = {**alone.ranges, Beam.LEFT: RangeReading(RangeState.TOO_NEAR)}
     free, beside = followed(way, alone), followed(way, replace(alone, ranges=near))
     assert beside.forward_m_s < 0.5 * free.forward_m_s
@@ -416,22 +416,22 @@ def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((0.6, -0.7), 0.1)
     left_rad = math.radians(-35)
-    beside = followed(way, sight((0.0, 0.0), left_rad, 1.0), grid)
+    beside = followed(way, observation((0.0, 0.0), left_rad, 1.0), grid)
     assert beside.forward_m_s > 0.2
-    before = followed(way, sight((0.0, 0.0), left_rad, 0.65), grid)
+    before = followed(way, observation((0.0, 0.0), left_rad, 0.65), grid)
     assert before.forward_m_s == 0
 
 
 def test_it_stops_before_what_stands_in_the_way() -> None:
     way = ((3.0, 0.0),)
-    assert is_blocked(way, sight(ahead_m=0.5))
-    assert not is_blocked(way, sight(ahead_m=3.0))
-    assert followed(way, sight(ahead_m=0.5)).forward_m_s == 0
+    assert is_blocked(way, observation(ahead_m=0.5))
+    assert not is_blocked(way, observation(ahead_m=3.0))
+    assert followed(way, observation(ahead_m=0.5)).forward_m_s == 0
 
 
 def test_corners_that_are_near_are_passed() -> None:
-    assert passed(((0.05, 0.0),), sight(), ARRIVED_M) == ()
-    assert passed(((0.05, 0.0), (2.0, 0.0)), sight(), ARRIVED_M) == ((2.0, 0.0),)
+    assert passed(((0.05, 0.0),), observation(), ARRIVED_M) == ()
+    assert passed(((0.05, 0.0), (2.0, 0.0)), observation(), ARRIVED_M) == ((2.0, 0.0),)
 
 
 # Travel
@@ -440,7 +440,7 @@ def test_corners_that_are_near_are_passed() -> None:
 def gone(
     travel: Travel, grid: Occupancy, *, ahead_m: float = 5.0, time_s: float = 10.0
 ) -> tuple[Travel, Setpoint]:
-    return travelling.step(travel, sight(ahead_m=ahead_m, time_s=time_s), grid, PLAN)
+    return travelling.step(travel, observation(ahead_m=ahead_m, time_s=time_s), grid, PLAN)
 
 
 def to_turn_to_rad(travel: Travel) -> tuple[float, ...]:
@@ -494,7 +494,7 @@ def test_between_walls_to_and_fro_is_not_getting_on(half_m: float, *, is_stuck: 
         grid.block((0.1 * row + 0.05, side * half_m), 0.01)
     travel = Travel((3.0, 0.0))
     for second in range(14):
-        seen = sight((0.3 * (second // 3 % 2), 0.0), time_s=10.0 + second)
+        seen = observation((0.3 * (second // 3 % 2), 0.0), time_s=10.0 + second)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert travel.looked_round is is_stuck
 
@@ -515,7 +515,7 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
     looked_rad = []
     while travel.phase is TravelPhase.SWEEP:
         looked_rad.append(to_turn_to_rad(travel)[0])
-        seen = sight(yaw_rad=looked_rad[-1])
+        seen = observation(yaw_rad=looked_rad[-1])
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert min(looked_rad) < -0.5 < 0.5 < max(looked_rad)
     travel, setpoint = gone(travel, grid)
@@ -542,7 +542,7 @@ def looked_at(
 ) -> tuple[Travel, float]:
     """After both jambs of an opening in the wall 1.45 m north were swept; and when."""
     heading = 1.0 if place[0] < 1.45 else -1.0
-    seen = sight(place, math.acos(heading), time_s=time_s)
+    seen = observation(place, math.acos(heading), time_s=time_s)
     travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert travel.phase is TravelPhase.SWEEP
     yaw_rad = to_turn_to_rad(travel)[0]
@@ -550,7 +550,7 @@ def looked_at(
         time_s += 0.05
         east_m = place[1] + (1.45 - place[0]) * math.tan(yaw_rad)
         away_m = math.dist(place, (1.45, east_m)) if abs(east_m) > 0.5 * width_m else 5.0
-        seen = sight(place, yaw_rad, away_m, time_s)
+        seen = observation(place, yaw_rad, away_m, time_s)
         travel, setpoint = travelling.step(travel, seen, grid, PLAN)
         yaw_rad += 0.05 * setpoint.yaw_rate_rad_s
     return travel, time_s
@@ -582,7 +582,7 @@ def test_a_doorway_that_looked_too_narrow_once_is_looked_at_again_and_entered() 
 
 def test_a_step_of_the_pose_while_it_looks_does_not_make_a_doorway_narrower() -> None:
     met = ((1.45, 0.45), (1.45, 0.5))
-    seen = sight()
+    seen = observation()
     doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.45)
     looking = replace(over_jambs(doorway, seen), met_ne_m=met)
     moved = replace(seen, pose=replace(seen.pose, east_m=-0.3, reset_counter=1))
@@ -593,7 +593,7 @@ def test_a_step_of_the_pose_while_it_looks_does_not_make_a_doorway_narrower() ->
 def test_home_it_goes_through_whatever_is_wide_enough_to_fly() -> None:
     grid = with_doorway(1.45)
     travel, time_s = looked_at(Travel((0.0, 0.0)), grid, 0.75, (2.9, 0.0))
-    seen = sight((2.9, 0.0), math.pi, time_s=time_s + 0.05)
+    seen = observation((2.9, 0.0), math.pi, time_s=time_s + 0.05)
     travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert travel.phase is TravelPhase.FLY
     assert travel.way[-1] == (0.0, 0.0)
@@ -626,7 +626,7 @@ def test_where_it_has_no_room_to_turn_it_does_not_back_off() -> None:
 def test_a_step_of_the_pose_does_not_move_it_while_it_looks() -> None:
     grid = with_doorway(1.45)
     travel, _ = gone(Travel((3.0, 0.0)), grid)
-    seen = sight((0.0, 0.3))
+    seen = observation((0.0, 0.3))
     stepped = replace(seen, pose=replace(seen.pose, reset_counter=1))
     travel, setpoint = travelling.step(travel, stepped, grid, PLAN)
     assert (setpoint.forward_m_s, setpoint.right_m_s) == (0.0, 0.0)
@@ -640,7 +640,7 @@ def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
     aside = travel.way[0]
     assert travel.phase is TravelPhase.FLY
     assert abs(aside[1]) > 0.8
-    travel, _ = travelling.step(travel, sight(aside), grid, PLAN)
+    travel, _ = travelling.step(travel, observation(aside), grid, PLAN)
     assert travel.phase is TravelPhase.SWEEP
 
 
@@ -684,7 +684,7 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
     turned = len(to_turn_to_rad(travel))
     while travel.phase is TravelPhase.SWEEP:
         time_s += 0.05
-        seen = sight(yaw_rad=to_turn_to_rad(travel)[0], time_s=time_s)
+        seen = observation(yaw_rad=to_turn_to_rad(travel)[0], time_s=time_s)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert turned == 3
     travel, setpoint = gone(travel, grid, time_s=time_s + 2)
@@ -727,7 +727,7 @@ def test_home_it_goes_as_it_came_whatever_is_drawn_there(goal: Place, *, goes: b
     for row in range(-40, 41):
         grid.block((1.25, 0.1 * row + 0.05), 0.1)
     travel = Travel(goal, looked_round=True)
-    travel, _ = travelling.step(travel, sight((2.5, 0.0), yaw_rad=math.pi), grid, PLAN)
+    travel, _ = travelling.step(travel, observation((2.5, 0.0), yaw_rad=math.pi), grid, PLAN)
     assert (travel.phase is not TravelPhase.GAVE_UP) is goes
     assert bool(travel.way) is goes
 
@@ -759,7 +759,7 @@ def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     travel, grid = Travel(goal, looked_round=True), open_ground()
     for round_ in range(4):
         assert travel.phase is not TravelPhase.GAVE_UP
-        seen = sight((2.5, 0.0), yaw_rad=math.pi, time_s=10.0 + 11 * round_)
+        seen = observation((2.5, 0.0), yaw_rad=math.pi, time_s=10.0 + 11 * round_)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
         if round_ and not goes:
             break
@@ -787,7 +787,7 @@ def test_where_it_was_stuck_on_two_ways_nothing_is_looked_for_any_more() -> None
     for travel, leads_ahead in ((once, True), (twice, False)):
         explore = Explore(ExplorePhase.CHOOSE, came=travel)
         while explore.ways is None:
-            explore, _ = step(explore, sight(), grid, PLAN)
+            explore, _ = step(explore, observation(), grid, PLAN)
         straight = max(abs(east_m) for _, east_m in explore.ways.to((1.5, 0.0))) < 0.3
         assert straight is leads_ahead
 
@@ -796,7 +796,7 @@ def test_a_place_given_up_is_remembered_for_the_next() -> None:
     explore, grid = going(open_ground()), open_ground()
     assert explore.look is not None
     stuck = replace(explore, travel=stuck_on_a_way(None))
-    after, _ = step(stuck, sight(), grid, PLAN)
+    after, _ = step(stuck, observation(), grid, PLAN)
     assert after.phase is ExplorePhase.CHOOSE
     assert after.came is not None
     assert len(after.came.stuck_at) == 1
@@ -810,9 +810,9 @@ def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway()
     roomy, doorway = (0.05, -1.5), (0.05, 0.05)
     going = onward(Travel(doorway, roomy_ne_m=roomy), (9.0, 9.0), ARRIVED_M)
     while going.phase is TravelPhase.FLY:
-        going, _ = travelling.step(going, sight(doorway), grid, PLAN)
+        going, _ = travelling.step(going, observation(doorway), grid, PLAN)
     assert going.phase is TravelPhase.SWEEP
-    _, setpoint = travelling.step(going, sight(doorway), grid, PLAN)
+    _, setpoint = travelling.step(going, observation(doorway), grid, PLAN)
     assert setpoint.right_m_s < -0.1
     assert abs(setpoint.forward_m_s) < 0.05
 
@@ -823,7 +823,7 @@ def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway()
 def test_look_turns_all_round_then_a_place_is_chosen() -> None:
     explore, grid, yaw_rad = Explore(), open_ground(), 0.0
     while explore.phase is ExplorePhase.LOOK:
-        explore, setpoint = step(explore, sight(yaw_rad=yaw_rad), grid, PLAN)
+        explore, setpoint = step(explore, observation(yaw_rad=yaw_rad), grid, PLAN)
         yaw_rad += 0.1
         assert setpoint.forward_m_s == pytest.approx(0, abs=1e-9)
     assert yaw_rad > math.tau
@@ -831,13 +831,13 @@ def test_look_turns_all_round_then_a_place_is_chosen() -> None:
 
 
 def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
-    explore, _ = step(Explore(to_turn_rad=-0.1), sight(), walled(reach_m=2.0), PLAN)
+    explore, _ = step(Explore(to_turn_rad=-0.1), observation(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
 def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
     looking = Explore(look=Viewpoint((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
-    explore, _ = step(looking, sight(), walled(reach_m=2.0), PLAN)
+    explore, _ = step(looking, observation(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
@@ -845,7 +845,7 @@ def chosen(explore: Explore, grid: Occupancy) -> Explore:
     """What CHOOSE comes to."""
     assert explore.phase is ExplorePhase.CHOOSE
     while explore.phase is ExplorePhase.CHOOSE:
-        explore, _ = step(explore, sight(), grid, PLAN)
+        explore, _ = step(explore, observation(), grid, PLAN)
     return explore
 
 
@@ -858,7 +858,7 @@ def going(grid: Occupancy) -> Explore:
 def test_go_looks_round_on_arrival() -> None:
     explore = going(open_ground())
     assert explore.travel is not None
-    there = sight(explore.travel.goal_ne_m)
+    there = observation(explore.travel.goal_ne_m)
     explore, _ = step(explore, there, open_ground(), PLAN)
     assert explore.phase is ExplorePhase.LOOK
     assert explore.look is not None
@@ -873,7 +873,7 @@ def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
     going = Explore(
         ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Viewpoint(here, tuple(rim))
     )
-    return step(going, sight(here, yaw_rad=yaw_rad), open_ground(), PLAN)[0]
+    return step(going, observation(here, yaw_rad=yaw_rad), open_ground(), PLAN)[0]
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
@@ -891,13 +891,13 @@ def test_it_does_not_turn_when_all_that_it_came_for_was_seen_on_the_way() -> Non
     going = Explore(
         ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Viewpoint(here, ((1.0, 0.0),))
     )
-    explore, _ = step(going, sight(here), open_ground(), PLAN)
+    explore, _ = step(going, observation(here), open_ground(), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
 
 
 def test_while_it_turns_it_goes_on_to_where_it_looks_from() -> None:
     looking = replace(arrived(100), here_ne_m=(0.0, 1.5))
-    _, setpoint = step(looking, sight(), open_ground(), PLAN)
+    _, setpoint = step(looking, observation(), open_ground(), PLAN)
     assert setpoint.right_m_s > 0.5
     assert setpoint.yaw_rate_rad_s > 0
 
@@ -905,7 +905,7 @@ def test_while_it_turns_it_goes_on_to_where_it_looks_from() -> None:
 def test_go_takes_another_place_where_there_is_no_way() -> None:
     explore = going(open_ground())
     stuck = replace(explore, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
-    another, _ = step(stuck, sight(), open_ground(), PLAN)
+    another, _ = step(stuck, observation(), open_ground(), PLAN)
     assert another.tried == (explore.look,)
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
@@ -920,7 +920,7 @@ def test_it_tells_whether_it_goes_to_the_unseen_or_to_walls_known_before() -> No
 
 def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
-    explore, setpoint = step(explore, sight(time_s=20.0), open_ground(reach_m=9.0), PLAN)
+    explore, setpoint = step(explore, observation(time_s=20.0), open_ground(reach_m=9.0), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
     assert setpoint != HOLD  # it goes on meanwhile
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
@@ -928,13 +928,13 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
 
 def test_what_was_seen_on_the_way_counts_as_looked_at() -> None:
     explore = going(open_ground())
-    after, _ = step(explore, sight(time_s=20.0), walled(reach_m=2.0), PLAN)
+    after, _ = step(explore, observation(time_s=20.0), walled(reach_m=2.0), PLAN)
     assert explore.look is not None
     assert [look.at_ne_m for look in after.tried] == [explore.look.at_ne_m]
 
 
 def test_done_stays_done() -> None:
-    explore, setpoint = step(Explore(ExplorePhase.DONE), sight(), walled(), PLAN)
+    explore, setpoint = step(Explore(ExplorePhase.DONE), observation(), walled(), PLAN)
     assert explore.phase is ExplorePhase.DONE
     assert setpoint == HOLD
 
@@ -982,6 +982,6 @@ def test_at_its_new_height_it_looks_round_first() -> None:
 
 
 def test_all_layers_seen_stays_so() -> None:
-    layers, setpoint = layering.step(Layers(LayersPhase.DONE), sight(), walled(), LAYERED)
+    layers, setpoint = layering.step(Layers(LayersPhase.DONE), observation(), walled(), LAYERED)
     assert layers.phase is LayersPhase.DONE
     assert setpoint == HOLD

@@ -66,11 +66,11 @@ def view(
     floor: Heights = UNSEEN_FLOOR,
 ) -> TickInput:
     ranges = {Beam.FRONT: CLEAR, Beam.RIGHT: right, Beam.LEFT: CLEAR, Beam.UP: up}
-    sight = Observation(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
+    observation = Observation(Pose(time_s, *position, -height_m, 0.0), ranges, mount_offset_m=0.0)
     return TickInput(
         time_s,
         vehicle,
-        sight,
+        observation,
         SPACE,
         floor,
         gyro_at_rest,
@@ -166,7 +166,9 @@ def test_it_lowers_itself_over_its_start_before_the_autopilot_lands_it() -> None
     assert action.setpoint.down_m_s > 0.2
     assert action.setpoint.forward_m_s < 0
     low = view(position=(0.05, 0.0))
-    low = replace(low, sight=replace(low.sight, pose=replace(low.sight.pose, down_m=-0.45)))
+    low = replace(
+        low, observation=replace(low.observation, pose=replace(low.observation.pose, down_m=-0.45))
+    )
     assert after(Phase.DESCEND, low)[0] is Phase.LAND
     assert after(Phase.DESCEND, view(time_s=109.0))[0] is Phase.LAND
 
@@ -312,7 +314,10 @@ def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
     """At one per cent in six seconds; the way home of 2 m and its turns may take 17 s."""
     began = replace(flying(Phase.ROOM), began_s=0.0, reserve=Reserve((Spent(0.0, 1.0),)))
     seen = view(replace(FLYING, battery=battery), time_s=600.0 * (1 - battery))
-    away = replace(seen, sight=replace(seen.sight, pose=replace(seen.sight.pose, north_m=2.0)))
+    away = replace(
+        seen,
+        observation=replace(seen.observation, pose=replace(seen.observation.pose, north_m=2.0)),
+    )
     plan = PLAN.model_copy(update={"time_limit_s": 3600.0, "battery_home_percent": 0.0})
     assert step(began, away, plan)[0].phase is phase
 
@@ -324,7 +329,10 @@ def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> N
     for second in range(5, 240):
         battery = max(0.5, 1.0 - second / 60)
         seen = view(replace(FLYING, battery=battery), time_s=float(second))
-        away = replace(seen, sight=replace(seen.sight, pose=replace(seen.sight.pose, north_m=9.0)))
+        away = replace(
+            seen,
+            observation=replace(seen.observation, pose=replace(seen.observation.pose, north_m=9.0)),
+        )
         flight, _ = step(flight, away, plan)
         assert flight.phase is Phase.BUILDING, flight.trouble
 
@@ -356,7 +364,7 @@ def test_it_turns_back_earlier_among_legs() -> None:
     """The way home of 3 m takes 12 s at the speed that it has there, not 4 s."""
     plan = PLAN.model_copy(update={"speed_m_s": 1.0})
     late = view(position=(3.0, 0.0), time_s=90.0 + plan.time_limit_s - plan.reserve_s - 20.0)
-    among = replace(late, sight=replace(late.sight, is_among_legs=True))
+    among = replace(late, observation=replace(late.observation, is_among_legs=True))
     assert step(flying(Phase.ROOM), late, plan)[0].phase is Phase.ROOM
     assert step(flying(Phase.ROOM), among, plan)[0].phase is Phase.HOME
 
@@ -447,11 +455,13 @@ def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
     assert diverted.ending.startswith("flying to a place to land: 5 % of the battery")
     site = diverted.diversion.goal_ne_m if diverted.diversion else (9.0, 9.0)
     assert site[0] < 0.5
-    there = replace(above, sight=replace(above.sight, pose=Pose(105.0, *site, -1.2, 0.0)))
+    there = replace(
+        above, observation=replace(above.observation, pose=Pose(105.0, *site, -1.2, 0.0))
+    )
     arrived = replace(diverted, diversion=Travel(site, phase=TravelPhase.ARRIVED))
     descending, _ = step(arrived, there, PLAN)
     assert descending.phase is Phase.DESCEND
-    low = replace(there, sight=replace(there.sight, pose=Pose(107.0, *site, -0.4, 0.0)))
+    low = replace(there, observation=replace(there.observation, pose=Pose(107.0, *site, -0.4, 0.0)))
     landing, _ = step(descending, low, PLAN)
     assert (landing.phase, landing.trouble) == (Phase.LAND, diverted.trouble)
 
@@ -472,8 +482,10 @@ def test_it_does_not_descend_on_a_table_that_reads_as_floor_did(
     descending = replace(flying(Phase.DESCEND), diversion=Travel((1.0, 1.0)), diverted_s=95.0)
     below = RangeReading(RangeState.DISTANCE, reads_m, 1e-4)
     pose = Pose(100.0, 1.0, 1.0, -height_m, 0.0)
-    sight = replace(above.sight, pose=pose, ranges={**above.sight.ranges, Beam.DOWN: below})
-    assert step(descending, replace(above, sight=sight), PLAN)[0].phase is phase
+    observation = replace(
+        above.observation, pose=pose, ranges={**above.observation.ranges, Beam.DOWN: below}
+    )
+    assert step(descending, replace(above, observation=observation), PLAN)[0].phase is phase
 
 
 @pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.DESCEND, Phase.HOLD])

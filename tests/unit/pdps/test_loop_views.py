@@ -63,7 +63,7 @@ def yard(*, partition: bool = False) -> Occupancy:
     return grid
 
 
-def sight(walls: KnownWalls, here: Vector2 = HERE) -> Observation:
+def observation(walls: KnownWalls, here: Vector2 = HERE) -> Observation:
     clear = RangeReading(RangeState.DISTANCE, 5.0, 0.01)
     pose = Pose(10.0, *here, -PLAN.height_m, 0.0)
     return Observation(pose, {Beam.FRONT: clear}, 0.0, walls=lambda: walls)
@@ -83,7 +83,7 @@ def found(
     plan: MissionConfig = PLAN,
     search: Callable[..., tuple[Viewpoint, ...]] = ties,
 ) -> tuple[Viewpoint, ...]:
-    return search(ways_from(grid, here), sight(walls, here), plan, tried)
+    return search(ways_from(grid, here), observation(walls, here), plan, tried)
 
 
 found_again = partial(found, search=again)
@@ -161,18 +161,18 @@ def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
     enough = tuple(Viewpoint(HERE, _everywhere()) for _ in range(3))
     explore = Explore(ExplorePhase.CHOOSE, tried=enough)
     while explore.phase is ExplorePhase.CHOOSE:
-        explore, _ = step(explore, sight(walls), grid, PLAN)
+        explore, _ = step(explore, observation(walls), grid, PLAN)
     assert explore.phase is ExplorePhase.GO
     assert explore.is_extra
     assert explore.look is not None
     there = explore.look.from_ne_m
     while explore.phase is ExplorePhase.GO:
-        explore, _ = step(explore, sight(walls, there), grid, PLAN)
+        explore, _ = step(explore, observation(walls, there), grid, PLAN)
     assert explore.phase is ExplorePhase.LOOK
     assert explore.to_turn_rad > math.pi
     explore = replace(explore, to_turn_rad=0.0)
     while explore.phase is not ExplorePhase.DONE:
-        explore, _ = step(explore, sight(tied, there), grid, PLAN)
+        explore, _ = step(explore, observation(tied, there), grid, PLAN)
 
 
 def _everywhere() -> tuple[Vector2, ...]:
@@ -241,7 +241,7 @@ def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
         if abs(0.1 * decimetre + 0.05) > 0.5:
             grid.block((0.1 * decimetre + 0.05, 0.5), 0.01)
     ways = find_ways(find_ground(grid, HERE, 0.5))
-    seen = replace(sight(two_walls(0.2)), wander_m=wander_m)
+    seen = replace(observation(two_walls(0.2)), wander_m=wander_m)
     tried: tuple[Viewpoint, ...] = ()
     while more := search(ways, seen, PLAN, tried):
         tried = (*tried, *more)

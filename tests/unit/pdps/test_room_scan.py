@@ -41,7 +41,7 @@ def at(distance_m: float) -> RangeReading:
     return RangeReading(RangeState.DISTANCE, distance_m, 0.01**2)
 
 
-def sight(
+def observation(
     *,
     yaw_rad: float = 0.0,
     front: RangeReading = NOTHING,
@@ -74,13 +74,13 @@ def turn_once(walls_m: dict[int, float]) -> RoomScan:
         yaw_rad = math.radians(2 * tick)
         front, right, left = (ray(yaw_rad + a) for a in (0.0, math.pi / 2, -math.pi / 2))
         scan, _ = step(
-            scan, sight(yaw_rad=yaw_rad, front=front, right=right, left=left), FREE, PLAN
+            scan, observation(yaw_rad=yaw_rad, front=front, right=right, left=left), FREE, PLAN
         )
     return scan
 
 
 def test_it_turns_on_the_spot_until_it_has_gone_round() -> None:
-    scan, setpoint = step(RoomScan(), sight(), FREE, PLAN)
+    scan, setpoint = step(RoomScan(), observation(), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint == Setpoint(yaw_rate_rad_s=math.radians(45))
 
@@ -94,48 +94,48 @@ def test_after_the_turn_it_faces_the_nearest_wall() -> None:
 def test_a_turn_that_meets_nothing_seeks_a_wall_ahead() -> None:
     scan = turn_once({})
     assert scan.phase is ScanPhase.SEEK
-    _, setpoint = step(scan, sight(yaw_rad=scan.heading_rad), FREE, PLAN)
+    _, setpoint = step(scan, observation(yaw_rad=scan.heading_rad), FREE, PLAN)
     assert setpoint.forward_m_s > 0
 
 
 def test_seeking_ends_in_another_turn_once_the_front_returns() -> None:
-    scan, setpoint = step(RoomScan(ScanPhase.SEEK), sight(front=at(3.5)), FREE, PLAN)
+    scan, setpoint = step(RoomScan(ScanPhase.SEEK), observation(front=at(3.5)), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint.forward_m_s == 0
 
 
 def test_it_takes_its_stand_off_only_once_it_faces_the_wall() -> None:
     facing = RoomScan(ScanPhase.FACE, heading_rad=1.0, standoff_m=1.5)
-    scan, setpoint = step(facing, sight(yaw_rad=0.0, front=at(3.0)), FREE, PLAN)
+    scan, setpoint = step(facing, observation(yaw_rad=0.0, front=at(3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.FACE
     assert setpoint.yaw_rate_rad_s > 0
-    scan, _ = step(facing, sight(yaw_rad=1.0, front=at(3.0)), FREE, PLAN)
+    scan, _ = step(facing, observation(yaw_rad=1.0, front=at(3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
 
 
 def test_the_mapped_wall_refines_the_heading() -> None:
     facing = RoomScan(ScanPhase.FACE, heading_rad=0.0, standoff_m=1.5)
-    scan, _ = step(facing, sight(front=at(3.0), wall_ahead=(0.1, 3.0)), FREE, PLAN)
+    scan, _ = step(facing, observation(front=at(3.0), wall_ahead=(0.1, 3.0)), FREE, PLAN)
     assert scan.heading_rad == 0.1
 
 
 @pytest.mark.parametrize(("distance_m", "direction"), [(3.0, 1), (1.2, -1)])
 def test_it_closes_in_or_backs_off_to_the_stand_off(distance_m: float, direction: int) -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
-    scan, setpoint = step(taking, sight(front=at(distance_m)), FREE, PLAN)
+    scan, setpoint = step(taking, observation(front=at(distance_m)), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
     assert math.copysign(1, setpoint.forward_m_s) == direction
 
 
 def test_at_the_stand_off_the_scan_begins() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
-    scan, _ = step(taking, sight(front=at(1.52), position=(2.0, 3.0)), FREE, PLAN)
+    scan, _ = step(taking, observation(front=at(1.52), position=(2.0, 3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
 def test_the_stand_off_follows_how_well_the_drone_is_flown() -> None:
     """How far its estimate wanders is known once walls are."""
-    seen = replace(sight(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
+    seen = replace(observation(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
     scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
     assert scan.standoff_m == 1.7
 
@@ -149,7 +149,7 @@ SCANNING = RoomScan(ScanPhase.SCAN, standoff_m=1.5)
 
 
 def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
-    scan, setpoint = step(SCANNING, sight(front=at(1.5), right=NOTHING), FREE, PLAN)
+    scan, setpoint = step(SCANNING, observation(front=at(1.5), right=NOTHING), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert setpoint.right_m_s == PLAN.speed_m_s
     assert setpoint.forward_m_s == pytest.approx(0)
@@ -163,7 +163,7 @@ def test_scanning_swings_the_nose_to_where_gaps_are_left_on_the_way_along_the_wa
     lane = Lane(left_rad=math.radians(left_deg), right_rad=math.radians(right_deg))
     scan, yaws_deg = SCANNING, [0.0]
     for tick in range(100):
-        here = sight(
+        here = observation(
             front=at(1.5), right=NOTHING, yaw_rad=math.radians(yaws_deg[-1]), time_s=0.05 * tick
         )
         scan, setpoint = step(scan, replace(here, lane=lambda _: lane), FREE, PLAN)
@@ -173,20 +173,20 @@ def test_scanning_swings_the_nose_to_where_gaps_are_left_on_the_way_along_the_wa
 
 
 def test_scanning_flies_along_the_wall_wherever_its_nose_points() -> None:
-    aside = sight(front=at(1.5), right=NOTHING, yaw_rad=0.2)
+    aside = observation(front=at(1.5), right=NOTHING, yaw_rad=0.2)
     _, setpoint = step(SCANNING, aside, FREE, PLAN)
     along = math.atan2(setpoint.right_m_s, setpoint.forward_m_s) + 0.2
     assert along == pytest.approx(math.pi / 2, abs=0.05)
 
 
 def test_scanning_keeps_its_distance() -> None:
-    _, near = step(SCANNING, sight(front=at(1.2)), FREE, PLAN)
-    _, far = step(SCANNING, sight(front=at(1.8)), FREE, PLAN)
+    _, near = step(SCANNING, observation(front=at(1.2)), FREE, PLAN)
+    _, far = step(SCANNING, observation(front=at(1.8)), FREE, PLAN)
     assert near.forward_m_s < 0 < far.forward_m_s
 
 
 def test_it_slows_down_before_the_next_wall() -> None:
-    _, setpoint = step(SCANNING, sight(front=at(1.5), right=at(1.9)), FREE, PLAN)
+    _, setpoint = step(SCANNING, observation(front=at(1.5), right=at(1.9)), FREE, PLAN)
     assert 0 < setpoint.right_m_s < PLAN.speed_m_s
 
 
@@ -194,24 +194,24 @@ def test_the_next_wall_at_the_right_makes_a_corner() -> None:
     scan = SCANNING
     for _ in range(2):
         assert scan.phase is ScanPhase.SCAN
-        scan, _ = step(scan, sight(front=at(1.5), right=at(1.55)), FREE, PLAN)
+        scan, _ = step(scan, observation(front=at(1.5), right=at(1.55)), FREE, PLAN)
     assert scan.phase is ScanPhase.CORNER
     assert scan.heading_rad == pytest.approx(math.pi / 2)
 
 
 def test_one_stray_reading_is_no_corner() -> None:
-    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.5)), FREE, PLAN)
-    scan, _ = step(scan, sight(front=at(1.5), right=at(4.0)), FREE, PLAN)
-    scan, _ = step(scan, sight(front=at(1.5), right=at(1.5)), FREE, PLAN)
+    scan, _ = step(SCANNING, observation(front=at(1.5), right=at(1.5)), FREE, PLAN)
+    scan, _ = step(scan, observation(front=at(1.5), right=at(4.0)), FREE, PLAN)
+    scan, _ = step(scan, observation(front=at(1.5), right=at(1.5)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
 def test_after_the_corner_it_scans_the_next_wall() -> None:
     turning = replace(SCANNING, phase=ScanPhase.CORNER, heading_rad=math.pi / 2)
-    scan, setpoint = step(turning, sight(yaw_rad=0.5), FREE, PLAN)
+    scan, setpoint = step(turning, observation(yaw_rad=0.5), FREE, PLAN)
     assert scan.phase is ScanPhase.CORNER
     assert setpoint.yaw_rate_rad_s > 0
-    scan, _ = step(turning, sight(yaw_rad=math.pi / 2), FREE, PLAN)
+    scan, _ = step(turning, observation(yaw_rad=math.pi / 2), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert scan.corners == 1
 
@@ -227,19 +227,19 @@ def test_after_the_corner_it_scans_the_next_wall() -> None:
 def test_the_room_is_closed_past_where_the_scan_began(
     corners: int, east_m: float, phase: ScanPhase
 ) -> None:
-    scan, _ = step(SCANNING, sight(front=at(1.5)), FREE, PLAN)
+    scan, _ = step(SCANNING, observation(front=at(1.5)), FREE, PLAN)
     scan = replace(scan, corners=corners)
-    scan, _ = step(scan, sight(front=at(1.5), position=(0.0, east_m)), FREE, PLAN)
+    scan, _ = step(scan, observation(front=at(1.5), position=(0.0, east_m)), FREE, PLAN)
     assert scan.phase is phase
 
 
 def test_a_room_whose_first_wall_is_never_faced_again_is_closed_where_the_next_one_is() -> None:
-    scan, _ = step(SCANNING, sight(front=at(1.5)), FREE, PLAN)
+    scan, _ = step(SCANNING, observation(front=at(1.5)), FREE, PLAN)
     second_rad = math.radians(60)
-    second = sight(front=at(1.5), position=(0.0, 0.6), yaw_rad=second_rad)
+    second = observation(front=at(1.5), position=(0.0, 0.6), yaw_rad=second_rad)
     scan, _ = step(replace(scan, corners=1, heading_rad=second_rad), second, FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
-    again = sight(front=at(1.5), position=(-0.5, 0.9), yaw_rad=second_rad)
+    again = observation(front=at(1.5), position=(-0.5, 0.9), yaw_rad=second_rad)
     scan, _ = step(replace(scan, corners=5), again, FREE, PLAN)
     assert scan.phase is ScanPhase.CLOSED
 
@@ -253,7 +253,7 @@ def closing(scan: RoomScan, walls: KnownWalls) -> RoomScan:
 
 
 def past(walls: KnownWalls) -> Observation:
-    return replace(sight(front=at(1.5), position=(0.0, 0.5)), walls=lambda: walls)
+    return replace(observation(front=at(1.5), position=(0.0, 0.5)), walls=lambda: walls)
 
 
 def facing(sigma_m: float) -> KnownWalls:
@@ -276,63 +276,63 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
 
 def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:
     swept = replace(SCANNING, swept_ne_m=(0.0, 0.1), extra_rounds=1)
-    scan, _ = step(swept, sight(front=at(1.5)), open_ground(0.8), PLAN)
+    scan, _ = step(swept, observation(front=at(1.5)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.CLOSED
 
 
 def test_a_closed_room_stays_closed_and_still() -> None:
-    scan, setpoint = step(RoomScan(ScanPhase.CLOSED), sight(), FREE, PLAN)
+    scan, setpoint = step(RoomScan(ScanPhase.CLOSED), observation(), FREE, PLAN)
     assert scan.phase is ScanPhase.CLOSED
     assert setpoint == Setpoint()
 
 
 @pytest.mark.parametrize("state", [RangeState.FAILED, RangeState.STALE, RangeState.TOO_NEAR])
 def test_a_blind_right_beam_stops_the_scan(state: RangeState) -> None:
-    _, setpoint = step(SCANNING, sight(front=at(1.5), right=RangeReading(state)), FREE, PLAN)
+    _, setpoint = step(SCANNING, observation(front=at(1.5), right=RangeReading(state)), FREE, PLAN)
     assert setpoint.right_m_s == 0
 
 
 def test_where_it_is_kept_off_its_stand_off_for_half_a_minute_something_is_in_the_way() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5, faced_s=10.0)
-    scan, _ = step(taking, sight(front=at(2.5), time_s=39.0), FREE, PLAN)
+    scan, _ = step(taking, observation(front=at(2.5), time_s=39.0), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
-    scan, setpoint = step(taking, sight(front=at(2.5), time_s=41.0), FREE, PLAN)
+    scan, setpoint = step(taking, observation(front=at(2.5), time_s=41.0), FREE, PLAN)
     assert scan.phase is ScanPhase.BLOCKED
     assert setpoint.forward_m_s == 0
 
 
 def test_where_the_way_along_is_not_known_it_looks_to_both_sides_of_it_and_goes_on() -> None:
     unseen = open_ground(0.8)
-    scan, setpoint = step(SCANNING, sight(front=at(1.5)), unseen, PLAN)
+    scan, setpoint = step(SCANNING, observation(front=at(1.5)), unseen, PLAN)
     assert scan.phase is ScanPhase.SWEEP
     assert setpoint.right_m_s == 0
     looked_rad = []
     while scan.phase is ScanPhase.SWEEP:
         looked_rad.append(scan.sweep_rad[0])
-        scan, setpoint = step(scan, sight(yaw_rad=scan.sweep_rad[0]), unseen, PLAN)
+        scan, setpoint = step(scan, observation(yaw_rad=scan.sweep_rad[0]), unseen, PLAN)
         assert setpoint.right_m_s == setpoint.forward_m_s == 0
     assert min(looked_rad) < -0.4 < 0.4 < max(looked_rad)
     assert scan.phase is ScanPhase.SCAN
-    _, setpoint = step(scan, sight(front=at(1.5)), FREE, PLAN)
+    _, setpoint = step(scan, observation(front=at(1.5)), FREE, PLAN)
     assert setpoint.right_m_s > 0
 
 
 def test_where_looking_did_not_help_it_says_that_something_is_in_the_way() -> None:
     unseen = open_ground(0.8)
     swept = replace(SCANNING, swept_ne_m=(0.0, 0.1))
-    scan, setpoint = step(swept, sight(front=at(1.5)), unseen, PLAN)
+    scan, setpoint = step(swept, observation(front=at(1.5)), unseen, PLAN)
     assert scan.phase is ScanPhase.BLOCKED
     assert setpoint.right_m_s == setpoint.forward_m_s == 0
-    assert step(scan, sight(), FREE, PLAN)[0].phase is ScanPhase.BLOCKED
+    assert step(scan, observation(), FREE, PLAN)[0].phase is ScanPhase.BLOCKED
 
 
 def test_up_to_the_next_wall_nothing_more_need_be_known() -> None:
-    scan, _ = step(SCANNING, sight(front=at(1.5), right=at(1.7)), open_ground(0.8), PLAN)
+    scan, _ = step(SCANNING, observation(front=at(1.5), right=at(1.7)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
 def test_what_is_unknown_at_its_very_side_does_not_keep_it_from_going_on() -> None:
     ahead = seen_from((0.0, 0.15), range(181), 4.0)
-    scan, setpoint = step(SCANNING, sight(front=at(1.5)), ahead, PLAN)
+    scan, setpoint = step(SCANNING, observation(front=at(1.5)), ahead, PLAN)
     assert scan.phase is ScanPhase.SCAN
     assert setpoint.right_m_s > 0

@@ -56,7 +56,7 @@ def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
     assert clock.hear(attitude(100.0), 3.0) == pytest.approx(3.0)
     assert clock.hear(attitude(100.02), 3.0) == pytest.approx(3.02)
     assert clock.hear(attitude(100.5), 3.9) == pytest.approx(3.5)
-    assert clock.told_s(3.9) == pytest.approx(3.5)
+    assert clock.autopilot_s(3.9) == pytest.approx(3.5)
 
 
 def test_a_restarted_autopilot_does_not_take_our_time_back() -> None:

@@ -12,7 +12,7 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, Unknowns
 
 
-class PathAsTold(Smoother):
+class OdometryPath(Smoother):
     """Finds walls, and leaves the poses where they are."""
 
     def system(
