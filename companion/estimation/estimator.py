@@ -172,6 +172,7 @@ class Estimator:
             if not reading.is_distance:
                 self._learn(self._runs[beam].end(), scan.time_s)
                 continue
+            late_s = self._late_s(scan.time_s - unit.model.mean_age_s)
             back_m, ahead_rad = self._since_measured(scan.time_s, unit.model.mean_age_s)
             range_m = reading.distance_m + unit.offset_m
             yaw_rad = self.heading.yaw_rad
@@ -179,7 +180,8 @@ class Estimator:
             bearing_frd_rad = ahead_rad + unit.bearing_frd_rad
             wall = self.slam.see_range(eye_ne_m, yaw_rad + bearing_frd_rad, range_m, unit)
             measured_at = back_m, bearing_frd_rad
-            self.record.add_hit(pose, BEAMS.index(beam), reading.distance_m, measured_at, wall)
+            number = BEAMS.index(beam)
+            self.record.add_hit(pose, number, reading.distance_m, measured_at, wall, late_s=late_s)
             if reading.distance_m > self._trusted_m[beam]:
                 continue
             yaw_rad = self._drifting.yaw_rad + ahead_rad
@@ -216,10 +218,14 @@ class Estimator:
         And the turn, from the gyro's latest sample to the heading at that moment.
         """
         measured_s = now_s - age_s
-        moved_s = measured_s - (self._odometry.time_s if self._odometry else now_s)
+        moved_s = self._late_s(measured_s)
         forward_m_s, right_m_s = self._velocity_frd_m_s
         turned_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
         return (moved_s * forward_m_s, moved_s * right_m_s), turned_rad
+
+    def _late_s(self, measured_s: float) -> float:
+        """From the last odometry to when a range was measured; below zero if that was before."""
+        return measured_s - self._odometry.time_s if self._odometry else 0.0
 
     def smoothed(self) -> SolvedFlight | None:
         """The whole flight set right by all that was seen; None before anything was."""

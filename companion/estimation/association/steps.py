@@ -45,6 +45,9 @@ stands out by 7 sigmas at 2 m; a missed one costs degrees. Chosen: `benchmarks/p
 3.8, 4.1 and 5.0 deg in the mean with 4, 4.5 and 5."""
 MIN_STEP_M = 0.06
 """Chosen: plaster, skirting and rough walls stand out by less."""
+ACCELERATION_M_S2 = 1.0
+"""Unknown acceleration while odometry is late: what extrapolates by the last velocity is off by
+½·a·t². Chosen: as hard as the autopilots brake (docs/autopilot.md)."""
 NORMAL_SIGMA_RAD = math.radians(2)
 """Sigma of a wall's direction in flight; chosen. Along a wall whose direction is taken wrongly hits
 climb across it, which is no step."""
@@ -64,6 +67,8 @@ class Steps:
     """(n, 2): in a frame that drifts as odometry does, turned as local NED."""
     sigma_m: Array
     """(n,): of the ranges."""
+    late_m: Array
+    """(n,): of what is extrapolated since the last odometry; the same for hits that follow."""
     odometry: OdometryModel
 
     @classmethod
@@ -74,7 +79,9 @@ class Steps:
         moved_m = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
         track = np.concatenate([np.zeros((1, 2)), np.cumsum(moved_m, axis=0)])
         points = (track - x.poses[:, :2])[m.frame] + seen.points
-        return cls(m.beam, m.frame, m.time_s[m.frame], points, sigma_m, odometry)
+        late_s = np.zeros(len(points)) if m.late_s is None else m.late_s
+        late_m = 0.5 * ACCELERATION_M_S2 * late_s**2
+        return cls(m.beam, m.frame, m.time_s[m.frame], points, sigma_m, late_m, odometry)
 
     def beside(self, wall_of: Indices, walls: Array) -> Mask:
         """(n,): hits on their walls (w, 2) that lie a step beside most of their stream."""
@@ -112,7 +119,8 @@ class Steps:
         noise_m2 = self.sigma_m[streams.hit] ** 2 * streams.shares
         walked_m2 = self.odometry.step_variance_m2_per_s * lasted_s
         wandered_m2 = 2 * self.odometry.wander_m**2 * (1 - wander_kept(lasted_s))
-        sigma_m = np.sqrt(noise_m2 + walked_m2 + wandered_m2 + climbed_m**2)
+        late_m = streams.around(self.late_m[streams.hit])
+        sigma_m = np.sqrt(noise_m2 + walked_m2 + wandered_m2 + climbed_m**2 + late_m**2)
         sigmas = np.where(streams.is_inside, np.abs(step_m) / sigma_m, 0.0)
         is_step = (sigmas > STEP_SIGMAS) & (np.abs(step_m) > MIN_STEP_M)
         is_step &= sigmas >= maximum_filter1d(sigmas, 2 * SIDE_HITS + 1)
@@ -160,9 +168,18 @@ class _Streams:
 
     def apart(self, value: Array) -> Array:
         """(h,): mean of the values (h,) from each hit on less the mean of those before it."""
+        before, after = self._means(value)
+        return after - before
+
+    def around(self, value: Array) -> Array:
+        """(h,): the same means added up."""
+        before, after = self._means(value)
+        return before + after
+
+    def _means(self, value: Array) -> tuple[Array, Array]:
+        """(h,) each: of the values (h,) before each hit, and from it on."""
         here = np.arange(len(self.hit))
         total = np.concatenate([[0.0], np.cumsum(value)])
         after = (total[here + self.after] - total[here]) / self.after
         before = (total[here] - total[here - self.before]) / np.maximum(self.before, 1)
-        apart: Array = after - before
-        return apart
+        return before, after

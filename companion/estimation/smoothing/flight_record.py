@@ -67,6 +67,8 @@ class HitColumn(IntEnum):
     DOWN_M = 7
     WALL = 8
     """The wall it is on as far as known, or `NO_WALL`."""
+    LATE_S = 9
+    """How long after the last odometry it was measured: for so long its place is extrapolated."""
 
 
 class Table:
@@ -166,11 +168,13 @@ class FlightRecord:
         distance_m: float,
         measured_at: tuple[Vector2, float],
         wall: int | None,
+        *,
+        late_s: float = 0.0,
     ) -> None:
         """A hit read now.
 
-        `measured_at` is the motion from now, forward and right, to where it was measured, and the
-        bearing of the beam then, off the nose now.
+        `measured_at` is the motion from the last odometry, forward and right, to where it was
+        measured, `late_s` later, and the bearing of the beam then, off the nose now.
         """
         back_m, bearing_frd_rad = measured_at
         forward_m, right_m = moved(self._moved_frd_m, back_m, self._turned_rad)
@@ -185,6 +189,7 @@ class FlightRecord:
                 distance_m,
                 pose.down_m,
                 NO_WALL if wall is None else wall,
+                late_s,
             )
         )
 

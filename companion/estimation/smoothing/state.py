@@ -119,6 +119,8 @@ class Measured:
     """(k - 1, 2): displacements averaged over the time around, by which the scale is asked for."""
     gap_rad2: Array | None = None
     """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
+    late_s: Array | None = None
+    """(n,): how long after the last odometry each was measured; None: at its time."""
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
@@ -145,6 +147,7 @@ class Measured:
             mount_m=units.offset_m[beam],
             averaged_frd_m=averaged(dt_s, moved_frd_m, turned_rad),
             gap_rad2=frames[1:, FrameColumn.GAP_RAD2],
+            late_s=hits[:, HitColumn.LATE_S],
         )
 
     @property
@@ -176,6 +179,7 @@ class Measured:
             self.mount_m[hits],
             self.averaged_frd_m[motion],
             None if self.gap_rad2 is None else self.gap_rad2[motion],
+            None if self.late_s is None else self.late_s[hits],
         )
 
 

@@ -17,8 +17,13 @@ NORTH = np.array([[0.0, 2.0]])
 """A wall 2 m to the north."""
 
 
-def along_a_wall(out_m: Array, seed: int, slant_rad: float = 0.0) -> Steps:
-    """A beam passes along it at 0.8 m/s, 20 times a second; the wall stands out by so much."""
+def along_a_wall(
+    out_m: Array, seed: int, slant_rad: float = 0.0, late_m: Array | None = None
+) -> Steps:
+    """A beam passes along it at 0.8 m/s, 20 times a second; the wall stands out by so much.
+
+    `late_m` is how far off the places of the hits may be, as odometry was late.
+    """
     noise_m = SIGMA_M * np.random.default_rng(seed).standard_normal(HITS)
     east_m = 0.04 * np.arange(HITS)
     north_m = 2.0 - out_m + math.tan(slant_rad) * east_m + noise_m
@@ -29,6 +34,7 @@ def along_a_wall(out_m: Array, seed: int, slant_rad: float = 0.0) -> Steps:
         0.2 * frame.astype(np.float64),
         np.column_stack([north_m, east_m]),
         np.full(HITS, SIGMA_M),
+        np.zeros(HITS) if late_m is None else late_m,
         OdometryModel(),
     )
 
@@ -66,3 +72,11 @@ def test_a_wall_and_its_pilaster_are_two(depth_m: float, apart: bool) -> None:
     steps = along_a_wall(pilaster(depth_m), seed=1)
     on_it = np.arange(HITS)[PILASTER]
     assert steps.part(on_it, np.setdiff1d(np.arange(HITS), on_it), 0.0) == apart
+
+
+def test_a_step_that_late_odometry_explains_is_none() -> None:
+    """Odometry that was 0.4 s late split a wall into three."""
+    late_m = np.zeros(HITS)
+    late_m[PILASTER] = 0.08
+    straight = [along_a_wall(pilaster(0.1), seed, late_m=late_m) for seed in range(FLIGHTS)]
+    assert sum(steps.beside(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
