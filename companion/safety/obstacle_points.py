@@ -62,6 +62,9 @@ of the nose, stands alone and is no wider than a leg, or the end of something th
 ELSEWHERE_M = 0.15
 """When the drone comes nearer by so much, a folded reading becomes longer: what it means moves on
 by more than `fold_back.KNOWN_M`. Chosen: half as much again."""
+LEGS_APART_M = 0.5
+"""What stands alone and is met nearer to where one was met than this is that one, which has
+drifted, or belongs to it. Chosen."""
 _MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
 _FROM_NE, _PASSED = slice(9, 11), 11
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
@@ -135,6 +138,8 @@ class Met:
         self._drift = NO_DRIFT
         self.leg_met_s = -math.inf
         """When something that stands alone was last met."""
+        self.legs: Points = np.empty((0, 2))
+        """(l, 2): where each such thing was met first."""
 
     def drifts(self, drift: Drift) -> None:
         """So odometry errs from now on."""
@@ -236,7 +241,7 @@ class Met:
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
             if self._stands_alone(stays & self.is_measured, time_s):
-                self.leg_met_s = time_s
+                self._note_leg(place_ne_m, time_s)
             self._points[stays, _AGAIN_S] = time_s
             self._points[stays, _PASSED:] = -math.inf
             return
@@ -253,6 +258,12 @@ class Met:
         unpassed = -math.inf, -math.inf, *found.from_ne_m, *NOT_PASSED
         new = *place_ne_m, time_s, *how, time_s, *unpassed
         self._points = np.vstack([self._points[~again], new])
+
+    def _note_leg(self, place_ne_m: Vector2, time_s: float) -> None:
+        self.leg_met_s = time_s
+        off_m = self.legs - place_ne_m
+        if ((off_m * off_m).sum(axis=1) > LEGS_APART_M**2).all():
+            self.legs = np.vstack([self.legs, place_ne_m])
 
     def _stands_alone(self, which: Chosen, time_s: float) -> bool:
         """Whether one of some points (n,) that are met again does."""

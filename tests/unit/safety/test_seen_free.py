@@ -19,7 +19,7 @@ from companion.core.messages import (
     Setpoint,
 )
 from companion.drivers.chips.sharp import GP2Y0A710K0F
-from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.obstacle_memory import AMONG_LEGS_S, Near, Surroundings
 from companion.safety.seen_free import LATELY_S, LEG_M, NARROW, TO_M, Lane, Passed
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2, guarded
 
@@ -162,6 +162,27 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
         is_met = abs(1.3 * math.sin(yaw_rad)) < wide_m / 2
         near.see(RangeScan(tick / 45, {Beam.FRONT: there if is_met else behind}))
     assert near.surroundings(0.3).is_among_legs is is_leg
+
+
+@pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
+def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bool) -> None:
+    """A flight met the first leg of another room at 0.55 m/s, two minutes after the last one."""
+    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
+    there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
+    behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
+    ticks = 0
+    for leg in range(legs):
+        swings_deg = np.concatenate([np.arange(-15, 15, 1.0), np.arange(15, -15, -1.0)] * 3)
+        for off_deg in swings_deg:
+            off_rad = math.radians(float(off_deg))
+            near.turn_to(math.radians(40.0 * leg) + off_rad)
+            is_met = abs(1.3 * math.sin(off_rad)) < 0.02
+            near.see(RangeScan(ticks / 45, {Beam.FRONT: there if is_met else behind}))
+            ticks += 1
+    assert near.surroundings(0.3).is_among_legs
+    near.see(RangeScan(ticks / 45 + AMONG_LEGS_S + 1, {}))
+    assert near.surroundings(0.3).is_among_legs is stays
 
 
 @pytest.mark.parametrize("clear_m", [0.0, 0.1, 0.3, 0.6, TO_M])
