@@ -1,12 +1,11 @@
-"""Sets up a Raspberry Pi's buses in config.txt and cmdline.txt; what is there already stays.
+"""Set up a Raspberry Pi's buses in config.txt and cmdline.txt; existing settings stay.
 
     boot_config.py BOOT_FOLDER MODEL
 
-config.txt has sections: a line counts only on the models that its section names, the one before it
-with the same key does not count any more, and a comment never does. Wanted are I2C at 400 kHz, SPI,
-and the full UART at the pins 8 and 10 as /dev/ttyAMA0, without a login shell on it. On a Raspberry
-Pi 5 and its kin that is uart0; serial0 is the debug connector there, /dev/ttyAMA10, and is left
-alone.
+config.txt has sections. A line applies only to the models that its section names, and a later line
+with the same key replaces it. The script adds I2C at 400 kHz, SPI, and the full UART at the pins 8
+and 10 as /dev/ttyAMA0, without a login shell. On a Raspberry Pi 5, Compute Module 5 and 500 that
+UART is uart0. There serial0 is the debug connector, /dev/ttyAMA10, and stays unchanged.
 """
 
 import os
@@ -23,17 +22,19 @@ WANTED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("pi4", ("dtoverlay=disable-bt",)),
     ("pi5", ("dtparam=uart0=on",)),
 )
-"""By section: pi4 also stands for Compute Module 4 and 400, pi5 for Compute Module 5 and 500."""
+"""Lines for each section: pi4 includes Compute Module 4 and 400, pi5 Compute Module 5 and 500."""
 IMPLIED = {"i2c": "i2c_arm", "i2c_baudrate": "i2c_arm_baudrate"}
-"""Other names of parameters."""
+"""Aliases of parameters, with their full names."""
 MODEL = r"pi\d|cm\d|none$"
-"""Sections that name a model, or none."""
+"""Pattern of sections that name a model, or none."""
 PINS = ("ttyAMA0",)
+"""Serial ports without a console, from Raspberry Pi 5 on."""
 PINS_BEFORE_PI_5 = ("serial0", "ttyAMA0", "ttyS0")
+"""The same before Raspberry Pi 5, where serial0 names the same pins."""
 
 
 def settings(line: str) -> Iterator[tuple[str, str]]:
-    """Keys and values of a line: of dtparam every parameter is one, of dtoverlay every overlay."""
+    """Keys and values of a line; each parameter of dtparam and each overlay is a key of its own."""
     key, _, value = line.partition("=")
     if key == "dtparam":
         for part in value.split(","):
@@ -47,10 +48,10 @@ def settings(line: str) -> Iterator[tuple[str, str]]:
 
 
 def in_force(lines: list[str], model: str) -> dict[str, str]:
-    """What counts on every machine of a model, by the last line of each key.
+    """Settings that apply to every machine of a model, by the last line of each key.
 
-    One section of a model takes the place of the other; filters of other kinds, such as [gpio4=1],
-    narrow what follows, until [all] takes all of them away.
+    A section of a model replaces the section before it. Filters of other kinds, such as [gpio4=1],
+    restrict the following lines, until [all] removes all filters.
     """
     of_model, is_narrowed = ALL, False
     found: dict[str, str] = {}
@@ -68,7 +69,7 @@ def in_force(lines: list[str], model: str) -> dict[str, str]:
 
 
 def with_buses(text: str) -> str:
-    """config.txt with what it lacks, at its end; the same again changes nothing."""
+    """Text of config.txt with the missing lines at its end; a second call changes nothing."""
     end = "\r\n" if "\r\n" in text else "\n"
     lines = text.splitlines()
     lacking: list[str] = []
@@ -84,7 +85,7 @@ def with_buses(text: str) -> str:
 
 
 def without_login(text: str, ports: tuple[str, ...]) -> str:
-    """cmdline.txt, one line, without a console or debugger on any of the ports."""
+    """Text of cmdline.txt, one line, without a console or debugger on any of the ports."""
     taken = rf"(?<!\S)(?:console|kgdboc)=(?:{'|'.join(ports)})(?:,\S*)?(?!\S)"
     if not re.search(taken, text):
         return text
@@ -93,7 +94,7 @@ def without_login(text: str, ports: tuple[str, ...]) -> str:
 
 
 def rewrite(path: Path, text: str, new: str) -> None:
-    """All of it or nothing: half a config.txt does not boot."""
+    """Replace the file atomically: the Raspberry Pi does not boot from half a config.txt."""
     if new == text:
         return
     beside = path.with_name(path.name + ".pdps-new")
@@ -105,7 +106,7 @@ def rewrite(path: Path, text: str, new: str) -> None:
 
 
 def read(path: Path) -> str:
-    """Every byte as it is, whatever the encoding; nothing if there is no such file."""
+    """Text of a file, each byte as one character; empty if there is no such file."""
     if not path.exists():
         return ""
     with path.open(encoding="latin-1", newline="") as file:
@@ -113,7 +114,7 @@ def read(path: Path) -> str:
 
 
 def main(boot: Path, model: str) -> None:
-    """Both files."""
+    """Rewrite both files in the folder `boot`; `model` is the name from the device tree."""
     config, command_line = boot / "config.txt", boot / "cmdline.txt"
     text = read(config)
     rewrite(config, text, with_buses(text))

@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Installs, or upgrades, the companion on Raspberry Pi OS 64-bit (Debian 12 or 13). Run it again at will:
-# what is there already stays, above all /etc/pdps.
+# Installs or upgrades the companion on Raspberry Pi OS 64-bit (Debian 12 or 13). It may be run again:
+# existing files stay, above all /etc/pdps.
 #
 #   sudo deploy/install.sh                 from this checkout
 #   sudo deploy/install.sh --from WHEEL    from a wheel, or a name and version of the package index
-#   deploy/install.sh --root DIR           everything under DIR, to try it; no users, nothing started
+#   deploy/install.sh --root DIR           everything under DIR, for a test; no users, nothing started
 #
-# The program runs as the user pdps, who owns nothing but /var/lib/pdps.
+# The program runs as the user pdps, which owns only /var/lib/pdps.
 set -euo pipefail
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -50,12 +50,12 @@ make_user() {
 make_venv() {
     venv=$root/opt/pdps/venv
     [ -x "$venv/bin/python" ] || "$python" -m venv "$venv"
-    # pip is not for the drone: slim.sh takes it out again
+    # the drone does not need pip: slim.sh removes it again
     "$venv/bin/python" -m ensurepip >/dev/null
     "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-cache-dir \
         --no-compile --upgrade "$from"
     "$here/slim.sh" "$("$venv/bin/python" -c 'import sysconfig; print(sysconfig.get_path("purelib"))')"
-    # Compiles what a flight and its map load, and proves that it can be loaded.
+    # Compiles and loads all modules of a flight and its map, as a test of what slim.sh left.
     "$venv/bin/python" "$here/self_test.py"
 }
 
@@ -71,7 +71,7 @@ put_files() {
         "$root/opt/pdps/docs/"
 }
 
-# I2C at 400 kHz, SPI, and the full UART for the autopilot, without a login shell on it.
+# I2C at 400 kHz, SPI, and the full UART for the autopilot, without a login shell.
 set_up_buses() {
     boot=$root/boot/firmware
     [ -d "$boot" ] || { echo "no $boot: not a Raspberry Pi, its buses are left alone"; return; }
@@ -83,7 +83,7 @@ set_up_buses() {
 }
 
 start_using() {
-    # in an image that is being built nothing runs yet
+    # nothing runs yet while an image is being built
     [ -n "$root" ] || [ ! -d /run/systemd/system ] && return
     systemctl daemon-reload
     for unit in serial-getty@ttyAMA0.service hciuart.service; do
@@ -102,7 +102,7 @@ start_using
 cat <<END
 installed: pdps-companion $("$venv/bin/python" -c 'from importlib.metadata import version
 print(version("pdps-companion"))')
-  1. say how the sensors are wired in /etc/pdps/drone.toml
+  1. set the wiring of the sensors in /etc/pdps/drone.toml
   2. reboot, if this was the first time
   3. sudo -u pdps /opt/pdps/venv/bin/companion check --config /etc/pdps/drone.toml
   4. sudo systemctl start pdps-companion    the drone takes off

@@ -1,4 +1,4 @@
-"""Loads and does what a flight will need, once, as root: so it is compiled, and known to work."""
+"""Load all modules of a flight and write a map, once, as root: this also compiles the modules."""
 
 import sys
 import tempfile

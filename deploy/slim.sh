@@ -1,10 +1,13 @@
 #!/usr/bin/env bash
-# Takes out of a site-packages folder what no flight loads: other packages' tests, MAVLink's other
-# dialects and its generator with lxml, and of fontTools, with which matplotlib puts fonts into PDFs,
-# the compiled parts, their sources and its own formats; of scipy what filterpy leaves alone; of pillow
-# what a PNG does without; a font; other languages than Python of what colours tracebacks; zstandard,
-# with which others' recordings may be packed, ours are not; what is for those who compile; and pip and
-# setuptools, with which it was installed. The installer's self_test.py proves what is left.
+# Removes from a site-packages folder what no flight loads:
+#   - other packages' tests, headers and stubs
+#   - MAVLink's other dialects, and its generator with lxml
+#   - of fontTools, which matplotlib uses to embed fonts in PDFs: compiled parts, their sources, its own formats
+#   - of scipy what filterpy does not use; of pillow what a PNG does not need; a font
+#   - of pygments, which colours tracebacks, all languages but Python
+#   - zstandard, which only recordings of other programs may use
+#   - pip and setuptools, which installed the rest
+# The installer then runs self_test.py on what is left.
 # slim.sh SITE_PACKAGES
 set -euo pipefail
 

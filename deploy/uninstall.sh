@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Takes away what install.sh has brought. Maps in /var/lib/pdps, the configuration and the user stay,
-# unless --purge is given; the boot configuration stays as it is.
+# Removes what install.sh installed. Maps in /var/lib/pdps, the configuration and the user stay, unless
+# --purge is given. The boot configuration stays unchanged.
 set -euo pipefail
 
 root=

@@ -1,4 +1,4 @@
-"""Does the companion map our kitchen, and does it do the right thing when something breaks?"""
+"""The companion maps our kitchen, and reacts to faults as documented."""
 
 from sitl.testing import Sitl, at, link_down, pilot_mode, when
 

@@ -1,6 +1,6 @@
-"""Take off, tell for some seconds what the front sensor sees, and land.
+"""Take off, print the front range for some seconds, and land.
 
-It lands too if Ctrl-C is pressed, or anything goes wrong: leaving the context does that.
+The drone also lands at Ctrl-C or any error, because the script leaves the context.
 """
 
 import argparse
