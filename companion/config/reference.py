@@ -14,7 +14,7 @@ HEAD = """\
 Every key of the configuration file, with its default. [config.md](config.md) has examples.
 `companion config reference` prints this page from the program's own definitions.
 """
-COLUMNS = ("key", "type", "unit", "default", "allowed", "meaning")
+COLUMNS = ("key", "type, unit", "default", "allowed", "meaning")
 UNITS = {
     "_m_s": "m/s",
     "_deg_s": "°/s",
@@ -79,11 +79,12 @@ def _section(heading: str, text: str, schema: JsonSchema, group: JsonSchema) -> 
 def _row(key: str, field: JsonSchema, *, is_required: bool) -> str:
     ways = [way for way in field.get("anyOf", [field]) if way.get("type") != "null"]
     is_address = key.endswith("address")
+    types = " or ".join("table" if way["type"] == "object" else way["type"] for way in ways)
+    unit = next((f", {unit}" for end, unit in UNITS.items() if key.endswith(end)), "")
     return _line(
         [
             f"`{key}`",
-            " or ".join("table" if way["type"] == "object" else way["type"] for way in ways),
-            next((unit for end, unit in UNITS.items() if key.endswith(end)), ""),
+            types + unit,
             "required" if is_required else _default(field, is_address=is_address),
             ", ".join(filter(None, (_allowed(way, is_address=is_address) for way in ways))),
             field.get("description", ""),
