@@ -2,12 +2,16 @@
 # make test   set up, run the tests
 # make test-fast   set up, run the tests that neither fly nor start programs
 # make check  set up, run the linters, the type checker and the layers' contract
+# make docs   build the documentation site into site/; a broken link, anchor or page in the navigation fails
 
 PYTHON ?= python3
 VENV := .venv
 SPEED ?= 1000
 
-.PHONY: setup fly test test-fast check
+# the site is built from a copy of these, so that links from docs to other files work as on GitHub
+DOCUMENTED := README.md CHANGELOG.md CONTRIBUTING.md LICENSE docs benchmarks companion deploy examples sitl tests
+
+.PHONY: setup fly test test-fast check docs
 
 setup: $(VENV)/.ready
 
@@ -35,3 +39,15 @@ check: setup
 	@$(VENV)/bin/ruff format --check
 	@$(VENV)/bin/mypy
 	@$(VENV)/bin/lint-imports
+
+docs: $(VENV)/.docs
+	@rm -rf build/docs && mkdir -p build/docs
+	@tar -c --exclude=__pycache__ $(DOCUMENTED) | tar -x -C build/docs
+	@mv build/docs/docs/nav.yml build/docs/.nav.yml
+	@$(VENV)/bin/zensical build --clean --strict
+	@echo "open site/index.html"
+
+$(VENV)/.docs: pyproject.toml
+	@test -x $(VENV)/bin/python || $(PYTHON) -m venv $(VENV)
+	@$(VENV)/bin/pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@

@@ -26,6 +26,7 @@ MODULES = {
     "export": "companion.commands.recording",
     "report": "companion.commands.recording",
     "view": "companion.commands.view",
+    "config": "companion.commands.config",
 }
 
 

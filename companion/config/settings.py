@@ -12,7 +12,14 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, Self, TypeVar, get_args
 
 import tomlkit
-from pydantic import BaseModel, Field, PlainValidator, ValidationError, model_validator
+from pydantic import (
+    BaseModel,
+    Field,
+    PlainValidator,
+    ValidationError,
+    WithJsonSchema,
+    model_validator,
+)
 
 from companion.config.range_places import check_places
 from companion.config.range_sensors import (
@@ -47,61 +54,83 @@ def _standoff(value: object) -> object:
     raise ValueError(f"should be from {MIN_STANDOFF_M:g} to {MAX_STANDOFF_M:g} metres, or {names}")
 
 
-Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_standoff)]
+Standoff = Annotated[
+    float | Literal["range", "accurate"],
+    PlainValidator(_standoff),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "minimum": MIN_STANDOFF_M, "maximum": MAX_STANDOFF_M},
+                {"type": "string", "enum": list(STANDOFFS)},
+            ]
+        }
+    ),
+]
 
 
 class LinkConfig(Group):
-    """MAVLink to the autopilot."""
+    """The MAVLink connection to the autopilot."""
 
     url: str = Field(
         "udpin:127.0.0.1:14550",
         pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
     )
-    """udpin waits for the autopilot at this address; udpout speaks first; serial:/dev/PORT:BAUD."""
+    """`udpin:HOST:PORT` waits there for the autopilot, `udpout:HOST:PORT` sends first,
+    `serial:/dev/PORT:BAUD` opens a serial port."""
     system_id: int = Field(1, ge=1, le=255)
-    """The vehicle's system id, which the companion shares."""
+    """MAVLink system id of the vehicle, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
-    """MAV_COMP_ID_ONBOARD_COMPUTER."""
+    """MAVLink component id of the companion. The default is MAV_COMP_ID_ONBOARD_COMPUTER."""
     signing_key: Path | None = None
-    """File of 64 hexadecimal digits, mode 600: frames are signed with it, and others refused."""
+    """File with 64 hexadecimal digits, mode 600. With a key, frames are signed, and received frames
+    without a valid signature are refused. Default: no signing."""
     signing_timestamp: Path | None = None
-    """Where the latest time stamp is kept; None: beside the key."""
+    """File that keeps the latest signing time stamp. Default: beside the key."""
     tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
-    """What the autopilot's own avoidance and terrain following get to know of our ranges."""
+    """Message in which the autopilot receives the range readings, for its own avoidance and terrain
+    following."""
     tell_texts: bool = True
-    """Phases and faults as STATUSTEXT, for whoever looks on at a ground station."""
+    """Send phases and faults as STATUSTEXT, for ground stations."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
-    """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
-    All three at zero count as not told."""
+    """Latitude of the origin that an autopilot without one is given. An approximate place is good
+    enough for its compass. Autopilots take zero in all three keys for no origin."""
     origin_lon_deg: float = Field(8.5456, ge=-180, le=180)
+    """Longitude of that origin."""
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
+    """Altitude of that origin above mean sea level."""
     send_pose: bool = False
-    """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
+    """Send the companion's pose to the autopilot as ODOMETRY. The autopilot's parameters must
+    enable its use."""
     setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
-    """So long after the last setpoint ArduPilot stops and PX4 lands, which each is set to."""
+    """Time after the last setpoint at which ArduPilot stops and PX4 lands. The companion sets it in
+    the autopilot. A larger value bridges pauses of the computer and needs a lower speed."""
 
 
 class SensorsConfig(Group):
     """Range sensors and gyro."""
 
     bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
-    """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
+    """I2C adapter, `/dev/i2c-N`, with SPI devices and serial ports of this machine; or
+    `sitl://HOST:PORT`, the simulator's."""
     profile: Profile = "gp2y0a710k0f"
-    """Five sensors of one kind, wired in the usual way."""
+    """Five sensors of one kind with their default wiring."""
     ranges: dict[Beam, RangeSensor] = Field(default_factory=dict)
-    """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
+    """Sensor of each beam. If any is given, `profile` and `channels` have no effect."""
     calibration: dict[Beam, Calibration] = Field(default_factory=dict)
-    """Of each unit against a tape measure, written by `companion calibrate range`."""
+    """Calibration of each sensor, written by `companion calibrate range`. Default: none."""
     channels: dict[Beam, AdcChannel] = Field(default_factory=usual_channels)
+    """ADS1115 input of each Sharp sensor of `profile`. Default: front, left and right on channels
+    0 to 2 of 0x48, up and down on channels 0 and 1 of 0x49."""
     mount_offset_m: float = Field(0.08, ge=0, le=1)
-    """How far from the drone's centre each sensor sits, along its own beam."""
+    """Distance from the drone's centre to each range sensor, along its beam."""
     gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
-    """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
+    """The LSM9DS1 on `bus`, or the autopilot's gyro, received as HIGHRES_IMU or SCALED_IMU."""
     gyro_gain: float = Field(1.0, ge=0.8, le=1.2)
-    """What it reads is gain × rate, written by `companion calibrate gyro`."""
+    """Scale factor of the gyro: it reads gain × rate. Written by `companion calibrate gyro`."""
     gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
+    """I2C address of the LSM9DS1, 0x6A or 0x6B."""
     rest_s: float = Field(3.0, ge=1, le=60)
-    """How long the gyro's bias is averaged before arming."""
+    """Time at rest before arming over which the gyro's bias is averaged."""
 
     @cached_property
     def beams(self) -> dict[Beam, RangeSensor]:
@@ -125,49 +154,55 @@ class SensorsConfig(Group):
 
 
 class MissionConfig(Group):
-    """How the room is flown."""
+    """The mission and its limits."""
 
     kind: MissionKind = "room"
-    """room: trace the walls of one room; building: see everything that can be reached; exterior:
-    go round whatever stands there, and not far off; layers: a building at several heights."""
+    """`room` traces the walls of one room. `building` covers everything that can be reached.
+    `exterior` flies round what stands there. `layers` is `building` at several heights."""
     height_m: float = Field(1.2, ge=0.5, le=10)
+    """Flying height above the take-off point; of `layers`, that of the lowest layer."""
     standoff: Standoff = 1.5
-    """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
+    """Distance from the drone's centre to the wall of a room that it follows: metres, `range` for
+    the farthest reliable one, or `accurate` for the one at which the sensor is most accurate."""
     layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
-    """Between the layers, from `height_m` up to the ceiling."""
+    """Height between two layers, from `height_m` up to the ceiling."""
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
+    """Highest horizontal speed."""
     turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
+    """Highest turn rate."""
     clearance_m: float = Field(0.3, ge=0.1, le=2)
-    """Between the drone's body and anything, as far as the mission plans it."""
+    """Planned clearance between the drone's hull and any obstacle."""
     time_limit_s: float = Field(600.0, gt=0, le=3600)
-    """Of the flight: the drone turns back in time to be home by then."""
+    """Longest flight. The drone turns back in time to be home by then."""
     reserve_s: float = Field(20.0, ge=0, le=600)
-    """Left of the limit, and of what the battery lasts, when it is home."""
+    """Time that is left of `time_limit_s` and of the battery when the drone is home."""
     after_crash: Literal["land", "resume"] = "land"
-    """What `companion recover` does with a drone that it finds in the air."""
+    """Action of `companion recover` with a drone in the air: land, or continue the mission with the
+    map."""
     battery_home_percent: float = Field(20.0, ge=0, le=100)
-    """With no more than this the drone turns back; 0: never."""
+    """Battery level at which the drone returns home; 0: never."""
     battery_land_percent: float = Field(10.0, ge=0, le=100)
-    """With no more than this it lands where it is, or on floor nearby."""
+    """Battery level at which the drone lands where it is, or on floor nearby."""
 
 
 class RecordingConfig(Group):
     """The flight recorder."""
 
     enabled: bool = True
+    """Record every flight, as docs/recording.md describes."""
 
 
 class ViewConfig(Group):
-    """Looking on while it flies: map and pose, read-only."""
+    """Live view of map and pose during a flight, read-only."""
 
     listen: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
-    """HOST:PORT for `companion view`; empty: nobody looks on."""
+    """`HOST:PORT` for `companion view`. Empty: no live view."""
     token_file: Path | None = None
-    """File with the token that lookers must have; needed unless only this machine can connect."""
+    """File with the token that viewers need, mode 600. Required unless HOST is 127.0.0.1."""
 
 
 class Config(Group):
-    """Everything that can be set."""
+    """The whole configuration file."""
 
     link: LinkConfig = LinkConfig()
     sensors: SensorsConfig = SensorsConfig()

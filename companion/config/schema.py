@@ -1,0 +1,47 @@
+"""JSON schema of the configuration file.
+
+Types, defaults and bounds come from the fields. Each field's docstring is its description. The
+docstrings are read from the sources only when a schema is asked for, so that a flight starts
+without them.
+"""
+
+import ast
+import inspect
+import textwrap
+from collections.abc import Iterator
+from itertools import pairwise
+from typing import Any
+
+from companion.config import range_sensors, settings
+from companion.config.range_sensors import Group
+from companion.config.settings import Config
+
+JsonSchema = dict[str, Any]
+DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def json_schema() -> JsonSchema:
+    """Schema of the whole file, JSON Schema draft 2020-12."""
+    schema = Config.model_json_schema()
+    models = {**vars(range_sensors), **vars(settings)}
+    for name, definition in schema["$defs"].items():
+        if "properties" in definition:
+            _describe(definition, models[name])
+    return {"$schema": DIALECT, **schema}
+
+
+def _describe(definition: JsonSchema, model: type[Group]) -> None:
+    """Add the fields' docstrings, which are inherited as the fields are."""
+    for cls in model.__mro__:
+        if issubclass(cls, Group):
+            for key, text in _docstrings(cls):
+                definition["properties"][key].setdefault("description", text)
+
+
+def _docstrings(cls: type[Group]) -> Iterator[tuple[str, str]]:
+    """Name and docstring of each field that the class itself declares."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(cls)))
+    for statement, after in pairwise(tree.body[0].body):  # type: ignore[attr-defined]
+        match statement, after:
+            case ast.AnnAssign(target=ast.Name(id=key)), ast.Expr(ast.Constant(str(text))):
+                yield key, " ".join(text.split())
