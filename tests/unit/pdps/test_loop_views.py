@@ -63,6 +63,15 @@ def yard(*, partition: bool = False) -> Occupancy:
     return grid
 
 
+def sealed() -> Occupancy:
+    """The same with walls at its east and west ends."""
+    grid = yard().copy()
+    for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
+        for east_m in (-4.6, 4.7):
+            grid.block((north_m, east_m), 0.1)
+    return grid
+
+
 def observation(walls: KnownWalls, here: Vector2 = HERE) -> Observation:
     clear = RangeReading(RangeState.DISTANCE, 5.0, 0.01)
     pose = Pose(10.0, *here, -PLAN.height_m, 0.0)
@@ -154,10 +163,7 @@ def test_of_two_that_are_known_badly_the_one_that_can_be_seen_is_gone_to() -> No
 
 def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
     """A sealed corridor, so that nothing but the walls' distance is worth a look."""
-    grid, walls, tied = yard(), two_walls(0.2), two_walls(0.5 * VAGUE_M, tied=True)
-    for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
-        for east_m in (-4.6, 4.7):
-            grid.block((north_m, east_m), 0.1)
+    grid, walls, tied = sealed(), two_walls(0.2), two_walls(0.5 * VAGUE_M, tied=True)
     enough = tuple(Viewpoint(HERE, _everywhere()) for _ in range(3))
     explore = Explore(ExplorePhase.CHOOSE, tried=enough)
     while explore.phase is ExplorePhase.CHOOSE:
@@ -235,8 +241,8 @@ def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> Non
 def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
     search: Callable[..., tuple[Viewpoint, ...]], wander_m: float, goes_through: bool
 ) -> None:
-    """A doorway of 1 m divides the yard."""
-    grid = yard().copy()
+    """A doorway of 1 m divides the yard, which is closed at its ends."""
+    grid = sealed()
     for decimetre in range(-35, 36):
         if abs(0.1 * decimetre + 0.05) > 0.5:
             grid.block((0.1 * decimetre + 0.05, 0.5), 0.01)

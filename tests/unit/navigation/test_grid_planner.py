@@ -1,0 +1,68 @@
+"""Shortest paths through known space."""
+
+from itertools import pairwise, product
+
+import pytest
+
+from companion.mapping.occupancy import Ray
+from tests.grids import length_m, open_ground, ways_from
+
+
+def test_a_way_in_the_open_is_straight() -> None:
+    ways = ways_from(open_ground(), (-2.0, 0.0))
+    assert ways.to((2.0, 1.0)) == ((2.0, 1.0),)
+
+
+def test_a_way_goes_round_what_is_there_with_room() -> None:
+    grid = open_ground()
+    grid.block((0.0, 0.0), 0.4)
+    way = ways_from(grid, (-2.0, 0.0)).to((2.0, 0.0))
+    assert length_m((-2.0, 0.0), way) > 4.1
+    points = [(-2.0, 0.0), *way]
+    for a, b in pairwise(points):
+        for share in range(11):
+            here = tuple(p + share / 10 * (q - p) for p, q in zip(a, b, strict=True))
+            assert grid.nearest_m((here[0], here[1]), 2.0) > 0.35
+
+
+def test_there_is_no_way_through_what_was_never_seen() -> None:
+    assert not ways_from(open_ground(), (0.0, 0.0)).reaches((6.0, 0.0))
+
+
+def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
+    for width_m, passes in ((1.4, True), (0.9, True), (0.6, False)):
+        grid = open_ground()
+        for row in range(-40, 41):
+            if abs(0.1 * row + 0.05) > width_m / 2:
+                grid.block((0.1 * row + 0.05, 0.05), 0.01)
+        assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
+
+
+@pytest.mark.parametrize(("width_m", "least_m", "most_m"), [(0.9, 0.5, 1.2), (1.3, 5.0, 6.0)])
+def test_it_does_not_go_far_into_what_is_narrower_than_its_clearance_nor_step_by_step(
+    width_m: float, least_m: float, most_m: float
+) -> None:
+    grid = open_ground(reach_m=7.0)
+    for row, column in product(range(-70, 71), range(0, 71)):
+        if abs(0.1 * row + 0.05) > width_m / 2 and (column == 0 or abs(row) < 9):
+            grid.block((0.1 * row + 0.05, 0.1 * column + 0.05), 0.01)
+    here = (0.05, -1.0)
+    while ways_from(grid, here).reaches(further := (here[0], here[1] + 0.1)) and further[1] < 6:
+        here = further
+    assert least_m < here[1] < most_m
+
+
+@pytest.mark.parametrize(
+    ("width_m", "came_through", "passes"),
+    [(0.8, True, True), (0.8, False, False), (0.0, True, False)],
+)
+def test_where_it_has_come_through_it_may_go_back_unless_that_was_closed(
+    width_m: float, came_through: bool, passes: bool
+) -> None:
+    grid = open_ground()
+    for decimetre in range(-10, 11) if came_through else ():
+        grid.add(Ray((0.05, 0.1 * decimetre), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
+    for row in range(-40, 41):
+        if abs(0.1 * row + 0.05) > width_m / 2:
+            grid.block((0.1 * row + 0.05, 0.05), 0.01)
+    assert ways_from(grid, (0.5, -2.0)).reaches((0.5, 2.0)) is passes
