@@ -23,7 +23,7 @@ class AutopilotClock:
         self._ahead_s: float | None = None
         self._autopilot_s = float("-inf")
 
-    def hear(self, message: Message, now_s: float) -> float | None:
+    def receive(self, message: Message, now_s: float) -> float | None:
         """Our time of the moment that a message tells of; None if it tells no time."""
         if message.get_type() != "ATTITUDE":
             return None
@@ -46,7 +46,7 @@ class Silence:
         self._heard_s = began_s
         self._was_heard = self._is_silent = False
 
-    def hear(self, now_s: float) -> None:
+    def receive(self, now_s: float) -> None:
         """It has told its time."""
         if self._is_silent:
             self._tell(f"the autopilot is heard{' again' if self._was_heard else ''}")

@@ -73,7 +73,7 @@ class ExternalSetup:
         """System and component of the autopilot, once it was heard."""
         return self._target
 
-    def hear(self, message: Message, now_s: float) -> None:
+    def receive(self, message: Message, now_s: float) -> None:
         """Note what the autopilot says of itself."""
         match message.get_type():
             case "HEARTBEAT" if self._target is None and message.autopilot in AUTOPILOTS:

@@ -32,7 +32,7 @@ class TruthTracker:
         """Where on Earth their simulation began; None before anything was heard."""
         return self._home
 
-    def hear(self, message: Message, now_s: float) -> bool:
+    def receive(self, message: Message, now_s: float) -> bool:
         """Take in a message; True if it told the true state."""
         told = _reported(message)
         if told is None:

@@ -96,14 +96,14 @@ class ExternalVehicle:
                 self._hear(message)
 
     def _hear(self, message: Message) -> None:
-        autopilot_s = self._clock.hear(message, self.time_s)
+        autopilot_s = self._clock.receive(message, self.time_s)
         if autopilot_s is not None:
-            self._silence.hear(time.monotonic())
+            self._silence.receive(time.monotonic())
             self._pass(autopilot_s)
             self._estimator.yaw_rad = message.yaw
-        self._setup.hear(message, time.monotonic())
+        self._setup.receive(message, time.monotonic())
         begins = self._tracker.home is None
-        if self._tracker.hear(message, self._clock.autopilot_s(self.time_s)) and begins:
+        if self._tracker.receive(message, self._clock.autopilot_s(self.time_s)) and begins:
             self.record = TruthRecord(self._tracker.state)
 
     def _pass(self, time_s: float) -> None:

@@ -43,7 +43,7 @@ def fly_bare(
         parameters=values,
         watch=watch,
         links=len(mavlink),
-        tells_truth=True,
+        sends_truth=True,
     )
     transports = [UdpTransport(url, vehicle.system_id, AUTOPILOT_COMPONENT) for url in mavlink]
     for transport in transports:

@@ -35,7 +35,7 @@ def ate_m(autopilot: str, seed: int, *, send_pose: bool) -> float:
 
     def note(simulation: Simulation, app: App) -> None:
         if app.flight.took_off:
-            state = simulation.autopilot.believed
+            state = simulation.autopilot.estimate
             believed.append(Pose(simulation.time_s, *state.position_ned_m, state.yaw_rad))
 
     app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, script=note)

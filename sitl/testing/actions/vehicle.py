@@ -33,7 +33,7 @@ def jump_odometry(
     """The autopilot's estimate is elsewhere from one moment to the next."""
     yaw_rad = math.radians(yaw_deg)
     return Action(
-        lambda simulation: simulation.autopilot.believed.jump(north_m, east_m, down_m, yaw_rad)
+        lambda simulation: simulation.autopilot.estimate.jump(north_m, east_m, down_m, yaw_rad)
     )
 
 

@@ -41,7 +41,7 @@ def on_the_wire(*messages: Message) -> list[Any]:
 
 def hears(tracker: TruthTracker, message: Message, now_s: float) -> bool:
     (received,) = on_the_wire(message)
-    return tracker.hear(received, now_s)
+    return tracker.receive(received, now_s)
 
 
 # The clock
@@ -53,21 +53,23 @@ def attitude(boot_s: float) -> Message:
 
 def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
     clock = AutopilotClock()
-    assert clock.hear(attitude(100.0), 3.0) == pytest.approx(3.0)
-    assert clock.hear(attitude(100.02), 3.0) == pytest.approx(3.02)
-    assert clock.hear(attitude(100.5), 3.9) == pytest.approx(3.5)
+    assert clock.receive(attitude(100.0), 3.0) == pytest.approx(3.0)
+    assert clock.receive(attitude(100.02), 3.0) == pytest.approx(3.02)
+    assert clock.receive(attitude(100.5), 3.9) == pytest.approx(3.5)
     assert clock.autopilot_s(3.9) == pytest.approx(3.5)
 
 
 def test_a_restarted_autopilot_does_not_take_our_time_back() -> None:
     clock = AutopilotClock()
-    clock.hear(attitude(100.0), 50.0)
-    assert clock.hear(attitude(0.3), 50.5) == pytest.approx(50.5)
-    assert clock.hear(attitude(0.32), 50.5) == pytest.approx(50.52)
+    clock.receive(attitude(100.0), 50.0)
+    assert clock.receive(attitude(0.3), 50.5) == pytest.approx(50.5)
+    assert clock.receive(attitude(0.32), 50.5) == pytest.approx(50.52)
 
 
 def test_only_its_attitude_tells_its_time() -> None:
-    assert AutopilotClock().hear(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
+    assert (
+        AutopilotClock().receive(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
+    )
 
 
 def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
@@ -75,10 +77,10 @@ def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
     silence = Silence(said.append, began_s=0.0)
     for now_s in (0.5, 1.5, 2.0):
         silence.look(now_s)
-    silence.hear(3.0)
+    silence.receive(3.0)
     for now_s in (3.5, 4.5, 5.0):
         silence.look(now_s)
-    silence.hear(6.0)
+    silence.receive(6.0)
     assert said == [
         "the autopilot has not been heard yet: our world stands still until it is heard",
         "the autopilot is heard",
@@ -198,7 +200,7 @@ class Setup:
 
     def says(self, *messages: Message) -> None:
         for message in on_the_wire(*messages):
-            self.setup.hear(message, self.now_s)
+            self.setup.receive(message, self.now_s)
 
     def tells(self, name: str, value: float) -> None:
         kind = load_table(self.firmware)[name].kind
@@ -337,7 +339,7 @@ def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -
     estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
     (told,) = on_the_wire(odometry(firmware, estimator, tilted))
     outside = Outside(FIRMWARES[firmware]().pose_messages)
-    assert outside.hear(told, 0.0) == ""
+    assert outside.receive(told, 0.0) == ""
     pose = outside.take_pose()
     assert pose is not None
     assert pose.velocity_ned_m_s == pytest.approx((0.5, 0.25, -0.1), abs=1e-5)

@@ -251,7 +251,7 @@ def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: fl
 
 def test_a_commanded_yaw_in_ned_is_absolute(client: Client) -> None:
     client.flies()
-    to_go = math.degrees(wrap_rad(2.0 - client.autopilot.believed.yaw_rad))
+    to_go = math.degrees(wrap_rad(2.0 - client.autopilot.estimate.yaw_rad))
     turned = turned_deg(client, 4, frame=1, mask=0x09C7, yaw=2.0)
     assert turned == pytest.approx(to_go, abs=8)
 
@@ -266,7 +266,7 @@ def test_without_any_yaw_it_faces_its_course(client: Client) -> None:
     for _ in range(80):
         client.velocity(frame=1, mask=0x0DC7, vx=-1.0)
         client.waits(0.05)
-    assert abs(client.autopilot.believed.yaw_rad) == pytest.approx(math.pi, abs=0.2)
+    assert abs(client.autopilot.estimate.yaw_rad) == pytest.approx(math.pi, abs=0.2)
 
 
 def test_a_position_setpoint_is_flown_to_nose_first(client: Client) -> None:

@@ -288,9 +288,9 @@ def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> N
     for step in range(600):
         stream(client, 0.2, vx=0.8 if step // 40 % 2 else -0.8)
         north, east, _ = client.autopilot.truth.position_ned_m
-        yaw_rad = client.autopilot.believed.yaw_rad - client.autopilot.truth.yaw_rad
+        yaw_rad = client.autopilot.estimate.yaw_rad - client.autopilot.truth.yaw_rad
         true_m.append((north + 1j * east) * np.exp(1j * yaw_rad))
-        north, east, _ = client.autopilot.believed.position_ned_m
+        north, east, _ = client.autopilot.estimate.position_ned_m
         told_m.append(north + 1j * east)
     true, told = np.diff(true_m), np.diff(told_m)
     slow_true, slow_told = (np.subtract(way[50:], way[:-50]) for way in (true_m, told_m))
