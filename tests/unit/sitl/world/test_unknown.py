@@ -328,7 +328,7 @@ def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: P
     output = says(write(tmp_path, fan_room()))
     assert "border to the unknown closed: " in output
     assert "warning: " in output
-    assert "of what could be reached is unknown" in output
+    assert "of the reachable area is unknown" in output
     assert output.rstrip().endswith("see the warnings")
 
 
@@ -338,7 +338,7 @@ def test_a_flight_there_begins_with_the_same_warning(tmp_path: Path) -> None:
     world = write(tmp_path, fan_room())
     flown = CliRunner().invoke(flying, ["fly", world, "--mission", str(mission)])
     assert flown.output.startswith("warning: ")
-    assert "of what could be reached is unknown" in flown.output
+    assert "of the reachable area is unknown" in flown.output
 
 
 def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path: Path) -> None:
