@@ -1,4 +1,4 @@
-"""Several vehicles in one world; their time passes together, 10 ms at a time."""
+"""Runs several vehicles in one world, in common steps of 10 ms."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,10 +13,11 @@ from sitl.simulation.simulation import Setup, Simulation
 from sitl.simulation.traffic import Others, nobody
 
 SEEDS_APART = 1000
+"""Difference between the seeds of two vehicles. Chosen."""
 
 
 def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
-    """One setup for each vehicle: system ids and start poses in order, noise of its own.
+    """One setup per vehicle: system ids and start poses in order, each with its own seed.
 
     Raises:
         SitlError: the world has too few start poses.
@@ -42,7 +43,7 @@ def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
 
 
 class Fleet:
-    """Simulations that see each other."""
+    """Simulations that detect each other."""
 
     def __init__(
         self,
@@ -70,7 +71,7 @@ class Fleet:
         return self.vehicles[0].time_s
 
     def advance(self, time_s: float) -> None:
-        """Let time pass for all of them."""
+        """Advance all vehicles to `time_s`."""
         if len(self.vehicles) == 1:
             self.vehicles[0].advance(time_s)
             return

@@ -11,11 +11,11 @@ from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
 
 
-def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
+def load_mesh(path: Path, report: Callable[[str], None]) -> World:
     """Load a mesh. Its library is imported only here, because that takes half a second."""
     from sitl.world.importers import meshes  # noqa: PLC0415 - slow to load
 
-    return meshes.load_mesh(path, tell)
+    return meshes.load_mesh(path, report)
 
 
 IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
@@ -35,12 +35,12 @@ def world_names() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
 
 
-def keep_quiet(mended: str) -> None:
+def discard_report(mended: str) -> None:
     """Discard an importer's messages."""
 
 
-def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> World:
-    """Load a built-in or random world by name, or a world file; `tell` receives repairs.
+def load_world(name_or_path: str, report: Callable[[str], None] = discard_report) -> World:
+    """Load a built-in or random world by name, or a world file; `report` receives repairs.
 
     Raises:
         WorldError: the world is unknown, or its file cannot be read or is invalid.
@@ -58,7 +58,7 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
         except (OSError, NotTextError) as error:
             raise WorldError(f"{name_or_path}: {error}") from error
     if suffix in IMPORTERS:
-        return IMPORTERS[suffix](path, tell)
+        return IMPORTERS[suffix](path, report)
     known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])
     raise WorldError(
         f"no world {name_or_path!r}; known: {known}, {RANDOM}, or a file ending in {suffixes}"

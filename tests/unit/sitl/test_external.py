@@ -76,16 +76,16 @@ def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
     said: list[str] = []
     silence = Silence(said.append, began_s=0.0)
     for now_s in (0.5, 1.5, 2.0):
-        silence.look(now_s)
+        silence.check(now_s)
     silence.receive(3.0)
     for now_s in (3.5, 4.5, 5.0):
-        silence.look(now_s)
+        silence.check(now_s)
     silence.receive(6.0)
     assert said == [
-        "the autopilot has not been heard yet: our world stands still until it is heard",
-        "the autopilot is heard",
-        "the autopilot has fallen silent: our world stands still until it is heard",
-        "the autopilot is heard again",
+        "the autopilot has not sent a message yet: the simulation is paused until it sends",
+        "the autopilot is connected",
+        "the autopilot is silent: the simulation is paused until it sends",
+        "the autopilot is connected again",
     ]
 
 

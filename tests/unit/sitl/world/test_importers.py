@@ -363,7 +363,7 @@ def test_the_floor_is_the_lowest_point_or_the_slab_on_it(tmp_path: Path) -> None
     shell.apply_translation((3.5, 3.0, 1.3))
     told: list[str] = []
     world = load_world(str(write_mesh(tmp_path, ".obj", shell + BOX)), told.append)
-    assert told == ["took the floor to be 0.15 m above the lowest point, on its slab"]
+    assert told == ["floor set 0.15 m above the lowest point, on its slab"]
     assert world.height_m == pytest.approx(2.75)
     model = WorldModel(world)
     assert model.range_m((3, 3, -1.2), (0, 0, 1), 5) == pytest.approx(1.2)

@@ -421,7 +421,7 @@ def test_stl_whose_size_is_not_that_of_its_triangles_is_refused(tmp_path: Path) 
     path = tmp_path / "room.stl"
     for data in (stl()[:-50], stl()[:-7], stl() + bytes(50), b"solid" + stl()[5:-50]):
         path.write_bytes(data)
-        assert "tells of 12 triangles and holds" in refusal(path)
+        assert "declares 12 triangles and holds" in refusal(path)
     lines = stl_text().splitlines()
     path.write_text("\n".join(lines[:-8]))
     assert "without endsolid" in refusal(path)
@@ -473,9 +473,9 @@ def test_ply_that_holds_less_or_more_than_it_tells_is_refused(tmp_path: Path, fo
     for polygons in (QUADS, MIXED):
         whole = ply(form, polygons)
         path.write_bytes(whole.rstrip()[:-12])
-        assert f"tells of {len(polygons)} of face and holds" in refusal(path)
+        assert f"declares {len(polygons)} of face and holds" in refusal(path)
         path.write_bytes(whole + b"4 4 4 4 4 4")
-        assert "more than its header tells" in refusal(path)
+        assert "more than its header declares" in refusal(path)
 
 
 def test_ply_strips_are_triangles(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:

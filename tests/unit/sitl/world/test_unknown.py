@@ -206,7 +206,7 @@ def test_a_map_of_nothing_but_fans_is_refused_with_the_reason(tmp_path: Path) ->
     shades = nothing(10, 10)
     fill(shades, 2, 2, 8, 8, FREE)
     fill(shades, 2, 8, 8, 8.1, WALL)
-    with pytest.raises(WorldError, match="look out on unknown cells") as refused:
+    with pytest.raises(WorldError, match="border on unknown cells") as refused:
         loaded(tmp_path, shades)
     assert "\n" not in str(refused.value)
 
