@@ -110,7 +110,7 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
 
         choose(page, "fault", "sensor unplugged")
         press(page, "Inject")
-        press(page, "Go on")
+        press(page, "Resume")
         until(lambda: has_row(page, "trouble"), "a fault", DEADLINE_S)
         choose(page, "speed", "1 ×")  # faster, the turn may be over between two looks
         press(page, "Start")
