@@ -1,12 +1,11 @@
-"""Sets up a Raspberry Pi's buses in config.txt and cmdline.txt; what is there already stays.
+"""Sets up a Raspberry Pi's buses in config.txt and cmdline.txt, and keeps all other settings.
 
     boot_config.py BOOT_FOLDER MODEL
 
-config.txt has sections: a line counts only on the models that its section names, the one before it
-with the same key does not count any more, and a comment never does. Wanted are I2C at 400 kHz, SPI,
-and the full UART at the pins 8 and 10 as /dev/ttyAMA0, without a login shell on it. On a Raspberry
-Pi 5 and its kin that is uart0; serial0 is the debug connector there, /dev/ttyAMA10, and is left
-alone.
+config.txt has sections: a line applies only to the models that its section names. It overrides an
+earlier line with the same key; comments never apply. Required are I2C at 400 kHz, SPI, and the full
+UART on pins 8 and 10 as /dev/ttyAMA0 without a login shell. On a Raspberry Pi 5 and related models
+that is uart0. There serial0 is the debug connector, /dev/ttyAMA10, which stays unchanged.
 """
 
 import os
@@ -23,9 +22,9 @@ WANTED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("pi4", ("dtoverlay=disable-bt",)),
     ("pi5", ("dtparam=uart0=on",)),
 )
-"""By section: pi4 also stands for Compute Module 4 and 400, pi5 for Compute Module 5 and 500."""
+"""By section. pi4 includes Compute Module 4 and Pi 400, pi5 Compute Module 5 and Pi 500."""
 IMPLIED = {"i2c": "i2c_arm", "i2c_baudrate": "i2c_arm_baudrate"}
-"""Other names of parameters."""
+"""Alternative names of parameters."""
 MODEL = r"pi\d|cm\d|none$"
 """Sections that name a model, or none."""
 PINS = ("ttyAMA0",)
@@ -33,7 +32,7 @@ PINS_BEFORE_PI_5 = ("serial0", "ttyAMA0", "ttyS0")
 
 
 def settings(line: str) -> Iterator[tuple[str, str]]:
-    """Keys and values of a line: of dtparam every parameter is one, of dtoverlay every overlay."""
+    """Keys and values of a line: one per parameter of dtparam, one per overlay of dtoverlay."""
     key, _, value = line.partition("=")
     if key == "dtparam":
         for part in value.split(","):
@@ -47,10 +46,10 @@ def settings(line: str) -> Iterator[tuple[str, str]]:
 
 
 def in_force(lines: list[str], model: str) -> dict[str, str]:
-    """What counts on every machine of a model, by the last line of each key.
+    """Settings in force on every machine of a model, by the last line of each key.
 
-    One section of a model takes the place of the other; filters of other kinds, such as [gpio4=1],
-    narrow what follows, until [all] takes all of them away.
+    A model section replaces the previous one. Other filters, such as [gpio4=1], narrow the lines
+    that follow, until [all] resets them.
     """
     of_model, is_narrowed = ALL, False
     found: dict[str, str] = {}
@@ -68,7 +67,7 @@ def in_force(lines: list[str], model: str) -> dict[str, str]:
 
 
 def with_buses(text: str) -> str:
-    """config.txt with what it lacks, at its end; the same again changes nothing."""
+    """config.txt with missing settings appended; applying it twice changes nothing."""
     end = "\r\n" if "\r\n" in text else "\n"
     lines = text.splitlines()
     lacking: list[str] = []
@@ -93,7 +92,7 @@ def without_login(text: str, ports: tuple[str, ...]) -> str:
 
 
 def rewrite(path: Path, text: str, new: str) -> None:
-    """All of it or nothing: half a config.txt does not boot."""
+    """Replace a file atomically: half a config.txt does not boot."""
     if new == text:
         return
     beside = path.with_name(path.name + ".pdps-new")
@@ -105,7 +104,7 @@ def rewrite(path: Path, text: str, new: str) -> None:
 
 
 def read(path: Path) -> str:
-    """Every byte as it is, whatever the encoding; nothing if there is no such file."""
+    """The file's text, independent of its encoding; empty if there is no such file."""
     if not path.exists():
         return ""
     with path.open(encoding="latin-1", newline="") as file:
@@ -113,7 +112,7 @@ def read(path: Path) -> str:
 
 
 def main(boot: Path, model: str) -> None:
-    """Both files."""
+    """Update both files."""
     config, command_line = boot / "config.txt", boot / "cmdline.txt"
     text = read(config)
     rewrite(config, text, with_buses(text))

@@ -1,4 +1,4 @@
-"""Loads and does what a flight will need, once, as root: so it is compiled, and known to work."""
+"""Loads and runs the parts that a flight needs, once, as root: compiles and checks them."""
 
 import sys
 import tempfile

@@ -1,4 +1,4 @@
-"""Does the companion map our kitchen, and does it do the right thing when something breaks?"""
+"""Tests that the companion maps the kitchen, and reacts safely to faults."""
 
 from sitl.testing import Sitl, at, link_down, pilot_mode, when
 

@@ -1,6 +1,6 @@
-"""Take off, tell for some seconds what the front sensor sees, and land.
+"""Take off, print the front sensor's readings for some seconds, and land.
 
-It lands too if Ctrl-C is pressed, or anything goes wrong: leaving the context does that.
+Leaving the context also lands the drone after Ctrl-C or an error.
 """
 
 import argparse
