@@ -1,4 +1,4 @@
-"""Clutter: what it may not take from a world, and what it is made of."""
+"""Tests of clutter: its limits in a world, and its pieces."""
 
 import hashlib
 import math
@@ -35,7 +35,7 @@ BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterio
 FLIGHT_M = 1.2
 GRID_M = 0.1
 WIDE_M, PASSABLE_M = 0.45, 0.38
-"""Half of a door that could be entered before, and of what is left of it at least."""
+"""Half width of a door that is passable without clutter, and of its smallest free part after it."""
 LIVED_IN = 0.5
 """Up to this difficulty no door is shut."""
 
@@ -44,7 +44,7 @@ each_world = settings(max_examples=8, deadline=None)
 
 
 def pieces(before: World, after: World) -> list[Panel]:
-    """What has come."""
+    """Panels that clutter has added."""
     added = after.walls[len(before.walls) :]
     return [panel for walls in added for panel in walls.panels(after.height_m)]
 
@@ -97,7 +97,7 @@ def test_starts_stay_free(seed: int, difficulty: float) -> None:
 
 
 def reachable(world: World, half_m: float) -> NDArray[np.bool_]:
-    """Places on a grid that a disc gets to from the first start, at the height of flight."""
+    """Grid places that a disc can reach from the first start at flight height."""
     (south, west), (north, east) = world.bounds
     norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)
     cells = np.stack(np.meshgrid(norths, easts, indexing="ij"), axis=-1)
@@ -173,13 +173,13 @@ def test_beams_meet_what_the_hull_could_touch(kind: object, seed: int) -> None:
     piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
     panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
     touched = [side for p in panels if p.bottom_m < 1.45 and p.top_m > 0.95 for side in p.outline]
-    met = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
+    at_beams = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
     if touched:
-        assert cKDTree(samples(met)).query(samples(touched))[0].max() < 0.4
+        assert cKDTree(samples(at_beams)).query(samples(touched))[0].max() < 0.4
 
 
 def a_doorway(width_m: float) -> World:
-    """Two rooms of 5 × 5 m."""
+    """Two rooms of 5 × 5 m with a doorway of this width."""
     wall = {
         "points": [(0, 5), (5, 5)],
         "thickness_m": 0.1,
@@ -216,7 +216,7 @@ def test_an_open_door_leaves_its_doorway_wide_enough(seed: int, width_m: float) 
 
 
 class TakesAll:
-    """A floor that takes everything."""
+    """A floor that accepts every piece."""
 
     def take(self, piece: object) -> bool:
         return True
@@ -236,7 +236,7 @@ def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
     model, clean = WorldModel(room), WorldModel(world)
     through = 0
     for pane in panes:
-        # where it is looked at from outside, 20 cm before the outer wall, nothing else is near
+        # 20 cm before the outer wall on the outside, nothing else is near
         middle = np.add(pane.start, pane.end) / 2
         out = np.array([middle[0] in {south, north}, middle[1] in {west, east}], dtype=float)
         out *= np.sign(middle - np.array([(south + north) / 2, (west + east) / 2]))

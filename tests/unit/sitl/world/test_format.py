@@ -1,4 +1,4 @@
-"""Worlds: their files, and exact ranges and clearances in them."""
+"""Tests of worlds: their files, and exact ranges and clearances."""
 
 import math
 from pathlib import Path
@@ -35,7 +35,7 @@ REACH_M = 12.0
 
 
 def true_range(origin: Vector3, direction: Vector3) -> float | None:
-    """The same by brute force: plane of every triangle, and areas to see whether it is inside."""
+    """The range by brute force: the plane of every triangle, and an area test."""
     mesh = visible_mesh(FURNISHED)
     to_floor = -origin[2] / direction[2] if direction[2] > 0 else None
     best = to_floor if to_floor is not None and to_floor <= REACH_M else None
@@ -67,7 +67,7 @@ def unit(bearing_rad: float, climb_rad: float) -> Vector3:
 def test_ranges_are_exact(origin: Vector3, bearing_rad: float, climb_rad: float) -> None:
     direction = unit(bearing_rad, climb_rad)
     expected = true_range(origin, direction)
-    assert expected is not None  # a closed room: no ray may get lost
+    assert expected is not None  # a closed room: every ray hits a wall
     assert MODEL.range_m(origin, direction, REACH_M) == pytest.approx(expected, abs=1e-9)
 
 
@@ -159,7 +159,7 @@ def test_every_room_can_be_reached_from_every_start(name: str) -> None:
 
 
 def test_a_wall_seen_from_one_side_only_counts_once() -> None:
-    """Inside the building of `exterior` nobody gets: its walls are seen from the yard."""
+    """The inside of the building in `exterior` is unreachable: its walls are seen from the yard."""
     world = load_world("exterior")
     points = seeable_points(world, 1.2, world.starts[0].position)
     around_yard = 2 * (24 + 28)
