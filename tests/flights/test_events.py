@@ -1,4 +1,4 @@
-"""A flight in which nothing of what is scripted happens tests nothing, and says so."""
+"""Tests that a flight fails if its scripted events do not happen."""
 
 import json
 from pathlib import Path

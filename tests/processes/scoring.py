@@ -1,4 +1,4 @@
-"""The map and the true flight that processes have left, compared with the world."""
+"""Scores the map and the true flight that processes have written."""
 
 from pathlib import Path
 
@@ -12,7 +12,7 @@ HEIGHT_M = 1.2
 
 
 def assert_good(map_file: Path, truth_file: Path, world: str, start: int = 0) -> None:
-    """No collision, and all walls of the world where they are; `start`: of the vehicle."""
+    """No collision, and all walls of the world mapped; `start` is the vehicle's start pose."""
     truth = TruthRecord.load(truth_file)
     assert truth.collisions == 0
     room = load_world(world)
