@@ -44,8 +44,8 @@ MEASURED: dict[tuple[str, str, float], tuple[Shares, Shares]] = {
         {0.25: 0.65, 0.5: 0.28, 1.0: 0.07},
     ),
 }
-"""By firmware, axis and size (m/s, rad/s): share reached by time after the step, s, and after its
-end, s."""
+"""Share reached, by time after the step and after its end, s; by firmware, axis and size (m/s,
+rad/s)."""
 HOLD_S, AFTER_S = 4, 3
 
 

@@ -22,7 +22,8 @@ WANTED: tuple[tuple[str, tuple[str, ...]], ...] = (
     ("pi4", ("dtoverlay=disable-bt",)),
     ("pi5", ("dtparam=uart0=on",)),
 )
-"""By section. pi4 includes Compute Module 4 and Pi 400, pi5 Compute Module 5 and Pi 500."""
+"""Required lines by section. pi4 is also Compute Module 4 and Pi 400, pi5 Compute Module 5 and
+Pi 500."""
 IMPLIED = {"i2c": "i2c_arm", "i2c_baudrate": "i2c_arm_baudrate"}
 """Alternative names of parameters."""
 MODEL = r"pi\d|cm\d|none$"

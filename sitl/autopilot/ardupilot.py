@@ -31,6 +31,7 @@ from sitl.core.truth import TrueState
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20
+"""custom_mode numbers of ArduCopter."""
 BEHAVIOUR = {
     **dict.fromkeys((AUTO, RTL, BRAKE), Behaviour.HOLD),
     **dict.fromkeys((ALT_HOLD, LOITER, POSHOLD), Behaviour.CLIMB_BY_STICK),
@@ -39,6 +40,7 @@ BEHAVIOUR = {
     GUIDED_NOGPS: Behaviour.OFFBOARD,
     LAND: Behaviour.LAND,
 }
+"""Behaviour by custom_mode."""
 
 BASE_MODE_IDLE = 81
 """HEARTBEAT.base_mode when disarmed."""
@@ -46,7 +48,7 @@ BASE_MODE_GUIDED_BIT = 8
 """Added in GUIDED: 89, and 217 when armed."""
 
 EKF_UNINITIALISED = 1024
-"""EKF_STATUS_REPORT flags until the attitude has settled; likewise the values below."""
+"""EKF_STATUS_REPORT (193) flags until the attitude has settled; then flags of other states."""
 EKF_READY = 895
 EKF_FLOW_ONLY = 367
 """A relative position, no absolute one (from ArduPilot's source)."""
@@ -63,7 +65,7 @@ MAVLINK_RANGEFINDER, MAVLINK_PROXIMITY = 10, 2
 """Values of RNGFND1_TYPE and PRX1_TYPE that select DISTANCE_SENSOR as the source."""
 
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
-"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; likewise those below."""
+"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 FORCE = 0x0200
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 MAX_VALUE = 1000.0
@@ -76,6 +78,7 @@ MIN_GUID_TIMEOUT_S = 0.1
 TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
 OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
 FRAMES = (*OFFSET_FRAMES, mavlink.MAV_FRAME_LOCAL_NED)
+"""Frames rotated by the heading, offsets from the position, and all accepted ones."""
 STOP = Refusal(stops=True)
 
 CONFIGURED: dict[str, float] = {
@@ -128,6 +131,7 @@ FAILSAFES = (
         _ground_station_lost, ("GCS Failsafe",), "GCS Failsafe Cleared", _land_if("FS_GCS_ENABLE")
     ),
 )
+"""Failsafes of ArduCopter 4.6.3, in the order of their checks."""
 
 
 class ArduPilot:

@@ -33,13 +33,13 @@ AT_HEIGHT_M = 0.1
 CRUISE_M_S = 5.0
 """Largest speed on the way to a position setpoint, m/s."""
 APPROACH_M_S2 = 1.0
-"""Deceleration before a position setpoint, m/s²."""
+"""Squared speed per distance to a position setpoint, m/s²: twice the deceleration."""
 YAW_GAIN_1_S = 3.0
 """Yaw rate per yaw error, 1/s."""
 MAX_YAW_RATE_RAD_S = math.radians(67)
 """Yaw rate limit on the way to a commanded heading, rad/s. Measured."""
 COURSE_FROM_M_S = 0.5
-"""From this speed on, the nose turns to the course if no yaw is commanded, m/s."""
+"""Speed above which the nose turns to the course if no yaw is commanded, m/s."""
 
 
 class Manoeuvre(enum.Enum):

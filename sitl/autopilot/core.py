@@ -34,6 +34,7 @@ from sitl.core.vehicle import STEP_S, Vehicle
 from sitl.sensors.time_of_flight import TofUnit
 
 FIRMWARES: dict[str, Callable[[], EmulatedFirmware]] = {"ardupilot": ArduPilot, "px4": Px4}
+"""Emulated firmwares by name."""
 
 HEARTBEAT_STEPS = 100
 """Steps between HEARTBEATs: 1 s."""

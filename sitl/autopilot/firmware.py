@@ -73,7 +73,7 @@ class Sources:
     outside_position: bool = False
     outside_velocity: bool = False
     outside_yaw: bool = False
-    """From external messages such as ODOMETRY (331) and VISION_POSITION_ESTIMATE (102)."""
+    """These three: from messages such as ODOMETRY (331) and VISION_POSITION_ESTIMATE (102)."""
 
     @property
     def needs_outside(self) -> bool:

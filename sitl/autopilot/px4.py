@@ -59,7 +59,7 @@ BASE_MODE_OF: dict[int, int] = {
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
-"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; likewise those below."""
+"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
 POSE_MESSAGES = PoseMessages(
@@ -140,6 +140,7 @@ FAILSAFES = (
         "Mission computer regained",
     ),
 )
+"""Failsafes of PX4 1.17, in the order of their checks."""
 
 
 class Px4:

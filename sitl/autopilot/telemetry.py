@@ -26,6 +26,7 @@ SENSORS = (
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
 )
+"""Bits of SYS_STATUS (1) that are always set."""
 FLOW: int = mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 VISION: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
 LANDED_STATES = {
@@ -33,6 +34,7 @@ LANDED_STATES = {
     Manoeuvre.CLIMB: mavlink.MAV_LANDED_STATE_TAKEOFF,
     Manoeuvre.LAND: mavlink.MAV_LANDED_STATE_LANDING,
 }
+"""MAV_LANDED_STATE by manoeuvre; in the air for all others."""
 
 
 @dataclass(slots=True)

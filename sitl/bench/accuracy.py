@@ -34,6 +34,7 @@ MISSIONS = {"three_room_450": "building", "office": "building"}
 """Missions of worlds with several rooms; in the others the room's walls are traced."""
 ERRORS = ("wall_error_aligned_cm", "wall_error_cm", "ate_cm")
 SCORES = (*ERRORS, "false_walls", "coverage", "wall_sigma_cm", "wall_error_sigmas")
+"""Scores in the table, by the keys of the report; `ERRORS` also for the references."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -226,4 +226,4 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
         "none": ("hang", lambda random: {"for_s": 0.0}),
     }
 )
-"""By row of the table: the action of `sitl.testing`, and its arguments."""
+"""Action of `sitl.testing` and its arguments, by row of the table."""

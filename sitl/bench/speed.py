@@ -20,6 +20,7 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 
 TRANSPORTS = ("direct", "bytes", "udp")
+"""Message objects, encoded frames, and UDP between two processes."""
 
 
 @dataclass(frozen=True, slots=True)

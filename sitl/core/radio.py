@@ -22,6 +22,7 @@ class Troubles:
 
 
 NO_TROUBLES = Troubles()
+"""A perfect link."""
 
 
 class Radio:

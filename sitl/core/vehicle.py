@@ -19,6 +19,7 @@ GUST_STEPS = 5
 MAX_YAW_RATE_RAD_S = math.radians(90)
 """Yaw rate limit, rad/s. Chosen."""
 GRAVITY_M_S2 = 9.81
+"""Standard gravity, rounded, m/s²."""
 
 STILL: Vector2 = (0.0, 0.0)
 

@@ -45,6 +45,7 @@ ORIENTATION = {
     Beam.UP: mavlink.MAV_SENSOR_ROTATION_PITCH_90,
     Beam.DOWN: mavlink.MAV_SENSOR_ROTATION_PITCH_270,
 }
+"""MAV_SENSOR_ORIENTATION by beam."""
 
 
 def odometry(firmware: str, estimator: AutopilotEstimator, truth: TrueState) -> Message:

@@ -68,7 +68,7 @@ class ExternalSetup:
 
     @property
     def firmware(self) -> str:
-        """Which of `AUTOPILOTS` it is; empty before its first HEARTBEAT."""
+        """Its firmware in `AUTOPILOTS`; empty before its first HEARTBEAT."""
         return self._firmware
 
     @property

@@ -26,6 +26,7 @@ END_TIMEOUT_S = 20.0
 TRUTH_FILE = "truth.json"
 CONFIG_FILE = "config.toml"
 SERVE_LOCKSTEP = ("--mavlink=udpin:127.0.0.1:0", "--bus-port=0", "--lockstep")
+"""Options of `sitl run` for free ports and lockstep."""
 
 
 @dataclass(frozen=True, slots=True)

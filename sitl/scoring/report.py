@@ -135,6 +135,7 @@ _ROWS = (
     ("least time to trace", "least_time_s", "{:.0f} s"),
     ("speed", "speed_factor", "{:.0f} × real time"),
 )
+"""Label, key and format of the terminal's table."""
 
 
 def report_table(report: Report) -> Table:

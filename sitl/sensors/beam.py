@@ -64,6 +64,7 @@ class BeamPhysics(BaseModel):
 
 
 RAY = BeamPhysics()
+"""An ideal ray: no width, no losses, no shift."""
 
 
 def beam_physics(values: Mapping[str, object], source: str) -> BeamPhysics:

@@ -44,6 +44,7 @@ BEAM_FRD: dict[Beam, Vector3] = {
     Beam.UP: (0.0, 0.0, -1.0),
     Beam.DOWN: (0.0, 0.0, 1.0),
 }
+"""Axis of each beam in the body frame (FRD), unit vectors."""
 
 
 class SensorBoard:

@@ -30,6 +30,7 @@ PHYSICS = {
     "gp2y0a710k0f": SharpPhysics(GP2Y0A710K0F, 0.0165, 0.05, 0.003, 0.010, 0.0, 8.0),
     "paper": SharpPhysics(PAPER, 0.050, 0.02, 0.0, 0.0, 0.05, 5.0),
 }
+"""Physics by profile; sources are in docs/sensors.md."""
 
 USUAL_MEMORY = 0.1
 """Share of the ADC's previous conversion that remains at an open input. Assumed."""

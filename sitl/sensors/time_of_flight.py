@@ -36,6 +36,7 @@ TOF_PHYSICS = {
     "tfmini_s": TofPhysics(TFMINI_S, TFMINI_S.period_s, 0.0, TFMINI_S.gain_sigma, 0.01),
     "tf_luna": TofPhysics(TF_LUNA, TF_LUNA.period_s, 0.0, TF_LUNA.gain_sigma, 0.01),
 }
+"""Physics by kind of sensor; sources are in docs/sensors.md."""
 
 
 class TofUnit:

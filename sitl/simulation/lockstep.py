@@ -14,6 +14,7 @@ from sitl.sensors.line import on_virtual_time
 from sitl.simulation.simulation import Setup, Simulation
 
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
+"""Transports within one process: message objects, or encoded frames."""
 
 
 Script = Callable[[Simulation, App], None]

@@ -85,7 +85,7 @@ class Simulation:
             (Radio(stream(setup.seed, f"uplink {link}")), Radio(stream(setup.seed, f"link {link}")))
             for link in range(len(transports))
         ]
-        """For each link: the direction to the vehicle and the direction from it."""
+        """Both directions of each link: to the vehicle, and from it."""
         self.companion_hangs_until_s = 0.0
         """A fault for tests: the companion stops until this time, s."""
         self.starvation = Starvation(stream(setup.seed, "starved computer"))

@@ -32,9 +32,12 @@ HANDLED = tuple(
         mavlink.MAVLINK_MSG_ID_VISION_SPEED_ESTIMATE,
     )
 )
+"""Messages that the emulated autopilot handles."""
 ADDRESSED = tuple(kind for kind in HANDLED if "target_system" in kind.fieldnames)
+"""Those of them with a target system."""
 OTHER_SYSTEM = 7
 COMMANDS = (22, 21, 176, 400, 401, 410, 510, 511, 512, 520, 31999)
+"""MAV_CMD numbers, the last one unknown."""
 NAMES = (
     b"GUID_TIMEOUT",
     b"EK3_SRC1_VELXY",
@@ -86,6 +89,7 @@ VEHICLE_MESSAGES = tuple(
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
     )
 )
+"""Messages from an autopilot that the companion handles."""
 
 
 def vehicle_frame(random: Random) -> bytes:

@@ -34,3 +34,4 @@ FAULTS: dict[str, Callable[[Simulation, str, float | None], Action]] = {
     "somebody in the way": _in_the_way,
     "crash": lambda simulation, beam, for_s: crash(),
 }
+"""Actions by the name on the page."""

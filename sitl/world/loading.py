@@ -35,7 +35,7 @@ def world_names() -> list[str]:
     return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
 
 
-def discard_report(mended: str) -> None:
+def discard_report(repair: str) -> None:
     """Discard an importer's messages."""
 
 

@@ -145,7 +145,7 @@ def test_garbage_is_no_impossible_rate_and_passes(turntable: Turntable, seed: in
 
 @pytest.mark.parametrize("set_s", [-100.0, -2.0, 5.0])
 def test_a_clock_that_is_set_is_followed(turntable: Turntable, set_s: float) -> None:
-    """For the autopilot's clock, as after its restart; the companion's gyros have no clock."""
+    """Sets the autopilot's clock, as its restart does; the companion's gyros have no clock."""
     turntable.clock_s = 200.0
     turntable.turned_deg(0.0, 1.0)
     turntable.clock_s += set_s

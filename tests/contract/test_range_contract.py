@@ -143,7 +143,7 @@ def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> Non
 
 @pytest.mark.parametrize("transport", ["in process"])
 def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
-    """Not over a served bus: time does not advance during that wait."""
+    """Skips the served bus, where time does not advance during that wait."""
     wires = on_virtual_time(bench.board.bus)
     sensors = RangeSensors(wires, bench.config)
     settle(bench, sensors)

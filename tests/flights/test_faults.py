@@ -404,7 +404,7 @@ def test_starved_flights_are_the_same_to_the_bit(sitl: Sitl, small: str) -> None
 def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
     sitl: Sitl, small: str, begins_s: float, pull_deg: float
 ) -> None:
-    """By 14° in three seconds, as PX4's at take-off; by 3° at once, as ArduPilot's in flight."""
+    """Pulls it by 14° in 3 s, as PX4 at take-off, and by 3° at once, as ArduPilot in flight."""
     recorded: list[str] = []
     steps = 60 if pull_deg < 0 else 1
     pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]

@@ -80,6 +80,7 @@ class OdometryNoise:
 
 
 REFERENCE_NOISE = OdometryNoise()
+"""Noise of all benchmarks, unless they vary it."""
 
 
 class AutopilotEstimator:

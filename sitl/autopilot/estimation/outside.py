@@ -54,7 +54,7 @@ class Outside:
     def __init__(self, understood: PoseMessages) -> None:
         self._understood = understood
         self.ranges: dict[int, tuple[float, Message]] = {}
-        """By orientation: time of arrival, s, and DISTANCE_SENSOR (132)."""
+        """Time of arrival, s, and DISTANCE_SENSOR (132), by orientation."""
         self._obstacles_s = NEVER
         self._pose: OutsidePose | None = None
         self._pose_s = NEVER

@@ -8,7 +8,7 @@ from sitl.autopilot.streams import Message
 
 
 class ArduPilotParameters(Parameters):
-    """As measured on ArduCopter 4.6.3, and from its GCS_Param.cpp."""
+    """Protocol as measured on ArduCopter 4.6.3, and from its GCS_Param.cpp."""
 
     listed_per_step = 16
     """Measured: 1419 parameters were listed in 0.9 s."""

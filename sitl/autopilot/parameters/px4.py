@@ -17,7 +17,7 @@ ALL_BITS = 0xFFFFFFFF
 
 
 class Px4Parameters(Parameters):
-    """As in mavlink_parameters.cpp of PX4 1.17."""
+    """Protocol as in mavlink_parameters.cpp of PX4 1.17."""
 
     listed_per_step = 20
     """Parameters per 10 ms over UDP (PX4's source)."""

@@ -61,6 +61,7 @@ def refuse_arming(for_s: float | None = None) -> Action:
 
 
 MODE_NAMES = {"ardupilot": ARDUCOPTER_MODES, "px4": PX4_MODES}
+"""Names of modes by custom_mode, for each firmware."""
 
 
 class ModeError(SitlError, ValueError):

@@ -215,3 +215,4 @@ KINDS = (
     Kind(_partition, 1.0, by_wall=True),
     Kind(_partition, 0.5),
 )
+"""Kinds of furniture with their weights."""

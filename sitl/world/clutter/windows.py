@@ -54,7 +54,7 @@ class _Stretch:
         return floor.is_open(self.spot.at(x_m, near_m), self.spot.at(x_m, far_m))
 
     def is_last(self, x_m: float, floor: FreeFloor) -> bool:
-        """Nothing stands behind it."""
+        """The space behind it is empty."""
         behind_m = self.thickness_m / 2 + OFF_WALL_M
         return floor.is_clear(self.spot.at(x_m, -behind_m), self.spot.at(x_m, -FAR_M))
 

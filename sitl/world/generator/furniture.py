@@ -62,6 +62,7 @@ PIECES = (
     Piece((0.9, 1.8), (2.0, 2.0), 0.0, 0.5),  # a bed
     Piece((0.3, 0.5), (0.3, 0.5), 0.0, np.inf, by_wall=False, weight=0.3),  # a pillar
 )
+"""Kinds of furniture with their sizes. Chosen."""
 
 
 class Space:

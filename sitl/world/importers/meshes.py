@@ -43,6 +43,7 @@ READERS: Mapping[str, Callable[[bytes, Path], Iterable[Part]]] = {
     ".glb": read_gltf,
     ".gltf": read_gltf,
 }
+"""Readers by the file's suffix in lower case."""
 
 
 def load_mesh(path: Path, report: Callable[[str], None]) -> World:
@@ -100,7 +101,7 @@ def _starts(parts: dict[str, object], mesh: Mesh, source: str) -> list[dict[str,
     plan = mesh.section(PLAN_HEIGHT_M)
     if not plan:
         raise WorldError(f"{source}: nothing stands at {PLAN_HEIGHT_M} m above its floor")
-    somewhere = {"name": "not known yet", "position": (0, 0)}
+    somewhere = {"name": "placeholder", "position": (0, 0)}
     model = WorldModel(World.model_validate({**parts, "starts": [somewhere]}))
 
     def is_free(place: Vector2) -> bool:

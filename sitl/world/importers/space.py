@@ -162,7 +162,7 @@ def _lattice_step(fits: Cells, cell_m: float) -> int:
 
 
 def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
-    """Whether walls surround each of the cells (n, 2) in nearly all directions, (n,).
+    """True for each of the cells (n, 2) with walls in nearly all directions, (n,).
 
     A wall counts as one cell thicker, because beams can pass between the cells of thin ones.
     """

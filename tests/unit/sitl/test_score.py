@@ -154,7 +154,7 @@ def test_a_point_between_equal_walls_is_as_near_as_to_all_of_them() -> None:
 
 
 def test_thousands_of_walls_are_scored_without_a_table_of_all_pairs() -> None:
-    """For 40 000 samples and 4000 walls the table would take a gigabyte per alignment step."""
+    """The table for 40 000 samples and 4000 walls would take a gigabyte per alignment step."""
     walls = [
         ((north, east), (north + 0.5, east))
         for north in np.arange(0.0, 40.0)

@@ -42,6 +42,7 @@ WITHOUT = {
     DRACO: " (in Blender: without Compression; with gltf-transform: copy)",
     **dict.fromkeys(MESHOPT, " (with gltfpack: without -c; with gltf-transform: copy)"),
 }
+"""Remedies for unsupported compression, by extension."""
 
 Record = dict[str, Any]
 

@@ -24,7 +24,7 @@ from sitl.world.plan import wall_surfaces
 
 Array = NDArray[Any]
 Wall = tuple[float, float, float, float]
-"""From x, y to x, y; east and north, m."""
+"""A wall from x, y to x, y; east and north, m."""
 
 OUTER: list[Wall] = [(0, 0, 8, 0), (8, 0, 8, 5), (8, 5, 0, 5), (0, 5, 0, 0)]
 PARTITIONS: list[Wall] = [(4, 0, 4, 3), (4, 3, 6, 3)]
@@ -156,7 +156,7 @@ def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
 
 @given(st.integers(4, 12), st.randoms(use_true_random=False))
 def test_a_polygon_is_cut_into_triangles_of_its_own_area(count: int, random: Any) -> None:
-    """For any star shape, in any plane, from any corner."""
+    """Any star shape, in any plane, from any corner."""
     angles = sorted(random.uniform(0, math.tau) for _ in range(count))
     gaps = [b - a for a, b in zip(angles, [*angles[1:], angles[0] + math.tau], strict=True)]
     if max(gaps) > 3 or min(gaps) < 0.05:
