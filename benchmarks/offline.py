@@ -69,9 +69,9 @@ def _score(truth: Log, plan: FloorPlan, path: Array) -> Score:
         Pose(time_s, north, east, 0.0, yaw)
         for time_s, (north, east, yaw) in zip(truth.time_s.tolist(), path.tolist(), strict=True)
     ]
-    seeable = samples(list(truth.walls))
+    observable = samples(list(truth.walls))
     return Score(
-        score_map(plan, truth.walls, seeable, states[0]),
+        score_map(plan, truth.walls, observable, states[0]),
         score_trajectory(poses, states, states[0]),
     )
 

@@ -155,7 +155,7 @@ def missions(
 
     def keep(flown: "Flown") -> None:
         ended.append(flown.row)
-        if out is not None:  # keep hours of flights if interrupted, but also if the disk is full
+        if out is not None:  # kept if interrupted; a full disk is no reason to stop
             with suppress(OutputError):
                 save_as(_save_json, sum_up(ended), out / "missions.json")
 

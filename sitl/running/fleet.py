@@ -10,7 +10,7 @@ from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
 from sitl.core.vehicle import STEP_S
 from sitl.simulation.simulation import Setup, Simulation
-from sitl.simulation.traffic import Others, nobody
+from sitl.simulation.traffic import Others, no_others
 
 SEEDS_APART = 1000
 """Difference between the seeds of two vehicles. Chosen."""
@@ -53,7 +53,7 @@ class Fleet:
     ) -> None:
         self.vehicles: list[Simulation] = []
         for number, (setup, links) in enumerate(zip(setups, transports, strict=True)):
-            others = self._others_of(number) if len(setups) > 1 else nobody
+            others = self._others_of(number) if len(setups) > 1 else no_others
             self.vehicles.append(Simulation(setup, links, watch, others))
 
     def _others_of(self, number: int) -> Others:

@@ -21,7 +21,7 @@ from sitl.simulation.record import AIRBORNE_M, TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.world.format import Segment, World
 from sitl.world.geometry.model import BODY_RADIUS_M
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 Report = dict[str, float | int | bool | str | None]
 WALL_CLOCK_KEYS = ("speed_factor", "waited_s")
@@ -51,7 +51,7 @@ def make_report(
     height_m = config.mission.height_m
     surfaces = wall_surfaces(setup.world, height_m)
     north, east, _ = truth.take_off.position_ned_m
-    seeable = seeable_points(setup.world, height_m, (north, east))
+    observable = observable_points(setup.world, height_m, (north, east))
     standoff = standoff_m(
         config.mission.standoff,
         range_models(config.sensors)[Beam.FRONT],
@@ -66,7 +66,7 @@ def make_report(
         "ending": outcome.ending,
     }
     closed = setup.world.closed_border
-    report |= asdict(score_map(plan, surfaces, seeable, truth.take_off, closed))
+    report |= asdict(score_map(plan, surfaces, observable, truth.take_off, closed))
     report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))
     report |= {
         "collisions": truth.collisions,

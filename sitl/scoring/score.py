@@ -73,13 +73,13 @@ class TrajectoryScore:
 def score_map(
     plan: FloorPlan,
     surfaces: Sequence[Segment],
-    seeable: Points,
+    observable: Points,
     take_off: TrueState,
     closed: Sequence[Segment] = (),
 ) -> MapScore:
     """Compare the mapped walls with the true ones (world frame, north and east, m).
 
-    `seeable` are samples (n, 2) of the observable surfaces, for the coverage. `closed` are walls
+    `observable` are samples (n, 2) of the observable surfaces, for the coverage. `closed` are walls
     that the simulator added at the border to the unknown: mapped walls there do not count.
     """
     truth = _Truth(surfaces, closed)
@@ -91,7 +91,7 @@ def score_map(
     aligned_error_m = _those_that_count(truth.errors_m(aligned))
     if not len(aligned_error_m):
         return NOTHING_MAPPED
-    covered = _distance_to_points(seeable, aligned) <= COVERED_WITHIN_M
+    covered = _distance_to_points(observable, aligned) <= COVERED_WITHIN_M
     return MapScore(
         wall_error_cm=100 * float(error_m.mean()),
         wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),

@@ -67,7 +67,7 @@ class SensorBoard:
             true_range = _beam_query(
                 _axis_frd(beam, sensor),
                 config.mount_of_m(beam),
-                physics.sees_to_m,
+                physics.max_return_m,
                 range_query(beam),
                 truth_at,
             )
@@ -191,7 +191,7 @@ def _axis_frd(beam: Beam, sensor: RangeSensor) -> Vector3:
 def _beam_query(
     axis_frd: Vector3,
     mount_offset_m: float,
-    sees_to_m: float,
+    max_return_m: float,
     range_m: RangeQuery,
     truth_at: TruthAt,
 ) -> Callable[[float], float | None]:
@@ -206,7 +206,7 @@ def _beam_query(
             east + mount_offset_m * direction[1],
             down + mount_offset_m * direction[2],
         )
-        return range_m(origin, direction, sees_to_m)
+        return range_m(origin, direction, max_return_m)
 
     return query
 

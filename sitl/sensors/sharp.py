@@ -22,7 +22,7 @@ class SharpPhysics:
     """Standard deviation of the units' gain after calibration."""
     output_noise_v: float
     distance_noise_m: float
-    sees_to_m: float
+    max_return_m: float
     """Light from farther away does not return, m."""
 
 
@@ -73,6 +73,6 @@ class SharpUnit:
         if distance_m is not None:
             noise_m = noise_factor * self._random.gauss(0, physics.distance_noise_m)
             distance_m = distance_m * self.gain + noise_m
-            distance_m = distance_m if distance_m <= physics.sees_to_m else None
+            distance_m = distance_m if distance_m <= physics.max_return_m else None
         noise_v = noise_factor * self._random.gauss(0, physics.output_noise_v)
         return physics.profile.volts(distance_m) + noise_v

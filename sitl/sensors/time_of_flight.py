@@ -18,7 +18,7 @@ class TofPhysics:
 
     model: RangeModel
     period_s: float
-    gathers_s: float
+    integration_s: float
     """Integration time, s. A reading is the mean over this time, which ends with the reading."""
     gain_sigma: float
     """Standard deviation of the units' gain."""
@@ -27,7 +27,7 @@ class TofPhysics:
     """Relative standard deviation of the units' clocks."""
 
     @property
-    def sees_to_m(self) -> float:
+    def max_return_m(self) -> float:
         return 1.1 * self.model.max_m
 
 
@@ -74,7 +74,7 @@ class TofUnit:
 
     def _measure(self, ended_s: float) -> float | None:
         physics = self._physics
-        true_m = self.true_range(ended_s - physics.gathers_s / 2)
+        true_m = self.true_range(ended_s - physics.integration_s / 2)
         noise = self.noise_factor * self._random.gauss(0, 1)
         if true_m is None:
             return None

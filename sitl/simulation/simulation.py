@@ -27,7 +27,7 @@ from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.starvation import Starvation
-from sitl.simulation.traffic import Others, clearance_to_others_m, nobody, with_others
+from sitl.simulation.traffic import Others, clearance_to_others_m, no_others, with_others
 from sitl.world.format import World
 from sitl.world.geometry.model import WorldModel
 
@@ -78,7 +78,7 @@ class Simulation:
         setup: Setup,
         transports: Sequence[Transport],
         watch: ParameterWatch = keep_nothing,
-        others: Others = nobody,
+        others: Others = no_others,
     ) -> None:
         self._transports = transports
         self._radios = [

@@ -11,7 +11,7 @@ Others = Callable[[], Sequence[Vector3]]
 """Returns the positions of the other vehicles, world NED, m."""
 
 
-def nobody() -> Sequence[Vector3]:
+def no_others() -> Sequence[Vector3]:
     """No other vehicles."""
     return ()
 

@@ -8,7 +8,7 @@ from companion.core.messages import FloorPlan, WallSegment
 from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore, score_map
 from sitl.world.format import World
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 REST_SHARE = 4.0
 """Pause after each score, as a multiple of its computing time, so that the page has priority."""
@@ -48,11 +48,11 @@ class LiveScore:
     def _work(self) -> None:
         surfaces = wall_surfaces(self._world, self._height_m)
         north, east, _ = self._take_off.position_ned_m
-        seeable = seeable_points(self._world, self._height_m, (north, east))
+        observable = observable_points(self._world, self._height_m, (north, east))
         closed = self._world.closed_border
         while (walls := self._next()) is not None:
             began_s = time.monotonic()
-            score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off, closed)
+            score = score_map(FloorPlan(walls), surfaces, observable, self._take_off, closed)
             if not self._is_over:
                 self._on_score(score)
             self._rest(max(MIN_REST_S, REST_SHARE * (time.monotonic() - began_s)))

@@ -66,7 +66,7 @@ def spread(segments: Points) -> tuple[Points, Numbers]:
     return (1 - share) * segments[segment, 0] + share * segments[segment, 1], segment
 
 
-def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
+def observable_points(world: World, height_m: float, start: Vector2) -> Points:
     """Samples of the surfaces that a drone from this start could approach and see, (n, 2)."""
     surfaces = wall_surfaces(world, height_m)
     reached = cKDTree(_reachable(world, height_m, start))

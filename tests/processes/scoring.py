@@ -6,7 +6,7 @@ from companion.export.map_files import load_json
 from sitl.scoring.score import score_map
 from sitl.simulation.record import TruthRecord
 from sitl.world.loading import load_world
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 HEIGHT_M = 1.2
 
@@ -19,7 +19,7 @@ def assert_good(map_file: Path, truth_file: Path, world: str, start: int = 0) ->
     score = score_map(
         load_json(map_file),
         wall_surfaces(room, HEIGHT_M),
-        seeable_points(room, HEIGHT_M, room.starts[start].position),
+        observable_points(room, HEIGHT_M, room.starts[start].position),
         truth.take_off,
     )
     assert score.wall_error_aligned_cm < 10

@@ -271,13 +271,13 @@ def test_streams_are_asked_for_until_they_come_and_the_origin_is_not_ours_to_set
     assert not of_kind(asked, "COMMAND_LONG")
 
 
-@pytest.mark.parametrize(("lat", "is_told"), [(470000000, False), (-353632621, True)])
-def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_told: bool) -> None:
+@pytest.mark.parametrize(("lat", "is_reported"), [(470000000, False), (-353632621, True)])
+def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_reported: bool) -> None:
     there = Setup("ardupilot")
     there.asks()
     there.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
     reported = [line for line in there.texts if "origin_lat_deg = 47.0000" in line]
-    assert bool(reported) == is_told
+    assert bool(reported) == is_reported
 
 
 def test_nothing_is_asked_before_an_autopilot_was_heard() -> None:

@@ -27,7 +27,7 @@ from sitl.world.format import Panel, Walls, World, WorldError, parse_world
 from sitl.world.generator import random_world
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world
-from sitl.world.plan import samples, seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, samples, wall_surfaces
 from sitl.world.writing import to_toml
 from tests.worlds import SMALL_ROOM
 
@@ -271,7 +271,7 @@ def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
     monkeypatch.setattr(leaves, "WITH_LEAF_SHARE", 1.0)
     monkeypatch.setattr("sitl.world.clutter.free_floor.MAX_SHUT", 0.9)
     world = cluttered(a_doorway(1.0), 0.51, 1)
-    seen = seeable_points(world, FLIGHT_M, world.starts[0].position)
+    seen = observable_points(world, FLIGHT_M, world.starts[0].position)
     assert (seen[:, 1] < 5.9).all()
     assert len(seen) > 300
 
@@ -285,7 +285,7 @@ def test_windows_get_no_leaves_when_clutter_is_added_again() -> None:
 def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
     world = cluttered(a_doorway(1.0), 1.0, 1)
-    assert (seeable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
+    assert (observable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
 
 
 @each_world

@@ -13,7 +13,7 @@ from sitl.world.format import World, WorldError
 from sitl.world.geometry.mesh import obstacle_mesh, visible_mesh
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world, world_names
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 FURNISHED = World.model_validate(
     {
@@ -154,14 +154,14 @@ def test_every_start_is_free(name: str) -> None:
 @pytest.mark.parametrize("name", ["two_room_300", "three_room_450", "complex", "office"])
 def test_every_room_can_be_reached_from_every_start(name: str) -> None:
     world = load_world(name)
-    seen = [len(seeable_points(world, 1.2, start.position)) for start in world.starts]
+    seen = [len(observable_points(world, 1.2, start.position)) for start in world.starts]
     assert max(seen) - min(seen) <= 0.01 * max(seen)
 
 
 def test_a_wall_seen_from_one_side_only_counts_once() -> None:
     """The inside of the building in `exterior` is unreachable: its walls are seen from the yard."""
     world = load_world("exterior")
-    points = seeable_points(world, 1.2, world.starts[0].position)
+    points = observable_points(world, 1.2, world.starts[0].position)
     around_yard = 2 * (24 + 28)
     around_building = 10 + 14 + 5 + 7 + 5 + 7
     assert len(points) * 0.05 == pytest.approx(around_yard + around_building, rel=0.01)
@@ -174,7 +174,7 @@ def test_from_a_start_outside_a_closed_building_its_outer_walls_are_seen(away_m:
     world = World.model_validate(
         {"name": "hut", "height_m": 2.6, "walls": [square], "starts": [start]}
     )
-    points = seeable_points(world, 1.2, world.starts[0].position)
+    points = observable_points(world, 1.2, world.starts[0].position)
     assert len(points) * 0.05 == pytest.approx(16, rel=0.02)
 
 
@@ -203,7 +203,7 @@ def test_what_lies_behind_a_door_counts_if_it_is_as_wide_as_a_drone_has_to_pass(
     wall = DOOR.walls[1].model_copy(update={"doors": (door,)})
     world = DOOR.model_copy(update={"walls": (DOOR.walls[0], wall)})
     for north_m in (1.9, 1.95, 2.0, 2.05):
-        points = seeable_points(world, 1.2, (north_m, 2.0))
+        points = observable_points(world, 1.2, (north_m, 2.0))
         assert (points[:, 1].max() > 7.9) == beyond
 
 

@@ -19,7 +19,7 @@ from sitl.world.cropping import cropped
 from sitl.world.format import Segment, World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 from tests.maps import CELL_M, FREE, UNKNOWN, WALL, Shades, cells, fill, nothing, room, write
 
 HEIGHT_M = 1.2
@@ -232,9 +232,9 @@ def scored(world: World, walls: list[Segment]) -> MapScore:
         return point[0] - start[0], point[1] - start[1]
 
     plan = FloorPlan(tuple(WallSegment(local(a), local(b), 0.01, 10) for a, b in walls))
-    seeable = seeable_points(world, HEIGHT_M, start)
+    observable = observable_points(world, HEIGHT_M, start)
     surfaces = wall_surfaces(world, HEIGHT_M)
-    return score_map(plan, surfaces, seeable, take_off, world.closed_border)
+    return score_map(plan, surfaces, observable, take_off, world.closed_border)
 
 
 def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Path) -> None:
@@ -262,7 +262,7 @@ def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None
     shades = window_room()
     fill(shades, 2, 7, 4.5, 7.1, WALL)
     world, _ = loaded(tmp_path, shades)
-    points = seeable_points(world, HEIGHT_M, world.starts[0].position)
+    points = observable_points(world, HEIGHT_M, world.starts[0].position)
     assert points[:, 1].max() < 6.2
 
 
