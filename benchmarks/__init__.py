@@ -1,3 +1,3 @@
-"""Every figure that README and docs claim, one command each."""
+"""Reproduces every figure of README and docs, one command each."""
 
-import companion  # noqa: F401 - before numpy: it sets how many threads that takes
+import companion  # noqa: F401 - limits numpy's threads, so it must be imported before numpy

@@ -1,7 +1,7 @@
-"""How errors grow with the noise: `python -m benchmarks.accuracy_sweep [--seeds 5] [--out FILE]`.
+"""Measures errors over noise: `python -m benchmarks.accuracy_sweep [--seeds 5] [--out FILE]`.
 
-Odometry noise times 0.5, 1 and 2, and a spread of the range units' gains of 0, 0.3, 1 and 3 %, in
-`room_100` with `gp2y0a710k0f`; the companion is told nothing of it. Prints a table, writes a PNG.
+Odometry noise times 0.5, 1 and 2, and a spread of the range sensors' gains of 0, 0.3, 1 and 3 %, in
+`room_100` with `gp2y0a710k0f`. The companion's settings stay the same. Writes a table and a PNG.
 """
 
 import argparse
@@ -26,7 +26,7 @@ LABELS = ("walls, aligned", "walls, take-off frame", "trajectory (ATE)")
 
 
 def errors_cm(noise_factor: float, gain_sigma: float, seeds: int) -> list[float]:
-    """Means over the seeds, as in `ERRORS`."""
+    """Mean of each error in `ERRORS` over the seeds, cm."""
     sensors = configuration.load(None, {"sensors.profile": PROFILE}).sensors
     noise = REFERENCE_NOISE.times(noise_factor)
     setups = [

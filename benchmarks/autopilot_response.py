@@ -1,8 +1,8 @@
-"""Velocity steps of the emulated vehicles beside those of the real firmwares: the table of docs.
+"""Compares velocity steps of the emulated vehicles with those of the real firmwares.
 
-`python -m benchmarks.autopilot_response`. The real side is recorded: ArduCopter 4.6.3 in its SITL,
-means of six steps; PX4 1.17.0-beta1 in SIH, means of two to four; estimated velocity, by the
-autopilot's clock.
+`python -m benchmarks.autopilot_response` prints the table of docs/autopilot.md. The real steps are
+recorded: ArduCopter 4.6.3 in its SITL, means of six steps; PX4 1.17.0-beta1 in SIH, means of two to
+four. They are estimated velocities on the autopilot's clock.
 """
 
 from sitl.autopilot.core import FIRMWARES
@@ -44,13 +44,13 @@ MEASURED: dict[tuple[str, str, float], tuple[Shares, Shares]] = {
         {0.25: 0.65, 0.5: 0.28, 1.0: 0.07},
     ),
 }
-"""By firmware, axis and size (m/s, rad/s): share reached so many seconds after the step, and after
-its end."""
+"""Share reached, by time after the step and after its end, s; by firmware, axis and size (m/s,
+rad/s)."""
 HOLD_S, AFTER_S = 4, 3
 
 
 def emulated(kind: str, axis: str, size: float) -> list[float]:
-    """Share of a step, every 10 ms: `HOLD_S` of it, then `AFTER_S` of zero."""
+    """Share of a step every 10 ms: `HOLD_S` of it, then `AFTER_S` of zero."""
     response = FIRMWARES[kind]().response
     shaper = Shaper(getattr(response, axis))
     loop = Loop(getattr(response.airframe, axis))
@@ -59,7 +59,7 @@ def emulated(kind: str, axis: str, size: float) -> list[float]:
 
 
 def compared(kind: str, axis: str, size: float) -> list[tuple[str, float, float]]:
-    """(when, real, emulated) of one step."""
+    """(time, real, emulated) of one step."""
     share = emulated(kind, axis, size)
     rises, falls = MEASURED[kind, axis, size]
     rows = [(f"{s:g} s", real, share[round(100 * s) - 1]) for s, real in rises.items()]

@@ -1,4 +1,4 @@
-"""The simulator's page in a browser, for the benchmarks that look at it."""
+"""Opens the simulator's page in a browser, for benchmarks."""
 
 import re
 import shutil
@@ -26,7 +26,7 @@ DEADLINE_MS = 60_000
 
 @contextmanager
 def simulator_page(width_px: int, height_px: int, world: str) -> Iterator[Page]:
-    """`sitl view WORLD`, opened."""
+    """`sitl view WORLD` in an open page."""
     chromium = shutil.which("chromium")
     if chromium is None:
         raise SystemExit("Chromium is missing; on Debian: apt install chromium")
@@ -50,13 +50,13 @@ def simulator_page(width_px: int, height_px: int, world: str) -> Iterator[Page]:
 
 
 def choose(page: Page, label: str, option: str) -> None:
-    """In a dropdown."""
+    """Choose an option in a dropdown."""
     page.get_by_label(label, exact=True).first.click()
     page.get_by_role("option", name=option, exact=True).click()
 
 
 def number(page: Page, name: str) -> float:
-    """In the table of numbers; 0 while it is not there."""
+    """A number in the page's table; 0 if it is missing."""
     cells = page.locator("tr", has=page.get_by_text(name, exact=True)).locator("td")
     found = re.search(r"-?\d+(\.\d+)?", cells.nth(1).inner_text()) if cells.count() else None
     return float(found[0]) if found else 0.0

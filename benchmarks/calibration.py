@@ -1,7 +1,7 @@
-"""How well a tape measure finds a unit's gain: `python -m benchmarks.calibration`.
+"""Measures how well a tape measure calibrates a gain: `python -m benchmarks.calibration`.
 
-Units that read 5 % too much, and as noisy as they are, are walked through `companion calibrate
-range`: five distances, thirty seconds each. Reprints the table of docs/check.md.
+Sensors with 5 % too much gain and their usual noise go through `companion calibrate range`: five
+distances, thirty seconds each. Prints the table of docs/check.md.
 """
 
 import math
@@ -26,7 +26,7 @@ PROFILES = ("gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna")
 
 
 def calibrated_unit(profile: str, seed: int) -> Fit:
-    """One unit on the bench, measured at the distances that the command suggests."""
+    """Calibrate one sensor at the distances that the command suggests."""
     config = SensorsConfig.model_validate({"profile": profile, "mount_offset_m": 0.0})
     distance_m = 1.0
     time_s = 1.0
@@ -57,7 +57,7 @@ def rms(values: list[float], of: Callable[[float], float] = float) -> float:
 
 def main() -> None:
     print(f"{UNITS} units each, {100 * (GAIN - 1):.0f} % off, five distances of {SECONDS:.0f} s")
-    print("sensor          gain off, rms    worst    told σ    residual")
+    print("sensor          gain off, rms    worst    sigma     residual")
     for profile in PROFILES:
         fits = [calibrated_unit(profile, seed) for seed in range(UNITS)]
         off = [found.calibration.gain / GAIN - 1 for found in fits]

@@ -1,9 +1,9 @@
-"""Two hundred flights through lived-in rooms: `python -m benchmarks.clutter --out DIR`.
+"""Flies two hundred flights through clutter: `python -m benchmarks.clutter --out DIR`.
 
 The paper's worlds, the office and random buildings, each with clutter of 0.25, 0.5 and 0.75. Prints
-the table of docs/worlds.md, and leaves in `DIR` a sheet of all plans for each clutter. It takes
-about three hours on two cores; each flight is kept in `DIR` as it ends, and the same command goes
-on from there. They are shuffled, so that what has been flown by then is a fair part of the whole.
+the table of docs/worlds.md, and writes a sheet of all plans for each clutter to `DIR`. It takes
+about three hours on two cores. Each flight is saved in `DIR` as it ends; the same command resumes
+there. The order is random, so that an incomplete campaign is a fair sample.
 """
 
 import argparse
@@ -27,7 +27,7 @@ SEEDS = {
     **{"office": 3, "three_room_450": 3, "complex": 2},
     **{f"random_{number}": 1 for number in range(1, 20)},
 }
-"""Flights of each world at each clutter, 67 in all: small rooms are flown in less time."""
+"""Flights of each world per clutter, 67 in all; small rooms take less time."""
 COLUMNS = (
     ("flights", "{:d}"),
     ("completed", "{:d}"),
@@ -43,11 +43,11 @@ COLUMNS = (
     ("return_max_m", "{:.2f}"),
     ("flight_time_mean_s", "{:.0f}"),
 )
-"""Keys of a summary, and how they are printed."""
+"""Keys of a summary, and their format."""
 
 
 def jobs() -> list[Job]:
-    """All flights, shuffled, and every time in the same order."""
+    """All flights in a fixed random order."""
     flights = [
         job
         for world, seeds in SEEDS.items()
@@ -61,8 +61,8 @@ def key(row: Report) -> tuple[object, ...]:
     return row["world"], row["seed"], row["clutter"]
 
 
-def fly_what_is_left(path: Path) -> list[Flown]:
-    """With what `path` holds already, kept up as flights end."""
+def fly_remaining(path: Path) -> list[Flown]:
+    """Fly the jobs that are not in `path` yet; save after each flight."""
     flown: list[Flown] = pickle.loads(path.read_bytes()) if path.exists() else []
     have = {key(each.row) for each in flown}
 
@@ -75,7 +75,7 @@ def fly_what_is_left(path: Path) -> list[Flown]:
 
 
 def table(flown: Sequence[Flown]) -> Iterator[str]:
-    """Markdown: a row for each clutter, and one of all."""
+    """Markdown rows: one per clutter, and one for all."""
     names = [name.replace("_", " ") for name, _ in COLUMNS]
     yield "| clutter | " + " | ".join(names) + " |"
     yield "|---" * (1 + len(COLUMNS)) + "|"
@@ -90,7 +90,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="folder for flights and sheets")
     out: Path = parser.parse_args().out
-    flown = fly_what_is_left(out / "flown.pickle")
+    flown = fly_remaining(out / "flown.pickle")
     print(*table(flown), sep="\n")
     for clutter in CLUTTERS:
         mine = sorted(

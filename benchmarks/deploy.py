@@ -1,7 +1,7 @@
-"""Is what is installed on a drone in order, and how large is it? `python -m benchmarks.deploy`.
+"""Checks the installation on a drone and measures its size: `python -m benchmarks.deploy`.
 
-shellcheck, `systemd-analyze verify` and `security`, and for each Python that a Raspberry Pi may
-have: wheels of every dependency for aarch64, and the size of all of them after `deploy/slim.sh`.
+Runs shellcheck, `systemd-analyze verify` and `security`. For each Python that a Raspberry Pi may
+have, it installs aarch64 wheels of all dependencies and measures them after `deploy/slim.sh`.
 Downloads about 130 MB for each; `--python 3.11` does only that one, `--no-wheels` none.
 """
 
@@ -19,12 +19,12 @@ DEPLOY = ROOT / "deploy"
 UNITS = ("pdps-companion.service", "pdps-recover.service")
 PYTHONS = ("3.11", "3.12", "3.13")
 GLIBCS = ("2_28", "2_27", "2_26", "2_24", "2_17")
-"""Wheels for these; Debian 12 has glibc 2.36."""
+"""glibc versions of the wheels; Debian 12 has glibc 2.36."""
 MAX_EXPOSURE, MAX_MB = 3.0, 250
 
 
 def lint_scripts() -> str:
-    """What shellcheck complains of."""
+    """Output of shellcheck."""
     beside = Path(sys.executable).parent / "shellcheck"
     shellcheck = str(beside) if beside.exists() else "shellcheck"
     scripts = [str(path) for path in sorted(ROOT.glob("*/*.sh"))]
@@ -41,7 +41,7 @@ def _units_here(folder: str) -> list[str]:
 
 
 def verify_units() -> str:
-    """What `systemd-analyze verify` complains of."""
+    """Output of `systemd-analyze verify` on the units."""
     with tempfile.TemporaryDirectory() as folder:
         command = ["systemd-analyze", "verify", *_units_here(folder)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -50,25 +50,25 @@ def verify_units() -> str:
 
 
 def exposure() -> float:
-    """What `systemd-analyze security` makes of the worse: 0 is none, 10 all."""
+    """Larger exposure of the units by `systemd-analyze security`: 0 is none, 10 all."""
     with tempfile.TemporaryDirectory() as folder:
         return max(map(_exposure_of, _units_here(folder)))
 
 
 def _exposure_of(unit: str) -> float:
     command = ["systemd-analyze", "security", "--offline=true", unit]
-    told = subprocess.run(command, capture_output=True, text=True, check=False).stdout
-    found = re.search(r"Overall exposure level.*: ([\d.]+)", told)
+    output = subprocess.run(command, capture_output=True, text=True, check=False).stdout
+    found = re.search(r"Overall exposure level.*: ([\d.]+)", output)
     if found is None:
-        raise SystemExit(f"systemd-analyze said nothing of exposure: {told[-300:]}")
+        raise SystemExit(f"systemd-analyze printed no exposure: {output[-300:]}")
     return float(found[1])
 
 
 def wheels_mb(python: str) -> float:
-    """Size of all dependencies on the drone, from aarch64 wheels alone.
+    """Size of all dependencies on the drone, from aarch64 wheels alone, MB.
 
     Raises:
-        SystemExit: one has no wheel.
+        SystemExit: a dependency has no wheel.
     """
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     wanted = [text.split(";")[0] for text in project["dependencies"]]
@@ -85,7 +85,7 @@ def wheels_mb(python: str) -> float:
             *(*platforms, "--platform=manylinux2014_aarch64", f"--target={folder}", *wanted),
         ]
         if subprocess.run(command, check=False).returncode != 0:
-            raise SystemExit(f"Python {python}: not all of it has wheels for aarch64")
+            raise SystemExit(f"Python {python}: a dependency has no wheel for aarch64")
         subprocess.run([str(DEPLOY / "slim.sh"), folder], check=True)
         sizes = (path.stat().st_size for path in Path(folder).rglob("*") if path.is_file())
         return sum(sizes) / 1e6
@@ -106,7 +106,7 @@ def main() -> None:
         largest_mb = max(largest_mb, mb)
         print(f"aarch64, Python {python}: {mb:.0f} MB of {MAX_MB} allowed")
     if largest_mb > MAX_MB:
-        raise SystemExit("too large: deploy/slim.sh says what can be left out")
+        raise SystemExit("too large: see deploy/slim.sh for what can be left out")
 
 
 if __name__ == "__main__":

@@ -1,8 +1,7 @@
-"""An hour of flight for the estimator: `python -m benchmarks.endurance [--minutes 60]`.
+"""Runs the estimator for an hour of flight: `python -m benchmarks.endurance [--minutes 60]`.
 
-Round and round a 10 × 10 m room at 1 m/s, facing the walls, with the noise of the reference. Prints
-every five minutes the time that a tick takes on average and at its 99th percentile, the memory, and
-how far off the pose is.
+The drone circles in a 10 × 10 m room at 1 m/s, facing the walls, at the reference noise. Every five
+minutes it prints a tick's mean time and 99th percentile, the memory, and the pose error.
 """
 
 import argparse
@@ -36,7 +35,7 @@ ODOMETRY_SCALE, ODOMETRY_STEP_M = 1.03, 0.005 * math.sqrt(TICK_S / 0.1)
 
 
 def motion() -> Iterator[tuple[float, float]]:
-    """(distance to the right, turn) of each tick: round the room clockwise, facing its walls."""
+    """(displacement to the right, turn) per tick: clockwise along the walls, facing them."""
     side_m = 2 * (HALF_M - STANDOFF_M)
     while True:
         for _ in range(round(side_m / SPEED_M_S / TICK_S)):
@@ -46,7 +45,7 @@ def motion() -> Iterator[tuple[float, float]]:
 
 
 def range_m(north_m: float, east_m: float, bearing_rad: float) -> float:
-    """To the wall."""
+    """Range to the wall, m."""
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
     across = (HALF_M - math.copysign(north_m, cos * north_m)) / max(abs(cos), 1e-9)
     along = (HALF_M - math.copysign(east_m, sin * east_m)) / max(abs(sin), 1e-9)
@@ -54,12 +53,12 @@ def range_m(north_m: float, east_m: float, bearing_rad: float) -> float:
 
 
 def memory_mb() -> float:
-    """The most that this process has ever needed."""
+    """Largest memory of this process so far, MB."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def fly(minutes: float) -> None:
-    """Print a row every five minutes."""
+    """Fly, and print a row every five minutes."""
     random = Random(1)
     sensors = SensorsConfig()
     estimator = Estimator(0.0, level_units(sensors))
@@ -94,10 +93,10 @@ def fly(minutes: float) -> None:
                 else RangeReading(RangeState.NOTHING)
             )
         velocity = (north / TICK_S, east / TICK_S, 0.0)
-        told = Odometry(time_s, (odometry[0], odometry[1], -1.2), velocity, yaw_rad)
+        report = Odometry(time_s, (odometry[0], odometry[1], -1.2), velocity, yaw_rad)
         began_s = time.process_time()
         estimator.turn([GyroSample(time_s, rate_rad_s)])
-        estimator.move(told)
+        estimator.move(report)
         estimator.see(RangeScan(time_s, readings))
         estimator.improve(time_s)
         spent_s.append(time.process_time() - began_s)

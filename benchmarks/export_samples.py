@@ -1,6 +1,6 @@
-"""One sample of each export: `python -m benchmarks.export_samples [--out docs/samples]`.
+"""Writes one sample of each export: `python -m benchmarks.export_samples [--out docs/samples]`.
 
-Flies the paper's room 1 and writes what docs/exports.md and docs/recording.md show.
+Flies the paper's room 1 and writes the samples of docs/exports.md and docs/recording.md.
 """
 
 import argparse

@@ -1,8 +1,8 @@
-"""Flights with a real autopilot: `python -m benchmarks.external WORLD:SEED:FOLDER ...`.
+"""Scores flights with a real autopilot: `python -m benchmarks.external WORLD:SEED:FOLDER ...`.
 
-A FOLDER has `truth.json` of `sitl run --truth` and, in `out`, what `companion fly` has left
-(docs/external.md). Reprints the rows of docs/external.md; and of docs/autopilot.md how far what the
-autopilot tells of its motion agrees with the true one, and how far LAND moves it.
+A FOLDER has `truth.json` of `sitl run --truth` and, in `out`, the files of `companion fly`
+(docs/external.md). Prints the rows of docs/external.md. For docs/autopilot.md it also prints how
+far the reported motion agrees with the true one, and how far LAND moves the drone.
 """
 
 import argparse
@@ -20,10 +20,12 @@ from sitl.simulation.record import TruthRecord
 Array = NDArray[np.float64]
 PROFILE = "gp2y0a710k0f"
 LAGS_S = (0.2, 1.0, 3.0, 8.0, 20.0)
+"""Time intervals over which displacements are compared, s."""
 STEP_S = 0.05
 MAX_LATE_S = 0.3
+"""Largest latency searched, s."""
 LATE_OVER_S = 1.0
-"""How late it is told shows in displacements over so long."""
+"""Time interval of the displacements from which the latency is estimated, s."""
 
 
 def row(world: str, seed: int, folder: Path) -> str:
@@ -41,7 +43,7 @@ def row(world: str, seed: int, folder: Path) -> str:
 def _displacements(
     times_s: Array, states: tuple[Array, Array, Array], lag_s: float, late_s: float = 0.0
 ) -> Array:
-    """(n, 2): over the lag, in the body's frame at its begin; `states`: times, places, yaws."""
+    """(n, 2): displacement over the lag in the body frame; `states` are times, places, yaws."""
     at_s, places_m, yaws_rad = states
     begin, end = (
         np.column_stack([np.interp(times_s + by_s, at_s, axis) for axis in places_m.T])
@@ -53,7 +55,7 @@ def _displacements(
 
 
 def reported_on_true(recording: Recording, truth: TruthRecord) -> str:
-    """How late motion is told, how far off it is then, and its scale over several lags."""
+    """Latency of the reported motion, its error, and its scale over several lags."""
     messages = [t.inputs.telemetry.odometry for t in recording.ticks]
     odometry = [o for o in messages if o is not None]
     reported_states = (
@@ -77,26 +79,26 @@ def reported_on_true(recording: Recording, truth: TruthRecord) -> str:
     times_s = np.arange(airborne_s[0], airborne_s[-1] - LAGS_S[-1], STEP_S)
 
     def compared(
-        lag_s: float, late_s: float, told: tuple[Array, Array, Array] = reported_states
+        lag_s: float, late_s: float, states: tuple[Array, Array, Array] = reported_states
     ) -> tuple[float, float]:
-        """The scale, and what is left, rms in metres."""
+        """The scale, and the rms residual, m."""
         true_m = _displacements(times_s, true_states, lag_s)
-        reported_m = _displacements(times_s, told, lag_s, late_s)
+        reported_m = _displacements(times_s, states, lag_s, late_s)
         scale = float((reported_m * true_m).sum() / (true_m**2).sum())
         return scale, float(np.sqrt(((reported_m - scale * true_m) ** 2).sum(axis=1).mean()))
 
     late_s = min(np.arange(0, MAX_LATE_S, 0.01), key=lambda s: compared(LATE_OVER_S, s)[1])
     scales = [f"{lag_s:g} s {compared(lag_s, late_s)[0]:.3f}" for lag_s in LAGS_S]
     place_m, velocity_m = (
-        compared(LATE_OVER_S, late_s, told)[1] for told in (reported_states, by_velocity)
+        compared(LATE_OVER_S, late_s, states)[1] for states in (reported_states, by_velocity)
     )
     over = f"off by {100 * place_m:.1f} cm over {LATE_OVER_S:g} s"
     over += f", by its velocity {100 * velocity_m:.1f} cm"
-    return f"told {late_s:.2f} s late, {over}; told / true over {', '.join(scales)}"
+    return f"reported {late_s:.2f} s late, {over}; reported / true over {', '.join(scales)}"
 
 
 def landing(recording: Recording, truth: TruthRecord) -> str:
-    """How far it moves sideways from where LAND is asked for to the ground."""
+    """Horizontal displacement from the LAND command to the ground, as text."""
     asked_s = [phase.time_s for phase in recording.phases if phase.phase == "LAND"]
     if not asked_s:
         return "not landed by LAND"

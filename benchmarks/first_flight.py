@@ -1,7 +1,7 @@
-"""Room 1 of the paper, seed after seed: `python -m benchmarks.first_flight [--json]`.
+"""Flies the paper's room 1 with many seeds: `python -m benchmarks.first_flight [--json]`.
 
-Reprints the table "The first flight" of README: 20 seeds with each sensor profile at the
-reference noise, and what the worst and the mean of them were.
+Prints the table "The first flight" of README: mean and worst of 20 seeds with each sensor profile
+at the reference noise.
 """
 
 import argparse
@@ -31,13 +31,13 @@ COLUMNS = (
 
 
 def flight(profile: str, seed: int, world: str) -> Report:
-    """One whole flight and its report."""
+    """Fly one flight; return its report."""
     settings = configuration.load(None, {"sensors.profile": profile})
     setup = Setup(load_world(world), world, seed, settings.sensors)
     began_s = time.monotonic()
 
     def watch(progress: Progress) -> None:
-        """Nobody looks."""
+        """Ignore the progress."""
 
     app, simulation = fly_in_lockstep(setup, settings, watch)
     plan = app.final_floor_plan()

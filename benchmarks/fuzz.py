@@ -1,8 +1,8 @@
-"""Random and mutated input at every door: `python -m benchmarks.fuzz TARGET --inputs N`.
+"""Feeds random and mutated input to every interface: `python -m benchmarks.fuzz TARGET --inputs N`.
 
-TARGET is one of those below, or all. Counts what was survived, and how much memory grew over the
-second half of it. An error that is not the door's own refusal ends it, with the seed to try again;
-so does an input that takes longer than five seconds.
+TARGET is one of those below, or all. Prints the number of inputs and the growth of memory over the
+second half. Any error but the interface's own rejection ends it, with the seed to reproduce it. So
+does an input that takes longer than five seconds.
 """
 
 import argparse
@@ -46,14 +46,14 @@ LONGEST_S = 5
 MAX_REST_BYTES = 64
 TICK_S = 0.05
 IN_MEMORY = Path("/dev/shm") if Path("/dev/shm").is_dir() else None
-"""Where a file is soonest written: on a disk that takes longer than reading it back."""
+"""Folder in memory if there is one: writing to a disk takes longer than reading the file."""
 
 
 # MAVLink
 
 
 def fuzz_autopilot(firmware: str, count: int, seed: int) -> None:
-    """Frames into the emulated autopilot, a step after every few; its answers must pack."""
+    """Send frames to the emulated autopilot with a step after every few; encode its responses."""
     random = Random(seed)
     codec, answers = make_codec(255, 190), make_codec(1, 1)
     autopilot = Autopilot(seed, START, firmware=firmware)
@@ -69,35 +69,35 @@ def fuzz_autopilot(firmware: str, count: int, seed: int) -> None:
         assert all(map(math.isfinite, autopilot.truth.position_ned_m))
 
 
-class Mouth:
-    """A transport that says what it is told to, and packs what it is sent."""
+class FakeTransport:
+    """A transport that returns given messages, and encodes those sent."""
 
     def __init__(self) -> None:
-        self.says: list[Message] = []
+        self.incoming: list[Message] = []
         self._codec = make_codec(1, 191)
 
     def receive(self) -> list[Message]:
-        says, self.says = self.says, []
-        return says
+        incoming, self.incoming = self.incoming, []
+        return incoming
 
     def send(self, message: Message) -> None:
         message.pack(self._codec)
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: there is nothing to close."""
 
 
 def fuzz_companion(count: int, seed: int) -> None:
-    """Frames as the vehicle's into the companion; its estimate stays finite, and it does not end.
+    """Send frames as the vehicle to the companion; its estimate stays finite and it keeps running.
 
-    A new flight begins after every ten thousand, or when one has ended.
+    A new flight begins after ten thousand frames, or when one has ended.
     """
     random, codec = Random(seed), make_codec(1, 1)
     for number in range(count):
         if number % 10_000 == 0:
-            mouth = Mouth()
-            link, app, now_s = Link(mouth, LinkConfig()), App(Config()), 0.0
-        mouth.says += decode(codec, vehicle_frame(random))
+            transport = FakeTransport()
+            link, app, now_s = Link(transport, LinkConfig()), App(Config()), 0.0
+        transport.incoming += decode(codec, vehicle_frame(random))
         if number % 4:
             continue
         now_s += TICK_S
@@ -116,7 +116,7 @@ def fuzz_companion(count: int, seed: int) -> None:
 
 
 def fuzz_bus(count: int, seed: int) -> None:
-    """Requests into the served bus; nonsense is hung up on, the next client is served."""
+    """Send requests to the served bus; after a malformed one, a new client connects."""
     random = Random(seed)
     board = SensorBoard(
         seed, SensorsConfig(), lambda beam: lambda origin, direction, most_m: 2.0, lambda t: START
@@ -130,13 +130,13 @@ def fuzz_bus(count: int, seed: int) -> None:
                 connection.reach(connection.waits_for.target_s, 0)
 
 
-class Babble:
-    """Wires on which chips answer anything, or not at all; of the right length, as on copper."""
+class RandomWires:
+    """Wires with random responses of the right length, or none."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
         self.is_sane = True
-        """At the start, chips are what they should be."""
+        """At the start the chips identify themselves correctly."""
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
         if not self.is_sane and self._random.random() < 0.1:
@@ -162,13 +162,13 @@ class Babble:
         return serial_bytes(self._random)
 
     def close(self) -> None:
-        """Nothing to close."""
+        """Do nothing: there is nothing to close."""
 
 
 def fuzz_replies(count: int, seed: int) -> None:
-    """What chips answer into their drivers: ADS1115, MCP3008, TFmini-S and the gyro."""
+    """Feed random responses to the drivers of ADS1115, MCP3008, TFmini-S and the gyro."""
     random = Random(seed)
-    wires = Babble(random)
+    wires = RandomWires(random)
     gyro = Lsm9ds1(wires, 0x6B)
     all_ranges = [RangeSensors(wires, sensors) for sensors in MIXES]
     wires.is_sane = False
@@ -190,9 +190,9 @@ MIXES = (
 
 
 def fuzz_serial(count: int, seed: int) -> None:
-    """Bytes at a TFmini-S's port; what is kept of them stays short."""
+    """Feed random bytes to the TFmini-S driver; its buffer stays short."""
     random = Random(seed)
-    sensor = Tfmini(Babble(random), "/dev/ttyAMA0", 115200, TFMINI_S)
+    sensor = Tfmini(RandomWires(random), "/dev/ttyAMA0", 115200, TFMINI_S)
     for number in range(count):
         reading = sensor.read(number * TICK_S)
         assert reading is None or not reading.is_distance or 0 < reading.distance_m < 100
@@ -203,7 +203,7 @@ def fuzz_serial(count: int, seed: int) -> None:
 
 
 def fuzz_file(name: str, load: Callable[[Path], object], count: int, seed: int) -> None:
-    """A mutated file into its reader, which may refuse it in one line and do nothing else."""
+    """Feed mutated files to their reader, which may only accept or reject them in one line."""
     random = Random(seed)
     with tempfile.TemporaryDirectory(dir=IN_MEMORY) as folder:
         path = Path(folder) / name
@@ -212,10 +212,10 @@ def fuzz_file(name: str, load: Callable[[Path], object], count: int, seed: int) 
             try:
                 load(path)
             except (CompanionError, SitlError) as error:
-                told = str(error)
+                reason = str(error)
             else:
                 continue
-            assert "\n" not in told, told
+            assert "\n" not in reason, reason
 
 
 TARGETS: dict[str, Callable[[int, int], None]] = {
@@ -244,7 +244,7 @@ TARGETS: dict[str, Callable[[int, int], None]] = {
 
 @contextmanager
 def no_hang(seconds: int) -> Iterator[None]:
-    """`TimeoutError` if what is inside takes longer."""
+    """Raise `TimeoutError` if the block takes longer."""
 
     def give_up(number: int, frame: object) -> None:
         raise TimeoutError(f"nothing for {seconds} s")
@@ -258,7 +258,7 @@ def no_hang(seconds: int) -> Iterator[None]:
 
 
 def fuzz(target: str, count: int, seed: int, batch: int = 1000) -> None:
-    """In batches, none of which may hang."""
+    """Run in batches with a time limit."""
     for number, first in enumerate(range(0, count, batch)):
         with no_hang(LONGEST_S * 12):
             TARGETS[target](min(batch, count - first), seed * 1_000_003 + number)

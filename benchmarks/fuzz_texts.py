@@ -1,4 +1,4 @@
-"""Files as somebody might have written, torn or made up: samples, and what is done to them."""
+"""Mutates files: samples of each kind, and changes such as truncated or inserted text."""
 
 import tempfile
 from collections.abc import Callable
@@ -35,7 +35,7 @@ LOG = b"time_s,odom_x_m,odom_y_m,odom_yaw_rad,gyro_yaw_rad_s,front_m,left_m,righ
 
 
 def mutated(name: str, random: Random) -> bytes:
-    """A file of this kind after some changes; now and then nothing but bytes."""
+    """A file of this kind after some changes; sometimes random bytes."""
     if random.random() < 0.02:
         return random.randbytes(random.randrange(200))
     data = random.choice(_samples(name))
@@ -74,7 +74,7 @@ after_crash = "resume"
 
 
 def _recording() -> bytes:
-    """Of a second without a flight."""
+    """A recording of one second without a flight."""
     with tempfile.TemporaryDirectory() as folder:
         recorder = open_recorder(Path(folder), Config(), 0.0, print, continues="")
         app = App(Config())

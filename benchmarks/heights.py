@@ -1,6 +1,6 @@
-"""Heights in the office, as mapped and as they are: `python -m benchmarks.heights [--seeds 3]`.
+"""Compares mapped with true heights in the office: `python -m benchmarks.heights [--seeds 3]`.
 
-Reprints the table of docs/missions.md: floor, ceiling, and each table top that was flown over, by
+Prints the table of docs/missions.md: floor, ceiling, and each table top below the flight, by
 missions in layers.
 """
 
@@ -10,7 +10,7 @@ from pathlib import Path
 from sitl.testing import Sitl
 
 SPACING_M = {"paper": 0.6, "gp2y0a710k0f": 0.8}
-"""A Sharp measures nothing nearer than a metre: its upper layer must be higher above the desks."""
+"""Layer spacing by profile, m. A Sharp needs more than a metre between upper layer and desks."""
 CEILING_M, DESKS_M = 2.8, (0.72, 0.74)
 
 

@@ -1,9 +1,9 @@
-"""Kills the companion in flight, again and again: `python -m benchmarks.kill_recording`.
+"""Kills the companion in flight, many times: `python -m benchmarks.kill_recording`.
 
-Reprints what docs/recording.md says of crashes. Each time `companion fly` gets SIGKILL at a moment
-by chance, while `sitl run`, whose time stands still without a companion, remembers when that was.
-What is lost is the time from the last recorded tick to then. The file must open, as it is, in the
-MCAP project's own reader and in ours, the tlog in pymavlink's.
+Prints the figures on crashes of docs/recording.md. Each time `companion fly` gets SIGKILL at a
+random moment. `sitl run`, whose time stops without a companion, records that moment. The loss is
+the time since the last recorded tick. The file must open unchanged in the MCAP project's reader and
+in the companion's, the tlog in pymavlink's.
 """
 
 import argparse
@@ -30,22 +30,22 @@ OPEN_TIMEOUT_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Killed:
-    """One killed flight."""
+    """Result of one killed flight."""
 
     at_s: float
-    """Of the flight."""
+    """Time of the kill in the flight, s."""
     lost_s: float
-    """On the clock."""
+    """Lost time, wall time, s."""
     messages: int
-    """That the MCAP project's reader found."""
+    """Messages that the MCAP project's reader found."""
     packets: int
-    """That pymavlink found in the tlog."""
+    """Packets that pymavlink found in the tlog."""
     walls: int
-    """On the map by replay."""
+    """Walls on the map from a replay."""
 
 
 def kill_a_flight(folder: Path, after_s: float, speed: float) -> Killed:
-    """Fly, kill after so many seconds on the clock since the recording began, look at the rest."""
+    """Fly, kill `after_s` of wall time after the start of the recording, and read the files."""
     truth = folder / "truth.json"
     command = [sys.executable, "-m", "sitl", "run", WORLD, f"--speed={speed}", *SERVE_LOCKSTEP]
     sitl = subprocess.Popen([*command, f"--truth={truth}"], stdout=subprocess.PIPE, text=True)
@@ -66,7 +66,7 @@ def kill_a_flight(folder: Path, after_s: float, speed: float) -> Killed:
     finally:
         sitl.send_signal(signal.SIGINT)
         sitl.communicate(timeout=END_TIMEOUT_S)
-    return _what_is_left(folder, TruthRecord.load(truth).path[-1].time_s, speed)
+    return _read_files(folder, TruthRecord.load(truth).path[-1].time_s, speed)
 
 
 def _await_recording(folder: Path) -> None:
@@ -77,7 +77,7 @@ def _await_recording(folder: Path) -> None:
         time.sleep(0.01)
 
 
-def _what_is_left(folder: Path, killed_s: float, speed: float) -> Killed:
+def _read_files(folder: Path, killed_s: float, speed: float) -> Killed:
     (path,) = folder.glob("*.mcap")
     with path.open("rb") as file:
         messages = sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages())
@@ -95,9 +95,9 @@ def _what_is_left(folder: Path, killed_s: float, speed: float) -> Killed:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument("--speed", type=float, default=1.0, help="times real time")
-    parser.add_argument("--within", type=float, default=12.0, help="seconds after the start")
-    parser.add_argument("--seed", type=int, default=1, help="of the moments")
+    parser.add_argument("--speed", type=float, default=1.0, help="speed, times real time")
+    parser.add_argument("--within", type=float, default=12.0, help="latest kill after the start, s")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the moments")
     options = parser.parse_args()
     moments = random.Random(options.seed)
     killed = []

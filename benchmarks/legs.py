@@ -1,10 +1,10 @@
-"""Legs that a drone flies past or into: `python -m benchmarks.legs [--flights 16]`.
+"""Simulates flights among thin legs: `python -m benchmarks.legs [--flights 16]`.
 
-One straight way of 20 m with legs of 3 to 5 cm all over it, at random headings to the grid of
-`safety/seen_free.py`, wide or narrow cells. The nose swings as `navigation/swing.py` says, the
-speed is bounded as by `safety/velocity_guard.py`, by the grid alone: no leg changes the flight.
-Nose and drone follow as ArduCopter's do, and overshoot. It prints the mean speed, and how many of
-the legs that the body would touch no beam has met while the drone can still stop.
+The drone flies straight for 20 m among legs of 3 to 5 cm, at random headings to the grid of
+`safety/seen_free.py`, with wide or narrow cells. The nose swings as in `navigation/swing.py`. The
+speed is bounded as in `safety/velocity_guard.py`, by the grid alone: legs do not change the flight.
+Yaw and velocity respond like ArduCopter's, with overshoot. Prints the mean speed, and the share of
+legs in the body's way that no beam has detected while the drone could still stop.
 """
 
 import argparse
@@ -26,52 +26,52 @@ Row = NDArray[np.float64]
 LENGTH_M, LEGS, THICK_M = 20.0, 400, (0.03, 0.05)
 TICK_S, SEES_M, JITTER_RAD = 0.05, 4.0, math.radians(0.5)
 LAG_S = 0.6
-"""Of the vehicle's velocity as the guard takes it."""
+"""Lag of the vehicle's velocity as assumed by the guard, s."""
 STOPS_WITHIN_S = 0.4
-"""Firmware flies on for so long before it brakes (docs/autopilot.md)."""
+"""Time from a stop setpoint to braking of the firmware, s (docs/autopilot.md)."""
 RATES_DEG_S, SPEEDS_M_S = (30, 45, 60), (0.6, 1.0)
 CELLS = {"wide": WIDE, "narrow": NARROW}
 
 
 @dataclass(frozen=True)
 class Legs:
-    """In the way: along it and to the right of it, and their radii, each (n,)."""
+    """Legs in the way: distance along it and to the right of it, and radii, each (n,), m."""
 
     along_m: Row
     aside_m: Row
     radius_m: Row
 
     def touched_m(self) -> Row:
-        """(n,): how far along the way the drone's centre is when its body touches each."""
+        """(n,): distance along the way of the drone's centre when its body touches each leg, m."""
         reach_m = BODY_M + self.radius_m
         touched_m: Row = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
         return touched_m
 
-    def met_by(self, along_m: float, yaw_rad: float, bearing_rad: float) -> NDArray[np.bool_]:
-        """(n,): whether the beam of a drone there meets each."""
+    def hit_by(self, along_m: float, yaw_rad: float, bearing_rad: float) -> NDArray[np.bool_]:
+        """(n,): the beam of a drone at this pose hits each leg."""
         ahead_m = self.along_m - along_m - EYE_M * math.cos(yaw_rad)
         aside_m = self.aside_m - EYE_M * math.sin(yaw_rad)
         cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
         far_m, off_m = ahead_m * cos_b + aside_m * sin_b, aside_m * cos_b - ahead_m * sin_b
-        met: NDArray[np.bool_] = (far_m > 0) & (far_m < SEES_M) & (np.abs(off_m) < self.radius_m)
-        return met
+        hits: NDArray[np.bool_] = (far_m > 0) & (far_m < SEES_M) & (np.abs(off_m) < self.radius_m)
+        return hits
 
 
 class Axis:
-    """A velocity, and how the autopilot and its vehicle follow a setpoint of it."""
+    """A velocity with the response of the autopilot and its vehicle to a setpoint."""
 
     def __init__(self, shape: Shape, follow: Follow) -> None:
         self._shaper, self._loop = Shaper(shape), Loop(follow)
 
     def tick(self, wanted: float) -> float:
-        """The velocity a tick later."""
+        """The velocity one tick later."""
         for _ in range(round(TICK_S / STEP_S)):
             velocity = self._loop.step(self._shaper.step(wanted))
         return velocity
 
 
 def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
-    """Mean speed, m/s, and share of the legs that were met too late or never."""
+    """Mean speed, m/s, and share of the legs that were detected too late or never."""
     rng = np.random.default_rng(seed)
     heading_rad = rng.uniform(0, math.tau)
     ahead = np.array((math.cos(heading_rad), math.sin(heading_rad)))
@@ -81,7 +81,7 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         rng.uniform(-BODY_M, BODY_M, LEGS),
         rng.uniform(*THICK_M, LEGS) / 2,
     )
-    met_m, met_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
+    found_m, found_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
     passed, swing = Passed(fill), TO_THE_RIGHT
     least_m_s = 0.0 if fill.is_proof else CRAWL_M_S
     nose = Axis(ARDUCOPTER.yaw, ARDUCOPTER.airframe.yaw)
@@ -95,8 +95,8 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         swing = swing.onward(yaw_rad, lane)
         yaw_rad += nose.tick(swing.side * math.radians(rate_deg_s)) * TICK_S
         beam_rad = yaw_rad + JITTER_RAD * rng.standard_normal()
-        new = legs.met_by(along_m, yaw_rad, beam_rad) & np.isinf(met_m)
-        met_m[new], met_m_s[new] = along_m, speed_m_s
+        new = legs.hit_by(along_m, yaw_rad, beam_rad) & np.isinf(found_m)
+        found_m[new], found_m_s[new] = along_m, speed_m_s
         off = EYE_M * (math.cos(yaw_rad) * ahead + math.sin(yaw_rad) * right)
         eye = float(at[0] + off[0]), float(at[1] + off[1])
         passed.go(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
@@ -105,15 +105,15 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         bound_m_s = min(most_m_s, max(least_m_s, math.sqrt(2 * STOPS_M_S2 * left_m)))
         speed_m_s = forward.tick(bound_m_s)
         along_m += speed_m_s * TICK_S
-    stops_m = STOPS_WITHIN_S * met_m_s + met_m_s**2 / (2 * STOPS_M_S2)
-    return along_m / time_s, float((legs.touched_m() - met_m < stops_m).mean())
+    stops_m = STOPS_WITHIN_S * found_m_s + found_m_s**2 / (2 * STOPS_M_S2)
+    return along_m / time_s, float((legs.touched_m() - found_m < stops_m).mean())
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--flights", type=int, default=16)
     seeds = range(parser.parse_args().flights)
-    print("| cells | turns, deg/s | at most, m/s | mean, m/s | met too late |")
+    print("| cells | turns, deg/s | at most, m/s | mean, m/s | detected too late |")
     print("|---" * 5 + "|")
     for (cells, fill), rate_deg_s, most_m_s in product(CELLS.items(), RATES_DEG_S, SPEEDS_M_S):
         flights = [fly(seed, fill, rate_deg_s, most_m_s) for seed in seeds]

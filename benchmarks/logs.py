@@ -1,9 +1,9 @@
-"""Maps of real robots' logs: `python -m benchmarks.logs [FOLDER]`.
+"""Maps real robots' logs: `python -m benchmarks.logs [FOLDER]`.
 
-For each NAME.csv in the folder, `../shared/logs` beside the checkout if none is named: the verdict
-of `companion map`; and how far the log's odometry and the trajectory that is handed out lie from
-that in NAME.reference.tum or NAME.truth.tum, where there is one. Reprints the table of real logs in
-docs/offline.md. ATE as by `evo_ape tum REFERENCE trajectory.tum -a --t_max_diff 0.02`.
+For each NAME.csv in the folder (default `../shared/logs` beside the checkout) it prints the verdict
+of `companion map`. If there is a NAME.reference.tum or NAME.truth.tum, it also prints the ATE of
+the log's odometry and of the output trajectory. Prints the table of real logs in docs/offline.md.
+ATE as by `evo_ape tum REFERENCE trajectory.tum -a --t_max_diff 0.02`.
 """
 
 import argparse
@@ -27,13 +27,13 @@ from companion.offline.reading.readers import READERS, read_log
 LOGS_FOLDER = Path(__file__).parents[2] / "shared" / "logs"
 REFERENCES = ".reference.tum", ".truth.tum"
 MAX_APART_S = 0.02
-"""Of a row and the pose of the reference that it is compared with."""
+"""Largest time between a row and the compared pose of the reference, s."""
 HEADER = "log", "rows", "seconds", "verdict", "ATE of odometry", "of what is handed out", "CPU"
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Of one log; ATE in metres, if there is something to compare with."""
+    """Result of one log; ATE in m, None without a reference."""
 
     result: LogMap
     ate_odometry_m: float | None
@@ -42,24 +42,24 @@ class Outcome:
 
 
 def outcome(path: Path) -> Outcome:
-    """Map a log, and compare with the trajectory beside it.
+    """Map a log, and compare it with the trajectory beside it.
 
     Raises:
-        LogError: the log is refused.
+        LogError: the log is rejected.
     """
     start_s = time.process_time()
-    result = map_log(read_log(path, _nobody_looks), sensors.load(None, path), _nobody_looks)
+    result = map_log(read_log(path, _ignore), sensors.load(None, path), _ignore)
     cpu_s = time.process_time() - start_s
     reference = _reference_of(path)
     if reference is None:
         return Outcome(result, None, None, cpu_s)
     true = file_interface.read_tum_trajectory_file(str(reference))
-    told, handed_out = _odometry(result.log), _handed_out(result)
-    return Outcome(result, _ate_m(true, told), _ate_m(true, handed_out), cpu_s)
+    odometry, handed_out = _odometry(result.log), _handed_out(result)
+    return Outcome(result, _ate_m(true, odometry), _ate_m(true, handed_out), cpu_s)
 
 
 def logs_in(folder: Path) -> list[Path]:
-    """By name."""
+    """Logs in a folder, by name."""
     return sorted(path for path in folder.iterdir() if path.name.lower().endswith(tuple(READERS)))
 
 
@@ -98,12 +98,12 @@ def _reference_of(log: Path) -> Path | None:
     return next((path for path in beside if path.is_file()), None)
 
 
-def _nobody_looks(activity: str, share: float) -> None:
-    """Progress is for terminals."""
+def _ignore(activity: str, share: float) -> None:
+    """Ignore the progress."""
 
 
 def _handed_out(result: LogMap) -> PoseTrajectory3D:
-    """Read back from the file that the command leaves."""
+    """The trajectory, read back from the file that the command writes."""
     with TemporaryDirectory() as folder:
         path = Path(folder) / "trajectory.tum"
         path.write_text(trajectory_tum(result))

@@ -1,7 +1,7 @@
-"""A map before and after its loop is closed: `python -m benchmarks.loop_figure [--out FILE]`.
+"""Draws a map before and after loop closure: `python -m benchmarks.loop_figure [--out FILE]`.
 
-The same flight three times, over the true walls: by odometry and gyro alone; as the companion has
-it on the last leg, before it meets the first wall again; and at the end. Prints the wall errors.
+The same flight three times, over the true walls: from odometry and gyro alone; the companion's map
+on the last leg, before the first wall is detected again; and at the end. Prints the wall errors.
 """
 
 import argparse
@@ -31,11 +31,11 @@ from matplotlib import pyplot as plt
 WORLD, PROFILE, SEED = "room_200", "gp2y0a710k0f", 3
 LAST_LEG_CORNERS = 3
 BEFORE_THE_CORNER_S = 8.0
-"""Nearer to the last corner the first wall is in range again."""
+"""Time before the last corner at which the first wall is not in range yet, s."""
 
 
 class Watched(App):
-    """Keeps the last maps of the first round's last leg, one a tick."""
+    """An `App` that keeps the maps of the first round's last leg, one per tick."""
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
@@ -83,7 +83,7 @@ def main() -> None:
 
 
 def draw(axes: Axes, plan: FloorPlan, truth: TruthRecord, setup: Setup) -> None:
-    """East right, north up; true walls in grey."""
+    """Draw a map, east to the right, north up; true walls in grey."""
     axes.set_aspect("equal")
     axes.set_axis_off()
     for surface in wall_surfaces(setup.world, 1.2):

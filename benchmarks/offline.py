@@ -1,8 +1,8 @@
-"""Maps of recorded logs: `python -m benchmarks.offline [--seeds N]`.
+"""Maps recorded logs: `python -m benchmarks.offline [--seeds N]`.
 
-Reprints the table of docs/offline.md: for every kind of log what the map and the trajectory are
-off, and what they would be if the odometry were believed. Logs are made up with known truth and
-read from CSV, without a TOML beside them.
+Prints the table of docs/offline.md: for every kind of log the errors of the map and the trajectory,
+and those of odometry alone. Logs are synthetic with known truth, and read from CSV without a TOML
+beside them.
 """
 
 import argparse
@@ -26,7 +26,7 @@ from sitl.world.plan import samples
 
 @dataclass(frozen=True, slots=True)
 class Score:
-    """Of a map and its trajectory."""
+    """Scores of a map and its trajectory."""
 
     walls: MapScore
     trajectory: TrajectoryScore
@@ -34,7 +34,7 @@ class Score:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """Of one log: as mapped, and by odometry alone."""
+    """Scores of one log: mapped, and from odometry alone."""
 
     trusted: bool
     mapped: Score
@@ -42,7 +42,7 @@ class Outcome:
 
 
 def outcome(name: str, seed: int, rate_hz: float | None = None) -> Outcome:
-    """Record a log, read it back, map it, score it; `rate_hz` instead of the scenario's."""
+    """Record, read, map and score a log; `rate_hz` replaces the scenario's rate."""
     scenario = SCENARIOS[name]()
     if rate_hz is not None:
         scenario = replace(scenario, flight=replace(scenario.flight, rate_hz=rate_hz))
@@ -50,8 +50,8 @@ def outcome(name: str, seed: int, rate_hz: float | None = None) -> Outcome:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "log.csv"
         write_csv(truth, path)
-        log = read_log(path, _nobody_looks)
-    result = map_log(log, SensorsConfig(), _nobody_looks)
+        log = read_log(path, _ignore)
+    result = map_log(log, SensorsConfig(), _ignore)
     return Outcome(
         result.verdict.trusted,
         _score(truth, result.plan, result.path),
@@ -59,8 +59,8 @@ def outcome(name: str, seed: int, rate_hz: float | None = None) -> Outcome:
     )
 
 
-def _nobody_looks(activity: str, share: float) -> None:
-    """Progress is for terminals."""
+def _ignore(activity: str, share: float) -> None:
+    """Ignore the progress."""
 
 
 def _score(truth: Log, plan: FloorPlan, path: Array) -> Score:
@@ -69,20 +69,20 @@ def _score(truth: Log, plan: FloorPlan, path: Array) -> Score:
         Pose(time_s, north, east, 0.0, yaw)
         for time_s, (north, east, yaw) in zip(truth.time_s.tolist(), path.tolist(), strict=True)
     ]
-    seeable = samples(list(truth.walls))
+    observable = samples(list(truth.walls))
     return Score(
-        score_map(plan, truth.walls, seeable, states[0]),
+        score_map(plan, truth.walls, observable, states[0]),
         score_trajectory(poses, states, states[0]),
     )
 
 
 def _row(name: str, outcomes: Sequence[Outcome]) -> str:
     def both(attribute: str, part: str) -> str:
-        found, told = (
+        found, odometry = (
             mean(getattr(getattr(getattr(one, which), part), attribute) for one in outcomes)
             for which in ("mapped", "odometry")
         )
-        return f"{found:.1f} / {told:.1f}"
+        return f"{found:.1f} / {odometry:.1f}"
 
     trusted = sum(one.trusted for one in outcomes)
     cells = (

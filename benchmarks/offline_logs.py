@@ -1,7 +1,7 @@
-"""Made-up logs with known truth: plans, flights through them, and what cheap sensors would record.
+"""Generates logs with known truth: plans, flights through them, and readings of cheap sensors.
 
-Everything is seen from above. Truth and logs share one frame: local NED, origin where the log
-begins, x along the first heading.
+All is in the plane. Truth and logs share one frame: local NED, origin at the start of the log, x
+along the first heading.
 """
 
 import csv
@@ -31,7 +31,7 @@ PERSON_RADIUS_M = 0.25
 
 @dataclass(frozen=True, slots=True)
 class Noise:
-    """Of the sensors and the odometry, as the comparison with other mappers defines them."""
+    """Noise of sensors and odometry, as in the comparison with other mappers."""
 
     range_sigma_m: float = 0.05
     range_max_m: float = 5.5
@@ -40,15 +40,15 @@ class Noise:
     gyro_bias_rad_s: float = math.radians(0.1)
     gyro_scale_sigma: float = 0.02
     outliers: float = 0.0
-    """Share of readings that are anything between zero and the range's end."""
+    """Share of readings that are random between zero and the maximum range."""
     dropouts: float = 0.0
-    """Share of readings lost."""
+    """Share of lost readings."""
     only_garbage: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """Way-points (north, east) in the plan's frame, flown nose first after a full turn."""
+    """Waypoints (north, east) in the plan's frame, flown nose first after a full turn."""
 
     waypoints_m: Sequence[Vector2]
     speed_m_s: float = 1.0
@@ -66,24 +66,24 @@ class Scenario:
     noise: Noise = Noise()
     beams: Sequence[Beam] = tuple(BEARING_RAD)
     people: Sequence[tuple[Vector2, Vector2]] = ()
-    """Each walks to and fro between two places."""
+    """Each walks back and forth between two places."""
 
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """What was recorded, and the truth, in the log's frame."""
+    """A recorded log, and the truth in the log's frame."""
 
     time_s: Array
     odometry: Array
     """(n, 3): x, y, yaw."""
     ranges_m: dict[Beam, Array] = field(default_factory=dict)
-    """NaN where nothing returned."""
+    """NaN without a return."""
     truth: Array = field(default_factory=lambda: np.empty((0, 3)))
     walls: Sequence[Segment] = ()
     gyro_rad_s: Array | None = None
 
     def true_states(self) -> list[TrueState]:
-        """The truth as the scorer takes it."""
+        """The truth in the scorer's format."""
         return [
             TrueState(time_s, (north, east, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, yaw, 0.0)
             for time_s, (north, east, yaw) in zip(
@@ -93,7 +93,7 @@ class Log:
 
 
 def record(scenario: Scenario, seed: int) -> Log:
-    """One flight through the scenario."""
+    """Record one flight through the scenario."""
     random = np.random.default_rng(seed)
     time_s, truth = _fly(scenario.flight)
     odometry = _dead_reckon(time_s, truth, scenario.noise, random)
@@ -114,7 +114,7 @@ def record(scenario: Scenario, seed: int) -> Log:
 
 
 def write_csv(log: Log, path: Path, gyro: bool = False) -> None:
-    """The log as `companion map` reads it."""
+    """Write the log in the format of `companion map`."""
     columns = [log.time_s, *log.odometry.T, *log.ranges_m.values()]
     names = ["time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad", *(f"{b}_m" for b in log.ranges_m)]
     if gyro:
@@ -128,7 +128,7 @@ def write_csv(log: Log, path: Path, gyro: bool = False) -> None:
 
 
 def _fly(flight: Flight) -> tuple[Array, Array]:
-    """Times (n,) and true poses (n, 3): a turn on the spot, then straight legs and turns."""
+    """Times (n,) and true poses (n, 3): a full turn, then straight legs and turns."""
     here = np.array(flight.waypoints_m[0], dtype=float)
     yaw_rad = _bearing(flight.waypoints_m[0], flight.waypoints_m[1])
     dt_s = 1 / flight.rate_hz
@@ -160,7 +160,7 @@ def _bearing(start: Vector2, end: Vector2) -> float:
 
 
 def _dead_reckon(time_s: Array, truth: Array, noise: Noise, random: np.random.Generator) -> Array:
-    """Odometry (n, 3) from zero: body displacements and turns, each with its errors."""
+    """Odometry (n, 3) from zero: body displacements and turns with their errors."""
     scale = 1 + random.normal(0, noise.odometry_scale_sigma)
     gyro_scale = 1 + random.normal(0, noise.gyro_scale_sigma)
     bias_rad_s = noise.gyro_bias_rad_s * random.choice([-1.0, 1.0])
@@ -175,7 +175,7 @@ def _dead_reckon(time_s: Array, truth: Array, noise: Noise, random: np.random.Ge
 
 
 def _cast(poses: Array, bearing_rad: float, walls: Array) -> Array:
-    """Distance (n,) along a beam from each pose to the nearest wall; inf if there is none."""
+    """Distance (n,) along a beam from each pose to the nearest wall; inf without a wall."""
     heading = poses[:, 2] + bearing_rad
     ray = np.column_stack([np.cos(heading), np.sin(heading)])[:, None]
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]

@@ -1,6 +1,6 @@
-"""The heading round a house with pilasters: `python -m benchmarks.pilasters [--seeds 10]`.
+"""Measures the heading error around a house with pilasters: `python -m benchmarks.pilasters`.
 
-Reprints the figures of docs/how-it-maps.md: how far off it is in flight, 95 % of the time.
+Prints the figures of docs/how-it-maps.md: the heading error in flight, its 95 % quantile.
 """
 
 import argparse
@@ -18,7 +18,7 @@ WORLD = Path(__file__).parents[1] / "tests" / "flights" / "worlds" / "facade.tom
 
 
 class HeadingErrors:
-    """At every tick, relative to the heading at take-off, deg."""
+    """Heading error at every tick, relative to the heading at take-off, deg."""
 
     def __init__(self) -> None:
         self.deg: list[float] = []

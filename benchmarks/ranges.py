@@ -1,7 +1,7 @@
-"""Range queries in worlds of growing size: `python -m benchmarks.ranges`.
+"""Measures range queries in worlds of growing size: `python -m benchmarks.ranges`.
 
-Prints the median time of one five-ray scan, relative times between world sizes in one run, and
-the time to build the world.
+Prints the median time of one five-ray scan and the time to build the world. Compare the times of
+world sizes within one run.
 """
 
 import math
@@ -18,7 +18,7 @@ TRIANGLES_A_BOX = 12
 
 
 def hall(triangles: int) -> World:
-    """A hall with enough pillars to make that many triangles."""
+    """A hall with enough pillars for that many triangles."""
     noise = random.Random(1)
     boxes = [
         {

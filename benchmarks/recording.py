@@ -1,7 +1,7 @@
-"""What recording costs: `python -m benchmarks.recording [--runs 5]`.
+"""Measures the cost of recording: `python -m benchmarks.recording [--runs 5]`.
 
-Reprints the figures of docs/recording.md: the size of a recording and what is in it, and the CPU
-time of the same flight with and without, one after the other, on one core.
+Prints the figures of docs/recording.md: size and content of a recording, and the CPU time of the
+same flight with and without recording, one after the other on one core.
 """
 
 import argparse
@@ -25,15 +25,15 @@ from sitl.world.loading import load_world
 WORLD = "room_200"
 
 
-def nobody_looks(progress: Progress) -> None:
-    """The map is not drawn up."""
+def ignore(progress: Progress) -> None:
+    """Ignore the progress, so that the map is not drawn."""
 
 
 def fly(config: Config, recorder: Recorder, transport: str) -> tuple[float, float]:
-    """CPU seconds that the flight with its map took, and the flight's own seconds."""
+    """CPU time of the flight with its map, and flight time, s."""
     setup = Setup(load_world(WORLD), WORLD, 1, config.sensors)
     began_s = time.process_time()
-    app, simulation = fly_in_lockstep(setup, config, nobody_looks, transport, recorder=recorder)
+    app, simulation = fly_in_lockstep(setup, config, ignore, transport, recorder=recorder)
     recorder.close(app.final_floor_plan())
     return time.process_time() - began_s, simulation.time_s
 
@@ -53,7 +53,7 @@ def compare(config: Config, transport: str, runs: int) -> None:
     )
 
 
-def tell_size(config: Config) -> None:
+def print_size(config: Config) -> None:
     with tempfile.TemporaryDirectory() as folder:
         recorder = open_recorder(Path(folder), config, time.time(), print)
         _, flight_s = fly(config, recorder, "direct")
@@ -79,7 +79,7 @@ def main() -> None:
     options = parser.parse_args()
     on_one_core()
     config = configuration.load(None, {})
-    tell_size(config)
+    print_size(config)
     for transport in ("direct", "bytes"):
         compare(config, transport, options.runs)
 

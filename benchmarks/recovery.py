@@ -1,9 +1,9 @@
-"""From SIGKILL in flight to being heard again: `python -m benchmarks.recovery [--crashes 5]`.
+"""Measures the recovery after SIGKILL in flight: `python -m benchmarks.recovery [--crashes 5]`.
 
-`sitl run` and `companion fly` meet through a wire on which this program listens. It kills the
-companion while it scans, starts `companion recover` as systemd would, and notes when the vehicle
-gets its first heartbeat and the text that says where the drone is. A second of that is SITL's
-clock, which waits in vain for the datagrams that were sent while nobody was there.
+`sitl run` and `companion fly` are connected through a relay in this program. It kills the companion
+during the scan, starts `companion recover` as systemd would, and measures the time until the
+vehicle receives the first heartbeat and the text with the drone's state. One second of that is
+SITL's clock, which waits for datagrams that were sent without a receiver.
 """
 
 import argparse
@@ -23,18 +23,18 @@ POLL_S = 0.2
 
 
 class Wire:
-    """Passes datagrams on between the vehicle and whoever flies it; hears the latter."""
+    """Relays datagrams between vehicle and companion, and decodes the companion's."""
 
     def __init__(self) -> None:
         self.to_vehicle, self.to_companion = _udp_socket(), _udp_socket()
         probe = _udp_socket()
         self.companion_port = probe.getsockname()[1]
         probe.close()
-        self.heard_s: dict[str, float] = {}
-        """When a kind of message was first heard since `forget`."""
+        self.received_s: dict[str, float] = {}
+        """Time of the first message of each kind since `forget`, s."""
         self.text = ""
         self.opened = threading.Event()
-        """The companion is there for the first time; until then everything waits."""
+        """Set when the companion is ready for the first time; until then the relay waits."""
         self._vehicle: tuple[str, int] | None = None
         self._codec = make_codec(255, 190)
         for pass_on in (self._down, self._up):
@@ -42,28 +42,28 @@ class Wire:
 
     @property
     def port(self) -> int:
-        """Where the vehicle speaks to."""
+        """Port to which the vehicle sends."""
         port: int = self.to_vehicle.getsockname()[1]
         return port
 
     def forget(self) -> None:
-        self.heard_s, self.text = {}, ""
+        self.received_s, self.text = {}, ""
 
     def _down(self) -> None:
         while True:
             self.opened.wait()
             data, self._vehicle = self.to_vehicle.recvfrom(65535)
-            with suppress(ConnectionError):  # nobody there just now
+            with suppress(ConnectionError):  # no companion at the moment
                 self.to_companion.sendto(data, ("127.0.0.1", self.companion_port))
 
     def _up(self) -> None:
         while True:
             try:
                 data = self.to_companion.recv(65535)
-            except ConnectionError:  # nobody there just now
+            except ConnectionError:  # no companion at the moment
                 continue
             for message in decode(self._codec, data):
-                self.heard_s.setdefault(message.get_type(), time.monotonic())
+                self.received_s.setdefault(message.get_type(), time.monotonic())
                 if message.get_type() == "STATUSTEXT":
                     self.text += message.text
             if self._vehicle is not None:
@@ -77,7 +77,7 @@ def _udp_socket() -> socket.socket:
 
 
 def crash_once() -> tuple[float, float, str]:
-    """Seconds from the kill to the heartbeat and to the text, and the text."""
+    """Time from the kill to the heartbeat and to the text, s, and the text."""
     wire = Wire()
     with tempfile.TemporaryDirectory() as out:
         serve = ("--mavlink", f"udpout:127.0.0.1:{wire.port}", "--bus-port", "0")
@@ -94,12 +94,16 @@ def crash_once() -> tuple[float, float, str]:
             killed_s = time.monotonic()
             wire.forget()
             pilot = _start("companion", "recover", *link)
-            while "STATUSTEXT" not in wire.heard_s:
+            while "STATUSTEXT" not in wire.received_s:
                 if time.monotonic() - killed_s > DEADLINE_S:
-                    raise TimeoutError("not heard again")
+                    raise TimeoutError("no message after the recovery")
                 time.sleep(POLL_S)
-            heard_s = wire.heard_s
-            return heard_s["HEARTBEAT"] - killed_s, heard_s["STATUSTEXT"] - killed_s, wire.text
+            received_s = wire.received_s
+            return (
+                received_s["HEARTBEAT"] - killed_s,
+                received_s["STATUSTEXT"] - killed_s,
+                wire.text,
+            )
         finally:
             for process in (pilot, vehicle):
                 process.kill()
@@ -116,7 +120,7 @@ def _read_until(process: subprocess.Popen[str], words: str) -> str:
     for line in process.stdout:
         if words in line:
             return line
-    raise RuntimeError(f"it ended without saying {words!r}")
+    raise RuntimeError(f"the process ended without printing {words!r}")
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
-"""Areas of rooms, as mapped and as they are: `python -m benchmarks.room_areas [WORLD ...]`.
+"""Compares mapped with true areas of rooms: `python -m benchmarks.room_areas [WORLD ...]`.
 
-Reprints the figures of docs/exports.md. The truth is the floor between the walls, with what
-furniture stands on; rooms are told apart by their size.
+Prints the figures of docs/exports.md. The true area is the floor between the walls, including the
+floor under furniture. Rooms are matched by size.
 """
 
 import argparse
@@ -20,7 +20,7 @@ AREAS_M2: dict[str, tuple[float, ...]] = {
     "complex": (77.05, 71.1, 35.4, 34.2, 29.45),
     "office": (89.4, 69.4),
 }
-"""The largest first."""
+"""True areas by world, the largest first, m²."""
 
 
 def main() -> None:

@@ -1,8 +1,8 @@
-"""What the simulated sensors do: `python -m benchmarks.sensors`.
+"""Measures the simulated sensors: `python -m benchmarks.sensors`.
 
-Reprints the tables of docs/sensors.md: the range sensor's voltage and spread over distance, what is
-known of those that time light, a reading over an edge by width of the beam, losses by incidence,
-and the gyro's drift.
+Prints the tables of docs/sensors.md: the Sharp's voltage and spread over distance, the figures of
+the time-of-flight sensors, a reading over an edge by beam width, losses by incidence, and the
+gyro's drift.
 """
 
 import math
@@ -50,7 +50,7 @@ def sharp() -> Iterator[str]:
 
 
 def time_of_flight() -> Iterator[str]:
-    yield "sensor      range, m     σ at 1 m, 3 m: told, measured    every    age"
+    yield "sensor      range, m     σ at 1 m, 3 m: assumed, measured every    age"
     for name, physics in TOF_PHYSICS.items():
         model = physics.model
         spreads = []

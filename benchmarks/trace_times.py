@@ -1,8 +1,8 @@
-"""A room's trace with and without range adjustment: `python -m benchmarks.trace_times`.
+"""Measures a room's trace with and without range adjustment: `python -m benchmarks.trace_times`.
 
-Reprints the table of docs/missions.md, the paper's third scenario: rooms of 100, 200 and 300 m² at
+Prints the table of docs/missions.md, the paper's third scenario: rooms of 100, 200 and 300 m² at
 1 m/s, along the walls at 1.5 m and at the sensor's range. Along four walls no trace is shorter than
-(P - 8·d) / v; what turning takes is no part of it.
+(P - 8·d) / v; turns are excluded.
 """
 
 import argparse
@@ -32,7 +32,7 @@ COLUMNS = (
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=15, help="flights of each, as in the paper")
+    parser.add_argument("--seeds", type=int, default=15, help="flights per case, as in the paper")
     seeds = range(1, parser.parse_args().seeds + 1)
     cases = [(p, s, w) for p in PROFILES for s in STANDOFFS for w in WORLDS]
     with tempfile.TemporaryDirectory() as folder:
@@ -48,8 +48,8 @@ def main() -> None:
     for number, (profile, standoff, world) in enumerate(cases):
         mine = rows[number * len(seeds) : (number + 1) * len(seeds)]
         completed = sum(bool(row["completed"]) for row in mine)
-        told = (profile, standoff, world, f"{completed} of {len(mine)}")
-        print("|", *(f"{cell} |" for cell in (*told, *(_mean(mine, key) for key, _ in COLUMNS))))
+        case = (profile, standoff, world, f"{completed} of {len(mine)}")
+        print("|", *(f"{cell} |" for cell in (*case, *(_mean(mine, key) for key, _ in COLUMNS))))
 
 
 def _mission(folder: Path, name: str) -> str:

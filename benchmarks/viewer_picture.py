@@ -1,6 +1,6 @@
-"""The picture of the page in README: `python -m benchmarks.viewer_picture [--out FILE]`.
+"""Takes the picture of the page in README: `python -m benchmarks.viewer_picture [--out FILE]`.
 
-A building that is being explored, in a browser that renders by software; takes some minutes.
+It shows the exploration of a building, in a browser with software rendering; takes some minutes.
 """
 
 import argparse
@@ -11,17 +11,17 @@ from benchmarks.browser import choose, number, simulator_page
 WIDTH_PX, HEIGHT_PX = 1600, 800
 WORLD = "two_room_300"
 AT_S = 190.0
-"""Both rooms are known then, and the drone is still at it."""
+"""Time of the picture in the flight, s: both rooms are mapped, and the drone is still flying."""
 POLL_MS = 300
 SETTLE_MS = 20_000
-"""Until a browser without a GPU has drawn everything."""
+"""Time for a browser without a GPU to draw everything, ms."""
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=Path("docs/images/viewer.png"))
     parser.add_argument("--world", default=WORLD)
-    parser.add_argument("--at", type=float, default=AT_S, help="seconds of the flight")
+    parser.add_argument("--at", type=float, default=AT_S, help="time in the flight, s")
     options = parser.parse_args()
     with simulator_page(WIDTH_PX, HEIGHT_PX, options.world) as page:
         choose(page, "kind", "building")

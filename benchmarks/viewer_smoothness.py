@@ -1,8 +1,8 @@
-"""How smooth the page is: `python -m benchmarks.viewer_smoothness [--speed "10 ×"]`.
+"""Measures the page's smoothness: `python -m benchmarks.viewer_smoothness [--speed "10 ×"]`.
 
-Flies `complex` on the page in a browser that renders by software, on this machine, and prints how
-fast the flight really went, how often the browser was told something new, how often it drew, and
-what share of a core each took: on a machine that is busy otherwise, only these say what is needed.
+Flies `complex` on the page in a browser with software rendering, on this machine. Prints the speed
+reached, the rate of updates, the frame rate, and the share of a core of each process. On a busy
+machine only these shares are meaningful.
 """
 
 import argparse
@@ -14,7 +14,7 @@ from benchmarks.browser import choose, number, simulator_page
 
 WARM_UP_MS, MEASURED_S = 4000, 10.0
 WORLD, MISSION = "complex", "building"
-"""Six minutes: it must not be over before it has been measured."""
+"""A flight of six minutes, so that it does not end during the measurement."""
 FRAMES = """(seconds) => new Promise(done => {
     let frames = 0;
     const began = performance.now();
@@ -29,11 +29,11 @@ FRAMES = """(seconds) => new Promise(done => {
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--speed", default="10 ×", help="as the page has it")
+    parser.add_argument("--speed", default="10 ×", help="a speed of the page's dropdown")
     options = parser.parse_args()
-    told = [0]
+    received = [0]
     with simulator_page(1100, 640, WORLD) as page:
-        page.on("websocket", lambda socket: socket.on("framereceived", lambda _: count(told)))
+        page.on("websocket", lambda socket: socket.on("framereceived", lambda _: count(received)))
         page.reload()
         page.get_by_role("button", name="Start").wait_for()
         choose(page, "kind", MISSION)
@@ -42,14 +42,14 @@ def main() -> None:
         while number(page, "time") <= 0:
             page.wait_for_timeout(100)
         page.wait_for_timeout(WARM_UP_MS)
-        before, began_s, first_s = told[0], time.monotonic(), number(page, "time")
+        before, began_s, first_s = received[0], time.monotonic(), number(page, "time")
         cpu_before_s = cpu_s()
         drawn_hz = page.evaluate(FRAMES, MEASURED_S)
         passed_s = time.monotonic() - began_s
         flown_s = number(page, "time") - first_s
-        updates_hz = (told[0] - before) / passed_s
+        updates_hz = (received[0] - before) / passed_s
         cores = {who: (spent - cpu_before_s[who]) / passed_s for who, spent in cpu_s().items()}
-    print(f"asked for          {options.speed}real time, load {os.getloadavg()[0]:.1f}")
+    print(f"requested          {options.speed}real time, load {os.getloadavg()[0]:.1f}")
     print(f"flown at           {flown_s / passed_s:.1f} × real time")
     print(f"updates received   {updates_hz:.1f} a second")
     print(f"frames drawn       {drawn_hz:.1f} a second")
@@ -57,12 +57,12 @@ def main() -> None:
         print(f"{who:18} {share:.0%} of a core")
 
 
-def count(told: list[int]) -> None:
-    told[0] += 1
+def count(received: list[int]) -> None:
+    received[0] += 1
 
 
 def cpu_s() -> dict[str, float]:
-    """CPU time so far of the page's process, of the one that flies, and of the browser's."""
+    """CPU time so far of the page's process, the flight's and the browser's, s."""
     spent = {"the page": 0.0, "the flight": 0.0, "the browser": 0.0}
     for process in started_by(os.getpid()):
         whole = sum(map(own_cpu_s, [process, *descendants(process)]))
@@ -75,7 +75,7 @@ def cpu_s() -> dict[str, float]:
 
 
 def own_cpu_s(process: int) -> float:
-    """In the program and in the system's kernel; see proc(5)."""
+    """CPU time in user and kernel mode, s; see proc(5)."""
     fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 

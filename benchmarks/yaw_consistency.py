@@ -1,9 +1,9 @@
-"""Does the yaw filter know how exact it is? `python -m benchmarks.yaw_consistency [--seeds 50]`.
+"""Checks the yaw filter's consistency: `python -m benchmarks.yaw_consistency [--seeds 50]`.
 
-A simulated gyro, through its bus and driver, is turned as in a flight: at rest, once round, then
-along four walls with a quarter turn between them. Every 2.5 s a run along the wall ahead tells its
-direction. The normalised innovation squared, (innovation / sigma)², has one degree of freedom: its
-mean over all sightings must lie within the 95 % band of χ² / n about 1.
+A simulated gyro, through its bus and driver, turns as in a flight: at rest, a full turn, then along
+four walls with a quarter turn between them. Every 2.5 s a run along the wall ahead measures its
+bearing. The normalised innovation squared, (innovation / sigma)², has one degree of freedom. Its
+mean over all observations must lie within the 95 % band of χ² / n around 1.
 """
 
 import argparse
@@ -30,7 +30,7 @@ RUN_SIGMA_RAD = math.radians(0.7)
 
 
 def yaw_rate_rad_s(time_s: float) -> float:
-    """Once round, then four walls with a quarter turn after each."""
+    """A full turn, then four walls with a quarter turn after each."""
     since_s = time_s - STILL_S
     if since_s < 0:
         return 0.0
@@ -42,7 +42,7 @@ def yaw_rate_rad_s(time_s: float) -> float:
 
 
 def innovations(seed: int) -> list[float]:
-    """Of one flight, each divided by its sigma."""
+    """Innovations of one flight, each divided by its sigma."""
     device = Lsm9ds1Device(
         yaw_rate_rad_s, stream(seed, "gyro"), draw_warming(stream(seed, "gyro temperature"))
     )
@@ -65,7 +65,7 @@ def innovations(seed: int) -> list[float]:
             continue
         heading.predict(samples)
         if tick % round(SEEN_EVERY_S / TICK_S) == 0:
-            # Of four walls the one that the nose is nearest to.
+            # The wall that the nose points at most closely.
             facing = round(true_yaw_rad / (math.pi / 2))
             late_rad = yaw_rate_rad_s(time_s) * (time_s - samples[-1].time_s)
             bearing_rad = facing * math.pi / 2 - true_yaw_rad + late_rad

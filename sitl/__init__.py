@@ -1,3 +1,3 @@
-"""Everything needed to fly the companion on a laptop: world, vehicle, autopilot, sensors, score."""
+"""Simulator for flying the companion on a laptop: world, vehicle, autopilot, sensors, score."""
 
-import companion  # noqa: F401 - its word on threads comes before numpy is loaded
+import companion  # noqa: F401 - limits numpy's threads, so it must be imported before numpy

@@ -1,4 +1,4 @@
-"""The command `sitl`, also as `python -m sitl`; it tells if what it needs is not installed."""
+"""Runs the command `sitl`, also as `python -m sitl`; reports a missing extra in one line."""
 
 import sys
 
@@ -7,10 +7,11 @@ from companion.core.errors import MissingExtraError
 from companion.core.extras import needs_extra
 
 EXIT_REFUSED = 2
+"""Exit status without the extra `sitl`."""
 
 
 def main() -> None:
-    """Run a command; without the extra `sitl` that is one line on stderr and exit status 2."""
+    """Run a command. Without the extra `sitl`: one line on stderr and exit status 2."""
     terminal.set_up()
     try:
         with needs_extra("sitl"):

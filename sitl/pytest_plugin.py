@@ -1,7 +1,7 @@
-"""The pytest plugin: a fixture `sitl` that flies missions; files are beside the test.
+"""Provides pytest's fixture `sitl`, which flies missions; their files are beside the test.
 
-pytest loads it for every test in an environment where this package is installed, also for those
-that never fly, and without the extra `sitl`: so the simulator is loaded when a test asks for it.
+pytest loads this plugin in every environment that has the package, also without the extra `sitl`.
+The fixture therefore imports the simulator only when a test requests it.
 """
 
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ def sitl(request: pytest.FixtureRequest) -> "Sitl":
         with needs_extra("sitl"):
             from sitl.testing.flight import Sitl  # noqa: PLC0415 - an extra
     except MissingExtraError as missing:
-        told = str(missing)
+        reason = str(missing)
     else:
         return Sitl(request.path.parent)
-    pytest.fail(told, pytrace=False)
+    pytest.fail(reason, pytrace=False)

@@ -1,10 +1,10 @@
-"""How properties are searched, and which layer each test belongs to.
+"""Configures hypothesis, and marks each test with its layer.
 
-A change is judged by the same examples on every machine, and a busy machine is no failure: no
-example has a deadline. `pytest --hypothesis-profile search` looks for new ones, at random.
+All machines use the same examples, and examples have no deadline, so a busy machine does not fail.
+`pytest --hypothesis-profile search` searches for new examples at random.
 
-A test's layer is the folder that it is in: `pytest -m contract`. A test that flies, or that starts
-a program, is marked so wherever it is.
+A test's layer is its folder: `pytest -m contract`. A test that flies or starts a program gets that
+marker in any folder.
 """
 
 from pathlib import Path

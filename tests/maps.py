@@ -1,4 +1,4 @@
-"""Occupancy maps that tests draw: rows northwards, cells of 5 cm, as a robot leaves them."""
+"""Draws occupancy maps for tests: rows northwards, cells of 5 cm, as a robot writes them."""
 
 from pathlib import Path
 
@@ -17,7 +17,7 @@ def cells(length_m: float) -> int:
 
 
 def nothing(north_m: float, east_m: float) -> Shades:
-    """A map that knows nothing."""
+    """A map of unknown cells only."""
     return np.full((cells(north_m), cells(east_m)), UNKNOWN, dtype=np.uint8)
 
 
@@ -28,13 +28,13 @@ def fill(  # noqa: PLR0917 - four sides, as on a drawing
 
 
 def room(shades: Shades, south_m: float, west_m: float, north_m: float, east_m: float) -> None:
-    """Free within these sides, with walls of 10 cm around."""
+    """Draw a room: free within these sides, with walls of 10 cm around."""
     fill(shades, south_m - 0.1, west_m - 0.1, north_m + 0.1, east_m + 0.1, WALL)
     fill(shades, south_m, west_m, north_m, east_m, FREE)
 
 
 def write(folder: Path, shades: Shades, yaw_rad: float = 0.0) -> str:
-    """As map_server's YAML file with its image; where it is."""
+    """Write map_server's YAML file with its image; return its path."""
     Image.fromarray(np.flipud(shades)).save(folder / "house.pgm")
     record = {
         "image": "house.pgm",

@@ -1,6 +1,6 @@
-"""Worlds that tests of several kinds fly in."""
+"""Worlds that tests of several layers use."""
 
 from pathlib import Path
 
 SMALL_ROOM = str(Path(__file__).parent / "flights/worlds/small_room.toml")
-"""Flown in a minute."""
+"""World file for a flight of one minute."""

@@ -1,4 +1,4 @@
-"""Take off, scan the room, come back, and leave the map as DXF and PNG.
+"""Take off, scan the room, return, and write the map as DXF and PNG.
 
 With the simulator (`sitl run room_100`, in another terminal):
 
@@ -14,8 +14,8 @@ from companion import connect
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--config", help="the companion's TOML file")
-    parser.add_argument("--link", help="where the autopilot is")
-    parser.add_argument("--bus", help="where the sensors are")
+    parser.add_argument("--link", help="address of the autopilot")
+    parser.add_argument("--bus", help="address of the sensors")
     parser.add_argument("--out", type=Path, default=Path("out"))
     options = parser.parse_args()
     with connect(options.config, link=options.link, bus=options.bus, out=options.out) as drone:

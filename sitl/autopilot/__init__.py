@@ -1,10 +1,10 @@
-"""The emulated flight controller.
+"""Emulates the flight controller.
 
     MAVLink in ─► core ─► commands, modes, parameters, streams ─► MAVLink out
                    │
-                   ├─► control: what velocity to fly now ─► vehicle
+                   ├─► control: velocity setpoint ──► vehicle
                    └─◄ estimator: drifting flow odometry ◄──┘
 
-`ardupilot` and `px4` hold what is particular to each, behind `firmware`: mode numbers, answers,
-texts, setpoint frames, what happens when setpoints stop. `parameters` holds theirs.
+`ardupilot` and `px4` implement the differences between the firmwares, behind `firmware`: mode
+numbers, results, texts, setpoint frames, setpoint timeout. `parameters` has their parameters.
 """

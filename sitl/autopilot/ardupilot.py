@@ -1,4 +1,4 @@
-"""ArduCopter 4.6.3: numbers, answers and texts as measured on a running one."""
+"""Emulates ArduCopter 4.6.3: numbers, results and texts as measured on a running one."""
 
 import math
 from collections.abc import Callable
@@ -31,6 +31,7 @@ from sitl.core.truth import TrueState
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND = 0, 2, 3, 4, 5, 6, 9
 POSHOLD, BRAKE, GUIDED_NOGPS = 16, 17, 20
+"""custom_mode numbers of ArduCopter."""
 BEHAVIOUR = {
     **dict.fromkeys((AUTO, RTL, BRAKE), Behaviour.HOLD),
     **dict.fromkeys((ALT_HOLD, LOITER, POSHOLD), Behaviour.CLIMB_BY_STICK),
@@ -39,34 +40,45 @@ BEHAVIOUR = {
     GUIDED_NOGPS: Behaviour.OFFBOARD,
     LAND: Behaviour.LAND,
 }
+"""Behaviour by custom_mode."""
 
 BASE_MODE_IDLE = 81
+"""HEARTBEAT.base_mode when disarmed."""
 BASE_MODE_GUIDED_BIT = 8
-"""89 in GUIDED, 217 in GUIDED and armed."""
+"""Added in GUIDED: 89, and 217 when armed."""
 
 EKF_UNINITIALISED = 1024
+"""EKF_STATUS_REPORT (193) flags until the attitude has settled; then flags of other states."""
 EKF_READY = 895
 EKF_FLOW_ONLY = 367
-"""A relative position, no absolute one (read in its source)."""
+"""A relative position, no absolute one (from ArduPilot's source)."""
 EKF_WITHOUT_POSITION = 167
 EKF_FADING, EKF_FADING_AFTER_S = 831, 5.0
+"""Flags from this age of the last external pose on, s."""
 EKF_LOST, EKF_LOST_AFTER_S = 37, 8.0
+"""Flags from this age of the last external pose on, s; then the EKF failsafe lands."""
 VISION_TIMEOUT_S = 0.3
+"""Age of the last external pose from which arming is refused, s."""
 FLOW, EXTERNAL_NAV = 5, 6
-"""Values of EK3_SRC1_VELXY and its like."""
+"""Values of EK3_SRC1_VELXY and similar parameters."""
 MAVLINK_RANGEFINDER, MAVLINK_PROXIMITY = 10, 2
-"""RNGFND1_TYPE and PRX1_TYPE whose readings come as DISTANCE_SENSOR."""
+"""Values of RNGFND1_TYPE and PRX1_TYPE that select DISTANCE_SENSOR as the source."""
 
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
+"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 FORCE = 0x0200
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 MAX_VALUE = 1000.0
+"""Largest value in a setpoint; a larger one stops the vehicle."""
 SINK_M_S = 2.2
-"""With the stick low in LOITER and PILOT_SPEED_UP at its 2.5 m/s, as measured."""
+"""Descent rate with the throttle stick low in LOITER, m/s. Measured at the default PILOT_SPEED_UP
+of 2.5 m/s."""
 MIN_GUID_TIMEOUT_S = 0.1
+"""Lower bound of GUID_TIMEOUT, s."""
 TURNED_FRAMES = (mavlink.MAV_FRAME_BODY_NED, mavlink.MAV_FRAME_BODY_OFFSET_NED)
 OFFSET_FRAMES = (*TURNED_FRAMES, mavlink.MAV_FRAME_LOCAL_OFFSET_NED)
 FRAMES = (*OFFSET_FRAMES, mavlink.MAV_FRAME_LOCAL_NED)
+"""Frames rotated by the heading, offsets from the position, and all accepted ones."""
 STOP = Refusal(stops=True)
 
 CONFIGURED: dict[str, float] = {
@@ -80,10 +92,10 @@ CONFIGURED: dict[str, float] = {
     "GPS1_TYPE": 0,
     "RNGFND1_TYPE": 100,
 }
-"""Optical flow and a rangefinder of its own, neither GPS nor a remote control."""
+"""This vehicle has optical flow and its own rangefinder, but no GPS and no remote control."""
 
 LAND_ACTIONS = (1, 3, 4, 5)
-"""Of BATT_FS_LOW_ACT and its like, those that land where there is nowhere to return to."""
+"""Values of BATT_FS_LOW_ACT and similar parameters that land without a place to return to."""
 
 
 def _land_if(parameter: str) -> Callable[[ParameterValues], int | None]:
@@ -119,10 +131,11 @@ FAILSAFES = (
         _ground_station_lost, ("GCS Failsafe",), "GCS Failsafe Cleared", _land_if("FS_GCS_ENABLE")
     ),
 )
+"""Failsafes of ArduCopter 4.6.3, in the order of their checks."""
 
 
 class ArduPilot:
-    """The copter."""
+    """ArduCopter's implementation of `EmulatedFirmware`."""
 
     autopilot: int = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     boot_mode = STABILIZE
@@ -139,9 +152,9 @@ class ArduPilot:
     text_habit = MARKED
     forwards_components = True
     lifts_off_by_setpoint = False
-    beats_on_mode_change = True
+    heartbeat_on_mode_change = True
     returns_to_offboard = False
-    least_interval_us = 2000
+    min_interval_us = 2000
     interval_refused: int = mavlink.MAV_RESULT_DENIED
     response: Response = ARDUCOPTER
     capabilities = 64495
@@ -154,7 +167,7 @@ class ArduPilot:
     timesync_period_s = 10.0
     failsafes: tuple[Failsafe, ...] = FAILSAFES
     healthy_unless_failed: int = mavlink.MAV_SYS_STATUS_GEOFENCE
-    tells_highres_imu = False
+    sends_highres_imu = False
     ground_truth: int = mavlink.MAVLINK_MSG_ID_SIM_STATE
 
     def __init__(self) -> None:
@@ -184,10 +197,10 @@ class ArduPilot:
         position_ned_m: Vector3,
         parameters: ParameterValues,
     ) -> Target | Refusal:
-        """Frames 1 and 7 are NED; 8 and 9 are turned by the heading.
+        """Decode a setpoint. Frames 1 and 7 are NED; 8 and 9 are rotated by the heading.
 
-        Any other frame, a mask that leaves nothing it can fly, a forced acceleration, NaN or
-        absurd values restart GUIDED, which stops.
+        Other frames, masks without a usable setpoint, forced acceleration, NaN and absurd values
+        restart GUIDED, which stops the vehicle.
         """
         m: Any = message
         mask = m.type_mask
@@ -230,7 +243,7 @@ class ArduPilot:
         return mode != GUIDED_NOGPS
 
     def accepts_origin(self, place: Place) -> bool:
-        """A place that is all zero counts as not set (read in its source)."""
+        """An all-zero origin counts as not set (from ArduPilot's source)."""
         return any(place)
 
     def peripheral_complaint(
@@ -257,7 +270,7 @@ class ArduPilot:
     def distance_echoes(
         self, outside: Outside, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
-        """The rangefinder with its instance as id, proximity with 10 + sector."""
+        """The rangefinder with its instance as id; proximity with id 10 + sector."""
         fresh = outside.fresh_ranges(now_s)
         echoes = []
         down = int(parameters["RNGFND1_ORIENT"])
@@ -278,7 +291,7 @@ def _are_sane(*values: float) -> bool:
 def _velocity(
     m: Any, yaw_rad: float, *, turned: bool, parameters: ParameterValues
 ) -> VelocityTarget | Refusal:
-    """Velocity with a yaw, a yaw rate, or neither: then it turns as WP_YAW_BEHAVIOR says."""
+    """Velocity with a yaw, a yaw rate, or neither; WP_YAW_BEHAVIOR then selects the heading."""
     yaw_rate = None if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
     yaw = None if m.type_mask & IGNORE_YAW else m.yaw
     if not _are_sane(m.vx, m.vy, m.vz, yaw_rate or 0.0, yaw or 0.0):

@@ -1,6 +1,6 @@
-"""What the vehicle does: modes, arming, take-off, setpoints, failsafes.
+"""Decides on modes, arming, take-off, setpoints and failsafes.
 
-How it is asked is the protocol's matter, how it answers the firmware's.
+`protocol` decodes the requests; `firmware` selects the responses.
 """
 
 from random import Random
@@ -21,20 +21,21 @@ from sitl.autopilot.streams import Message
 from sitl.core.vehicle import STEP_S, Vehicle
 
 STREAM_STEPS = 50
-"""Setpoints no farther apart than this are a stream."""
+"""Setpoints at most this many steps apart are a stream."""
 LIFT_OFF_M_S = -0.1
-"""A climbing setpoint of this down velocity lifts a vehicle that lifts off by setpoint."""
+"""Down velocity of a climbing setpoint that starts a take-off, m/s, if the firmware supports it."""
 MAX_TAKE_OFF_M = 1000.0
+"""Take-off heights from here on are refused, m. Chosen."""
 BY_STICK = (Behaviour.CLIMB_BY_STICK, Behaviour.THRUST_BY_STICK)
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 
 
 class Commander:
-    """Decides; `control` flies what it has decided."""
+    """Decides on the vehicle's actions; `control` executes them."""
 
     def __init__(self, parts: Parts, vehicle: Vehicle, landing: Random) -> None:
-        """`landing` draws how far each landing drifts."""
+        """`landing` draws the horizontal drift of each landing."""
         self._is = parts.firmware
         self._parameters = parts.parameters.values
         self._status = parts.status
@@ -45,23 +46,23 @@ class Commander:
         self._failsafes = FailsafeWatch(self._is.failsafes)
         self._setpoint_step: int | None = None
         self._lost_setpoints_in: int | None = None
-        """The offboard mode that was left for want of setpoints, while nothing else was chosen."""
+        """The offboard mode that the setpoint timeout ended; cleared by any other mode change."""
         self.throttle = Throttle.LOW
-        """The pilot's stick; without a transmitter it counts as low."""
+        """The pilot's throttle stick; it counts as low without a transmitter."""
         self.control = Control(self._navigation.estimator, self._is.response, landing)
         self.arming_fault = ""
-        """A fault for tests: what its own checks complain about."""
+        """A fault for tests: the failure that the vehicle's own checks report."""
 
     # Modes
 
     def ask_for(self, mode: int) -> int:
-        """Somebody wants a mode; the MAV_RESULT."""
+        """Handle a mode request; return the MAV_RESULT."""
         if self._is.behaviour(mode) is Behaviour.OFFBOARD and not self._may_go_offboard():
             return self._is.refused
         return self.enter(mode)
 
     def _may_go_offboard(self) -> bool:
-        """Disarmed, PX4 takes any mode."""
+        """Offboard mode is allowed. While disarmed, PX4 accepts any mode."""
         if not self._is.setpoints_before_offboard or not self._status.armed:
             return True
         return self._is_streaming() and self._navigation.has_position
@@ -71,7 +72,7 @@ class Commander:
         return since is not None and self._status.step - since <= STREAM_STEPS
 
     def enter(self, mode: int) -> int:
-        """Change the mode without asking whether it may be."""
+        """Change the mode without checking whether it is allowed."""
         behaviour = self._is.behaviour(mode)
         if behaviour is None:
             if text := self._is.no_such_mode(mode):
@@ -81,13 +82,13 @@ class Commander:
             return ACCEPTED
         self._status.mode = mode
         self._lost_setpoints_in = None
-        if self._is.beats_on_mode_change:
+        if self._is.heartbeat_on_mode_change:
             self._broadcast.add(self._telemetry.heartbeat())
         self._begin(behaviour)
         return ACCEPTED
 
     def _begin(self, behaviour: Behaviour) -> None:
-        """What a new mode does first."""
+        """Start a new mode's first manoeuvre."""
         is_low = self.throttle is Throttle.LOW
         if behaviour is Behaviour.LAND:
             if self._status.armed:
@@ -100,7 +101,7 @@ class Commander:
             self.control.hold()
 
     def pilot_mode(self, mode: int, throttle: Throttle) -> None:
-        """The pilot's mode switch, and where his throttle stick is meanwhile."""
+        """Apply the pilot's mode switch and throttle stick."""
         self.throttle = throttle
         if mode != self._status.mode:
             self.enter(mode)
@@ -110,7 +111,7 @@ class Commander:
     # Arming
 
     def complaint(self) -> str:
-        """What stands against arming now; or nothing."""
+        """The reason against arming now; empty if there is none."""
         status, navigation = self._status, self._navigation
         if status.crashed:
             return "Crashed: restart the simulator"
@@ -118,10 +119,10 @@ class Commander:
             return self.arming_fault
         if not navigation.estimator.has_settled:
             return "AHRS: not healthy"
-        if told := self._is.peripheral_complaint(
+        if reason := self._is.peripheral_complaint(
             navigation.outside, navigation.time_s, self._parameters
         ):
-            return told
+            return reason
         if self._is.needs_origin(status.mode) and navigation.origin is None:
             return "AHRS: waiting for home"
         return self._position_complaint()
@@ -145,7 +146,7 @@ class Commander:
             self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, text)
 
     def arm(self, *, forced: bool) -> int:
-        """Forcing skips what the firmware lets it skip, but never the position."""
+        """Arm. Force skips the checks that the firmware skips, but never the position."""
         if self._status.armed:
             return ACCEPTED
         skips = forced and self._is.force_skips_checks and not self._status.crashed
@@ -158,7 +159,7 @@ class Commander:
         return ACCEPTED
 
     def disarm(self, *, forced: bool) -> int:
-        """In the air only by force; then it falls."""
+        """Disarm. In the air only by force; the vehicle then falls."""
         if not self._vehicle.on_ground and not forced:
             return self._is.refused
         self.stop()
@@ -184,7 +185,7 @@ class Commander:
         return ACCEPTED
 
     def after_climb(self) -> None:
-        """A take-off mode goes on by itself."""
+        """Change from the take-off mode to hold."""
         if self._status.mode == self._is.take_off_mode:
             self.enter(self._is.hold_mode)
 
@@ -212,7 +213,7 @@ class Commander:
             self.control.follow(target)
 
     def expire_setpoint(self) -> None:
-        """The last setpoint is flown for a while; then the vehicle brakes, or changes its mode."""
+        """After a timeout of the last setpoint, brake or change the mode."""
         if self._setpoint_step is None or self.control.manoeuvre is not Manoeuvre.FOLLOW:
             return
         timeout_s, mode = self._is.setpoint_loss(self._parameters)
@@ -224,7 +225,7 @@ class Commander:
                 self._lost_setpoints_in = offboard if self._is.returns_to_offboard else None
 
     def check_failsafes(self) -> None:
-        """Look whether anything has failed, and react as the parameters say."""
+        """Check the failsafes and react as the parameters select."""
         status, navigation = self._status, self._navigation
         now_s, outside = navigation.time_s, navigation.outside
         condition = Condition(

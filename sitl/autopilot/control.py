@@ -1,4 +1,4 @@
-"""What velocity the autopilot flies at this moment, in its own estimated frame.
+"""Computes the velocity that the autopilot flies now, in its estimated NED frame.
 
 GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setpoint timeout── FOLLOW
 │                   │ ──setpoint────────────────►│
@@ -7,7 +7,7 @@ GROUND ──take-off──► CLIMB ──at height──► HOLD ◄──setp
 ▼
 GROUND, disarmed
 
-in the air, the throttle stick low in a pilot's mode:   SINK, FALL ──on the ground──► GROUND, armed
+in the air, throttle stick low in a pilot's mode:   SINK, FALL ──on the ground──► GROUND, armed
 """
 
 import enum
@@ -21,24 +21,29 @@ from sitl.autopilot.response import Response
 from sitl.core.vehicle import STEP_S
 
 CLIMB_M_S = 1.2
-"""To a position."""
+"""Largest climb or descent rate on the way to a position setpoint, m/s."""
 POSITION_GAIN_1_S = 0.8
+"""Velocity per position error, 1/s."""
 MAX_HOLD_M_S = 0.5
+"""Largest velocity while holding a position, m/s."""
 AT_REST_M_S = 0.1
-"""Slower than this it holds the place where it is."""
+"""Below this speed the vehicle holds its current position, m/s."""
 AT_HEIGHT_M = 0.1
+"""A take-off ends this far below its height, m."""
 CRUISE_M_S = 5.0
-"""To a position."""
+"""Largest speed on the way to a position setpoint, m/s."""
 APPROACH_M_S2 = 1.0
+"""Squared speed per distance to a position setpoint, m/s²: twice the deceleration."""
 YAW_GAIN_1_S = 3.0
+"""Yaw rate per yaw error, 1/s."""
 MAX_YAW_RATE_RAD_S = math.radians(67)
-"""Turning to a commanded heading, as measured."""
+"""Yaw rate limit on the way to a commanded heading, rad/s. Measured."""
 COURSE_FROM_M_S = 0.5
-"""From this speed on the nose is turned to the course where no yaw is commanded."""
+"""Speed above which the nose turns to the course if no yaw is commanded, m/s."""
 
 
 class Manoeuvre(enum.Enum):
-    """Where in the diagram above."""
+    """State in the diagram above."""
 
     GROUND = "on the ground"
     CLIMB = "taking off"
@@ -50,10 +55,10 @@ class Manoeuvre(enum.Enum):
 
 
 class Control:
-    """The manoeuvre flown now, and the velocity it asks for."""
+    """The current manoeuvre and the velocity that it commands."""
 
     def __init__(self, estimator: AutopilotEstimator, response: Response, random: Random) -> None:
-        """`random` draws how far each landing drifts."""
+        """`random` draws the horizontal drift of each landing."""
         self._estimator = estimator
         self._response = response
         self._random = random
@@ -67,7 +72,7 @@ class Control:
         self._sink_m_s = 0.0
 
     def arm(self, now_s: float) -> None:
-        """The motors begin to spin up."""
+        """Start to spin up the motors."""
         self._lifts_s = now_s + self._response.spool_up_s
 
     def take_off(self, now_s: float, height_m: float) -> None:
@@ -75,11 +80,11 @@ class Control:
         self._lifts_s = max(self._lifts_s, now_s + self._response.take_off_delay_s)
 
     def has_thrust(self, now_s: float) -> bool:
-        """It can leave the ground."""
+        """The motors have enough thrust to lift off."""
         return now_s >= self._lifts_s
 
     def land(self) -> None:
-        """On the ground, too: it finds out, and disarms."""
+        """Start a landing, also on the ground: there it detects the ground and disarms."""
         self._begin_hold()
         self.manoeuvre = Manoeuvre.LAND
         self._on_ground_s = 0.0
@@ -87,12 +92,12 @@ class Control:
         self._drift_ne_m_s = self._random.gauss(0, sigma_m_s), self._random.gauss(0, sigma_m_s)
 
     def hold(self) -> None:
-        """Brake, then stay: what every mode without a pilot's stick movement does."""
+        """Brake, then hold the position: the behaviour of all modes with released sticks."""
         if self.manoeuvre is not Manoeuvre.GROUND:
             self._begin_hold()
 
     def sink(self, down_m_s: float) -> None:
-        """Brake and stay, but go down."""
+        """Brake and hold the horizontal position, but descend."""
         if self.manoeuvre is not Manoeuvre.GROUND:
             self._begin_hold()
             self.manoeuvre, self._sink_m_s = Manoeuvre.SINK, down_m_s
@@ -107,7 +112,7 @@ class Control:
         self.manoeuvre = Manoeuvre.HOLD
 
     def follow(self, target: Target) -> None:
-        """A setpoint in the estimated NED."""
+        """Follow a setpoint in the estimated NED frame."""
         self.manoeuvre = Manoeuvre.FOLLOW
         self._target = target
 
@@ -115,7 +120,7 @@ class Control:
         self.manoeuvre = Manoeuvre.GROUND
 
     def wanted(self, *, on_ground: bool) -> tuple[Vector3, float]:
-        """Velocity in the estimated NED and yaw rate; GROUND once it has landed."""
+        """Velocity in the estimated NED frame, and yaw rate. Sets GROUND after a landing."""
         match self.manoeuvre:
             case Manoeuvre.FOLLOW:
                 return self._follow(self._target)
@@ -138,7 +143,7 @@ class Control:
         return target.velocity_ned_m_s, self._turn(target)
 
     def _towards(self, position_ned_m: Vector3) -> Vector3:
-        """Straight there, slowing down in time."""
+        """Velocity straight to a position, reduced before it."""
         off = [
             there - here
             for there, here in zip(position_ned_m, self._estimator.position_ned_m, strict=True)
@@ -178,7 +183,7 @@ class Control:
         return 0.0, 0.0, -min(response.take_off_m_s, climb_m_s)
 
     def _stay(self) -> Vector3:
-        """Come to rest, then hold the position where that was."""
+        """Come to rest, then hold the position reached."""
         estimate = self._estimator
         position = estimate.position_ned_m
         if self._hold_at is None:

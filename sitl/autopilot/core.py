@@ -1,6 +1,6 @@
-"""The emulated flight controller: MAVLink in, MAVLink out, and a vehicle that it flies.
+"""Assembles the emulated flight controller: MAVLink in, MAVLink out, and the vehicle it flies.
 
-Here its parts are put together, and time passes.
+`Autopilot.step` advances the time.
 """
 
 import math
@@ -34,30 +34,34 @@ from sitl.core.vehicle import STEP_S, Vehicle
 from sitl.sensors.time_of_flight import TofUnit
 
 FIRMWARES: dict[str, Callable[[], EmulatedFirmware]] = {"ardupilot": ArduPilot, "px4": Px4}
+"""Emulated firmwares by name."""
 
 HEARTBEAT_STEPS = 100
+"""Steps between HEARTBEATs: 1 s."""
 FAILSAFE_STEPS = 10
+"""Steps between failsafe checks."""
 RESTART_STEPS = 150
+"""Steps without messages after a reboot."""
 GROUND_STATION_GONE_S = 2.5
-"""PX4's HEARTBEAT_TIMEOUT_US."""
+"""Timeout of a ground station's HEARTBEAT, s. PX4's HEARTBEAT_TIMEOUT_US."""
 FLIGHT_BATTERY_S = 600.0
-"""How long a full battery flies."""
+"""Flight time of a full battery, s. Chosen."""
 NO_PARAMETERS: Mapping[str, float] = MappingProxyType({})
 
 
 def keep_nothing(name: str, value: float) -> None:
-    """For a vehicle that forgets what it was set to."""
+    """The `ParameterWatch` of a vehicle that does not save its parameters."""
 
 
 class Autopilot:
-    """One vehicle with its flight controller; time passes only by `step`.
+    """One vehicle with its flight controller. Time advances only by `step`.
 
-    `parameters` are set before it starts; `watch` is told those that a client sets. With
-    `tells_truth` it sends its true state to whoever asks, as simulated autopilots do. A full
-    battery flies for `battery_s`.
+    `parameters` apply from the start. `watch` is called for each parameter that a client sets. With
+    `sends_truth` the vehicle sends its true state on request, as simulated autopilots do. A full
+    battery lasts `battery_s` in flight.
 
     Raises:
-        ParameterError: a parameter that it does not have.
+        ParameterError: the firmware has no such parameter.
     """
 
     def __init__(
@@ -69,14 +73,14 @@ class Autopilot:
         parameters: Mapping[str, float] = NO_PARAMETERS,
         watch: ParameterWatch = keep_nothing,
         links: int = 1,
-        tells_truth: bool = False,
+        sends_truth: bool = False,
         noise: OdometryNoise = REFERENCE_NOISE,
         battery_s: float = FLIGHT_BATTERY_S,
     ) -> None:
         self.kind = firmware
         """ "ardupilot" or "px4"."""
         self.mute: set[str] = set()
-        """A fault for tests: messages that it does not send."""
+        """A fault for tests: types of messages that are not sent."""
         self._battery_s = battery_s
         self._is = FIRMWARES[firmware]()
         self._timesync_steps = round(self._is.timesync_period_s / STEP_S)
@@ -93,12 +97,14 @@ class Autopilot:
             start,
             imu=Imu(stream(seed, "autopilot's gyro")),
         )
-        makers = self._telemetry.makers(tells_truth=tells_truth)
+        makers = self._telemetry.makers(sends_truth=sends_truth)
         self._channels = [
             Channel(Streams(makers, self._is.streams_hz), Outbox()) for _ in range(links)
         ]
         self._broadcast = Broadcast(
-            [channel.outbox for channel in self._channels], self._is.text_habit, self._hears_texts
+            [channel.outbox for channel in self._channels],
+            self._is.text_habit,
+            self._receives_texts,
         )
         parts = Parts(
             self._is,
@@ -113,7 +119,7 @@ class Autopilot:
         self.system_id = system_id(self._is, values)
         self._protocol = Protocol(self.system_id, parts, self._commander)
 
-    def _hears_texts(self, outbox: Outbox) -> bool:
+    def _receives_texts(self, outbox: Outbox) -> bool:
         age_s = self.time_s - outbox.ground_station_s
         return not self._is.text_habit.needs_ground_station or age_s <= GROUND_STATION_GONE_S
 
@@ -128,7 +134,7 @@ class Autopilot:
 
     @property
     def battery(self) -> float:
-        """What is left of it, 0 to 1."""
+        """Remaining charge, 0 to 1."""
         return self._status.battery
 
     @property
@@ -136,12 +142,12 @@ class Autopilot:
         return self._vehicle.state
 
     @property
-    def believed(self) -> AutopilotEstimator:
-        """Where it thinks it is."""
+    def estimate(self) -> AutopilotEstimator:
+        """The autopilot's own estimate of pose and velocity."""
         return self._navigation.estimator
 
     def step(self) -> None:
-        """10 ms of flight."""
+        """Advance by 10 ms."""
         status = self._status
         status.step += 1
         self._commander.expire_setpoint()
@@ -152,7 +158,7 @@ class Autopilot:
         self._telemetry.truth = truth = self._vehicle.state
         self._navigation.update(truth)
         status.manoeuvre = self._commander.control.manoeuvre
-        self._speak()
+        self._send_due()
 
     def _fly(self) -> None:
         control, estimator = self._commander.control, self._navigation.estimator
@@ -173,7 +179,7 @@ class Autopilot:
         if was is Manoeuvre.CLIMB and control.manoeuvre is Manoeuvre.HOLD:
             self._commander.after_climb()
 
-    def _speak(self) -> None:
+    def _send_due(self) -> None:
         step = self._status.step
         if step < self._silent_until_step:
             return
@@ -190,11 +196,11 @@ class Autopilot:
         self._protocol.list_parameters()
 
     def connect(self, rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]]) -> None:
-        """Rangefinders of its own, which it tells about."""
+        """Connect rangefinders to the autopilot; it reports their readings."""
         self._telemetry.rangefinders = rangefinders
 
     def receive(self, message: Message, link: int = 0) -> None:
-        """Anything a client may send on one of the links."""
+        """Handle any message from a client on one of the links."""
         if self._status.step < self._silent_until_step:
             return
         self._protocol.receive(message, self._channels[link])
@@ -205,17 +211,17 @@ class Autopilot:
                     channel.outbox.add(passed)
 
     def _is_for_all(self, message: Message) -> bool:
-        """From another component of this vehicle, and to nobody in particular."""
+        """The message is a broadcast from another component of this vehicle."""
         ours = message.get_srcSystem() == self.system_id
         return ours and not getattr(message, "target_system", 0)
 
     def take_outbox(self, link: int = 0) -> list[Message]:
-        """What has been said on one of the links since the last call."""
-        told = self._channels[link].outbox.take()
-        return [m for m in told if m.get_type() not in self.mute] if self.mute else told
+        """Messages sent on one of the links since the last call."""
+        messages = self._channels[link].outbox.take()
+        return [m for m in messages if m.get_type() not in self.mute] if self.mute else messages
 
     def crash(self, reason: str) -> None:
-        """It has hit something: motors off for good."""
+        """Stop the motors for good after a collision."""
         self._status.crashed = True
         self._commander.stop()
         self._broadcast.text(mavlink.MAV_SEVERITY_EMERGENCY, f"Crash: {reason}")
@@ -223,7 +229,7 @@ class Autopilot:
     # Faults for tests
 
     def restart(self) -> None:
-        """It reboots where it is, with its motors off meanwhile."""
+        """Reboot in place with the motors off."""
         status = self._status
         self._commander.stop()
         status.mode, status.booted_step = self._is.boot_mode, status.step
@@ -235,25 +241,25 @@ class Autopilot:
             channel.streams.restart()
 
     def jump_clock(self, seconds: float) -> None:
-        """Its time since boot leaps."""
+        """Make the time since boot jump by `seconds`."""
         self._status.booted_step -= round(seconds / STEP_S)
 
     def set_battery(self, share: float) -> None:
         self._status.battery = share
 
     def blow(self, north_m_s: float, east_m_s: float) -> None:
-        """A gust carries the vehicle along."""
+        """Wind moves the vehicle."""
         self._vehicle.wind_ne_m_s = (north_m_s, east_m_s)
 
     def lose_flow(self, *, lost: bool) -> None:
         self._navigation.lose_flow(lost=lost)
 
     def claim(self, vehicle_type: int | None, autopilot: int | None) -> None:
-        """Its heartbeats say that it is something else; None: what it is."""
+        """Claim another type or autopilot in HEARTBEAT; None restores the true one."""
         self._telemetry.claimed = vehicle_type, autopilot
 
     def stay_taking_off(self, *, stays: bool) -> None:
-        """It tells that it is taking off for as long as it flies, as ArduCopter 4.1 does."""
+        """Report "taking off" during the whole flight, as ArduCopter 4.1 does."""
         self._telemetry.stays_taking_off = stays
 
     def refuse_arming(self, *, refuse: bool) -> None:
@@ -262,9 +268,9 @@ class Autopilot:
     # The pilot
 
     def pilot_mode(self, custom_mode: int, throttle: Throttle = Throttle.LOW) -> None:
-        """The pilot's mode switch, and where the throttle stick is."""
+        """Set the pilot's mode switch and throttle stick."""
         self._commander.pilot_mode(custom_mode, throttle)
 
     def pilot_arms(self) -> None:
-        """By the sticks, whatever its checks say."""
+        """Arm by the sticks, without checks."""
         self._status.armed = True

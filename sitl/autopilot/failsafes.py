@@ -1,8 +1,8 @@
-"""Watches over what may fail in flight.
+"""Monitors failure conditions in flight.
 
-QUIET ──fails──► ACTIVE: told, mode changed where the autopilot is set to
+QUIET ──fails──► ACTIVE: text sent; mode changed if the parameters select one
 ▲                │
-└──── cleared ───┘ told; the mode stays as it is
+└──── cleared ───┘ text sent; the mode stays
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -17,12 +17,12 @@ class FailsafeWatch:
     def __init__(self, failsafes: tuple[Failsafe, ...]) -> None:
         self._active = dict.fromkeys(failsafes, False)
         self.has_taken_over = False
-        """A failsafe that changes the mode is active: HEARTBEAT says critical."""
+        """A failsafe that changes the mode is active. HEARTBEAT then reports "critical"."""
 
     def check(
         self, condition: Condition, parameters: ParameterValues, broadcast: Broadcast
     ) -> int | None:
-        """Tell what has changed; the mode that the vehicle must change to now, if any."""
+        """Send texts for changes; return the mode to change to now, if any."""
         wanted = None
         for failsafe, was_active in self._active.items():
             fails = failsafe.fails(condition, parameters) and (condition.flying or was_active)

@@ -1,4 +1,4 @@
-"""What makes one autopilot different from another; `core` knows only this."""
+"""Interface to the differences between autopilots; `core` uses nothing else of them."""
 
 import enum
 from collections.abc import Callable, Mapping
@@ -17,9 +17,9 @@ from sitl.core.truth import TrueState
 
 
 class Behaviour(enum.Enum):
-    """What a mode does, whatever it is called."""
+    """Behaviour of a mode, independent of its name."""
 
-    HOLD = "stays where it is, whatever the sticks"
+    HOLD = "holds its position, independent of the sticks"
     CLIMB_BY_STICK = "holds; the throttle stick commands the climb, below its middle the descent"
     THRUST_BY_STICK = "the throttle stick commands the thrust"
     OFFBOARD = "follows setpoints"
@@ -28,7 +28,7 @@ class Behaviour(enum.Enum):
 
 
 class Throttle(enum.StrEnum):
-    """Where the pilot's throttle stick is."""
+    """Position of the pilot's throttle stick."""
 
     LOW = "low"
     MID = "mid"
@@ -36,9 +36,9 @@ class Throttle(enum.StrEnum):
 
 @value
 class VelocityTarget:
-    """An accepted velocity setpoint, in the autopilot's estimated NED.
+    """An accepted velocity setpoint in the autopilot's estimated NED frame.
 
-    Neither yaw nor yaw rate: the autopilot turns as it sees fit.
+    With neither yaw nor yaw rate, the firmware selects the heading.
     """
 
     velocity_ned_m_s: Vector3
@@ -48,7 +48,7 @@ class VelocityTarget:
 
 @value
 class PositionTarget:
-    """An accepted position setpoint, in the autopilot's estimated NED; it turns towards it."""
+    """A position setpoint in the autopilot's estimated NED frame. The nose turns to it."""
 
     position_ned_m: Vector3
 
@@ -58,7 +58,7 @@ Target = VelocityTarget | PositionTarget
 
 @value
 class Refusal:
-    """A setpoint that is not flown; ArduPilot stops without a word, PX4 goes on and complains."""
+    """A rejected setpoint. ArduPilot stops without a text; PX4 continues and sends a text."""
 
     text: str = ""
     stops: bool = False
@@ -66,30 +66,30 @@ class Refusal:
 
 @value
 class Sources:
-    """What the estimator is built on, as the parameters choose."""
+    """Inputs of the estimator, as the parameters select them."""
 
     flow: bool
-    """Velocity from the optical flow sensor that the vehicle has."""
+    """Velocity from the vehicle's own optical flow sensor."""
     outside_position: bool = False
     outside_velocity: bool = False
     outside_yaw: bool = False
-    """Out of messages such as ODOMETRY (331) and VISION_POSITION_ESTIMATE (102)."""
+    """These three: from messages such as ODOMETRY (331) and VISION_POSITION_ESTIMATE (102)."""
 
     @property
     def needs_outside(self) -> bool:
-        """Without messages there is no position."""
+        """There is no position without external messages."""
         return not self.flow and (self.outside_position or self.outside_velocity)
 
 
 @value
 class Condition:
-    """What failsafes look at; ages in seconds, infinite for what was never heard."""
+    """Inputs of the failsafes. Ages in s, infinite if never received."""
 
     flying: bool
     unaided_s: float
-    """How long the estimator has had nothing to tell it how it moves."""
+    """Time for which the estimator has had no motion input."""
     battery: float
-    """Share left."""
+    """Remaining charge, 0 to 1."""
     battery_v: float
     ground_station_age_s: float
     onboard_computer_age_s: float
@@ -97,17 +97,17 @@ class Condition:
 
 @value
 class EstimatorHealth:
-    """What the estimator's status messages tell."""
+    """Inputs of the estimator's status messages."""
 
     settled: bool
     has_position: bool
     sources: Sources
     outside_age_s: float
-    """Since a pose came from outside; infinite if none ever did."""
+    """Age of the last external pose, s; infinite if there was none."""
     is_at_rest: bool = False
-    """It stands on the ground."""
+    """The vehicle is on the ground at rest."""
     has_origin: bool = False
-    """SET_GPS_GLOBAL_ORIGIN (48) has come."""
+    """SET_GPS_GLOBAL_ORIGIN (48) was received."""
 
 
 ParameterValues = Mapping[str, float]
@@ -115,13 +115,13 @@ ParameterValues = Mapping[str, float]
 
 @value
 class Failsafe:
-    """Something that may go wrong in flight, and what the autopilot then says and does."""
+    """A failure condition in flight, with the autopilot's texts and reaction."""
 
     fails: Callable[[Condition, ParameterValues], bool]
     texts: tuple[str, ...]
     cleared: str = ""
     mode: Callable[[ParameterValues], int | None] = lambda parameters: None
-    """The mode that it changes to; None: it only tells."""
+    """The mode to change to; None: the autopilot only sends the texts."""
 
 
 class EmulatedFirmware(Protocol):
@@ -134,64 +134,64 @@ class EmulatedFirmware(Protocol):
     take_off_mode: int | None
     """The mode that NAV_TAKEOFF enters; None if it climbs within its offboard mode."""
     hold_mode: int
-    """Where a take-off mode goes on to."""
+    """Mode that follows the take-off mode."""
     refused: int
-    """MAV_RESULT of refused arming, disarming and modes."""
+    """MAV_RESULT of rejected arming, disarming and modes."""
     request_refused: int
-    """MAV_RESULT of a REQUEST_MESSAGE (512) of what there is not, or not yet."""
+    """MAV_RESULT of a REQUEST_MESSAGE (512) for a message that is not available."""
     streams_hz: dict[int, float]
-    """What is sent unasked."""
+    """Messages that are streamed without a request, with their rates."""
     table: Table
-    """Its parameters, with the firmware's defaults."""
+    """Parameters with the firmware's defaults."""
     configured: dict[str, float]
-    """What this vehicle has been set up with, to fly without GPS."""
+    """Parameters of this vehicle that differ from the defaults, for flight without GPS."""
     parameter_protocol: type[Parameters]
     system_id_parameter: str
-    """Read at the start only."""
+    """System id parameter, read at the start only."""
     setpoints_before_offboard: bool
-    """Without a stream of setpoints it neither arms in its offboard mode nor enters it armed."""
+    """Arming in offboard mode, and entering it armed, needs a stream of setpoints."""
     acknowledges_modes_at_once: bool
-    """DO_SET_MODE is acknowledged when it comes, and once more when it is done or refused."""
+    """DO_SET_MODE is acknowledged on receipt and again with the final result."""
     text_habit: TextHabit
     forwards_components: bool
-    """What the vehicle's other components tell everybody goes out on all other links."""
+    """Broadcasts of the vehicle's other components are forwarded to all other links."""
     lifts_off_by_setpoint: bool
-    beats_on_mode_change: bool
-    """A HEARTBEAT tells a new mode at once; otherwise the next of each second."""
+    heartbeat_on_mode_change: bool
+    """A mode change sends a HEARTBEAT at once; otherwise the periodic HEARTBEAT reports it."""
     returns_to_offboard: bool
-    """When setpoints come again, out of the mode to which it had gone for want of them."""
-    least_interval_us: int
-    """What is asked for more often than this is refused."""
+    """When setpoints resume, the autopilot returns from the setpoint timeout's mode."""
+    min_interval_us: int
+    """Shortest message interval, µs; shorter requests are rejected."""
     interval_refused: int
-    """MAV_RESULT of a refused SET_MESSAGE_INTERVAL (511)."""
+    """MAV_RESULT of a rejected SET_MESSAGE_INTERVAL (511)."""
     response: Response
-    """How it flies."""
+    """Response of vehicle and setpoint shaping."""
     capabilities: int
     flight_sw_version: int
     pose_messages: PoseMessages
-    """Those about its pose that are understood."""
+    """Accepted messages with a pose."""
     position_needs_origin: bool
-    """There is no position before SET_GPS_GLOBAL_ORIGIN (48)."""
+    """The position is valid only after SET_GPS_GLOBAL_ORIGIN (48)."""
     outside_lost_s: float
-    """How long the position lives on after the last pose from outside."""
+    """Time after the last external pose at which the position becomes invalid, s."""
     force_skips_checks: bool
     origin_text: str
-    """What is said when the origin comes; or nothing."""
+    """Text sent when the origin is set; may be empty."""
     timesync_period_s: float
     failsafes: tuple[Failsafe, ...]
     healthy_unless_failed: int
-    """Bits of SYS_STATUS that are healthy although nothing of the kind is there."""
-    tells_highres_imu: bool
-    """It has the better of the two messages about its gyro."""
+    """Bits of SYS_STATUS that report "healthy" without such a sensor."""
+    sends_highres_imu: bool
+    """HIGHRES_IMU is available besides SCALED_IMU."""
     ground_truth: int
-    """Id of the message that tells the true state, where it is told at all."""
+    """Id of the message with the true state, where it is sent at all."""
 
     def behaviour(self, mode: int) -> Behaviour | None:
-        """What a custom_mode does; None if there is no such mode."""
+        """Behaviour of a custom_mode; None if there is no such mode."""
         ...
 
     def mode_of(self, main: int, sub: int) -> int:
-        """The custom_mode that parameters 2 and 3 of DO_SET_MODE name."""
+        """The custom_mode for parameters 2 and 3 of DO_SET_MODE."""
         ...
 
     def base_mode(self, mode: int, *, armed: bool) -> int: ...
@@ -199,7 +199,7 @@ class EmulatedFirmware(Protocol):
     def no_such_mode(self, mode: int) -> str: ...
 
     def no_such_message(self, message_id: int) -> str:
-        """What is said when an unknown message is asked for at an interval; or nothing."""
+        """Text for an interval request of an unknown message; may be empty."""
         ...
 
     def setpoint(
@@ -209,15 +209,15 @@ class EmulatedFirmware(Protocol):
         position_ned_m: Vector3,
         parameters: ParameterValues,
     ) -> Target | Refusal:
-        """What SET_POSITION_TARGET_LOCAL_NED (84) asks for, at this pose."""
+        """Decode SET_POSITION_TARGET_LOCAL_NED (84) at this pose."""
         ...
 
     def setpoint_loss(self, parameters: ParameterValues) -> tuple[float, int | None]:
-        """After how long without setpoints, and into which mode; None: it only brakes."""
+        """Setpoint timeout, s, and the mode that it enters; None: the vehicle only brakes."""
         ...
 
     def sink_m_s(self, parameters: ParameterValues) -> float:
-        """How fast it goes down with the throttle stick low, where that commands the climb."""
+        """Descent rate with the throttle stick low, m/s, in modes where it commands the climb."""
         ...
 
     def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float: ...
@@ -225,7 +225,7 @@ class EmulatedFirmware(Protocol):
     def sources(self, parameters: ParameterValues) -> Sources: ...
 
     def needs_origin(self, mode: int) -> bool:
-        """Arming in this mode is refused until SET_GPS_GLOBAL_ORIGIN (48) has come."""
+        """Arming in this mode is rejected until SET_GPS_GLOBAL_ORIGIN (48) is received."""
         ...
 
     def needs_position(self, mode: int) -> bool: ...
@@ -235,11 +235,11 @@ class EmulatedFirmware(Protocol):
     def peripheral_complaint(
         self, outside: Outside, now_s: float, parameters: ParameterValues
     ) -> str:
-        """What keeps it from arming that the parameters have told it to expect; or nothing."""
+        """The reason against arming from a sensor that the parameters require; may be empty."""
         ...
 
     def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
-        """The STATUSTEXTs of refused arming, or of a failed check."""
+        """STATUSTEXTs of rejected arming or of a failed check."""
         ...
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message: ...
@@ -247,20 +247,20 @@ class EmulatedFirmware(Protocol):
     def distance_echoes(
         self, outside: Outside, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
-        """DISTANCE_SENSOR (132) as it is passed on to those who ask for it."""
+        """Received DISTANCE_SENSOR (132) messages as they are forwarded to other clients."""
         ...
 
     def true_state(self, truth: TrueState) -> Message:
-        """Where it really is, as a simulated autopilot tells it."""
+        """The true state as a simulated autopilot sends it."""
         ...
 
 
 def boot_values(firmware: EmulatedFirmware, parameters: Mapping[str, float]) -> dict[str, float]:
-    """What its parameters hold at the start."""
+    """Parameter values at the start."""
     return initial_values(firmware.table, {**firmware.configured, **parameters})
 
 
 def system_id(firmware: EmulatedFirmware, values: Mapping[str, float]) -> int:
-    """The MAVLink system that it is from its start on; 1 if the parameter holds none."""
+    """MAVLink system id from the start on; 1 if the parameter is out of range."""
     asked = int(values[firmware.system_id_parameter])
     return asked if 1 <= asked <= 255 else 1

@@ -1,4 +1,4 @@
-"""What the autopilot says: order and chunking as on a real one."""
+"""Queues the autopilot's messages: order and chunking as on a real one."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -9,31 +9,32 @@ from companion.core.values import value
 from sitl.autopilot.streams import Message
 
 TEXT_LENGTH = 50
+"""Characters in a STATUSTEXT (253)."""
 
 
 @value
 class TextHabit:
-    """How an autopilot sends STATUSTEXT (253)."""
+    """An autopilot's way of sending STATUSTEXT (253)."""
 
     needs_ground_station: bool = False
-    """It goes out only on links on which a ground station's HEARTBEAT has come in."""
+    """Texts are sent only on links that have received a ground station's HEARTBEAT."""
     numbers_all: bool = False
-    """All have an id, from 0 on, and nothing marks the end of one that fills its last chunk."""
+    """Every text has an id, starting at 0. No empty chunk follows a full last chunk."""
     ending: str = ""
-    """What stands at the end of each."""
+    """Suffix of each text."""
 
 
 MARKED = TextHabit()
-"""A short chunk is the end of a text that has an id."""
+"""A chunk that is not full ends a text with an id."""
 
 
 class Outbox:
-    """Messages of one link in the order in which they are sent."""
+    """Messages of one link in the order of sending."""
 
     def __init__(self) -> None:
         self._messages: list[Message] = []
         self.ground_station_s = -math.inf
-        """When a ground station's HEARTBEAT last came in on this link."""
+        """Time of the last HEARTBEAT from a ground station on this link, s."""
 
     def add(self, message: Message) -> None:
         self._messages.append(message)
@@ -42,11 +43,11 @@ class Outbox:
         self._messages.extend(messages)
 
     def begin_answer(self) -> int:
-        """A mark for `answer`: all that is added from here on explains the ack."""
+        """A mark for `answer`: messages added from here on explain the acknowledgement."""
         return len(self._messages)
 
     def answer(self, ack: Message, mark: int) -> None:
-        """An ack goes before what explains it."""
+        """Insert an acknowledgement before the messages that explain it."""
         self._messages.insert(mark, ack)
 
     def take(self) -> list[Message]:
@@ -55,17 +56,17 @@ class Outbox:
 
 
 class Broadcast:
-    """What every link hears; texts only those to which they go."""
+    """Sends to every link; texts only to links that receive texts."""
 
     def __init__(
         self,
         outboxes: Sequence[Outbox],
         habit: TextHabit = MARKED,
-        hears_texts: Callable[[Outbox], bool] = lambda _: True,
+        receives_texts: Callable[[Outbox], bool] = lambda _: True,
     ) -> None:
         self._outboxes = outboxes
         self._habit = habit
-        self._hears_texts = hears_texts
+        self._receives_texts = receives_texts
         self._text_id = 0
 
     def add(self, message: Message) -> None:
@@ -86,7 +87,7 @@ class Broadcast:
             text_id = self._text_id
             if len(chunks[-1]) == TEXT_LENGTH:
                 chunks.append("")  # a short chunk ends the text
-        for outbox in filter(self._hears_texts, self._outboxes):
+        for outbox in filter(self._receives_texts, self._outboxes):
             for sequence, chunk in enumerate(chunks):
                 outbox.add(
                     mavlink.MAVLink_statustext_message(severity, chunk.encode(), text_id, sequence)

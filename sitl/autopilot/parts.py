@@ -1,4 +1,4 @@
-"""What the commander and the protocol of one vehicle have in common."""
+"""Holds the parts that the commander and the protocol of one vehicle share."""
 
 from dataclasses import dataclass
 

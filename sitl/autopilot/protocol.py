@@ -1,4 +1,4 @@
-"""How the vehicle is spoken to: MAVLink messages in, answers out. Nothing that comes in raises.
+"""Handles MAVLink: messages in, responses out. No message raises an exception.
 
 commands, modes, setpoints ─► commander        parameters ─► parameters
 intervals, requests ─► streams of that link    poses, ranges, heartbeats ─► outside
@@ -16,9 +16,10 @@ from sitl.autopilot.parts import Parts
 from sitl.autopilot.streams import Message, Streams
 
 FORCE_ARM, FORCE_DISARM = 2989, 21196
+"""Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM (400)."""
 MAVLINK_TO_ALL = 0
 FTP_NAK, FTP_FILE_NOT_FOUND = 129, 10
-"""FILE_TRANSFER_PROTOCOL (110): there are no files."""
+"""Response of FILE_TRANSFER_PROTOCOL (110): the vehicle has no files."""
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 FAILED: int = mavlink.MAV_RESULT_FAILED
 DENIED: int = mavlink.MAV_RESULT_DENIED
@@ -35,12 +36,12 @@ DATA_STREAMS: dict[int, tuple[int, ...]] = {
         mavlink.MAVLINK_MSG_ID_SYSTEM_TIME,
     ),
 }
-"""What ground stations ask for in the old way, REQUEST_DATA_STREAM (66)."""
+"""Messages of the streams in the deprecated REQUEST_DATA_STREAM (66)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """One link: what it has asked for, and what it is told."""
+    """One link: its requested streams and its queued messages."""
 
     streams: Streams
     outbox: Outbox
@@ -58,8 +59,8 @@ class Protocol:
         self._broadcast = parts.broadcast
         self._commander = commander
         self._parameters = parameters = parts.parameters
-        self._listening: list[Channel] = []
-        """Who hears the list of parameters."""
+        self._list_channels: list[Channel] = []
+        """Links that receive the list of parameters."""
         self._handlers: dict[str, Callable[[Message, Channel], object]] = {
             "COMMAND_LONG": self._command_long,
             "COMMAND_INT": self._command_int,
@@ -81,7 +82,7 @@ class Protocol:
             mavlink.MAV_CMD_NAV_TAKEOFF: lambda p, _: commander.take_off(p[6]),
             mavlink.MAV_CMD_NAV_LAND: lambda p, _: commander.enter(firmware.land_mode),
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
-            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._tell_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._send_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: lambda p, c: self._send(c, _whole(p[0])),
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: lambda p, c: self._send(
                 c, mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION
@@ -92,7 +93,7 @@ class Protocol:
         }
 
     def receive(self, message: Message, channel: Channel) -> None:
-        """Anything a client may send; what is not for this vehicle or not known is ignored."""
+        """Handle any message; ignore it if addressed to another system or unknown."""
         if getattr(message, "target_system", MAVLINK_TO_ALL) not in (0, self._system_id):
             return
         handler = self._handlers.get(message.get_type())
@@ -102,23 +103,23 @@ class Protocol:
         now_s = self._navigation.time_s
         if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
             channel.outbox.ground_station_s = now_s
-        if complaint := self._navigation.outside.hear(message, now_s):
+        if complaint := self._navigation.outside.receive(message, now_s):
             self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, complaint)
 
     def _begin_list(self, channel: Channel) -> None:
         if not self._parameters.is_listing:
-            self._listening = []
-        if channel not in self._listening:
-            self._listening.append(channel)
+            self._list_channels = []
+        if channel not in self._list_channels:
+            self._list_channels.append(channel)
         self._parameters.begin_list()
 
     def list_parameters(self) -> None:
-        """Once a step: some more of a list that is under way."""
+        """Send this step's part of a running parameter list."""
         if not self._parameters.is_listing:
             return
-        told = self._parameters.due()
-        for channel in self._listening:
-            channel.outbox.extend(told)
+        message = self._parameters.due()
+        for channel in self._list_channels:
+            channel.outbox.extend(message)
 
     # Commands
 
@@ -128,7 +129,7 @@ class Protocol:
         self._command(message, tuple(numbered), channel)
 
     def _command_int(self, message: Message, channel: Channel) -> None:
-        """COMMAND_INT (75); no command here needs a place."""
+        """COMMAND_INT (75). No command here uses a location."""
         m = message
         first_four = (m.param1, m.param2, m.param3, m.param4)
         self._command(m, (*first_four, m.x * 1e-7, m.y * 1e-7, m.z), channel)
@@ -161,7 +162,7 @@ class Protocol:
         return self._commander.ask_for(self._is.mode_of(main, sub))
 
     def _set_mode_message(self, message: Message) -> None:
-        """SET_MODE (11), the old way."""
+        """SET_MODE (11), deprecated."""
         if message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED:
             self._commander.ask_for(message.custom_mode)
 
@@ -171,9 +172,9 @@ class Protocol:
         """MAV_CMD_SET_MESSAGE_INTERVAL (511)."""
         message_id, interval_us = _whole(parameters[0]), parameters[1]
         text = self._is.no_such_message(message_id)
-        if text and not channel.streams.knows(message_id):
+        if text and not channel.streams.supports(message_id):
             self._broadcast.text(mavlink.MAV_SEVERITY_WARNING, text)
-        is_too_fast = 0 < interval_us < self._is.least_interval_us
+        is_too_fast = 0 < interval_us < self._is.min_interval_us
         if is_too_fast or not channel.streams.set_interval(message_id, interval_us):
             return self._is.interval_refused
         return ACCEPTED
@@ -184,14 +185,14 @@ class Protocol:
         channel.outbox.extend(answers)
         return ACCEPTED if answers else self._is.request_refused
 
-    def _tell_interval(self, parameters: Sequence[float], channel: Channel) -> int:
+    def _send_interval(self, parameters: Sequence[float], channel: Channel) -> int:
         message_id = _whole(parameters[0])
         interval = channel.streams.interval_us(message_id)
         channel.outbox.add(mavlink.MAVLink_message_interval_message(message_id & 0xFFFF, interval))
         return ACCEPTED
 
     def _data_stream(self, message: Message, channel: Channel) -> None:
-        """REQUEST_DATA_STREAM (66); stream 0 stands for all."""
+        """REQUEST_DATA_STREAM (66); stream 0 means all."""
         asked = message.req_stream_id
         interval_us = 1e6 / message.req_message_rate if message.req_message_rate else -1
         for stream, message_ids in DATA_STREAMS.items():
@@ -200,10 +201,10 @@ class Protocol:
                     wanted = interval_us if message.start_stop else -1
                     channel.streams.set_interval(message_id, wanted)
 
-    # Origin, time, and what there is none of
+    # Origin, time, and features that the vehicle does not have
 
     def _set_origin(self, message: Message) -> None:
-        """SET_GPS_GLOBAL_ORIGIN (48): once, and not before the attitude has settled."""
+        """SET_GPS_GLOBAL_ORIGIN (48): once, after the attitude has settled."""
         place = message.latitude, message.longitude, message.altitude
         navigation = self._navigation
         may_be_set = navigation.origin is None and navigation.estimator.has_settled
@@ -212,15 +213,15 @@ class Protocol:
         navigation.origin = place
         if self._is.origin_text:
             self._broadcast.text(mavlink.MAV_SEVERITY_INFO, self._is.origin_text)
-        for told in self._telemetry.origin():
-            self._broadcast.add(told)
+        for report in self._telemetry.origin():
+            self._broadcast.add(report)
 
     def _timesync(self, message: Message, channel: Channel) -> None:
         if message.tc1 == 0:
             channel.outbox.add(self.timesync(message.ts1))
 
     def timesync(self, asked_ns: int | None = None) -> Message:
-        """TIMESYNC (111): an answer, or a question of its own."""
+        """TIMESYNC (111): a response, or a request of the vehicle's own."""
         now_ns = self._status.boot_us * 1000
         if asked_ns is None:
             return mavlink.MAVLink_timesync_message(0, now_ns)
@@ -248,5 +249,5 @@ def _unsupported(parameters: Sequence[float], channel: Channel) -> int:
 
 
 def _whole(parameter: float) -> int:
-    """A number out of a float parameter; 0 for what is none."""
+    """An integer from a float parameter; 0 if not finite."""
     return int(parameter) if math.isfinite(parameter) else 0

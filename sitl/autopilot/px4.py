@@ -1,4 +1,4 @@
-"""PX4 1.17: as read in its source."""
+"""Emulates PX4 1.17 from its source."""
 
 import math
 from collections.abc import Callable
@@ -48,17 +48,18 @@ BEHAVIOUR = {
     AUTO_LAND: Behaviour.LAND,
 }
 OFFBOARD_LOSS_MODES = {0: POSCTL, 1: ALTCTL, 2: MANUAL, 3: AUTO_RTL, 4: AUTO_LAND, 5: AUTO_LOITER}
-"""By COM_OBL_RC_ACT."""
+"""Mode after a setpoint timeout, by COM_OBL_RC_ACT."""
 
 BASE_MODE: int = mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | mavlink.MAV_MODE_FLAG_STABILIZE_ENABLED
 BASE_MODE_OF: dict[int, int] = {
     **dict.fromkeys((1, 2, 3, 7), mavlink.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED),
     4: mavlink.MAV_MODE_FLAG_AUTO_ENABLED | mavlink.MAV_MODE_FLAG_GUIDED_ENABLED,
 }
-"""By main mode."""
+"""Bits of HEARTBEAT.base_mode by main mode."""
 ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 
 IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
+"""Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
 POSE_MESSAGES = PoseMessages(
@@ -71,13 +72,13 @@ POSE_MESSAGES = PoseMessages(
     ),
     takes_vision_speed=False,
 )
-"""VISION_SPEED_ESTIMATE (103) has had no handler since 1.16."""
+"""PX4 has had no handler for VISION_SPEED_ESTIMATE (103) since 1.16."""
 VISION_POSITION_BIT, VISION_VELOCITY_BIT, VISION_YAW_BIT = 1, 4, 8
-"""Of EKF2_EV_CTRL."""
+"""Bits of EKF2_EV_CTRL."""
 OFFBOARD_LOSS_DELAY_S = 0.1
-"""After COM_OF_LOSS_T, as measured."""
+"""Delay of leaving OFFBOARD after COM_OF_LOSS_T, s. Measured."""
 NO_AID_S = 5.0
-"""EKF2_NOAID_TOUT: without any aiding the position is given up."""
+"""EKF2_NOAID_TOUT: without any aiding the position becomes invalid, s."""
 
 CONFIGURED: dict[str, float] = {
     "CA_ROTOR_COUNT": 4,
@@ -86,7 +87,7 @@ CONFIGURED: dict[str, float] = {
     "SYS_AUTOSTART": 4001,
     "SYS_HAS_GPS": 0,
 }
-"""A quadcopter without GPS, its height from a range sensor."""
+"""A quadcopter without GPS; its height comes from a range sensor."""
 
 
 def _battery_below(parameter: str) -> Callable[[Condition, ParameterValues], bool]:
@@ -94,7 +95,7 @@ def _battery_below(parameter: str) -> Callable[[Condition, ParameterValues], boo
 
 
 def _battery_mode(landing_actions: tuple[int, ...]) -> Callable[[ParameterValues], int | None]:
-    """COM_LOW_BAT_ACT: 0 warn, 2 land at critical, 3 return at critical and land at emergency."""
+    """COM_LOW_BAT_ACT: 0 warns, 2 lands at critical, 3 returns at critical, lands at emergency."""
     return lambda parameters: (
         AUTO_LAND if parameters["COM_LOW_BAT_ACT"] in landing_actions else None
     )
@@ -139,10 +140,11 @@ FAILSAFES = (
         "Mission computer regained",
     ),
 )
+"""Failsafes of PX4 1.17, in the order of their checks."""
 
 
 class Px4:
-    """The multicopter."""
+    """PX4's implementation of `EmulatedFirmware` for a multicopter."""
 
     autopilot: int = mavlink.MAV_AUTOPILOT_PX4
     boot_mode = AUTO_LOITER
@@ -160,9 +162,9 @@ class Px4:
     text_habit = TextHabit(needs_ground_station=True, numbers_all=True, ending="\t")
     forwards_components = True
     lifts_off_by_setpoint = True
-    beats_on_mode_change = False
+    heartbeat_on_mode_change = False
     returns_to_offboard = True
-    least_interval_us = 0
+    min_interval_us = 0
     interval_refused: int = mavlink.MAV_RESULT_FAILED
     capabilities: int = (
         mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
@@ -178,7 +180,7 @@ class Px4:
     timesync_period_s = 0.1
     failsafes: tuple[Failsafe, ...] = FAILSAFES
     healthy_unless_failed = 0
-    tells_highres_imu = True
+    sends_highres_imu = True
     ground_truth: int = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
 
     def __init__(self) -> None:
@@ -200,7 +202,7 @@ class Px4:
         return custom_mode(main, sub)
 
     def base_mode(self, mode: int, *, armed: bool) -> int:
-        """What controls the vehicle: the pilot, itself, or in OFFBOARD neither."""
+        """The pilot, the vehicle itself, or in OFFBOARD neither controls the vehicle."""
         main = mode >> 16 & 0xFF
         return BASE_MODE | BASE_MODE_OF.get(main, 0) | (ARMED if armed else 0)
 
@@ -217,7 +219,10 @@ class Px4:
         position_ned_m: Vector3,
         parameters: ParameterValues,
     ) -> Target | Refusal:
-        """Only frames 1 and 8; one ignored velocity axis ignores all; frame 8 has no position."""
+        """Decode a setpoint in frame 1 or 8. One ignored velocity axis ignores all axes.
+
+        Frame 8 has no position setpoints.
+        """
         m: Any = message
         turned = m.coordinate_frame == mavlink.MAV_FRAME_BODY_NED
         if not turned and m.coordinate_frame != mavlink.MAV_FRAME_LOCAL_NED:
@@ -239,7 +244,7 @@ class Px4:
         return parameters["MPC_Z_VEL_MAX_DN"]
 
     def take_off_height_m(self, asked_m: float, parameters: ParameterValues) -> float:
-        """The command's altitude is above the sea, which nobody knows indoors."""
+        """MIS_TAKEOFF_ALT: the command's altitude is above sea level, unknown indoors."""
         return parameters["MIS_TAKEOFF_ALT"]
 
     def sources(self, parameters: ParameterValues) -> Sources:
@@ -252,7 +257,7 @@ class Px4:
         )
 
     def needs_origin(self, mode: int) -> bool:
-        """Its automatic modes know only global positions; landing needs none."""
+        """Automatic modes use global positions; landing does not."""
         return mode in (AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL)
 
     def needs_position(self, mode: int) -> bool:
@@ -280,7 +285,7 @@ class Px4:
     def distance_echoes(
         self, outside: Outside, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
-        """As they were told, with the time of their arrival."""
+        """Received messages, with their time of arrival."""
         echoes = []
         for arrived_s, message in outside.fresh(now_s):
             echo = copy(message)
@@ -295,18 +300,18 @@ class Px4:
 def _velocity(
     m: Any, yaw_rad: float, *, turned: bool, parameters: ParameterValues
 ) -> VelocityTarget | Refusal:
-    """Velocity with a yaw rate, an absolute yaw, or the heading kept."""
+    """Velocity with a yaw rate, an absolute yaw, or the current heading."""
     yaw = None if m.type_mask & IGNORE_YAW else m.yaw
     yaw_rate = 0.0 if m.type_mask & IGNORE_YAW_RATE else m.yaw_rate
     if not all(map(math.isfinite, (m.vx, m.vy, m.vz, yaw_rate, yaw or 0.0))):
         return INVALID
-    vx, vy, vz = _cut((m.vx, m.vy, m.vz), parameters)
+    vx, vy, vz = _limited((m.vx, m.vy, m.vz), parameters)
     north, east = frd_to_ned(vx, vy, yaw_rad) if turned else (vx, vy)
     return VelocityTarget((north, east, vz), yaw_rate, yaw)
 
 
-def _cut(velocity: Vector3, parameters: ParameterValues) -> Vector3:
-    """What is faster than MPC_XY_VEL_MAX and MPC_Z_VEL_MAX_UP and _DN allow is slowed down."""
+def _limited(velocity: Vector3, parameters: ParameterValues) -> Vector3:
+    """Limit a velocity to MPC_XY_VEL_MAX, MPC_Z_VEL_MAX_UP and MPC_Z_VEL_MAX_DN."""
     vx, vy, vz = velocity
     speed = math.hypot(vx, vy)
     most = max(0.0, parameters["MPC_XY_VEL_MAX"])

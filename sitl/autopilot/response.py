@@ -1,9 +1,9 @@
-"""How a firmware shapes its velocity setpoints, and how its vehicle follows them, axis by axis.
+"""Models a firmware's setpoint shaping and its vehicle's response, axis by axis.
 
 setpoint ─► Shaper: bounded acceleration and jerk ─► vehicle.Loop: lag and slow tail ─► velocity
 
-The numbers are fitted to step responses measured on the real firmware in its own simulation;
-docs/autopilot.md has both side by side, `python -m benchmarks.autopilot_response` reprints them.
+The parameters are fitted to step responses of the real firmware in its own simulation.
+docs/autopilot.md compares both; `python -m benchmarks.autopilot_response` prints the comparison.
 """
 
 import math
@@ -16,38 +16,38 @@ from sitl.core.vehicle import STEP_S, Airframe, Follow
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """Bounds of one axis; metres or radians."""
+    """Bounds of one axis; units are m or rad."""
 
     time_constant_s: float
-    """From the velocity error to the acceleration that is asked for."""
+    """Time constant from velocity error to commanded acceleration, s."""
     max_acceleration: float
-    """In units per s²."""
+    """Units per s²."""
     max_jerk: float
-    """In units per s³."""
+    """Units per s³."""
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """All axes of one firmware and its vehicle."""
+    """Parameters of all axes of one firmware and its vehicle."""
 
     horizontal: Shape
     vertical: Shape
     yaw: Shape
     airframe: Airframe
     take_off_delay_s: float
-    """From the accepted take-off to the first motion at the earliest,"""
+    """Shortest time from an accepted take-off to the first motion, s."""
     spool_up_s: float
-    """and from arming: motors spin up, thrust ramps."""
+    """Time from arming to lift-off thrust, s."""
     take_off_m_s: float
-    """Peak climb rate that NAV_TAKEOFF asks for."""
+    """Peak climb rate of NAV_TAKEOFF, m/s."""
     take_off_gain_1_s: float
-    """And near its height: climb rate by what is left to climb."""
+    """Climb rate per remaining height near the take-off height, 1/s."""
     estimate: EstimateError
     land_m_s: float
     land_drift_m_s: float
-    """How fast it moves sideways while it lands, as its estimate tells; a sigma, on each axis."""
+    """Horizontal speed during a landing, by the estimate: standard deviation per axis, m/s."""
     disarm_delay_s: float
-    """From touchdown to disarming after a landing."""
+    """Time from touchdown to disarming after a landing, s."""
 
 
 ARDUCOPTER = Response(
@@ -68,7 +68,7 @@ ARDUCOPTER = Response(
     land_drift_m_s=0.03,
     disarm_delay_s=2.5,
 )
-"""ArduCopter 4.6.3, quad, in its own SITL."""
+"""ArduCopter 4.6.3, quad; fitted to its own SITL."""
 PX4 = Response(
     horizontal=Shape(0.245, 4.9, 58.0),
     vertical=Shape(0.052, 1.17, 38.5),
@@ -87,7 +87,7 @@ PX4 = Response(
     land_drift_m_s=0.07,
     disarm_delay_s=5.5,
 )
-"""PX4 1.17.0-beta1, quad, SIH."""
+"""PX4 1.17.0-beta1, quad; fitted to SIH."""
 
 
 class Shaper:
@@ -102,10 +102,10 @@ class Shaper:
         self.velocity = self._acceleration = 0.0
 
     def step(self, wanted: float) -> float:
-        """One step on, towards what is wanted.
+        """Advance by one time step towards the wanted velocity.
 
-        The acceleration is one that the jerk can still take back before the velocity is reached:
-        a firmware does not overshoot its own reference.
+        The acceleration stays small enough for the jerk limit to remove it before the velocity is
+        reached. A firmware does not overshoot its own reference.
         """
         s = self._shape
         error = wanted - self.velocity
@@ -118,7 +118,7 @@ class Shaper:
 
 
 class SetpointShaper:
-    """All axes."""
+    """Shapes the setpoints of all axes."""
 
     def __init__(self, response: Response) -> None:
         self._north, self._east = Shaper(response.horizontal), Shaper(response.horizontal)
@@ -129,7 +129,7 @@ class SetpointShaper:
             axis.reset()
 
     def step(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> tuple[Vector3, float]:
-        """One step on, towards the setpoint."""
+        """Advance by one time step towards the setpoint."""
         north, east, down = velocity_ned_m_s
         shaped = self._north.step(north), self._east.step(east), self._down.step(down)
         return shaped, self._yaw.step(yaw_rate_rad_s)

@@ -1,4 +1,4 @@
-"""The messages that tell how the vehicle is, made from what it is at this moment."""
+"""Builds the messages that report the vehicle's current state."""
 
 import math
 from collections.abc import Mapping
@@ -18,12 +18,15 @@ from sitl.sensors.time_of_flight import TofUnit
 
 BATTERY_CELLS = 4
 CELL_EMPTY_V, CELL_FULL_V = 3.5, 4.2
+"""Cell voltages at 0 and 100 %, V; linear in between. Chosen."""
 ABSENT_CELL = 65535
+"""Voltage of an absent cell in BATTERY_STATUS (147)."""
 SENSORS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
 )
+"""Bits of SYS_STATUS (1) that are always set."""
 FLOW: int = mavlink.MAV_SYS_STATUS_SENSOR_OPTICAL_FLOW
 VISION: int = mavlink.MAV_SYS_STATUS_SENSOR_VISION_POSITION
 LANDED_STATES = {
@@ -31,11 +34,12 @@ LANDED_STATES = {
     Manoeuvre.CLIMB: mavlink.MAV_LANDED_STATE_TAKEOFF,
     Manoeuvre.LAND: mavlink.MAV_LANDED_STATE_LANDING,
 }
+"""MAV_LANDED_STATE by manoeuvre; in the air for all others."""
 
 
 @dataclass(slots=True)
 class Status:
-    """What the telemetry tells; the core keeps it up to date."""
+    """State that the telemetry reports; the core updates it."""
 
     mode: int
     armed: bool = False
@@ -46,7 +50,7 @@ class Status:
     battery: float = 1.0
     step: int = 0
     booted_step: int = 0
-    """When its clock was zero."""
+    """Step at which the clock was zero."""
 
     @property
     def boot_ms(self) -> int:
@@ -58,7 +62,7 @@ class Status:
 
 
 class Telemetry:
-    """Makes the messages; an empty list stands for one that cannot be told yet."""
+    """Builds messages. A message that is not available yet is an empty list."""
 
     def __init__(
         self,
@@ -72,20 +76,20 @@ class Telemetry:
     ) -> None:
         self._imu = imu
         self.claimed: tuple[int | None, int | None] = (None, None)
-        """A fault for tests: HEARTBEAT's type and autopilot."""
+        """A fault for tests: type and autopilot in HEARTBEAT."""
         self.stays_taking_off = False
-        """Another: it tells so for as long as it flies."""
+        """A fault for tests: report "taking off" during the whole flight."""
         self.rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]] = {}
-        """Connected to the autopilot itself."""
+        """Rangefinders connected to the autopilot."""
         self._is = firmware
         self._parameters = parameters
         self._status = status
         self._navigation = navigation
         self.truth = truth
-        """For roll and pitch, which even a cheap attitude estimate knows."""
+        """Ground truth for roll and pitch, which even a cheap attitude estimate has."""
 
-    def makers(self, *, tells_truth: bool) -> dict[int, Maker]:
-        """By message id."""
+    def makers(self, *, sends_truth: bool) -> dict[int, Maker]:
+        """Makers by message id."""
         estimator_status = self._estimator_status()[0].get_msgId()
         makers = {
             mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: self._local_position,
@@ -102,9 +106,9 @@ class Telemetry:
             mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: self._distances,
             mavlink.MAVLINK_MSG_ID_SCALED_IMU: self._scaled_imu,
         }
-        if self._is.tells_highres_imu:
+        if self._is.sends_highres_imu:
             makers[mavlink.MAVLINK_MSG_ID_HIGHRES_IMU] = self._highres_imu
-        if tells_truth:
+        if sends_truth:
             makers[self._is.ground_truth] = lambda: [self._is.true_state(self.truth)]
         return makers
 
@@ -193,7 +197,7 @@ class Telemetry:
     def _sys_status(self) -> list[Message]:
         armable = mavlink.MAV_SYS_STATUS_PREARM_CHECK if self._status.is_armable else 0
         flow = FLOW if self._navigation.sources.flow else 0
-        vision = VISION if self._navigation.sees_outside else 0
+        vision = VISION if self._navigation.has_external_pose else 0
         sensors = SENSORS | flow | vision
         return [
             mavlink.MAVLink_sys_status_message(
@@ -243,7 +247,7 @@ class Telemetry:
         ]
 
     def origin(self) -> list[Message]:
-        """GPS_GLOBAL_ORIGIN (49), once there is one."""
+        """GPS_GLOBAL_ORIGIN (49); empty until the origin is set."""
         origin = self._navigation.origin
         if origin is None:
             return []

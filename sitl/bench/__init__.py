@@ -1,1 +1,1 @@
-"""Measurements of the whole: `sitl bench`."""
+"""Measures the whole system: `sitl bench`."""

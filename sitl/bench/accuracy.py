@@ -1,7 +1,7 @@
-"""How accurate maps and trajectories are at the reference noise, world by world, seed by seed.
+"""Measures the accuracy of maps and trajectories at the reference noise, by world and seed.
 
-Beside each figure stand those of dead reckoning and of the ideal solver for the very same flights
-(`references.py`), and what the companion's processor needed.
+Each figure is compared with dead reckoning and an ideal solver on the same flights
+(`references.py`). The companion's processor time is also measured.
 """
 
 import time
@@ -29,16 +29,17 @@ ROWS = (
     ("three_room_450", "gp2y0a710k0f"),
     ("office", "gp2y0a710k0f"),
 )
-"""World and sensor profile."""
+"""World and sensor profile of each row."""
 MISSIONS = {"three_room_450": "building", "office": "building"}
-"""What has more than a room to it; in the others the room's walls are traced."""
+"""Missions of worlds with several rooms; in the others the room's walls are traced."""
 ERRORS = ("wall_error_aligned_cm", "wall_error_cm", "ate_cm")
 SCORES = (*ERRORS, "false_walls", "coverage", "wall_sigma_cm", "wall_error_sigmas")
+"""Scores in the table, by the keys of the report; `ERRORS` also for the references."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightResult:
-    """One flight: the scores of its map, of dead reckoning's and of the ideal one."""
+    """One flight: the scores of its map, of dead reckoning and of the ideal solver."""
 
     world: str
     profile: str
@@ -46,16 +47,16 @@ class FlightResult:
     dead_reckoned: Report
     ideal: Report
     home_m: float
-    """How far from its start it landed."""
+    """Distance of the landing from the start, m."""
     cpu_ms_per_s: float
-    """The companion's processor time per second of flight."""
+    """The companion's processor time per second of flight, ms."""
     update_p99_ms: float
-    """And for one tick."""
+    """Processor time of one tick, 99th percentile, ms."""
 
 
 @dataclass
 class TimedApp(App):
-    """Counts its processor time."""
+    """An `App` that measures its processor time."""
 
     config: Config
     update_s: list[float] = field(default_factory=list)
@@ -71,7 +72,7 @@ class TimedApp(App):
 
 
 def fly(setup: Setup) -> FlightResult:
-    """One whole flight, scored three times."""
+    """Fly one flight; score its map and both references."""
     mission = MISSIONS.get(setup.world_name, "room")
     chosen = {"sensors.profile": setup.sensors.profile, "mission.kind": mission}
     settings = configuration.load(None, chosen)
@@ -114,7 +115,7 @@ def fly(setup: Setup) -> FlightResult:
 def _references(
     app: App, simulation: Simulation, setup: Setup, settings: Config, plan: FloorPlan
 ) -> tuple[FloorPlan, FloorPlan]:
-    """Dead reckoning and ideal; empty maps for a flight that never began."""
+    """Dead reckoning and ideal solver; empty maps for a flight that never began."""
     if app.estimator is None or len(app.estimator.record.frames) < 2:
         return FloorPlan(path=plan.path), FloorPlan(path=plan.path)
     flown = Recorded(app.estimator.record, app.estimator.models)
@@ -123,13 +124,13 @@ def _references(
 
 
 def fly_all(setups: Sequence[Setup]) -> list[FlightResult]:
-    """On all cores, with a bar; without those that were called off, or whose process died."""
+    """Fly on all cores with a progress bar; cancelled or crashed flights are left out."""
     flown: list[FlightResult | str] = with_a_bar(setups, _progress_line, fly, _lost)
     return [result for result in flown if isinstance(result, FlightResult)]
 
 
 def ended(world: str, profile: str, seed: object, ending: object) -> str:
-    """Which flight ended how, in a line."""
+    """One line on a flight and its ending."""
     return f"{world}, {profile}, seed {seed}: {ending}"
 
 
@@ -141,12 +142,12 @@ def _progress_line(flown: FlightResult | str) -> str:
 
 
 def _lost(setup: Setup, why: str) -> str:
-    """There are no figures of it."""
+    """A line for a flight without figures."""
     return ended(setup.world_name, setup.sensors.profile, setup.seed, f"lost: {why}")
 
 
 def setups(seeds: int) -> list[Setup]:
-    """Each row with seeds 1, 2, ..."""
+    """Setups for each row with seeds 1, 2, ..."""
     loaded = {
         profile: configuration.load(None, {"sensors.profile": profile}).sensors
         for _, profile in ROWS
@@ -162,7 +163,7 @@ Row = dict[str, object]
 
 
 def summary(results: list[FlightResult]) -> list[Row]:
-    """One object for each world and profile, means and 95th percentiles over its flights."""
+    """One object per world and profile: means and 95th percentiles over its flights."""
     return [
         _row(mine)
         for world, profile in ROWS

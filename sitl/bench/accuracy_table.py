@@ -1,4 +1,4 @@
-"""`sitl bench accuracy` for the terminal."""
+"""Prints the results of `sitl bench accuracy` as tables."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ HEADINGS = ("aligned", "take-off", "ATE")
 
 
 def accuracy_tables(rows: list[dict[str, Any]]) -> list[Table]:
-    """The errors of each solver in centimetres, mean and 95th percentile; then the flights."""
+    """Errors of each solver in cm, mean and 95th percentile; then the flights."""
     errors = Table("world, sensors", "solver", *(f"{heading}, cm" for heading in HEADINGS))
     flights = Table("world, sensors", "lost", "hit", "covered", "false", "claimed", "home", "CPU")
     for row in rows:
@@ -32,7 +32,7 @@ def accuracy_tables(rows: list[dict[str, Any]]) -> list[Table]:
 
 
 def lost_flights(rows: list[dict[str, Any]]) -> list[str]:
-    """A line for each flight that was not completed: which, and why."""
+    """A line with the ending of each flight that was not completed."""
     return [
         ended(row["world"], row["profile"], seed, ending)
         for row in rows

@@ -1,4 +1,4 @@
-"""`sitl bench`: figures that can be checked."""
+"""The commands `sitl bench`: measurements of simulator and companion."""
 
 import json
 import signal
@@ -34,12 +34,12 @@ commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the
 
 @commands.callback()
 def _end_as_by_ctrl_c() -> None:
-    """Whoever ends a campaign politely loses nothing that has been flown."""
+    """Handle SIGTERM like Ctrl-C, so that the results so far are kept."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)
 
 
 DEFAULT_PROFILE = "gp2y0a710k0f"
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
 @commands.command()
@@ -49,10 +49,10 @@ def speed(
     ] = "room_200",
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
-    runs: Annotated[int, typer.Option(help="Flights on each transport; medians count.")] = 3,
+    runs: Annotated[int, typer.Option(help="Flights per transport; the median counts.")] = 3,
     as_json: AsJson = False,
 ) -> None:
-    """A whole mission on every transport: how many times faster than real time, on one core."""
+    """Measure a mission's speed on every transport, in times real time on one core."""
     from sitl.bench.speed import TRANSPORTS, measure, on_one_core  # noqa: PLC0415 - slow to load
 
     on_one_core()
@@ -73,15 +73,15 @@ def speed(
         )
     console = Console(highlight=False)
     console.print(table)
-    console.print("poses identical to the bit" if identical else "POSES DIFFER")
+    console.print("poses bit-identical" if identical else "POSES DIFFER")
 
 
 @commands.command()
 def accuracy(
-    seeds: Annotated[int, typer.Option(help="Flights of each world, seeds 1 to N.", min=1)] = 30,
+    seeds: Annotated[int, typer.Option(help="Flights per world, seeds 1 to N.", min=1)] = 30,
     as_json: AsJson = False,
 ) -> None:
-    """Maps and trajectories against the truth, dead reckoning and an ideal solver beside them."""
+    """Compare maps and trajectories with the truth, dead reckoning and an ideal solver."""
     from sitl.bench.accuracy import fly_all, setups, summary  # noqa: PLC0415 - slow to load
     from sitl.bench.accuracy_table import accuracy_tables, lost_flights  # noqa: PLC0415
 
@@ -100,26 +100,28 @@ def missions(
     worlds: Annotated[
         list[str] | None,
         typer.Option(
-            help="paper (if left out), office, exterior, random, all; a folder of plans, each from "
-            "three starts; or one world. Repeatable."
+            help="paper (default), office, exterior, random, all; a folder of plans, each from "
+            "up to three starts; or one world. Repeatable."
         ),
     ] = None,
-    seeds: Annotated[int, typer.Option(help="Flights from every start: seeds 1 to N.", min=1)] = 1,
+    seeds: Annotated[int, typer.Option(help="Flights per start: seeds 1 to N.", min=1)] = 1,
     profile: Annotated[
-        list[str] | None, typer.Option(help="Range sensors, gp2y0a710k0f if left out; repeatable.")
+        list[str] | None, typer.Option(help="Range sensors, default gp2y0a710k0f; repeatable.")
     ] = None,
     mission: Annotated[
         str | None,
-        typer.Option(help="Its kind, or a mission file; what suits each world if left out."),
+        typer.Option(
+            help="Kind of mission, or a mission file; by default it depends on the world."
+        ),
     ] = None,
-    autopilot: Annotated[Autopilot, typer.Option(help="Whose vehicle flies.")] = (
+    autopilot: Annotated[Autopilot, typer.Option(help="Emulated firmware.")] = (
         Autopilot.ARDUPILOT
     ),
     crop: Crop = None,
     battery_s: Battery = None,
     clutter: Annotated[
         list[float] | None,
-        typer.Option(help="Of every world, 0 to 1; none if left out. Repeatable.", min=0, max=1),
+        typer.Option(help="Clutter in every world, 0 to 1; default 0. Repeatable.", min=0, max=1),
     ] = None,
     clutter_seed: ClutterSeed = None,
     as_json: AsJson = False,
@@ -127,11 +129,11 @@ def missions(
     out: Annotated[
         Path | None,
         typer.Option(
-            help="Folder for missions.json, kept up as flights end, and a sheet of all plans."
+            help="Folder for missions.json, updated after each flight, and a sheet of all plans."
         ),
     ] = None,
 ) -> None:
-    """Many missions on all cores: how many are completed, and how well."""
+    """Fly many missions on all cores; report how many are completed, and the scores."""
     from companion.export.map_files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
     from sitl.bench.lanes import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
@@ -153,7 +155,7 @@ def missions(
 
     def keep(flown: "Flown") -> None:
         ended.append(flown.row)
-        if out is not None:  # hours of flights, if it is broken off, but also if the disk is full
+        if out is not None:  # kept if interrupted; a full disk is no reason to stop
             with suppress(OutputError):
                 save_as(_save_json, sum_up(ended), out / "missions.json")
 
@@ -177,21 +179,21 @@ def _save_json(result: "Summary", path: Path) -> None:
 
 @commands.command()
 def faults(
-    flights: Annotated[int, typer.Option(help="How many.", min=1)] = 500,
-    seed: Annotated[int, typer.Option(help="The same seed draws the same flights.")] = 1,
-    first: Annotated[int, typer.Option(help="Number of the first.", min=0)] = 0,
+    flights: Annotated[int, typer.Option(help="Number of flights.", min=1)] = 500,
+    seed: Annotated[int, typer.Option(help="Seed of the campaign.")] = 1,
+    first: Annotated[int, typer.Option(help="Number of the first flight.", min=0)] = 0,
     as_json: AsJson = False,
 ) -> None:
-    """Flights by chance in which something goes wrong: does each end well, and leave its map?
+    """Fly random flights with injected faults; check that each ends safely and keeps its map.
 
-    Ctrl-C ends it early and shows what has been flown. Ends with 1 if anything went wrong.
+    Ctrl-C ends the campaign early and prints the results so far. Exit status 1 after any failure.
     """
-    from sitl.bench.fault_table import fault_table, told  # noqa: PLC0415 - slow to load
+    from sitl.bench.fault_table import fault_table, progress_text  # noqa: PLC0415 - slow to load
     from sitl.bench.faults import FaultJob, fly, lost, sum_up  # noqa: PLC0415
     from sitl.bench.lanes import with_a_bar  # noqa: PLC0415
 
     jobs = [FaultJob(seed, number) for number in range(first, first + flights)]
-    rows = [flown.row for flown in with_a_bar(jobs, told, fly, lost)]
+    rows = [flown.row for flown in with_a_bar(jobs, progress_text, fly, lost)]
     result = sum_up(seed, rows)
     if as_json:
         print(json.dumps(result, indent=1))

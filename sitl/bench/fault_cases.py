@@ -1,4 +1,4 @@
-"""Flights by chance in which something goes wrong: which world, which fault, and when."""
+"""Draws random flights with faults: world, fault, and time of the fault."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -17,12 +17,18 @@ from sitl.world.generator import random_world
 
 LEVEL = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
 PROFILES = ("gp2y0a710k0f", "gp2y0a710k0f", "gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s")
+"""Profiles to draw from, the usual one with three times the probability. Chosen."""
 AUTOPILOTS = ("ardupilot", "ardupilot", "px4")
 BUILDINGS_SHARE, BUILDINGS, BUILDING_M = 0.25, 50, 8.0
+"""Probability of a building, number of buildings, and side of the cropped piece, m. Chosen."""
 SECOND_FAULT_SHARE = 0.2
+"""Probability of a second fault. Chosen."""
 MIN_ROOM_M, MAX_ROOM_M = 4.5, 8.0
+"""Sides of a room, m. Chosen."""
 EARLY_SHARE, EARLY_S, LATEST_S = 0.1, 10.0, 50.0
+"""Probability of an early fault, end of the early time, and latest time of a fault, s. Chosen."""
 FOR_GOOD_SHARE, LONGEST_S = 0.3, 30.0
+"""Probability of a permanent fault, and longest duration of others, s. Chosen."""
 
 Given = Mapping[str, Any]
 Draw = Callable[[Random], Given]
@@ -30,10 +36,10 @@ Draw = Callable[[Random], Given]
 
 @dataclass(frozen=True, slots=True)
 class Injected:
-    """A fault, as a mission file would write it."""
+    """A fault, as in a mission file."""
 
     name: str
-    """Its row in the table."""
+    """Row in the table of results."""
     at_s: float
     do: str
     given: Given
@@ -48,7 +54,7 @@ class Injected:
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One flight of the campaign; the same number of the same seed is the same flight."""
+    """One flight of the campaign; seed and number determine it."""
 
     seed: int
     number: int
@@ -59,7 +65,7 @@ class Case:
 
 
 def draw_case(seed: int, number: int) -> Case:
-    """The flight of that number; the faults of the table come round in turn."""
+    """The flight of that number; the faults of the table follow in turn."""
     random = stream(seed, f"faulty flight {number}")
     world = _building(random) if random.random() < BUILDINGS_SHARE else _room(random)
     names = list(FAULTS)
@@ -80,7 +86,7 @@ def _inject(name: str, random: Random) -> Injected:
 
 
 def _room(random: Random) -> World:
-    """Four walls, and perhaps a pillar in a corner's reach."""
+    """A rectangular room, sometimes with a pillar near a corner."""
     depth_m, width_m = (round(random.uniform(MIN_ROOM_M, MAX_ROOM_M), 2) for _ in range(2))
     corners = (0.0, 0.0), (depth_m, 0.0), (depth_m, width_m), (0.0, width_m)
     pillars: tuple[Box, ...] = ()
@@ -98,18 +104,20 @@ def _room(random: Random) -> World:
 
 
 def _building(random: Random) -> World:
-    """A piece of a random one, furniture and all."""
+    """A piece of a random building with its furniture."""
     return cropped(random_world(random.randint(1, BUILDINGS)), BUILDING_M, 0)
 
 
-# What can go wrong
+# Faults
 
 BEFORE_TAKE_OFF = ("refuse_arming", "swap")
+"""Actions that start at time 0."""
 AHEAD_M = 1.5
+"""Distance of a person ahead of the drone, m. Chosen."""
 
 
 def _duration(random: Random) -> dict[str, object]:
-    """For good, or from a tenth of a second to half a minute, short ones as often as long."""
+    """A permanent fault, or 0.1 to 30 s with a log-uniform distribution."""
     if random.random() < FOR_GOOD_SHARE:
         return {}
     return {"for_s": round(math.exp(random.uniform(math.log(0.1), math.log(LONGEST_S))), 2)}
@@ -218,4 +226,4 @@ FAULTS: Mapping[str, tuple[str, Draw]] = MappingProxyType(
         "none": ("hang", lambda random: {"for_s": 0.0}),
     }
 )
-"""Row of the table: the action of `sitl.testing`, and what it is given."""
+"""Action of `sitl.testing` and its arguments, by row of the table."""

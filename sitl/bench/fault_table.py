@@ -1,4 +1,4 @@
-"""What the flights with faults came to, for the terminal."""
+"""Prints the results of flights with faults as a table."""
 
 from rich import box
 from rich.table import Table
@@ -17,14 +17,14 @@ COLUMNS = (
 )
 
 
-def told(flown: FaultFlown) -> str:
-    """Of one flight, beside the bar."""
-    verdict = "WENT WRONG" if is_wrong(flown.row) else "ended well"
+def progress_text(flown: FaultFlown) -> str:
+    """Result of one flight, for the progress bar."""
+    verdict = "FAILED" if is_wrong(flown.row) else "ended safely"
     return f"{flown.row['fault']} {verdict}"
 
 
 def fault_table(result: Summary) -> Table:
-    """A row for each fault, and one for all."""
+    """A row per fault, and one for all."""
     table = Table("fault", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for column in COLUMNS:
         table.add_column(column.replace("_", "\n"), justify="right")

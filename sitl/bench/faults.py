@@ -1,4 +1,4 @@
-"""Flights with faults: does every one end well, and is its map left?"""
+"""Flies with faults; checks that every flight ends safely and keeps its map."""
 
 import math
 import tempfile
@@ -21,27 +21,30 @@ from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing.script import Play
 
 TIME_LIMIT_S = 150.0
+"""The mission's time limit, s. Chosen."""
 MAX_TIME_S = 400.0
-"""A flight that goes on for longer has not ended."""
+"""A longer flight counts as endless, s. Chosen."""
 SETTLES_S = 10.0
-"""So long after it is in trouble for good, the drone must be at rest, or the pilot's."""
+"""Time after which a drone in permanent trouble must be at rest or under the pilot's control, s."""
 AFTERWARDS_S = 12.0
+"""Time simulated after the end of the flight, s."""
 AT_REST_M_S = 0.3
+"""Horizontal speed below which the drone counts as at rest, m/s. Chosen."""
 TROUBLED = frozenset({Phase.HOLD, Phase.LAND, *FINAL_PHASES})
 ENOUGH_HITS = 100
-"""With so many there is a map to lose."""
+"""Range readings from which a map is expected. Chosen."""
 
 
 Summary = dict[str, Any]
 
 
 class EndlessFlightError(Exception):
-    """It should have ended long ago."""
+    """The flight should have ended long ago."""
 
 
 @dataclass(frozen=True, slots=True)
 class FaultJob:
-    """A flight to be flown: the campaign's seed, and its number in it."""
+    """A flight to fly: the campaign's seed, and its number in it."""
 
     seed: int
     number: int
@@ -49,25 +52,25 @@ class FaultJob:
 
 @dataclass(frozen=True, slots=True)
 class FaultFlown:
-    """How it went."""
+    """Result of a flight."""
 
     row: Report
 
 
 class Judge:
-    """Watches a flight, tick by tick."""
+    """Monitors a flight, tick by tick."""
 
     def __init__(self) -> None:
         self.collisions_caused = 0
-        """While the companion had the drone."""
+        """Collisions while the companion controlled the drone."""
         self.set_down = 0
-        """Landed straight down on furniture, which it cannot see when it must land at once."""
+        """Vertical landings on furniture, which an immediate landing cannot avoid."""
         self.flies_away = False
         self._collisions = 0
         self._troubled_since_s: float | None = None
 
     def watch(self, simulation: Simulation, app: App) -> None:
-        """Once a tick; afterwards, too."""
+        """Check one tick, also after the end of the flight."""
         now_s, phase = simulation.time_s, app.flight.phase
         if now_s > MAX_TIME_S:
             raise EndlessFlightError(f"still {app.flight.activity} after {now_s:.0f} s")
@@ -88,17 +91,17 @@ class Judge:
 
 
 def fly(job: FaultJob) -> FaultFlown:
-    """Fly; a flight that breaks off by an error is a row that tells it."""
+    """Fly; an exception becomes a row of the results."""
     case = draw_case(job.seed, job.number)
     try:
         with tempfile.TemporaryDirectory() as folder:
             return FaultFlown({**_key(case), **_fly(case, Path(folder))})
-    except Exception as error:  # one flight of hundreds must not end the others
+    except Exception as error:  # one failed flight must not end the campaign
         return lost(job, f"{type(error).__name__}: {error}")
 
 
 def lost(job: FaultJob, why: str) -> FaultFlown:
-    """A flight that has not come to an end: nobody knows where the drone is."""
+    """The row of a flight without an end: the drone's position is unknown."""
     bad = {"collisions": 0, "fly_away": True, "map_lost": True}
     ending = f"lost: {' '.join(why.split())}"
     return FaultFlown({**_key(draw_case(job.seed, job.number)), "ending": ending, **bad})
@@ -125,7 +128,7 @@ def _fly(case: Case, folder: Path) -> Report:
 
     def script(simulation: Simulation, app: App) -> None:
         if not savers:
-            savers.append(AutoSave(folder, app.floor_plan, _nobody_hears))
+            savers.append(AutoSave(folder, app.floor_plan, _ignore))
         inject(simulation, app)
         judge.watch(simulation, app)
 
@@ -157,7 +160,7 @@ def _fly(case: Case, folder: Path) -> Report:
 
 
 def _is_map_lost(app: App, path: Path) -> bool:
-    """What the flight has seen is not in the file that it leaves."""
+    """The flight measured something that its map file does not contain."""
     if app.estimator is None or len(app.estimator.record.hits) < ENOUGH_HITS:
         return False
     try:
@@ -168,12 +171,12 @@ def _is_map_lost(app: App, path: Path) -> bool:
     return not plan.path or (not plan.walls and bool(app.floor_plan().walls))
 
 
-def _nobody_hears(warning: str) -> None:
-    """Of a folder that is there only for a moment."""
+def _ignore(warning: str) -> None:
+    """Ignore warnings about a temporary folder."""
 
 
 def sum_up(seed: int, rows: Sequence[Report]) -> Summary:
-    """All figures, a row for each fault, and the flights that went wrong."""
+    """All figures, a row per fault, and the failed flights."""
     names = list(dict.fromkeys(str(row["fault"]) for row in rows))
     return {
         "seed": seed,

@@ -1,6 +1,6 @@
-"""Many flights at once, each lane a process; a process that dies loses only its own flight.
+"""Flies many flights in parallel. Each lane is a process; if it dies, only its flight is lost.
 
-Ctrl-C lets the flights that are under way end, and gives what has been flown by then.
+After Ctrl-C the running flights end, and the results so far are returned.
 """
 
 import multiprocessing
@@ -30,13 +30,13 @@ F = TypeVar("F")
 
 def fly_all(
     jobs: Sequence[J],
-    tell: Callable[[F], None],
+    on_result: Callable[[F], None],
     fly_one: Callable[[J], F],
     lose_one: Callable[[J, str], F],
 ) -> list[F]:
-    """All flights in the order of the jobs; `tell` hears of each as it ends.
+    """Fly all jobs; return the results in their order. `on_result` is called after each flight.
 
-    `lose_one` makes the row of a job whose process has died.
+    `lose_one` makes the result of a job whose process has died.
     """
     number = min(cores(), len(jobs))
     lanes: SimpleQueue[_Lane[J, F]] = SimpleQueue()
@@ -54,7 +54,7 @@ def fly_all(
         flights = [crew.submit(on_a_lane, job) for job in jobs]
         try:
             for flight in as_completed(flights):
-                tell(flight.result())
+                on_result(flight.result())
         except KeyboardInterrupt:
             crew.shutdown(cancel_futures=True)
     for _ in range(number):
@@ -63,7 +63,7 @@ def fly_all(
 
 
 def _results(flight: Future[F]) -> list[F]:
-    """One, or none of a flight that was called off."""
+    """The result, or none for a cancelled flight."""
     try:
         return [flight.result()]
     except CancelledError:
@@ -73,50 +73,50 @@ def _results(flight: Future[F]) -> list[F]:
 def fly_and_show(
     jobs: Sequence[Job], keep: Callable[[Flown], None] = lambda _: None
 ) -> list[Flown]:
-    """Missions with a bar on stderr, where it is not in the way of what is printed.
+    """Fly missions with a progress bar on stderr, separate from the printed results.
 
-    `keep` is given each flight as it ends: a campaign may take hours.
+    `keep` is called after each flight, because a campaign may take hours.
     """
 
-    def told(flown: Flown) -> str:
+    def progress_text(flown: Flown) -> str:
         keep(flown)
         row = flown.row
         verdict = "completed" if row["completed"] else f"not completed: {row['ending']}"
         return f"{row['world']} {verdict}"
 
-    return with_a_bar(jobs, told, fly, lost)
+    return with_a_bar(jobs, progress_text, fly, lost)
 
 
 def with_a_bar(
     jobs: Sequence[J],
-    told: Callable[[F], str],
+    progress_text: Callable[[F], str],
     fly_one: Callable[[J], F],
     lose_one: Callable[[J, str], F],
 ) -> list[F]:
-    """The same with a bar that says of each flight what `told` makes of it; in a log, lines."""
+    """Fly all jobs with a progress bar, or lines in a log, from `progress_text`."""
     console = Console(stderr=True, highlight=False)
     with Progress(console=console, transient=True, disable=not console.is_terminal) as progress:
         bar = progress.add_task("flying", total=len(jobs))
         done = count(1)
 
-        def tell(flown: F) -> None:
+        def on_result(flown: F) -> None:
             if console.is_terminal:
-                progress.update(bar, advance=1, description=told(flown))
+                progress.update(bar, advance=1, description=progress_text(flown))
             else:
-                console.print(f"{next(done)} of {len(jobs)}: {told(flown)}")
+                console.print(f"{next(done)} of {len(jobs)}: {progress_text(flown)}")
 
-        return fly_all(jobs, tell, fly_one, lose_one)
+        return fly_all(jobs, on_result, fly_one, lose_one)
 
 
 def cores() -> int:
-    """That this process may use."""
+    """Cores that this process may use."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
 class _Lane(Generic[J, F]):
-    """A process for one flight after another, and a new one when it has died."""
+    """A process that flies one flight after another; replaced if it dies."""
 
     def __init__(self, fly_one: Callable[[J], F], lose_one: Callable[[J, str], F]) -> None:
         self._fly_one, self._lose_one = fly_one, lose_one
@@ -135,7 +135,7 @@ class _Lane(Generic[J, F]):
 
 
 def _process() -> ProcessPoolExecutor:
-    """Spawned: a process with threads must not be forked. Ctrl-C is not for it."""
+    """A spawned process, because one with threads must not be forked; it ignores Ctrl-C."""
     context = multiprocessing.get_context("spawn")
     return ProcessPoolExecutor(
         1, context, initializer=signal.signal, initargs=(signal.SIGINT, signal.SIG_IGN)

@@ -1,4 +1,4 @@
-"""One of many missions: flown, scored, and sketched, whatever happens to it."""
+"""Flies, scores and sketches one of many missions, also if it fails."""
 
 import time
 from collections.abc import Sequence
@@ -21,24 +21,23 @@ from sitl.world.format import Segment
 from sitl.world.plan import wall_surfaces
 
 TRACING = ScanPhase.SCAN.value
-"""What the companion says that it does while it traces walls; not while it turns, nor when it goes
-round once more."""
+"""The companion's activity while it traces walls; not while it turns or flies a second round."""
 ALARM = "range sensor failed"
-"""So begins the trouble that the companion tells; `companion/safety/health/watch.py`."""
+"""Beginning of the companion's trouble text; `companion/safety/health/watch.py`."""
 WALLS_OF_A_ROOM = 4
-"""And nothing else: then the bound (P - 8·d) / v applies."""
+"""Walls of a room for which the bound (P - 8·d) / v applies."""
 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """A flight to be flown; `mission` is a kind or a mission file."""
+    """A flight to fly; `mission` is a kind or a mission file."""
 
     options: FlightOptions
     mission: str = "room"
 
     @property
     def key(self) -> Report:
-        """What tells its row from all others."""
+        """Columns that identify its row."""
         return {
             "world": Path(self.options.world).stem,
             "profile": self.options.profile,
@@ -51,7 +50,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Sketch:
-    """What there is to draw, in the world's frame, (north, east) in metres."""
+    """Lines to draw, in the world frame, (north, east) in m."""
 
     truth: Sequence[Segment] = ()
     mapped: Sequence[Segment] = ()
@@ -60,22 +59,22 @@ class Sketch:
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A flight that has ended: the keys of its job and of its report, and the trace's time."""
+    """Result of a flight: the keys of its job and its report, and the time of the trace."""
 
     row: Report
     sketch: Sketch = field(default_factory=Sketch)
 
 
 def fly(job: Job) -> Flown:
-    """Fly; a flight that breaks off by an error is a row that tells it."""
+    """Fly; an exception becomes a row of the results."""
     try:
         return _fly(job)
-    except Exception as error:  # one flight of hundreds must not end the others
+    except Exception as error:  # one failed flight must not end the campaign
         return lost(job, f"{type(error).__name__}: {error}")
 
 
 def lost(job: Job, why: str) -> Flown:
-    """A flight that has no report."""
+    """The row of a flight without a report."""
     ending = f"lost: {' '.join(why.split())}"
     return Flown({**job.key, "completed": False, "lost": True, "ending": ending})
 
@@ -91,7 +90,7 @@ def _fly(job: Job) -> Flown:
         script(simulation, app)
         watched.tick(app.flight.activity, app.flight.trouble)
 
-    app, simulation = fly_in_lockstep(setup, settings, _nobody_looks, script=happens)
+    app, simulation = fly_in_lockstep(setup, settings, _ignore, script=happens)
     plan = app.final_floor_plan()
     report = make_report(
         setup,
@@ -118,17 +117,17 @@ def _fly(job: Job) -> Flown:
 
 
 class Watch:
-    """What a flight tells, tick by tick."""
+    """Counts events in the companion's texts, tick by tick."""
 
     def __init__(self) -> None:
         self._traced_ticks = 0
         self.alarms = 0
-        """How often it held for a range sensor; each is false where none was broken."""
+        """Holds because of a range sensor; false alarms if no fault was injected."""
         self._is_alarmed = False
 
     @property
     def trace_s(self) -> float | None:
-        """Time along walls, if there was any."""
+        """Time along walls, s; None if there was none."""
         return round(TICK_S * self._traced_ticks, 2) if self._traced_ticks else None
 
     def tick(self, activity: str, trouble: str) -> None:
@@ -138,12 +137,12 @@ class Watch:
         self._is_alarmed = is_alarmed
 
 
-def _nobody_looks(progress: Progress) -> None:
-    """Of so many flights."""
+def _ignore(progress: Progress) -> None:
+    """Ignore the progress."""
 
 
 def _over_least(trace_s: float | None, report: Report, truth: Sequence[Segment]) -> float | None:
-    """Time without turns against the bound, of a completed flight in a room that it holds for."""
+    """Time along walls relative to the bound; None unless completed in a room with four walls."""
     least_s = report["least_time_s"]
     if not trace_s or not least_s or not report["completed"] or len(truth) != WALLS_OF_A_ROOM:
         return None
@@ -151,7 +150,7 @@ def _over_least(trace_s: float | None, report: Report, truth: Sequence[Segment])
 
 
 def _sketch(truth: Sequence[Segment], plan: FloorPlan, record: TruthRecord) -> Sketch:
-    """The map goes where take-off truly was; it is not aligned."""
+    """The map placed by the true take-off pose, without alignment."""
     take_off = record.take_off
 
     def in_world(point: Vector2) -> Vector2:

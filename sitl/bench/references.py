@@ -1,11 +1,11 @@
-"""What the very same flight gives to an ideal solver, and to none.
+"""Computes references for a flight: an ideal solver, and dead reckoning.
 
-*Ideal*: least squares over the whole flight, begun at the truth, each hit given to the wall that
-its beam truly met. Poses, walls, scales, gyro bias and the gains of the range units are unknown;
-no estimator can do better from these measurements.
+*Ideal*: least squares over the whole flight, started at the truth, with each hit associated with
+the wall that its beam truly hit. Unknowns are poses, walls, scales, gyro bias and the range
+sensors' gains. No estimator can do better from these measurements.
 
-*Dead reckoning*: poses by odometry and the gyro with its rest calibration, walls fitted to the same
-hits at those poses.
+*Dead reckoning*: poses from odometry and the gyro with its rest calibration. Walls are fitted to
+the same hits at those poses.
 """
 
 import math
@@ -35,13 +35,14 @@ from sitl.world.format import Segment
 
 Array = NDArray[np.float64]
 STEPS = 6
+"""Iterations of the ideal solver."""
 FARTHEST_SIGMAS = 5.0
-"""A reading farther off than this is not of the wall that the beam truly met."""
+"""A reading farther off than this does not belong to the wall that the beam truly hit. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Recorded:
-    """What the drone measured, and its calibration."""
+    """The drone's measurements and calibration."""
 
     record: FlightRecord
     models: Models
@@ -52,13 +53,13 @@ class Recorded:
 
     @property
     def unmoved(self) -> Unknowns:
-        """Every pose at the origin, no walls."""
+        """Unknowns with all poses at the origin, and no walls."""
         return Unknowns.at(np.zeros((len(self.record.frames), 3)), self.models.rest_bias_rad_s)
 
 
 @dataclass(frozen=True, slots=True)
 class TruePoses:
-    """Poses (n, 3), north, east and yaw, in the frame of the take-off."""
+    """Poses (n, 3), north, east and yaw, in the take-off frame."""
 
     poses: Array
 
@@ -73,9 +74,9 @@ class TruePoses:
 
 
 def ideal(flown: Recorded, truth: TruthRecord, surfaces: Sequence[Segment]) -> FloorPlan:
-    """The map and path of the ideal solver."""
+    """Map and path of the ideal solver."""
     m = flown.measured
-    walls, wall_of = _met(flown, m, truth, surfaces)
+    walls, wall_of = _true_association(flown, m, truth, surfaces)
     x = flown.unmoved
     x.poses[:, :3] = TruePoses.at(truth, flown.record.frames[:, FrameColumn.TIME_S]).poses
     x.add_walls(walls, np.zeros_like(walls))
@@ -88,7 +89,7 @@ def ideal(flown: Recorded, truth: TruthRecord, surfaces: Sequence[Segment]) -> F
 
 
 def dead_reckoned(flown: Recorded, plan: FloorPlan) -> FloorPlan:
-    """The walls of `plan`, fitted to its hits where dead reckoning places them."""
+    """The walls of `plan`, fitted to its hits at the poses of dead reckoning."""
     m, x = flown.measured, flown.unmoved
     turned = np.concatenate(
         [[0.0], np.cumsum(m.turned_rad - flown.models.rest_bias_rad_s * m.dt_s)]
@@ -107,7 +108,7 @@ def dead_reckoned(flown: Recorded, plan: FloorPlan) -> FloorPlan:
 
 
 def _line(points: Array) -> WallLine:
-    """Total least squares; the side from which it was seen does not matter for a map."""
+    """Fit a line by total least squares; the side of its normal is arbitrary."""
     if len(points) < 2:
         return WallLine(0.0, 0.0, 0.0)
     centre = points.mean(axis=0)
@@ -115,10 +116,10 @@ def _line(points: Array) -> WallLine:
     return WallLine(float(np.arctan2(normal[1], normal[0])), float(centre @ normal), 0.0)
 
 
-def _met(
+def _true_association(
     flown: Recorded, m: Measured, truth: TruthRecord, surfaces: Sequence[Segment]
 ) -> tuple[Array, Indices]:
-    """The true walls (w, 2), as in `Unknowns`, and which of them each hit's beam met, or -1."""
+    """The true walls (w, 2), as in `Unknowns`, and the wall that each hit's beam hit, or -1."""
     units = flown.models.ranges
     taken_s = flown.record.hits[:, HitColumn.TIME_S] - units.age_s[m.beam]
     poses = TruePoses.at(truth, taken_s).poses
@@ -130,11 +131,11 @@ def _met(
     for surface in surfaces:
         start, end = to_local(np.array(surface), truth)
         normal = np.array([start[1] - end[1], end[0] - start[0]]) / math.dist(start, end)
-        for side in (normal, -normal):  # a partition is one wall from either side
+        for side in (normal, -normal):  # a partition has one wall per side
             range_m = _range_m(poses[:, :2], beams, (start, end), side)
-            met = range_m < nearest
-            nearest[met] = range_m[met]
-            wall_of[met] = _number(walls, side, float(start @ side))
+            hits = range_m < nearest
+            nearest[hits] = range_m[hits]
+            wall_of[hits] = _number(walls, side, float(start @ side))
     normals = np.array([(math.cos(alpha), math.sin(alpha)) for alpha, _ in walls])
     cos_incidence = (beams * normals[wall_of]).sum(axis=1)
     distance_m = nearest - m.mount_m
@@ -152,7 +153,7 @@ def _met(
 
 
 def _range_m(eyes: Array, beams: Array, segment: tuple[Array, Array], normal: Array) -> Array:
-    """From each eye (n, 2) along its beam to the segment; inf where it is missed."""
+    """Range from each eye (n, 2) along its beam to the segment, m; inf if the beam misses."""
     start, end = segment
     towards = beams @ normal
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -160,12 +161,12 @@ def _range_m(eyes: Array, beams: Array, segment: tuple[Array, Array], normal: Ar
         share = ((eyes + range_m[:, None] * beams - start) @ (end - start)) / math.dist(
             start, end
         ) ** 2
-    met = (towards > 0) & (range_m > 0) & (share >= 0) & (share <= 1)
-    return np.where(met, range_m, np.inf)
+    hits = (towards > 0) & (range_m > 0) & (share >= 0) & (share <= 1)
+    return np.where(hits, range_m, np.inf)
 
 
 def _number(walls: list[tuple[float, float]], normal: Array, offset_m: float) -> int:
-    """Of a wall in `walls`: the one on this line, or a new one."""
+    """Number in `walls` of the wall on this line; a new one if necessary."""
     normal_rad = math.atan2(normal[1], normal[0])
     for i, (other_rad, other_m) in enumerate(walls):
         if abs(wrap_rad(normal_rad - other_rad)) < 1e-6 and abs(offset_m - other_m) < 1e-6:
@@ -181,7 +182,7 @@ def _plan(flown: Recorded, x: Unknowns, lines: tuple[WallLine, ...], wall_of: In
 
 
 def to_local(points: Array, truth: TruthRecord) -> Array:
-    """World (north, east) to local NED, by the true pose at take-off."""
+    """Transform world (north, east) to local NED by the true take-off pose."""
     yaw_rad = truth.take_off.yaw_rad
     cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
     moved = points - np.array(truth.take_off.position_ned_m[:2])

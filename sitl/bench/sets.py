@@ -1,4 +1,4 @@
-"""Which missions to fly: worlds by the name of a set, their starts, and seeds."""
+"""Selects missions to fly: worlds by the name of a set, their starts, and seeds."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,12 +15,13 @@ MISSIONS = {
     **dict.fromkeys(("room_100", "room_200", "room_300"), "room"),
     "exterior": "exterior",
 }
-"""What suits a world; `building` all others."""
+"""Mission for a world; `building` for all others."""
 PLAN_SUFFIXES = (".toml", *IMPORTERS)
 MAX_STARTS = 3
+"""Starts flown per plan."""
 
 Place = tuple[str, str | None]
-"""A world as `load_world` takes it, and the number of a start pose; None is the first."""
+"""An argument of `load_world`, and the number of a start pose; None is the first."""
 
 
 def jobs_for(
@@ -37,10 +38,10 @@ def jobs_for(
 ) -> list[Job]:
     """Flights of every seed from every place with every profile and clutter, 0 to 1.
 
-    Without a mission, what suits the world.
+    Without a mission, each world's own.
 
     Raises:
-        WorldError, ConfigError, MissionError: what is wrong for all, before anything is flown.
+        WorldError, ConfigError, MissionError: an option is invalid for all flights.
     """
 
     def options(
@@ -75,13 +76,13 @@ def jobs_for(
 
 
 def _suiting(world: str, clutter: float) -> str:
-    """A furnished room is explored as a building: the trace takes furniture for the wall."""
+    """A furnished room is explored as a building: tracing would take furniture for the wall."""
     mission = MISSIONS.get(world, "building")
     return "building" if clutter and mission == "room" else mission
 
 
 def places(name: str) -> list[Place]:
-    """Where to start: in the worlds of a set, the plans in a folder, or one world.
+    """Places to start from: in the worlds of a set, the plans in a folder, or one world.
 
     Raises:
         WorldError: there is no such set, folder or world.
@@ -117,7 +118,7 @@ def _plans(folder: Path) -> list[Place]:
 
 
 def _starts(path: Path) -> int:
-    """Up to three; a plan that cannot be used counts as one, so that its row tells why."""
+    """Up to three; one for a plan that is invalid, so that its row has the error."""
     try:
         return min(len(load_world(str(path)).starts), MAX_STARTS)
     except WorldError:

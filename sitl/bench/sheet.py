@@ -1,4 +1,4 @@
-"""Many flights on one sheet of paper."""
+"""Draws the plans of many flights on one sheet."""
 
 import math
 from collections.abc import Sequence
@@ -16,20 +16,18 @@ CELL_INCHES, TITLE_INCHES, HEAD_INCHES = 3.0, 0.5, 0.35
 DPI = 120
 MAX_COLUMNS = 10
 MAX_LETTERS = 66
-HEAD = (
-    "grey: what stands there   red: the map   blue: the true path, ● from, × where it ended badly"
-)
+HEAD = "grey: true walls   red: the map   blue: the true path, ● start, × end of a failed flight"
 FIGURES = (
     ("coverage", "coverage {:.0%}"),
     ("false_walls", "false walls {:.1%}"),
     ("clearance_m", "clearance {:.2f} m"),
     ("false_alarms", "alarms {:.0f}"),
 )
-"""Keys of rows, and how they are told, if they are known."""
+"""Keys of rows, and their text, if known."""
 
 
 def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
-    """PNG: for every flight the true walls grey, the mapped ones red, the true path blue."""
+    """Write a PNG: for every flight the true walls grey, the mapped ones red, the path blue."""
     columns = min(MAX_COLUMNS, math.ceil(math.sqrt(len(flights))))
     rows = math.ceil(len(flights) / columns)
     row_inches = CELL_INCHES + TITLE_INCHES
@@ -68,16 +66,16 @@ def _draw(flown: Flown, axes: Axes) -> None:
 
 
 def _title(row: Report) -> str:
-    """What flew, how it ended, and how well."""
+    """Flight, ending and scores."""
     clutter = f", clutter {row['clutter']:g}" if row.get("clutter") else ""
     verdict = "completed" if row["completed"] else str(row["ending"])
     if row.get("collisions"):
         verdict = f"collisions: {row['collisions']}"
-    told = [form.format(row[key]) for key, form in FIGURES if row.get(key) is not None]
+    scores = [form.format(row[key]) for key, form in FIGURES if row.get(key) is not None]
     lines = (
         f"{row['world']}{clutter}, start {row['start']}, seed {row['seed']}",
         f"{row['profile']}: {verdict}",
-        ", ".join(told),
+        ", ".join(scores),
     )
     return "\n".join(line[:MAX_LETTERS] for line in lines)
 

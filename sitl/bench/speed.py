@@ -1,7 +1,7 @@
-"""How many times faster than real time a whole mission is flown, on each transport.
+"""Measures a mission's speed in times real time, on each transport.
 
-One core for all processes of a flight. `speed` counts from the first to the last moment of the
-flight, the map at its end included; starting the processes comes on top, in `waited_s`.
+All processes of a flight share one core. `speed` covers the flight including the final map.
+`waited_s` also includes the start of the processes.
 """
 
 import hashlib
@@ -20,30 +20,31 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 
 TRANSPORTS = ("direct", "bytes", "udp")
+"""Message objects, encoded frames, and UDP between two processes."""
 
 
 @dataclass(frozen=True, slots=True)
 class Speed:
-    """One transport's figures: medians over the runs."""
+    """Figures of one transport: medians over the runs."""
 
     transport: str
     flight_s: float
-    """Simulated."""
+    """Simulated time, s."""
     waited_s: float
-    """On the wall clock."""
+    """Wall time, s."""
     speed: float
     poses: str
-    """Digest of every true pose: equal where flights are equal to the bit."""
+    """Digest of all true poses: equal for bit-identical flights."""
 
 
 def on_one_core() -> None:
-    """Keep this process and its children to one core, where the system can."""
+    """Bind this process and its children to one core, if the system supports it."""
     if hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})
 
 
 def measure(options: FlightOptions, transport: str, runs: int) -> Speed:
-    """Fly the same mission some times."""
+    """Fly the same mission `runs` times."""
     settings = configuration.load(None, {"sensors.profile": options.profile})
     fly = _fly_udp if transport == "udp" else _fly_in_process
     flights = [fly(options, settings, transport) for _ in range(runs)]

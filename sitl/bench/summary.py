@@ -1,4 +1,4 @@
-"""What many flights come to: for each world and profile, and in all."""
+"""Summarises many flights, by world and profile, and in total."""
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
@@ -28,11 +28,11 @@ FIGURES: tuple[tuple[str, str, Callable[[Iterable[float]], float]], ...] = (
     ("wall_error_aligned_mean_cm", "wall_error_aligned_cm", mean),
     ("flight_time_mean_s", "flight_time_s", mean),
 )
-"""Key in the summary, key in the rows, and how; rows without a value do not count."""
+"""Key in the summary, key in the rows, and function; rows without a value are ignored."""
 
 
 def summarise(rows: Sequence[Report]) -> Summary:
-    """The figures of some flights."""
+    """Figures of a group of flights."""
     summary: Summary = {
         "flights": len(rows),
         "completed": sum(bool(row["completed"]) for row in rows),
@@ -48,26 +48,26 @@ def summarise(rows: Sequence[Report]) -> Summary:
 
 
 def _per_hour(rows: Sequence[Report], key: str) -> float | None:
-    """Of time in the air; rows without a value do not count."""
+    """Rate per hour in the air; rows without a value are ignored."""
     counted = [row for row in rows if row.get(key) is not None]
     hours = sum(float(row.get("flight_time_s") or 0.0) for row in counted) / 3600
     return round(sum(int(row[key] or 0) for row in counted) / hours, 1) if hours else None
 
 
 def sum_up(rows: Sequence[Report]) -> Summary:
-    """All rows, a summary of each group, and one of all: what `--json` prints."""
+    """All rows, a summary per group, and a total: the output of `--json`."""
     return {"rows": rows, "groups": by_world(rows), "totals": summarise(rows)}
 
 
 def show(result: Summary, console: Console) -> None:
-    """The same for people."""
+    """Print the summary as a table, and the flights that were not completed."""
     console.print(summary_table(result["groups"], result["totals"]))
     for line in complaints(result["rows"]):
         console.print(line, soft_wrap=True, markup=False)
 
 
 def by_world(rows: Sequence[Report]) -> list[Summary]:
-    """A summary for each world, profile and clutter, in the order of the rows."""
+    """A summary per world, profile and clutter, in the order of the rows."""
     names = list(dict.fromkeys(map(_group, rows)))
     ordered = sorted(rows, key=lambda row: names.index(_group(row)))
     return [
@@ -81,7 +81,7 @@ def _group(row: Report) -> tuple[str, str, float]:
 
 
 def _ending(row: Report) -> str:
-    """Of a flight that was not completed; a mission may end well after a collision."""
+    """Ending of a flight that was not completed; a mission may end well after a collision."""
     if row.get("collisions"):
         return f"{row['ending']}; collisions: {row['collisions']}"
     return str(row["ending"])
@@ -89,9 +89,9 @@ def _ending(row: Report) -> str:
 
 UNKNOWN = "–"
 Column = tuple[str, str]
-"""Heading, and how a summary's figures are told."""
+"""Heading, and format of the summary's figures."""
 SELDOM = ("clut-\nter", "trace\n×bound")
-"""Columns that are left out if they have nothing but zeros and unknowns."""
+"""Columns that are left out if they have only zeros and unknowns."""
 
 _COLUMNS: tuple[Column, ...] = (
     ("clut-\nter", "{clutter:g}"),
@@ -109,13 +109,13 @@ _COLUMNS: tuple[Column, ...] = (
 
 
 def summary_table(groups: Sequence[Summary], totals: Summary) -> Table:
-    """For the terminal, totals last; lengths in metres unless said.
+    """The summary as a table, totals last; lengths in m unless given.
 
     A column of `SELDOM` without a value is left out.
     """
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=0)
     table.add_column("world", no_wrap=True)
-    columns = [column for column in _COLUMNS if _says_something(column, groups)]
+    columns = [column for column in _COLUMNS if _has_content(column, groups)]
     for heading, _ in columns:
         table.add_column(heading, justify="right", no_wrap=True)
     for profile, group in groupby(groups, lambda group: group["profile"]):
@@ -127,7 +127,7 @@ def summary_table(groups: Sequence[Summary], totals: Summary) -> Table:
     return table
 
 
-def _says_something(column: Column, groups: Sequence[Summary]) -> bool:
+def _has_content(column: Column, groups: Sequence[Summary]) -> bool:
     cells = (cell for summary in groups for cell in _cells(summary, [column]))
     return column[0] not in SELDOM or any(cell not in {UNKNOWN, "0"} for cell in cells)
 

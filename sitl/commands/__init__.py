@@ -1,1 +1,1 @@
-"""The simulator's command line."""
+"""Implements the simulator's command line."""

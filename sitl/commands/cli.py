@@ -1,4 +1,4 @@
-"""The simulator's commands."""
+"""Implements the simulator's commands."""
 
 import signal
 from collections.abc import Callable
@@ -39,17 +39,21 @@ from sitl.running.options import (
     WorldName,
 )
 from sitl.running.server import Endpoint, Server
-from sitl.running.sockets import external_door, fleet_doors
+from sitl.running.sockets import external_endpoint, fleet_endpoints
 from sitl.simulation.record import TruthRecord
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
 
 EXIT_NOT_COMPLETED = 1
+"""Exit status of a mission that was not completed."""
 EXIT_REFUSED = 2
+"""Exit status of invalid options or files."""
 DEFAULT_MAVLINK = "udpout:127.0.0.1:14550"
 MAX_SPEED = 1000.0
+"""Largest factor of real time."""
 EMULATED_ONLY = ("--vehicles", "--mavlink", "--params", "--param", "--battery-s", "--lockstep")
+"""Options that an external autopilot does not have."""
 
 commands = typer.Typer(
     no_args_is_help=True,
@@ -64,11 +68,11 @@ commands.command()(score)
 
 @commands.callback()
 def sitl(version: Version = False) -> None:
-    """Simulated rooms, autopilot and sensors for the companion."""
+    """Simulate rooms, autopilot and sensors for the companion."""
 
 
 class RunAutopilot(StrEnum):
-    """Emulated here, or elsewhere."""
+    """An emulated firmware, or an external autopilot."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
@@ -76,19 +80,19 @@ class RunAutopilot(StrEnum):
 
 
 class Transport(StrEnum):
-    """How the companion and SITL meet."""
+    """Connection between companion and SITL."""
 
     DIRECT = "direct"
     BYTES = "bytes"
     UDP = "udp"
 
 
-BusPort = Annotated[int, typer.Option(help="TCP port of the sensor bus; 0: any.")]
+BusPort = Annotated[int, typer.Option(help="TCP port of the sensor bus; 0 for any.")]
 Mavlink = Annotated[
     list[str] | None,
     typer.Option(help="udpin:HOST:PORT or udpout:HOST:PORT; repeatable, the companion's first."),
 ]
-"""14550 if left out."""
+"""Port 14550 by default."""
 
 
 @commands.command()
@@ -97,7 +101,7 @@ def run(
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     autopilot: Annotated[
-        RunAutopilot, typer.Option(help="Emulated here, or external: one that flies by itself.")
+        RunAutopilot, typer.Option(help="Emulated firmware, or external: it simulates its flight.")
     ] = RunAutopilot.ARDUPILOT,
     start: Start = None,
     params: Params = None,
@@ -109,31 +113,34 @@ def run(
     clutter_seed: ClutterSeed = None,
     config: ConfigFile = None,
     vehicles: Annotated[
-        int, typer.Option(help="So many, each with its own link and bus on the next ports.", min=1)
+        int,
+        typer.Option(help="Number of vehicles, each with link and bus on the next ports.", min=1),
     ] = 1,
     mavlink: Mavlink = None,
     signing_key: Annotated[
         Path | None,
-        typer.Option(help="The vehicles sign, and refuse who does not, with the key in this file."),
+        typer.Option(help="File with the MAVLink signing key; unsigned messages are rejected."),
     ] = None,
     connect: Annotated[
-        str, typer.Option(help="External: where its MAVLink is, udpin or udpout:HOST:PORT.")
+        str, typer.Option(help="External: its MAVLink address, udpin or udpout:HOST:PORT.")
     ] = "udpin:127.0.0.1:14551",
     bus_port: BusPort = 5790,
     speed: Annotated[
         float,
-        typer.Option(help="Most times real time; external: its own.", min=0.1, max=MAX_SPEED),
+        typer.Option(
+            help="Limit of the speed, times real time; not for external.", min=0.1, max=MAX_SPEED
+        ),
     ] = 1.0,
     lockstep: Annotated[
-        bool, typer.Option(help="Time stands still until every companion asks for it.")
+        bool, typer.Option(help="Advance time only when every companion requests it.")
     ] = False,
-    truth: Annotated[Path | None, typer.Option(help="Write the true flight here.")] = None,
+    truth: Annotated[Path | None, typer.Option(help="File for the true flight, JSON.")] = None,
 ) -> None:
-    """Serve vehicles in a world: MAVLink on UDP, their sensors on TCP; Ctrl-C ends it."""
+    """Serve vehicles in a world: MAVLink on UDP, sensors on TCP. Ctrl-C ends it."""
     print(f"world    {world}, seed {seed}, sensors {profile}, autopilot {autopilot.value}")
     external = autopilot is RunAutopilot.EXTERNAL
     if external:
-        _refuse_what_is_set_there(vehicles > 1, mavlink, params, param, battery_s, lockstep)
+        _reject_emulated_only(vehicles > 1, mavlink, params, param, battery_s, lockstep)
     options = FlightOptions(
         world,
         seed,
@@ -154,25 +161,27 @@ def run(
         return
     setup, watch = options.setup()
     links = mavlink or [DEFAULT_MAVLINK]
-    fleet, doors = fleet_doors(setup, watch, vehicles, links, bus_port, signing_key=signing_key)
-    for number, door in enumerate(doors):
-        _tell_door(door, f"system {setup.system_id + number}" if vehicles > 1 else "")
-    _serve(Server(fleet, doors, speed=speed, lockstep=lockstep))
+    fleet, endpoints = fleet_endpoints(
+        setup, watch, vehicles, links, bus_port, signing_key=signing_key
+    )
+    for number, endpoint in enumerate(endpoints):
+        _print_endpoint(endpoint, f"system {setup.system_id + number}" if vehicles > 1 else "")
+    _serve(Server(fleet, endpoints, speed=speed, lockstep=lockstep))
     _save_truth([vehicle.record for vehicle in fleet.vehicles], truth)
 
 
-def _refuse_what_is_set_there(*given: object) -> None:
-    """An external autopilot has its own links and parameters, and flies alone in its own time."""
+def _reject_emulated_only(*given: object) -> None:
+    """Reject options that an external autopilot does not have."""
     for name, value in zip(EMULATED_ONLY, given, strict=True):
         if value:
             raise SitlError(f"{name} is for emulated autopilots, not for an external one")
 
 
 def _run_external(options: FlightOptions, connect: str, bus_port: int, truth: Path | None) -> None:
-    vehicle, door, address = external_door(options.setup()[0], connect, bus_port, _say)
+    vehicle, endpoint, address = external_endpoint(options.setup()[0], connect, bus_port, _say)
     print(f"MAVLink  {address}, for the simulator; give the companion a link of its own")
-    print(f"sensors  sitl://127.0.0.1:{door.bus_port}", flush=True)
-    _serve(Server(vehicle, [door], speed=MAX_SPEED, attendance=HeldSpeed(_say)))
+    print(f"sensors  sitl://127.0.0.1:{endpoint.bus_port}", flush=True)
+    _serve(Server(vehicle, [endpoint], speed=MAX_SPEED, attendance=HeldSpeed(_say)))
     _save_truth([vehicle.record], truth)
 
 
@@ -180,10 +189,10 @@ def _say(text: str) -> None:
     print(text, flush=True)
 
 
-def _tell_door(door: Endpoint, whose: str) -> None:
-    for transport in door.transports:
+def _print_endpoint(endpoint: Endpoint, whose: str) -> None:
+    for transport in endpoint.transports:
         print(f"MAVLink  {transport.address}  {whose}".rstrip())
-    print(f"sensors  sitl://127.0.0.1:{door.bus_port}  {whose}".rstrip(), flush=True)
+    print(f"sensors  sitl://127.0.0.1:{endpoint.bus_port}  {whose}".rstrip(), flush=True)
 
 
 def _serve(server: Server) -> None:
@@ -194,7 +203,7 @@ def _serve(server: Server) -> None:
 
 
 def _save_truth(records: list[TruthRecord], path: Path | None) -> None:
-    """One file for each vehicle; those after the first are numbered."""
+    """Write one file per vehicle; those after the first are numbered."""
     if path is None:
         return
     paths = [path, *(path.with_stem(f"{path.stem}_{n + 2}") for n in range(len(records) - 1))]
@@ -208,9 +217,9 @@ def autopilot(
     params: Params = None,
     param: Param = None,
     mavlink: Mavlink = None,
-    speed: Annotated[float, typer.Option(help="Times real time.", min=0.1, max=100)] = 1.0,
+    speed: Annotated[float, typer.Option(help="Speed, times real time.", min=0.1, max=100)] = 1.0,
 ) -> None:
-    """An emulated autopilot alone on an endless field, telling its true state; Ctrl-C ends it."""
+    """Run an emulated autopilot alone on an endless field, with its true state. Ctrl-C ends it."""
     fly_bare(
         autopilot.value,
         seed,
@@ -218,7 +227,7 @@ def autopilot(
         parameter_file=params,
         assignments=param or (),
         speed=speed,
-        tell=_say,
+        report=_say,
     )
 
 
@@ -238,23 +247,22 @@ def fly(
     clutter_seed: ClutterSeed = None,
     mission: Annotated[
         str,
-        typer.Option(
-            help=f"What to fly: {', '.join(MISSION_KINDS)}, or a mission file, .toml or .py."
-        ),
+        typer.Option(help=f"Mission: {', '.join(MISSION_KINDS)}, or a mission file, .toml or .py."),
     ] = "room",
     mission_set: MissionSet = None,
     config: ConfigFile = None,
     transport: Annotated[
-        Transport, typer.Option(help="direct, bytes: one process; udp: two.")
+        Transport, typer.Option(help="direct, bytes: one process; udp: two processes.")
     ] = Transport.DIRECT,
     speed: Annotated[
-        float, typer.Option(help="With udp: most times real time.", min=0.1, max=MAX_SPEED)
+        float,
+        typer.Option(help="With udp: limit of the speed, times real time.", min=0.1, max=MAX_SPEED),
     ] = MAX_SPEED,
-    report: Annotated[Path | None, typer.Option(help="Write the report here as JSON.")] = None,
-    out: Annotated[Path | None, typer.Option(help="Folder for every file of the flight.")] = None,
+    report: Annotated[Path | None, typer.Option(help="File for the report, JSON.")] = None,
+    out: Annotated[Path | None, typer.Option(help="Folder for all files of the flight.")] = None,
 ) -> None:
-    """Fly a whole mission and score it; exit status 0 only if it was completed."""
-    # They load the companion, its filters and the scorer, which a mere server does without.
+    """Fly a mission and score it. Exit status 0 only if it was completed."""
+    # These modules load the companion, its filters and the scorer; `sitl run` does not need them.
     from sitl.running.missions import fly_in_one_process, fly_in_two  # noqa: PLC0415
     from sitl.scoring.report import report_table, save_report  # noqa: PLC0415
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
@@ -298,13 +306,13 @@ def fly(
 
 
 def main() -> None:
-    """Run a command; anything refused is one line on stderr and exit status 2."""
+    """Run a command. Errors are one line on stderr and exit status 2."""
     terminal.set_up()
     try:
         with needs_extra("sitl"):
             commands()
     except (SitlError, WorldError, CompanionError) as error:
-        # what stands in a file may look like the console's markup
+        # a file's content may look like the console's markup
         console = Console(stderr=True, highlight=False, markup=False)
         console.print(f"sitl: {error}", soft_wrap=True)
         raise SystemExit(EXIT_REFUSED) from None

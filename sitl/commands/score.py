@@ -1,4 +1,4 @@
-"""`sitl score`: a map that a companion left, against the true flight that `sitl run` wrote."""
+"""`sitl score`: scores a companion's map against the true flight that `sitl run` wrote."""
 
 import math
 from collections.abc import Callable
@@ -33,7 +33,7 @@ T = TypeVar("T")
 
 @value
 class _Flown:
-    """How it ended, only the companion has told."""
+    """Result of a flight; its files do not contain how it ended."""
 
     completed: bool = True
     ending: str = "scored from its files"
@@ -42,7 +42,7 @@ class _Flown:
 def score(
     world: WorldName,
     map_file: Annotated[Path, typer.Argument(metavar="MAP", help="The companion's map.json.")],
-    truth: Annotated[Path, typer.Argument(help="What `sitl run --truth` has written.")],
+    truth: Annotated[Path, typer.Argument(help="The file that `sitl run --truth` wrote.")],
     seed: Seed = 1,
     profile: Profile = "gp2y0a710k0f",
     start: Start = None,
@@ -50,10 +50,10 @@ def score(
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = None,
     config: ConfigFile = None,
-    report: Annotated[Path | None, typer.Option(help="Write the scores here as JSON.")] = None,
+    report: Annotated[Path | None, typer.Option(help="File for the scores, JSON.")] = None,
 ) -> None:
-    """Score a flight of `sitl run` and `companion fly`, given the same options as `run`."""
-    # It loads the scorer, which a mere server does without.
+    """Score a flight of `sitl run` and `companion fly`, with the same options as `run`."""
+    # This module loads the scorer, which `sitl run` does not need.
     from sitl.scoring.report import report_table, save_report  # noqa: PLC0415
 
     options = FlightOptions(
@@ -75,16 +75,16 @@ def score(
 
 
 def scored(options: FlightOptions, map_file: Path, truth: Path) -> "Report":
-    """All scores of a flight, from the files that it has left.
+    """All scores of a flight, from its files.
 
     Raises:
-        SitlError: a file is not there, or is none of those.
+        SitlError: a file is missing or invalid.
     """
     from sitl.scoring.report import make_report  # noqa: PLC0415 - likewise
 
     for path in (map_file, truth):
         if not path.is_file():
-            raise SitlError(f"{path}: no such file; MAP is of companion fly, TRUTH of sitl run")
+            raise SitlError(f"{path}: no such file; MAP is from companion fly, TRUTH from sitl run")
     return make_report(
         options.setup()[0],
         options.settings({}),
@@ -100,5 +100,5 @@ def _loaded(load: Callable[[Path], T], path: Path) -> T:
         return load(path)
     except (ValueError, LookupError, TypeError, OSError, RecursionError) as error:
         raise SitlError(
-            f"{path}: cannot be used: {error!r}; MAP is of companion fly, TRUTH of sitl run"
+            f"{path}: cannot be used: {error!r}; MAP is from companion fly, TRUTH from sitl run"
         ) from error

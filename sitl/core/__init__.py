@@ -1,1 +1,1 @@
-"""What the rooms of the simulator share: truth, the vehicle, noise, radio, errors."""
+"""Shared by all rooms of the simulator: ground truth, vehicle, noise, radio, errors."""

@@ -1,4 +1,4 @@
-"""What SITL can refuse, in one line for the person reading it."""
+"""Errors that end a `sitl` command with one line."""
 
 import reprlib
 from typing import Any
@@ -11,7 +11,7 @@ class SitlError(Exception):
 
 
 def complaint(error: ValidationError) -> str:
-    """The first thing that is wrong in a file: key = value: what it should be."""
+    """The first validation error as one line, `key = value: what the value should be`."""
     first: Any = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])
     value = "" if isinstance(first["input"], dict) else f" = {_shown(first['input'])}"
@@ -21,7 +21,7 @@ def complaint(error: ValidationError) -> str:
 
 
 def _shown(value: object) -> str:
-    """Short, however long or deep the value is."""
+    """A short representation, whatever the length or depth of the value."""
     try:
         return reprlib.repr(value)
     except ValueError:  # Python refuses to print integers of thousands of digits

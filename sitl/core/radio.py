@@ -1,4 +1,4 @@
-"""A radio that is not perfect: messages get lost, come twice, late, or one after the next."""
+"""Simulates an unreliable radio link: loss, duplicates, delay, reordering."""
 
 import heapq
 from collections.abc import Iterable
@@ -8,12 +8,12 @@ from random import Random
 from companion.link.transports.transport import Message
 
 OUT_OF_ORDER_S = 0.06
-"""A message that is overtaken is this late."""
+"""Extra delay of a message that is overtaken by later ones, s. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Troubles:
-    """Shares of all messages, 0 to 1, and the most by which one may be late."""
+    """Shares of all messages, 0 to 1, and the largest random delay, s."""
 
     loss: float = 0.0
     duplicates: float = 0.0
@@ -22,6 +22,7 @@ class Troubles:
 
 
 NO_TROUBLES = Troubles()
+"""A perfect link."""
 
 
 class Radio:
@@ -34,7 +35,7 @@ class Radio:
         self._count = 0
 
     def carry(self, messages: Iterable[Message], now_s: float) -> Iterable[Message]:
-        """Take what is sent; give what arrives by now."""
+        """Accept messages to send; return those that arrive by `now_s`."""
         if self.troubles is NO_TROUBLES and not self._under_way:
             return messages
         for message in messages:

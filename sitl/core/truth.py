@@ -1,4 +1,4 @@
-"""What really happens. Only the simulation's own parts, the scorer and the viewer may read it."""
+"""Ground truth of the vehicle. Only simulation, scoring and the viewer may read it."""
 
 from collections import deque
 
@@ -8,9 +8,10 @@ from companion.core.values import value
 
 @value
 class TrueState:
-    """The vehicle in the world's frame: NED, origin and axes of the world file, floor at down = 0.
+    """The vehicle's true state in the world frame: NED, origin as in the world file.
 
-    `yaw_rad` is clockwise from north; `roll_rad` and `pitch_rad` as in MAVLink ATTITUDE.
+    The floor is at down = 0. `yaw_rad` is clockwise from north.
+    `roll_rad` and `pitch_rad` are as in MAVLink ATTITUDE.
     """
 
     time_s: float
@@ -23,13 +24,13 @@ class TrueState:
 
 
 STEP_S = 0.01
-"""Between two states."""
+"""Time between two states, s."""
 HISTORY_STEPS = 8
-"""Enough for the slowest sensor, whose value may be 50 ms old."""
+"""States kept. The oldest value that a sensor holds is 50 ms old."""
 
 
 class History:
-    """The latest states: sensors hold values of moments that have passed."""
+    """The latest states. A sensor holds the value of an earlier moment."""
 
     def __init__(self, start: TrueState, steps: int = HISTORY_STEPS) -> None:
         self._states = deque([start], maxlen=steps)
@@ -38,7 +39,7 @@ class History:
         self._states.append(state)
 
     def at(self, time_s: float) -> TrueState:
-        """The state nearest to `time_s`, so that nothing is late on average; else the oldest."""
+        """The state nearest to `time_s`, so the mean delay is zero; the oldest if none is near."""
         for state in reversed(self._states):
             if state.time_s <= time_s + 0.5 * STEP_S:
                 return state

@@ -1,8 +1,8 @@
-"""The quadrotor as a moving point with a heading, in 10 ms steps.
+"""Models the quadrotor as a moving point with a heading, in steps of 10 ms.
 
-Velocity follows what the autopilot's shaping asks for as each firmware was measured to follow it: a
-second-order lag, of which a share comes late with the velocity integrator (`docs/autopilot.md`). At
-rest on the ground the body's centre is at down = 0.
+Velocity follows the autopilot's shaped setpoint with a second-order lag. A share of each change
+arrives late, through the velocity integrator. The parameters are fitted to measured steps of each
+firmware (`docs/autopilot.md`). At rest on the ground the body's centre is at down = 0.
 """
 
 import math
@@ -13,16 +13,20 @@ from companion.core.frames import Vector2, Vector3, ned_to_frd, wrap_rad
 from sitl.core.truth import TrueState
 
 STEP_S = 0.01
+"""Time step, s."""
 GUST_STEPS = 5
+"""Steps between two draws of the gust."""
 MAX_YAW_RATE_RAD_S = math.radians(90)
+"""Yaw rate limit, rad/s. Chosen."""
 GRAVITY_M_S2 = 9.81
+"""Standard gravity, rounded, m/s²."""
 
 STILL: Vector2 = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Gusts:
-    """Slow random air movement that the velocity loop only partly holds against."""
+    """Slow random air movement that the velocity loop rejects only in part. Chosen."""
 
     sigma_m_s: float = 0.03
     time_constant_s: float = 2.0
@@ -30,21 +34,21 @@ class Gusts:
 
 @dataclass(frozen=True, slots=True)
 class Follow:
-    """How one axis follows its reference; fitted to measured steps."""
+    """Closed-loop response of one axis to its reference; fitted to measured steps."""
 
     natural_rad_s: float
-    """Of the closed loop: how quickly it follows,"""
+    """Natural frequency of the closed loop, rad/s."""
     damping: float
-    """and how much it overshoots."""
+    """Damping ratio of the closed loop."""
     slow_share: float
-    """What share of a change comes late,"""
+    """Share of a change that arrives late, 0 to 1."""
     slow_s: float
-    """with this time constant."""
+    """Time constant of the late share, s."""
 
 
 @dataclass(frozen=True, slots=True)
 class Airframe:
-    """All axes of one vehicle."""
+    """Response of all axes of one vehicle."""
 
     horizontal: Follow
     vertical: Follow
@@ -64,7 +68,7 @@ class Loop:
         self._slow = self.velocity = self.acceleration = 0.0
 
     def step(self, wanted: float) -> float:
-        """One step on."""
+        """Advance by one time step; return the velocity."""
         f = self._follow
         self._slow += (wanted - self._slow) * STEP_S / f.slow_s
         reference = (1 - f.slow_share) * wanted + f.slow_share * self._slow
@@ -75,7 +79,7 @@ class Loop:
 
 
 class Vehicle:
-    """True motion. Commands are velocities in the world's NED and a yaw rate."""
+    """Simulates true motion. Commands are a velocity in the world's NED frame and a yaw rate."""
 
     def __init__(
         self, start: TrueState, random: Random, airframe: Airframe, gusts: Gusts = Gusts()
@@ -88,7 +92,7 @@ class Vehicle:
         self._gust_ne = STILL
         self._floor = start.position_ned_m[2]
         self.wind_ne_m_s: Vector2 = STILL
-        """A fault for tests: a gust that carries the vehicle along."""
+        """A fault for tests: wind that moves the vehicle, north and east, m/s."""
         self.state = start
 
     @property
@@ -96,7 +100,7 @@ class Vehicle:
         return self.state.position_ned_m[2] >= self._floor
 
     def step(self, velocity_ned_m_s: Vector3, yaw_rate_rad_s: float) -> TrueState:
-        """Fly for one step towards a commanded velocity."""
+        """Advance by one time step towards a commanded velocity."""
         if self._steps % GUST_STEPS == 0:
             self._blow()
         wanted_n, wanted_e, wanted_d = velocity_ned_m_s
@@ -110,7 +114,7 @@ class Vehicle:
         return self._move((north, east, self._down.step(wanted_d)), accelerations, turning)
 
     def _blow(self) -> None:
-        """Ornstein-Uhlenbeck process."""
+        """Draw the next gust, an Ornstein-Uhlenbeck process."""
         fade = GUST_STEPS * STEP_S / self._gusts.time_constant_s
         kick = self._gusts.sigma_m_s * math.sqrt(2 * fade)
         north, east = self._gust_ne
@@ -119,7 +123,7 @@ class Vehicle:
         self._gust_ne = north, east
 
     def rest(self) -> TrueState:
-        """One step with the motors off: on the ground it stays; in the air it falls."""
+        """Advance by one time step with the motors off: still on the ground, in free fall above."""
         for loop in (self._north, self._east, self._down, self._yaw):
             loop.reset()
         falling = self.state.velocity_ned_m_s[2]
@@ -130,12 +134,12 @@ class Vehicle:
     def _move(
         self, velocity_ned_m_s: Vector3, acceleration_ne_m_s2: Vector2, yaw_rate_rad_s: float
     ) -> TrueState:
-        """On for one step, tilted into the acceleration."""
+        """Advance by one time step, tilted into the acceleration."""
         was = self.state
         north, east, down = velocity_ned_m_s
         x, y, z = was.position_ned_m
         z += down * STEP_S
-        if z >= self._floor:  # it stands, and does not slide
+        if z >= self._floor:  # on the ground, without sliding
             z, down = self._floor, min(down, 0.0)
             north = east = yaw_rate_rad_s = 0.0
         yaw_rad = wrap_rad(was.yaw_rad + yaw_rate_rad_s * STEP_S)

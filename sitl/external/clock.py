@@ -1,8 +1,8 @@
-"""Time, as the autopilot's own messages tell it.
+"""Derives the time from the autopilot's messages.
 
-Its simulation may run faster or slower than real time, and stutter where the machine is busy. What
-a gyro measures and how far a beam reaches belong to moments of its flight, so our world follows
-its time, and stands still while it is silent.
+The autopilot's simulation may run faster or slower than real time, and with pauses on a busy
+machine. Gyro readings and ranges belong to moments of its flight. The world therefore follows its
+time, and pauses without messages.
 """
 
 from collections.abc import Callable
@@ -10,21 +10,21 @@ from collections.abc import Callable
 from sitl.autopilot.streams import Message
 
 SILENT_S = 1.0
-"""Wall time without its time from which that is told. A busy machine may pause it for half a
-second."""
+"""Wall time without the autopilot's time before a warning, s. A busy machine may pause the
+autopilot for half a second."""
 GONE_S = 1.0
-"""Farther apart than this the autopilot has been restarted or was away: the two are set again."""
+"""A difference from which the clocks are aligned anew, s: the autopilot restarted or was away."""
 
 
 class AutopilotClock:
-    """ATTITUDE (30) tells their time since boot; moved to ours, which began at 0."""
+    """Converts the autopilot's time since boot in ATTITUDE (30) to simulator time from 0."""
 
     def __init__(self) -> None:
         self._ahead_s: float | None = None
         self._autopilot_s = float("-inf")
 
-    def hear(self, message: Message, now_s: float) -> float | None:
-        """Our time of the moment that a message tells of; None if it tells no time."""
+    def receive(self, message: Message, now_s: float) -> float | None:
+        """Simulator time of a message, s; None if the message has no time."""
         if message.get_type() != "ATTITUDE":
             return None
         boot_s = message.time_boot_ms * 1e-3
@@ -34,28 +34,28 @@ class AutopilotClock:
         return self._autopilot_s
 
     def autopilot_s(self, now_s: float) -> float:
-        """The moment of what was heard last, as far as the autopilot has told it."""
+        """Time of the last message, s; `now_s` if that is too far off."""
         return self._autopilot_s if now_s - self._autopilot_s <= GONE_S else now_s
 
 
 class Silence:
-    """Tells when the autopilot falls silent and when it is back; times are wall-clock times."""
+    """Reports when the autopilot falls silent and when it returns. Times are wall time, s."""
 
-    def __init__(self, tell: Callable[[str], None], began_s: float) -> None:
-        self._tell = tell
-        self._heard_s = began_s
-        self._was_heard = self._is_silent = False
+    def __init__(self, report: Callable[[str], None], began_s: float) -> None:
+        self._report = report
+        self._received_s = began_s
+        self._was_connected = self._is_silent = False
 
-    def hear(self, now_s: float) -> None:
-        """It has told its time."""
+    def receive(self, now_s: float) -> None:
+        """Note a message with the autopilot's time."""
         if self._is_silent:
-            self._tell(f"the autopilot is heard{' again' if self._was_heard else ''}")
-        self._heard_s, self._was_heard, self._is_silent = now_s, True, False
+            self._report(f"the autopilot is connected{' again' if self._was_connected else ''}")
+        self._received_s, self._was_connected, self._is_silent = now_s, True, False
 
-    def look(self, now_s: float) -> None:
-        """Whether it has been silent for too long by now."""
-        if self._is_silent or now_s - self._heard_s <= SILENT_S:
+    def check(self, now_s: float) -> None:
+        """Report if the autopilot has been silent for too long."""
+        if self._is_silent or now_s - self._received_s <= SILENT_S:
             return
         self._is_silent = True
-        state = "has fallen silent" if self._was_heard else "has not been heard yet"
-        self._tell(f"the autopilot {state}: our world stands still until it is heard")
+        state = "is silent" if self._was_connected else "has not sent a message yet"
+        self._report(f"the autopilot {state}: the simulation is paused until it sends")

@@ -1,7 +1,7 @@
-"""What an autopilot without eyes is given: drifting odometry, and its range sensors.
+"""Builds the messages for an autopilot without own sensors: drifting odometry, and ranges.
 
-The odometry is what an optical flow sensor would make of it: velocity in the body's frame, with
-scale and noise, turned by the autopilot's own heading and summed up.
+The odometry is that of an optical flow sensor: body-frame velocity with scale error and noise,
+rotated by the autopilot's own heading and integrated.
 """
 
 import math
@@ -21,20 +21,23 @@ from sitl.sensors.board import BEAM_FRD, to_ned
 
 INFRARED = mavlink.MAV_DISTANCE_SENSOR_INFRARED
 MIN_CM, MAX_CM = 2, 550
+"""Range limits in DISTANCE_SENSOR, cm. Chosen."""
 RANGE_SIGMA_M = 0.02
+"""Standard deviation of the ranges, m. Chosen."""
 GEAR_M = 0.1
-"""How high the down sensor looks from when the vehicle stands."""
+"""Height of the sensors over the ground when the vehicle stands, m. Chosen."""
 POSE_SIGMAS = (0.05, 0.05, 0.05, 0.02, 0.02, 0.05)
-"""Of x, y, z, m, and roll, pitch, yaw, rad: from one message to the next, not of the drift."""
+"""Standard deviations of x, y, z, m, and roll, pitch, yaw, rad, between messages; without drift."""
 VELOCITY_SIGMAS = (0.05, 0.05, 0.05, 0.05, 0.05, 0.05)
-"""m/s and rad/s: the noise of a step of `OdometryNoise`, and its scale at walking pace."""
+"""Standard deviations, m/s and rad/s: step noise of `OdometryNoise`, and its scale at walking
+speed."""
 UNKNOWN = math.nan
 POSE_FRAME = {
     "ardupilot": mavlink.MAV_FRAME_LOCAL_FRD,
     "px4": mavlink.MAV_FRAME_LOCAL_NED,
 }
-"""ArduPilot takes no other. PX4 would turn LOCAL_FRD by the difference of two headings, and ours is
-its own."""
+"""ArduPilot accepts no other frame. PX4 would rotate LOCAL_FRD by the difference of two headings,
+but here the heading is PX4's own."""
 ORIENTATION = {
     Beam.FRONT: mavlink.MAV_SENSOR_ROTATION_NONE,
     Beam.RIGHT: mavlink.MAV_SENSOR_ROTATION_YAW_90,
@@ -42,10 +45,11 @@ ORIENTATION = {
     Beam.UP: mavlink.MAV_SENSOR_ROTATION_PITCH_90,
     Beam.DOWN: mavlink.MAV_SENSOR_ROTATION_PITCH_270,
 }
+"""MAV_SENSOR_ORIENTATION by beam."""
 
 
 def odometry(firmware: str, estimator: AutopilotEstimator, truth: TrueState) -> Message:
-    """ODOMETRY (331): the pose, and the velocity in the body's frame."""
+    """ODOMETRY (331): the pose, and the velocity in the body frame."""
     w, x, y, z = quaternion_wxyz(truth.roll_rad, truth.pitch_rad, estimator.yaw_rad)
     return mavlink.MAVLink_odometry_message(
         round(truth.time_s * 1e6),
@@ -64,7 +68,7 @@ def odometry(firmware: str, estimator: AutopilotEstimator, truth: TrueState) -> 
 
 
 def _covariance(sigmas: tuple[float, ...]) -> list[float]:
-    """(21,): the upper triangle of a diagonal matrix, row by row."""
+    """(21,): the upper triangle of a diagonal matrix, row-major."""
     size = len(sigmas)
     return [
         sigmas[row] ** 2 if row == column else 0.0
@@ -74,7 +78,7 @@ def _covariance(sigmas: tuple[float, ...]) -> list[float]:
 
 
 def distances(truth: TrueState, range_m: RangeQuery, random: Random) -> list[Message]:
-    """DISTANCE_SENSOR (132) for each beam; nothing in range reads as one more than the most."""
+    """DISTANCE_SENSOR (132) for each beam; without a return, 1 cm beyond the maximum."""
     return [
         _distance(truth, ORIENTATION[beam], number, _measured(truth, beam, range_m, random))
         for number, beam in enumerate(ORIENTATION)

@@ -1,10 +1,10 @@
-"""How an autopilot must be set up to fly in our world, and the asking for it.
+"""Configures an external autopilot for flight in the simulated world.
 
 WAITING ──HEARTBEAT──► ASKING: streams, each parameter ──all as wanted──► READY
                          ▲ │
                          └─┘ once a second
 
-Where on Earth its position begins is the companion's to set; here it is only looked at.
+The companion sets the origin of the autopilot's position; here it is only checked.
 """
 
 import math
@@ -29,9 +29,12 @@ TRUTH_MESSAGE = {
     "px4": mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION,
 }
 TRUTH_HZ = ATTITUDE_HZ = 50.0
+"""Requested message rates, Hz."""
 ASK_PERIOD_S = 1.0
+"""Period of the requests, s."""
 MAX_ORIGIN_OFF_M = 50_000.0
-"""So far apart, the magnetic declination differs by less than a degree, but near the poles."""
+"""Largest distance of origin and simulated location, m. Within it the magnetic declination differs
+by less than a degree, except near the poles."""
 NEEDS_RESTART = (
     "EKF2_HGT_REF",
     "GPS1_TYPE",
@@ -40,20 +43,20 @@ NEEDS_RESTART = (
     "SYS_HAS_GPS",
     "VISO_TYPE",
 )
-"""Read by real autopilots only when they start."""
+"""Parameters that real autopilots read only at their start."""
 
 
 def wanted_parameters(firmware: str) -> dict[str, float]:
-    """Those of the file that comes with the simulator."""
+    """Required parameters, from the file that comes with the simulator."""
     with resources.as_file(resources.files("sitl.external") / f"{firmware}.parm") as path:
         return ParameterFile(path, load_table(firmware)).values
 
 
 class ExternalSetup:
-    """Asks until everything is as it must be; time is an argument."""
+    """Sends requests until the autopilot is configured. Time is an argument."""
 
-    def __init__(self, tell: Callable[[str], None]) -> None:
-        self._tell = tell
+    def __init__(self, report: Callable[[str], None]) -> None:
+        self._report = report
         self._target: tuple[int, int] | None = None
         self._firmware = ""
         self._home: Place | None = None
@@ -65,22 +68,22 @@ class ExternalSetup:
 
     @property
     def firmware(self) -> str:
-        """Which of `AUTOPILOTS` it is, once it was heard."""
+        """Its firmware in `AUTOPILOTS`; empty before its first HEARTBEAT."""
         return self._firmware
 
     @property
     def target(self) -> tuple[int, int] | None:
-        """System and component of the autopilot, once it was heard."""
+        """System and component of the autopilot; None before its first HEARTBEAT."""
         return self._target
 
-    def hear(self, message: Message, now_s: float) -> None:
-        """Note what the autopilot says of itself."""
+    def receive(self, message: Message, now_s: float) -> None:
+        """Process a message from the autopilot."""
         match message.get_type():
             case "HEARTBEAT" if self._target is None and message.autopilot in AUTOPILOTS:
                 self._target = message.get_srcSystem(), message.get_srcComponent()
                 self._firmware = AUTOPILOTS[message.autopilot]
                 self._missing = wanted_parameters(self._firmware)
-                self._tell(f"autopilot {self._firmware}, system {self._target[0]}")
+                self._report(f"autopilot {self._firmware}, system {self._target[0]}")
             case "GPS_GLOBAL_ORIGIN":
                 self._note_origin((message.latitude, message.longitude, message.altitude))
             case "PARAM_VALUE":
@@ -106,21 +109,21 @@ class ExternalSetup:
         return float(value)
 
     def _note_origin(self, origin: Place) -> None:
-        """Its compass is simulated for one place, and read by the charts of the other."""
+        """Check the origin: a compass simulated at one place is corrected with another's charts."""
         if self._home is None or origin == self._origin:
             return
         self._origin = origin
         off_m = math.hypot(*offset_ned_m(self._home, origin)[:2])
         if off_m > MAX_ORIGIN_OFF_M:
             lat, lon, _ = self._home
-            self._tell(
+            self._report(
                 f"its origin is {off_m / 1000:.0f} km from where it is simulated: in the "
                 f"companion's [link], origin_lat_deg = {lat / 1e7:.4f}, "
                 f"origin_lon_deg = {lon / 1e7:.4f}; then restart both"
             )
 
     def requests(self, now_s: float, home: Place | None) -> list[Message]:
-        """What to ask for now; `home` is where on Earth it is simulated."""
+        """Requests to send now; `home` is the simulated location on Earth."""
         self._home = home
         if self._target is None or now_s - self._asked_s < ASK_PERIOD_S:
             return []
@@ -147,7 +150,7 @@ class ExternalSetup:
         ]
 
     def _parameter_requests(self, name: str, value: float) -> list[Message]:
-        """Read it first; what is read to be different is set."""
+        """Read a parameter first; set it if its value differs."""
         assert self._target is not None
         if name not in self._changed:
             return [mavlink.MAVLink_param_request_read_message(*self._target, name.encode(), -1)]
@@ -162,6 +165,6 @@ class ExternalSetup:
             return
         self._is_ready = True
         restart = [name for name in self._changed if name in NEEDS_RESTART]
-        self._tell(f"parameters set: {', '.join(self._changed) or 'none had to be'}")
+        self._report(f"parameters set: {', '.join(self._changed) or 'none needed'}")
         if restart:
-            self._tell(f"restart the autopilot once, so that it reads {', '.join(restart)}")
+            self._report(f"restart the autopilot once so that it reads {', '.join(restart)}")

@@ -1,8 +1,7 @@
-"""The true state of somebody else's simulation, out of its ground truth messages.
+"""Tracks the true state of an external simulation from its ground truth messages.
 
-They tell latitude and longitude to 1e-7 degrees, 11 mm: too coarse for ranges to a few millimetres.
-Between and across messages the position is carried on by the velocity and pulled towards what is
-told.
+Their latitude and longitude are in 1e-7 degrees, 11 mm: too coarse for ranges to a few millimetres.
+The position is therefore predicted by the velocity and corrected towards each message.
 """
 
 import math
@@ -14,13 +13,13 @@ from sitl.autopilot.streams import Message
 from sitl.core.truth import TrueState
 
 PULL = 0.2
-"""Share of the difference that one message corrects."""
+"""Share of the difference that one message corrects. Chosen."""
 JUMP_M = 0.5
-"""Farther off than this the simulation has been moved, not flown."""
+"""A larger difference means that the simulation moved the vehicle, m. Chosen."""
 
 
 class TruthTracker:
-    """Time is ours, the motion theirs; the world's frame is moved to where they began."""
+    """Tracks motion in the world frame, shifted to the start. Time is the simulator's."""
 
     def __init__(self, start: TrueState) -> None:
         self._start = start
@@ -29,15 +28,15 @@ class TruthTracker:
 
     @property
     def home(self) -> Place | None:
-        """Where on Earth their simulation began; None before anything was heard."""
+        """Location on Earth where the external simulation began; None before its first message."""
         return self._home
 
-    def hear(self, message: Message, now_s: float) -> bool:
-        """Take in a message; True if it told the true state."""
-        told = _reported(message)
-        if told is None:
+    def receive(self, message: Message, now_s: float) -> bool:
+        """Process a message; True if it has the true state."""
+        reported = _reported(message)
+        if reported is None:
             return False
-        place, state = told
+        place, state = reported
         if self._home is None:
             self._home = place
         there = offset_ned_m(self._home, place)
@@ -56,7 +55,7 @@ class TruthTracker:
         return north, east, down
 
     def at(self, time_s: float) -> TrueState:
-        """Carried on from the last message."""
+        """The state predicted from the last message."""
         state = self.state
         dt_s = time_s - state.time_s
         north, east, down = (

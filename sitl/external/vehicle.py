@@ -1,4 +1,4 @@
-"""A vehicle whose flight is simulated elsewhere, in our world, by the time of that flight."""
+"""Puts a vehicle with an external flight simulation into the world, at that flight's time."""
 
 import math
 import time
@@ -25,27 +25,29 @@ from sitl.world.geometry.model import WorldModel
 
 COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 ODOMETRY_STEPS, DISTANCE_STEPS = 2, 10
-"""50 and 10 Hz."""
+"""Steps between messages: 50 and 10 Hz."""
 HEARTBEAT_PERIOD_S = 1.0
 WAIT_S = 0.5
-"""Wall time; then whoever asks is served, and the autopilot waited for again."""
+"""Longest wait for the autopilot within one `advance`, wall time, s. Chosen."""
 KEPT_STEPS = 40
-"""So much may come at once when the machine was busy; the gyro's FIFO holds less."""
+"""Steps that may arrive at once on a busy machine; the gyro's FIFO holds fewer."""
 
 
 class ExternalVehicle:
-    """Served like a `Simulation`, but `advance` waits: an autopilot elsewhere has its own time."""
+    """Served like a `Simulation`, but `advance` waits for the external autopilot's time."""
 
-    def __init__(self, setup: Setup, transport: UdpTransport, tell: Callable[[str], None]) -> None:
+    def __init__(
+        self, setup: Setup, transport: UdpTransport, report: Callable[[str], None]
+    ) -> None:
         start = start_state(setup)
         self._transport = transport
         self._model = WorldModel(setup.world)
         self._clock = AutopilotClock()
-        self._silence = Silence(tell, time.monotonic())
-        self._beaten_s = -math.inf
+        self._silence = Silence(report, time.monotonic())
+        self._heartbeat_s = -math.inf
         self._tracker = TruthTracker(start)
-        self._setup = ExternalSetup(tell)
-        self._tell = tell
+        self._setup = ExternalSetup(report)
+        self._report = report
         self._estimator = AutopilotEstimator(start, setup.seed, REFERENCE_NOISE)
         self._noise = stream(setup.seed, "range sensors of the autopilot")
         self._history = History(start, KEPT_STEPS)
@@ -63,57 +65,57 @@ class ExternalVehicle:
         return self._steps * STEP_S
 
     def advance(self, time_s: float) -> None:
-        """Follow the flight until `time_s`, or farther if it is farther already.
+        """Follow the flight until `time_s`, or farther if it is already there.
 
-        Not so far if the autopilot is silent: our time is the autopilot's.
+        Time stops earlier if the autopilot is silent.
         """
-        self._take_in()
+        self._receive_all()
         give_up_s = time.monotonic() + WAIT_S
         while self.time_s < time_s - 1e-9:
-            self._ask()
+            self._send_requests()
             left_s = give_up_s - time.monotonic()
             if left_s <= 0:
                 break
             self._transport.await_datagrams(self._transport.datagrams_received + 1, left_s)
-            self._take_in()
-        self._ask()
+            self._receive_all()
+        self._send_requests()
         self.board.bus.set_time(self.time_s)
 
-    def _ask(self) -> None:
-        """What is asked for by the wall clock: it tells us its time only after that."""
+    def _send_requests(self) -> None:
+        """Send requests by the wall clock: the autopilot sends its time only after them."""
         now_s = time.monotonic()
-        self._silence.look(now_s)
+        self._silence.check(now_s)
         messages = self._setup.requests(now_s, self._tracker.home)
-        if now_s - self._beaten_s >= HEARTBEAT_PERIOD_S:
-            self._beaten_s = now_s
+        if now_s - self._heartbeat_s >= HEARTBEAT_PERIOD_S:
+            self._heartbeat_s = now_s
             messages.append(_heartbeat())
         for message in messages:
             self._transport.send(message)
 
-    def _take_in(self) -> None:
+    def _receive_all(self) -> None:
         for message in self._transport.receive():
             if message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1:
-                self._hear(message)
+                self._receive(message)
 
-    def _hear(self, message: Message) -> None:
-        autopilot_s = self._clock.hear(message, self.time_s)
+    def _receive(self, message: Message) -> None:
+        autopilot_s = self._clock.receive(message, self.time_s)
         if autopilot_s is not None:
-            self._silence.hear(time.monotonic())
+            self._silence.receive(time.monotonic())
             self._pass(autopilot_s)
             self._estimator.yaw_rad = message.yaw
-        self._setup.hear(message, time.monotonic())
+        self._setup.receive(message, time.monotonic())
         begins = self._tracker.home is None
-        if self._tracker.hear(message, self._clock.autopilot_s(self.time_s)) and begins:
+        if self._tracker.receive(message, self._clock.autopilot_s(self.time_s)) and begins:
             self.record = TruthRecord(self._tracker.state)
 
     def _pass(self, time_s: float) -> None:
-        """Let our time come to `time_s`, in steps of 10 ms."""
+        """Advance to `time_s` in steps of 10 ms."""
         while self.time_s < time_s - 1e-9:
             self._steps += 1
             self._step()
 
     def _step(self) -> None:
-        """Move and feed."""
+        """Advance by one step, and send the messages that are due."""
         state = self._tracker.at(self.time_s)
         self._history.add(state)
         self._estimator.update(state)
@@ -133,8 +135,8 @@ class ExternalVehicle:
         return messages
 
     def _crash(self) -> None:
-        """It has hit something: its motors are stopped by force."""
-        self._tell("crash: hit an obstacle")
+        """Stop the motors by force after a collision."""
+        self._report("crash: hit an obstacle")
         if self._setup.target is not None:
             command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
             self._transport.send(command_long(self._setup.target, command, (0, FORCE_DISARM)))

@@ -1,1 +1,1 @@
-"""Flights: in lockstep, in two processes, served to others, several vehicles at once."""
+"""Runs flights: in lockstep, in two processes, served to others, with several vehicles."""

@@ -1,7 +1,7 @@
-"""`sitl autopilot`: an emulated autopilot alone, in real time, as if on an endless field.
+"""`sitl autopilot`: runs an emulated autopilot alone, in real time, on an endless field.
 
-It tells its true state as simulated autopilots do, and lets others give it a world: the stand-in
-for ArduPilot SITL and PX4 SIH.
+It sends its true state, as simulated autopilots do, and another simulator provides its world. It
+stands in for ArduPilot SITL and PX4 SIH.
 """
 
 import signal
@@ -16,8 +16,9 @@ from sitl.running.options import read_parameters
 from sitl.running.server import Pace
 
 MAX_BEHIND_S = 0.1
-"""Wall time that is caught up with; a machine that loses more flies slower, never in leaps."""
+"""Wall time that the simulation catches up, s. A slower machine flies slower, without jumps."""
 ON_THE_FIELD = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
+"""True state at the start."""
 
 
 def fly_bare(
@@ -28,12 +29,12 @@ def fly_bare(
     parameter_file: Path | None,
     assignments: Sequence[str],
     speed: float,
-    tell: Callable[[str], None],
+    report: Callable[[str], None],
 ) -> None:
-    """Run until interrupted.
+    """Run until interrupted; `report` prints a line.
 
     Raises:
-        SitlError, LinkError: one line that says what to mend.
+        SitlError, LinkError: a parameter or address is invalid.
     """
     values, watch = read_parameters(firmware, parameter_file, assignments)
     vehicle = Autopilot(
@@ -43,11 +44,11 @@ def fly_bare(
         parameters=values,
         watch=watch,
         links=len(mavlink),
-        tells_truth=True,
+        sends_truth=True,
     )
     transports = [UdpTransport(url, vehicle.system_id, AUTOPILOT_COMPONENT) for url in mavlink]
     for transport in transports:
-        tell(f"MAVLink  {transport.address}")
+        report(f"MAVLink  {transport.address}")
     running = True
 
     def stop(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""Several vehicles in one world; their time passes together, 10 ms at a time."""
+"""Runs several vehicles in one world, in common steps of 10 ms."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,13 +10,14 @@ from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.errors import SitlError
 from sitl.core.vehicle import STEP_S
 from sitl.simulation.simulation import Setup, Simulation
-from sitl.simulation.traffic import Others, nobody
+from sitl.simulation.traffic import Others, no_others
 
 SEEDS_APART = 1000
+"""Difference between the seeds of two vehicles. Chosen."""
 
 
 def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
-    """One setup for each vehicle: system ids and start poses in order, noise of its own.
+    """One setup per vehicle: system ids and start poses in order, each with its own seed.
 
     Raises:
         SitlError: the world has too few start poses.
@@ -42,7 +43,7 @@ def fleet_setups(setup: Setup, vehicles: int) -> list[Setup]:
 
 
 class Fleet:
-    """Simulations that see each other."""
+    """Simulations that detect each other."""
 
     def __init__(
         self,
@@ -52,7 +53,7 @@ class Fleet:
     ) -> None:
         self.vehicles: list[Simulation] = []
         for number, (setup, links) in enumerate(zip(setups, transports, strict=True)):
-            others = self._others_of(number) if len(setups) > 1 else nobody
+            others = self._others_of(number) if len(setups) > 1 else no_others
             self.vehicles.append(Simulation(setup, links, watch, others))
 
     def _others_of(self, number: int) -> Others:
@@ -70,7 +71,7 @@ class Fleet:
         return self.vehicles[0].time_s
 
     def advance(self, time_s: float) -> None:
-        """Let time pass for all of them."""
+        """Advance all vehicles to `time_s`."""
         if len(self.vehicles) == 1:
             self.vehicles[0].advance(time_s)
             return

@@ -1,4 +1,4 @@
-"""A mission flown and scored, in one process or in two: what `sitl fly` does."""
+"""Flies and scores a mission, in one process or in two, for `sitl fly`."""
 
 import time
 from pathlib import Path
@@ -29,9 +29,9 @@ def fly_in_one_process(
     out: Path | None,
     console: Console,
 ) -> tuple[Report, FloorPlan, str]:
-    """By lockstep, on virtual time: scores, the map, and which events have never happened.
+    """Fly in lockstep on virtual time; return scores, map, and the events that did not happen.
 
-    The recording is left in `out`, the map is not yet.
+    The recording is written to `out`, the map is not.
     """
     began_s = time.monotonic()
     setup, watch = options.setup()
@@ -71,10 +71,10 @@ def fly_in_two(
     out: Path,
     console: Console,
 ) -> Report:
-    """As on a drone, over UDP and a served bus.
+    """Fly over UDP and a served bus, as on a drone.
 
     Raises:
-        SitlError: the mission has events, which cannot be caused from outside.
+        SitlError: the mission has events, which another process cannot trigger.
     """
     if mission.events:
         raise SitlError("a mission with events needs --transport direct or bytes")
@@ -93,6 +93,6 @@ def fly_in_two(
 
 
 def _warn(world: World, console: Console) -> None:
-    """Of what should be known of the scores: the same as `sitl world check`."""
+    """Print the warnings of `sitl world check`, which limit what the scores mean."""
     for warning in warnings(world):
         console.print(f"warning: {warning}", soft_wrap=True)

@@ -1,4 +1,4 @@
-"""Options that several commands share, and what is made of them."""
+"""Defines options that several commands share, and the setup that they select."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -25,46 +25,46 @@ from sitl.world.loading import load_world
 
 
 class Autopilot(StrEnum):
-    """Which autopilot the vehicle answers as."""
+    """The emulated firmware."""
 
     ARDUPILOT = "ardupilot"
     PX4 = "px4"
 
 
 WorldName = Annotated[str, typer.Argument(help="A built-in world, random_SEED, or a world file.")]
-Seed = Annotated[int, typer.Option(help="The same seed gives the same flight, to the bit.")]
+Seed = Annotated[int, typer.Option(help="Random seed; the same seed gives the same flight.")]
 Profile = Annotated[str, typer.Option(help=f"Range sensors: {', '.join(PROFILES)}.")]
 Start = Annotated[
-    str | None, typer.Option(help="Start pose: its name or number in the world; the first.")
+    str | None, typer.Option(help="Start pose: name or number in the world; default the first.")
 ]
 Params = Annotated[
     Path | None,
-    typer.Option(help="The autopilot's parameters: read at the start, kept up to date."),
+    typer.Option(help="File of autopilot parameters: read at the start, updated on changes."),
 ]
 Param = Annotated[
-    list[str] | None, typer.Option(help="NAME=VALUE: one parameter, for this run; repeatable.")
+    list[str] | None, typer.Option(help="NAME=VALUE: one parameter for this run; repeatable.")
 ]
 BeamFile = Annotated[
-    Path | None, typer.Option(help="TOML file of beam physics; docs/sensors.md has its keys.")
+    Path | None, typer.Option(help="TOML file of beam physics; keys in docs/sensors.md.")
 ]
 ConfigFile = Annotated[
     Path | None, typer.Option(help="The companion's TOML file; its sensors are simulated.")
 ]
 Crop = Annotated[
     float | None,
-    typer.Option(help="Only the square of so many metres about the start, walled in.", min=4),
+    typer.Option(help="Crop the world to a walled square of this side around the start, m.", min=4),
 ]
 Clutter = Annotated[
     float,
-    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 crammed.", min=0, max=1),
+    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 maximum.", min=0, max=1),
 ]
 ClutterSeed = Annotated[
-    int | None, typer.Option(help="The same makes the same clutter; the seed if left out.")
+    int | None, typer.Option(help="Seed of the clutter; default the flight's seed.")
 ]
 Battery = Annotated[
     float | None,
     typer.Option(
-        help=f"So long flies a full battery, {FLIGHT_BATTERY_S:.0f} if left out, and the mission.",
+        help=f"Time of a full battery, s; default {FLIGHT_BATTERY_S:.0f}. Limits the mission, too.",
         min=60,
         max=3600,
     ),
@@ -73,7 +73,7 @@ Battery = Annotated[
 
 @dataclass(frozen=True, slots=True)
 class FlightOptions:
-    """What defines a simulated flight, as it was asked for."""
+    """The options of a simulated flight, as given."""
 
     world: str
     seed: int
@@ -87,28 +87,27 @@ class FlightOptions:
     config: Path | None = None
     battery_s: float | None = None
     clutter: float = 0.0
-    """0 to 1."""
+    """Difficulty, 0 to 1."""
     clutter_seed: int | None = None
-    """None: the flight's."""
+    """None: the flight's seed."""
 
     def settings(self, mission: Mapping[str, object]) -> Config:
-        """The companion's: its file's, and above them those of the mission.
+        """The companion's settings: its file, overridden by the mission.
 
-        It may fly for as long as the battery does, if that was asked for and the mission has no
-        limit of its own.
+        The battery's flight time, if given, is also the mission's default time limit.
 
         Raises:
-            ConfigError: one line that says what to mend.
+            ConfigError: a key or value is invalid.
         """
         limit = {} if self.battery_s is None else {"mission.time_limit_s": self.battery_s}
         given = {**limit, "sensors.profile": self.profile, **mission}
         return configuration.load(self.config, given)
 
     def setup(self) -> tuple[Setup, ParameterWatch]:
-        """The setup, and who keeps the parameters that are set.
+        """The setup, and the function that saves changed parameters.
 
         Raises:
-            SitlError, CompanionError: one line that says what to mend.
+            SitlError, CompanionError: an option or file is invalid.
         """
         world = load_world(self.world)
         start = _start_number(world, self.start)
@@ -132,7 +131,7 @@ class FlightOptions:
         return setup, watch
 
     def arguments(self) -> list[str]:
-        """The same for `sitl run` in another process."""
+        """The options as arguments of `sitl run`."""
         given = {
             "seed": self.seed,
             "profile": self.profile,
@@ -153,7 +152,7 @@ class FlightOptions:
 def read_parameters(
     autopilot: str, file: Path | None, assignments: Sequence[str]
 ) -> tuple[dict[str, float], ParameterWatch]:
-    """What an autopilot starts with, the assignments above the file, and who keeps changes."""
+    """Initial parameters, with assignments overriding the file, and the function that saves."""
     table = FIRMWARES[autopilot]().table
     given = parse_assignments(assignments, table)
     for warning in beyond_range(given, table):

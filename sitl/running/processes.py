@@ -1,7 +1,7 @@
-"""One flight in two processes, as on a real drone: `sitl run` and `companion fly`.
+"""Flies in two processes, as on a real drone: `sitl run` and `companion fly`.
 
-They meet only over MAVLink on UDP and the served bus on TCP; the truth stays with SITL, which
-writes it for the scorer when it ends.
+They connect only by MAVLink on UDP and the served bus on TCP. The ground truth stays with SITL,
+which writes it for the scorer at the end.
 """
 
 import math
@@ -22,20 +22,22 @@ from sitl.core.errors import SitlError
 from sitl.simulation.record import TruthRecord
 
 END_TIMEOUT_S = 20.0
+"""Time for `sitl run` to end after SIGINT, s. Chosen."""
 TRUTH_FILE = "truth.json"
 CONFIG_FILE = "config.toml"
 SERVE_LOCKSTEP = ("--mavlink=udpin:127.0.0.1:0", "--bus-port=0", "--lockstep")
+"""Options of `sitl run` for free ports and lockstep."""
 
 
 @dataclass(frozen=True, slots=True)
 class TwoProcessFlight:
-    """What a flight in two processes left."""
+    """Results of a flight in two processes."""
 
     plan: FloorPlan
     truth: TruthRecord
     completed: bool
     flying_s: float
-    """On the wall clock, from the companion's first request for time to its last."""
+    """Wall time from the companion's first clock request to its last, s."""
 
     @property
     def ending(self) -> str:
@@ -45,7 +47,7 @@ class TwoProcessFlight:
 def fly_in_two_processes(
     sitl_arguments: Sequence[str], settings: Config, out: Path, *, quiet: bool = False
 ) -> TwoProcessFlight:
-    """Fly; the companion's effective configuration is left in `out`, too."""
+    """Fly; the companion's effective configuration is also written to `out`."""
     out.mkdir(parents=True, exist_ok=True)
     truth_path, config_path = out / TRUTH_FILE, out / CONFIG_FILE
     config_path.write_text(configuration.to_toml(settings), encoding="utf-8")
@@ -79,11 +81,11 @@ def fly_in_two_processes(
 
 
 def ports(output: IO[str]) -> tuple[str, str]:
-    """The MAVLink and bus ports that `sitl run` prints once it serves them."""
+    """The MAVLink and bus ports that `sitl run` prints when it is ready."""
     seen = ""
     for line in output:
         seen += line
         ports = re.search(r"udpin:127\.0\.0\.1:(\d+).*sitl://127\.0\.0\.1:(\d+)", seen, re.DOTALL)
         if ports:
             return ports[1], ports[2]
-    raise SitlError("sitl run ended before it served anything")
+    raise SitlError("sitl run ended before it was ready")

@@ -1,10 +1,9 @@
-"""`sitl run`: vehicles served to other processes, MAVLink on UDP and each one's bus on TCP.
+"""Serves vehicles to other processes: MAVLink on UDP, each vehicle's bus on TCP (`sitl run`).
 
-One thread, one loop. While companions ask for virtual time, the simulation goes exactly as far as
-the most cautious of them asks it to, and no faster than `speed` times real time. While nobody
-asks, for example with only a ground station connected, it runs by itself in real time; unless it
-is run `lockstep`, where time stands still until every vehicle's companion asks, so that a flight
-is the same to the bit however it is flown.
+One thread runs one loop. While companions request virtual time, the simulation advances to the
+earliest requested time, at most at `speed` times real time. Without requests, for example with only
+a ground station connected, it runs in real time. In `lockstep` mode time advances only when every
+vehicle's companion requests it, so that a flight is bit-identical at any speed.
 """
 
 import selectors
@@ -20,14 +19,16 @@ from sitl.sensors.i2c import DeviceBus
 from sitl.sensors.server import BusConnection
 
 UNATTENDED_AFTER_S = 0.5
-"""Wall time after its last request for time from which a companion is not waited for."""
+"""A companion is not waited for after this wall time without a clock request, s. Chosen."""
 FREE_RUN_STEP_S = 0.01
+"""Smallest step without requests, s."""
 DATAGRAM_TIMEOUT_S = 1.0
+"""Longest wait for announced datagrams, s. Chosen."""
 TIME_TOLERANCE_S = 1e-9
 
 
 class Served(Protocol):
-    """What a server serves: time that it can let pass."""
+    """Interface of the served object: its time can be advanced."""
 
     @property
     def time_s(self) -> float: ...
@@ -36,7 +37,7 @@ class Served(Protocol):
 
 
 class Attendance(Protocol):
-    """Looks at how well a companion that asks for time keeps up; the first of each is wall time."""
+    """Observes how well a companion keeps up. The first argument of each method is wall time, s."""
 
     def asked(self, now_s: float, worked_s: float, time_s: float, wanted_s: float) -> None: ...
 
@@ -45,7 +46,7 @@ class Attendance(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Where one vehicle's companion comes in."""
+    """Sensor bus and links of one vehicle."""
 
     bus: DeviceBus
     listener: socket.socket
@@ -57,7 +58,7 @@ class Endpoint:
         return port
 
     def transport_of(self, udp_port: int) -> UdpTransport | None:
-        """The link that a companion with this port is on; the first if it has not spoken yet."""
+        """The link of a companion with this port; the first one before its first message."""
         known = [t for t in self.transports if t.peer_port == udp_port]
         return next(iter([*known, *self.transports]), None)
 
@@ -66,13 +67,13 @@ class Endpoint:
 class _Client:
     socket: socket.socket
     connection: BusConnection
-    door: Endpoint
+    endpoint: Endpoint
     asked_s: float = float("-inf")
-    """Wall time of its last request for time."""
+    """Wall time of its last clock request, s."""
 
 
 class Pace:
-    """Holds simulated time back to `speed` times the wall clock, from the latest resume."""
+    """Limits simulated time to `speed` times the wall clock since the latest `resume`."""
 
     def __init__(self, speed: float) -> None:
         self._speed = speed
@@ -82,7 +83,7 @@ class Pace:
         self._wall_s, self._sim_s = time.monotonic(), sim_s
 
     def due_s(self, speed: float | None = None) -> float:
-        """The simulated time that the wall clock allows now."""
+        """The simulated time allowed now, s."""
         return self._sim_s + (time.monotonic() - self._wall_s) * (speed or self._speed)
 
     def hold_back(self, sim_s: float) -> None:
@@ -90,12 +91,12 @@ class Pace:
 
 
 class Server:
-    """The event loop; `stop` from a signal handler ends it."""
+    """The event loop; a signal handler calls `stop`."""
 
     def __init__(
         self,
         served: Served,
-        doors: Sequence[Endpoint],
+        endpoints: Sequence[Endpoint],
         *,
         speed: float,
         lockstep: bool = False,
@@ -106,30 +107,30 @@ class Server:
         self._lockstep = lockstep
         self._pace = Pace(speed)
         self._clients: list[_Client] = []
-        self._unmet = list(doors)
-        """Nobody has asked for time here yet."""
+        self._unattended = list(endpoints)
+        """Endpoints without a clock request so far."""
         self._attended_s = -UNATTENDED_AFTER_S
         self.attended_for_s = 0.0
-        """Wall time from the first request for time to the last answer."""
-        self._met_s: float | None = None
+        """Wall time from the first clock request to the last answer, s."""
+        self._first_request_s: float | None = None
         self._selector = selectors.DefaultSelector()
-        for door in doors:
-            self._selector.register(door.listener, selectors.EVENT_READ, door)
+        for endpoint in endpoints:
+            self._selector.register(endpoint.listener, selectors.EVENT_READ, endpoint)
         self._running = True
 
     def stop(self) -> None:
         self._running = False
 
     def serve(self, watch: Callable[[float], None] = lambda time_s: None) -> None:
-        """Run until stopped; `watch` is told the simulated time about ten times a second."""
+        """Run until stopped; `watch` gets the simulated time in each pass, s."""
         try:
             while self._running:
                 for key, _ in self._selector.select(FREE_RUN_STEP_S):
                     if isinstance(key.data, Endpoint):
                         self._accept(key.data)
                     else:
-                        self._hear(key.data)
-                self._let_time_pass()
+                        self._receive(key.data)
+                self._advance_attended()
                 if not self._lockstep:
                     self._run_unattended()
                 watch(self._served.time_s)
@@ -138,18 +139,18 @@ class Server:
                 key.fileobj.close()  # type: ignore[union-attr]
             self._selector.close()
 
-    def _accept(self, door: Endpoint) -> None:
+    def _accept(self, endpoint: Endpoint) -> None:
         try:
-            client_socket, _ = door.listener.accept()
-        except OSError:  # it has hung up already
+            client_socket, _ = endpoint.listener.accept()
+        except OSError:  # the client has already closed the connection
             return
         client_socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection = BusConnection(door.bus, lambda: self._served.time_s)
-        client = _Client(client_socket, connection, door)
+        connection = BusConnection(endpoint.bus, lambda: self._served.time_s)
+        client = _Client(client_socket, connection, endpoint)
         self._clients.append(client)
         self._selector.register(client_socket, selectors.EVENT_READ, client)
 
-    def _hear(self, client: _Client) -> None:
+    def _receive(self, client: _Client) -> None:
         try:
             data = client.socket.recv(65536)
         except OSError:
@@ -157,12 +158,14 @@ class Server:
         if not data:
             self._drop(client)
             return
-        self._tell(client, client.connection.feed(data))
+        self._send(client, client.connection.feed(data))
         if client.connection.waits_for:
             client.asked_s = time.monotonic()
-            self._unmet = [door for door in self._unmet if door is not client.door]
+            self._unattended = [
+                endpoint for endpoint in self._unattended if endpoint is not client.endpoint
+            ]
 
-    def _tell(self, client: _Client, replies: bytes) -> None:
+    def _send(self, client: _Client, replies: bytes) -> None:
         try:
             client.socket.sendall(replies)
         except OSError:
@@ -177,16 +180,16 @@ class Server:
             self._selector.unregister(client.socket)
             client.socket.close()
 
-    def _let_time_pass(self) -> None:
-        """As far as everybody who attends has asked for."""
+    def _advance_attended(self) -> None:
+        """Advance to the earliest time that all attending clients have requested."""
         now_s = time.monotonic()
         waiting = [client for client in self._clients if client.connection.waits_for]
         attending = [c for c in self._clients if now_s - c.asked_s <= UNATTENDED_AFTER_S]
         if not waiting or not all(client in waiting for client in attending):
             return
-        if self._lockstep and self._unmet:
+        if self._lockstep and self._unattended:
             return
-        self._met_s = self._met_s or now_s
+        self._first_request_s = self._first_request_s or now_s
         if now_s - self._attended_s > UNATTENDED_AFTER_S:
             self._pace.resume(self._served.time_s)
         for client in waiting:
@@ -196,7 +199,7 @@ class Server:
         self._advance(target_s)
         self._pace.hold_back(self._served.time_s)
         self._attended_s = time.monotonic()
-        self.attended_for_s = self._attended_s - self._met_s
+        self.attended_for_s = self._attended_s - self._first_request_s
         for client in waiting:
             self._answer(client)
 
@@ -212,9 +215,9 @@ class Server:
             attendance.reached(time.monotonic(), stepping_s, served.time_s)
 
     def _await_datagrams(self, client: _Client) -> None:
-        """Take in what the companion has sent before it asked."""
+        """Receive the datagrams that the companion sent before its request."""
         request = client.connection.waits_for
-        transport = client.door.transport_of(request.udp_port) if request else None
+        transport = client.endpoint.transport_of(request.udp_port) if request else None
         if request and transport:
             transport.await_datagrams(request.datagrams, DATAGRAM_TIMEOUT_S)
 
@@ -223,26 +226,26 @@ class Server:
         client.asked_s = self._attended_s
         if request is None or request.target_s > now_s + TIME_TOLERANCE_S:
             return
-        transport = client.door.transport_of(request.udp_port)
+        transport = client.endpoint.transport_of(request.udp_port)
         sent = transport.datagrams_sent if transport else 0
-        self._tell(client, client.connection.reach(now_s, sent))
+        self._send(client, client.connection.reach(now_s, sent))
 
     def _run_unattended(self) -> None:
         if time.monotonic() - self._attended_s <= UNATTENDED_AFTER_S:
             self._pace.resume(self._served.time_s)
             return
         behind_s = self._pace.due_s(speed=1.0) - self._served.time_s
-        if behind_s <= -FREE_RUN_STEP_S:  # what is served has a time of its own
+        if behind_s <= -FREE_RUN_STEP_S:  # the served object has its own time
             self._pace.resume(self._served.time_s)
         elif behind_s >= FREE_RUN_STEP_S:
             self._served.advance(self._served.time_s + behind_s)
 
 
 def listen(port: int) -> socket.socket:
-    """A TCP port on loopback; 0 takes a free one.
+    """Listen on a TCP port on loopback; 0 selects a free one.
 
     Raises:
-        SitlError: it is taken.
+        SitlError: the port is taken.
     """
     try:
         return socket.create_server(("127.0.0.1", port))

@@ -1,4 +1,4 @@
-"""Vehicles behind their doors: transports and bus ports for `run` to serve."""
+"""Opens the transports and bus ports of the served vehicles."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,7 +14,7 @@ from sitl.simulation.simulation import Setup
 ANY_PORT = 0
 
 
-def fleet_doors(
+def fleet_endpoints(
     setup: Setup,
     watch: ParameterWatch,
     vehicles: int,
@@ -23,10 +23,10 @@ def fleet_doors(
     *,
     signing_key: Path | None = None,
 ) -> tuple[Fleet, list[Endpoint]]:
-    """Emulated vehicles; each one's ports are one higher than the last one's.
+    """Emulated vehicles with their endpoints; port numbers increase by one per vehicle.
 
     Raises:
-        SitlError, LinkError: one line that says what to mend.
+        SitlError, LinkError: a port or address cannot be used.
     """
     setups = fleet_setups(setup, vehicles)
     transports = [
@@ -42,29 +42,29 @@ def fleet_doors(
         for number, each in enumerate(setups)
     ]
     fleet = Fleet(setups, transports, watch)
-    doors = [
+    endpoints = [
         Endpoint(vehicle.board.bus, listen(bus_port + number if bus_port else ANY_PORT), links)
         for number, (vehicle, links) in enumerate(zip(fleet.vehicles, transports, strict=True))
     ]
-    return fleet, doors
+    return fleet, endpoints
 
 
-def external_door(
-    setup: Setup, connect: str, bus_port: int, tell: Callable[[str], None]
+def external_endpoint(
+    setup: Setup, connect: str, bus_port: int, report: Callable[[str], None]
 ) -> tuple[ExternalVehicle, Endpoint, str]:
-    """Somebody else's autopilot in our world, and where its MAVLink is awaited.
+    """An external autopilot in a simulated world, its endpoint, and the address of its MAVLink.
 
-    Its companion has a link of its own.
+    Its companion has its own link.
 
     Raises:
-        SitlError, LinkError: one line that says what to mend.
+        SitlError, LinkError: a port or address cannot be used.
     """
     transport = UdpTransport(connect, setup.system_id, COMPONENT)
-    vehicle = ExternalVehicle(setup, transport, tell)
+    vehicle = ExternalVehicle(setup, transport, report)
     return vehicle, Endpoint(vehicle.board.bus, listen(bus_port), ()), transport.address
 
 
 def port_after(url: str, number: int) -> str:
-    """The same address, some ports higher; port 0 stays any port."""
+    """The address with a higher port; port 0 stays."""
     start, _, port = url.rpartition(":")
     return f"{start}:{int(port) + number}" if port.isdecimal() and port != "0" else url

@@ -1,1 +1,1 @@
-"""How good the map and the flight were, against the truth."""
+"""Scores map and flight against the ground truth."""

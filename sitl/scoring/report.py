@@ -1,4 +1,4 @@
-"""A flight's report: what the mission left, scored against the truth."""
+"""Builds a flight's report: its results scored against the ground truth."""
 
 import json
 import math
@@ -21,15 +21,15 @@ from sitl.simulation.record import AIRBORNE_M, TruthRecord
 from sitl.simulation.simulation import Setup
 from sitl.world.format import Segment, World
 from sitl.world.geometry.model import BODY_RADIUS_M
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 Report = dict[str, float | int | bool | str | None]
 WALL_CLOCK_KEYS = ("speed_factor", "waited_s")
-"""The only keys that may differ between two flights of the same seed."""
+"""Keys that may differ between two flights of the same seed."""
 
 
 class Outcome(Protocol):
-    """How a flight went, in the companion's words; its own last state is one."""
+    """The companion's result of a flight; `FlightState` is one."""
 
     @property
     def completed(self) -> bool: ...
@@ -47,11 +47,11 @@ def make_report(
     outcome: Outcome,
     waited_s: float,
 ) -> Report:
-    """All scores of one flight; lengths in the unit of their key."""
+    """All scores of one flight; the key has the unit."""
     height_m = config.mission.height_m
     surfaces = wall_surfaces(setup.world, height_m)
     north, east, _ = truth.take_off.position_ned_m
-    seeable = seeable_points(setup.world, height_m, (north, east))
+    observable = observable_points(setup.world, height_m, (north, east))
     standoff = standoff_m(
         config.mission.standoff,
         range_models(config.sensors)[Beam.FRONT],
@@ -66,7 +66,7 @@ def make_report(
         "ending": outcome.ending,
     }
     closed = setup.world.closed_border
-    report |= asdict(score_map(plan, surfaces, seeable, truth.take_off, closed))
+    report |= asdict(score_map(plan, surfaces, observable, truth.take_off, closed))
     report |= asdict(score_trajectory(plan.path, truth.path, truth.take_off))
     report |= {
         "collisions": truth.collisions,
@@ -82,7 +82,7 @@ def make_report(
 
 
 def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
-    """To what stands at the drone's own height, in the air."""
+    """Smallest clearance to surfaces at the drone's height, in the air, outside passages, m."""
     places: dict[float, list[Vector2]] = defaultdict(list)
     for state in truth.path:
         north, east, down = state.position_ned_m
@@ -96,7 +96,7 @@ def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
 
 
 def _standing(world: World, height_m: float) -> list[Segment]:
-    """What can be bumped into: also glass, and the walls where the unknown begins."""
+    """Surfaces that a drone can hit: also glass and the closed border."""
     return [*wall_surfaces(world, height_m, with_glass=True), *world.closed_border]
 
 
@@ -108,10 +108,10 @@ def _rounded(value: object) -> float | int | bool | str | None:
 
 
 def save_report(report: Report, path: Path) -> None:
-    """As JSON.
+    """Write a report as JSON.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     save_as(_write_report, report, path)
 
@@ -123,22 +123,23 @@ def _write_report(report: Report, path: Path) -> None:
 _ROWS = (
     ("walls, in the take-off frame", "wall_error_cm", "{:.1f} cm"),
     ("walls, aligned", "wall_error_aligned_cm", "{:.1f} cm"),
-    ("walls, sigma that the map claims", "wall_sigma_cm", "{:.1f} cm"),
+    ("walls, sigma of the map", "wall_sigma_cm", "{:.1f} cm"),
     ("coverage", "coverage", "{:.1%}"),
     ("false walls", "false_walls", "{:.1%}"),
     ("trajectory (ATE)", "ate_cm", "{:.1f} cm"),
     ("least clearance", "clearance_m", "{:.2f} m"),
     ("least clearance, not in a passage", "clearance_open_m", "{:.2f} m"),
     ("collisions", "collisions", "{}"),
-    ("landed off its start", "return_m", "{:.2f} m"),
+    ("distance from start at landing", "return_m", "{:.2f} m"),
     ("time in the air", "flight_time_s", "{:.0f} s"),
     ("least time to trace", "least_time_s", "{:.0f} s"),
     ("speed", "speed_factor", "{:.0f} × real time"),
 )
+"""Label, key and format of the terminal's table."""
 
 
 def report_table(report: Report) -> Table:
-    """The report for the terminal."""
+    """The report as a table for the terminal."""
     flown = f"{report['world']} · {report['profile']} · seed {report['seed']}"
     table = Table(title=f"{flown}: {report['ending']}", show_header=False, title_justify="left")
     for label, key, form in _ROWS:

@@ -1,8 +1,8 @@
-"""How good the map and the flight were, against the truth. Every score is defined here, once.
+"""Scores map and flight against the ground truth. Every score is defined only here.
 
-The map arrives in its own frame, local NED with its origin at take-off; the true pose at take-off
-puts it into the world. *Aligned* scores first move it rigidly to where it fits the true walls
-best, which takes out the error of that first pose and leaves the error of the map's shape.
+The map is in its own frame, local NED with its origin at take-off. The true take-off pose
+transforms it to the world frame. *Aligned* scores first fit the map rigidly to the true walls. This
+removes the error of the take-off pose and leaves the error of the map's shape.
 """
 
 import math
@@ -25,40 +25,46 @@ from sitl.world.plan import samples
 Points = NDArray[np.float64]
 
 COVERED_WITHIN_M = 0.10
+"""A true wall is covered if a mapped wall is within this, m."""
 FALSE_BEYOND_M = 0.20
+"""A mapped wall is false beyond this distance from all true walls, m."""
 PASSAGE_M, EITHER_SIDE_COS = 1.2, -0.1
-"""Between what stands on either side of the drone: through less, as a door, it may pass closer."""
+"""A passage is narrower than this, m, between surfaces in directions with this cosine or less. The
+drone may pass closer there, as in a door."""
 ALIGNMENT_STEPS = 30
+"""Largest number of iterations."""
 ALIGNMENT_REACH_M = 1.0
-"""Samples farther than this from any true wall do not pull on the alignment."""
+"""Samples farther than this from any true wall do not affect the alignment, m."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapScore:
-    """Wall errors in cm, shares from 0 to 1."""
+    """Scores of a map: wall errors in cm, shares from 0 to 1."""
 
     wall_error_cm: float
     wall_error_p95_cm: float
     wall_error_aligned_cm: float
     wall_error_aligned_p95_cm: float
     coverage: float
-    """Share of the true wall that could be seen with a mapped one within 10 cm, aligned."""
+    """Share of the observable true walls that have a mapped wall within 10 cm, aligned."""
     false_walls: float
-    """Share of the mapped length farther than 20 cm from any true wall, after alignment."""
+    """Share of the mapped length farther than 20 cm from any true wall, aligned."""
     wall_sigma_cm: float
-    """What the map claims: its walls' standard deviation at their middles, mean by length."""
+    """Mean standard deviation of the map's walls at their middles, weighted by length."""
     wall_error_sigmas: float
-    """RMS of how far the middles are from the nearest true wall, take-off frame, in their sigmas;
-    about 1 if the map knows how exact it is. False walls do not count."""
+    """RMS distance of the walls' middles to the nearest true wall, take-off frame, in their sigmas.
+
+    About 1 if the map's sigmas are consistent. False walls are excluded.
+    """
 
 
 NOTHING_MAPPED = MapScore(math.inf, math.inf, math.inf, math.inf, 0.0, 0.0, math.inf, math.inf)
-"""The score of a map without a wall that counts."""
+"""Score of a map without a wall that counts."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrajectoryScore:
-    """Absolute trajectory error, RMSE in cm: rigidly aligned, as ATE is defined, and as it is."""
+    """Absolute trajectory error (ATE), RMSE in cm: aligned rigidly, and in the take-off frame."""
 
     ate_cm: float
     ate_take_off_frame_cm: float
@@ -67,15 +73,14 @@ class TrajectoryScore:
 def score_map(
     plan: FloorPlan,
     surfaces: Sequence[Segment],
-    seeable: Points,
+    observable: Points,
     take_off: TrueState,
     closed: Sequence[Segment] = (),
 ) -> MapScore:
-    """Compare the mapped walls with the true ones (world frame, north and east).
+    """Compare the mapped walls with the true ones (world frame, north and east, m).
 
-    `seeable` are samples (n, 2) of those surfaces that could be seen; coverage is taken of them.
-    `closed` are walls that the simulator made up where the unknown begins: a mapped wall there is
-    neither right nor wrong.
+    `observable` are samples (n, 2) of the observable surfaces, for the coverage. `closed` are walls
+    that the simulator added at the border to the unknown: mapped walls there do not count.
     """
     truth = _Truth(surfaces, closed)
     mapped = _to_world(samples([(w.start_ne_m, w.end_ne_m) for w in plan.walls]), take_off)
@@ -86,7 +91,7 @@ def score_map(
     aligned_error_m = _those_that_count(truth.errors_m(aligned))
     if not len(aligned_error_m):
         return NOTHING_MAPPED
-    covered = _distance_to_points(seeable, aligned) <= COVERED_WITHIN_M
+    covered = _distance_to_points(observable, aligned) <= COVERED_WITHIN_M
     return MapScore(
         wall_error_cm=100 * float(error_m.mean()),
         wall_error_p95_cm=100 * float(np.percentile(error_m, 95)),
@@ -100,18 +105,18 @@ def score_map(
 
 
 class _Truth:
-    """The true walls, and those that stand in the simulated world where the unknown begins."""
+    """The true walls, and the simulator's walls at the border to the unknown."""
 
     def __init__(self, surfaces: Sequence[Segment], closed: Sequence[Segment]) -> None:
         self._walls = _nearest_of(surfaces)
         self._closed = _nearest_of(closed) if closed else None
         self.standing = _nearest_of([*surfaces, *closed]) if closed else self._walls
-        """All that a beam could meet: the map is aligned to it."""
+        """All surfaces that a beam can hit; the map is aligned to them."""
 
     def errors_m(self, points: Points) -> Points:
-        """Distance of each point (n, 2) to the true walls; NaN where it does not count.
+        """Distance of each point (n, 2) to the true walls, m; NaN where it does not count.
 
-        That is what is mapped where the border was closed: nearer to it than to a true wall.
+        A point does not count if it is nearer to the closed border than to a true wall.
         """
         error_m, _ = self._walls.query(points)
         if self._closed is None:
@@ -146,7 +151,7 @@ def _error_in_sigmas(plan: FloorPlan, truth: _Truth, take_off: TrueState) -> flo
 def score_trajectory(
     path: Sequence[Pose], truth: Sequence[TrueState], take_off: TrueState
 ) -> TrajectoryScore:
-    """ATE by evo, against the truth interpolated to the times of the poses."""
+    """ATE by evo, against the ground truth interpolated to the times of the poses."""
     truth = _at_times(truth, [pose.time_s for pose in path])
     estimated = _trajectory(
         [pose.time_s for pose in path],
@@ -162,15 +167,16 @@ def score_trajectory(
     as_is_cm = _rmse_cm(true, estimated)
     try:
         estimated.align(true)
-    except GeometryException:  # it never moved
+    except GeometryException:  # the drone never moved
         return TrajectoryScore(as_is_cm, as_is_cm)
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
 
 
 def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: float) -> float:
-    """Least distance of a body's hull to any surface, where it is in no passage.
+    """Smallest distance of a body's hull to any surface, outside passages, m.
 
-    Of the places (n, 2) that it comes to; infinite if all are in one, or nothing stands there.
+    `places` (n, 2) are the body's positions. Infinite if all are in passages or there is no
+    surface.
     """
     walls = np.array(surfaces, dtype=float).reshape(-1, 2, 2)
     if not len(walls) or not len(places):
@@ -191,13 +197,13 @@ def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: f
 
 
 def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: float) -> float:
-    """Least time to trace a room with four square corners: (P - 8·d) / v."""
+    """Shortest time to trace a room with four square corners: (P - 8·d) / v, s."""
     perimeter_m = sum(math.dist(*surface) for surface in surfaces)
     return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
 
 
 def align(points: Points, walls: NearestWall) -> Points:
-    """Move points (n, 2) rigidly onto walls: iterated closest points."""
+    """Fit points (n, 2) rigidly to walls by iterated closest points."""
     for _ in range(ALIGNMENT_STEPS):
         distance_m, nearest = walls.query(points)
         pull = distance_m < ALIGNMENT_REACH_M
@@ -211,7 +217,7 @@ def align(points: Points, walls: NearestWall) -> Points:
 
 
 def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
-    """Kabsch: the rotation and shift that bring `source` to `target`, applied to `points`."""
+    """Apply the rotation and shift that map `source` to `target` (Kabsch) to `points`."""
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
     u, _, vt = np.linalg.svd((source - source_mean).T @ (target - target_mean))
     flip = np.diag([1.0, np.sign(np.linalg.det(u @ vt))])
@@ -220,7 +226,7 @@ def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
 
 
 def _to_world(points: Points, take_off: TrueState) -> Points:
-    """Local NED (north, east) to the world's, by the true pose at take-off."""
+    """Transform local NED (north, east) to the world frame by the true take-off pose."""
     cos_yaw, sin_yaw = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
     rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
     moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
@@ -228,7 +234,7 @@ def _to_world(points: Points, take_off: TrueState) -> Points:
 
 
 def _feet(points: Points, walls: Points) -> Points:
-    """The closest points (n, m, 2) on each of the segments (m, 2, 2)."""
+    """Closest points (n, m, 2) on each of the segments (m, 2, 2)."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     length2 = np.maximum((along**2).sum(axis=1), 1e-12)
     share = ((points[:, None] - start) * along).sum(axis=2) / length2
@@ -242,9 +248,9 @@ def _distance_to_points(points: Points, others: Points) -> Points:
 
 
 def _at_times(truth: Sequence[TrueState], times_s: Sequence[float]) -> list[TrueState]:
-    """The true states at these times, linearly between those recorded; none outside them.
+    """The true states at these times, linearly interpolated; none outside the record.
 
-    Taking the nearest instead would add what the vehicle flies in half a record's period.
+    Using the nearest state would add the motion within half a recording period.
     """
     known_s = [state.time_s for state in truth]
     within = [time_s for time_s in times_s if known_s[0] <= time_s <= known_s[-1]]

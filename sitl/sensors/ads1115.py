@@ -1,4 +1,4 @@
-"""The ADS1115 as its bus sees it: config and conversion registers, one conversion at a time."""
+"""Emulates the ADS1115 at its bus: config and conversion registers, one conversion at a time."""
 
 from collections.abc import Callable
 
@@ -12,13 +12,15 @@ from companion.drivers.chips.ads1115 import (
 )
 
 CONVERSION_S = 1 / 860
+"""Conversion time at 860 samples per second (ADS1115 datasheet), s."""
 RESET_CONFIG = 0x8583
+"""Config register after reset (ADS1115 datasheet)."""
 Voltage = Callable[[int, float], float]
-"""(channel, time_s) -> volts at that input."""
+"""(channel, time_s) -> voltage at that input, V."""
 
 
 class Ads1115Device:
-    """Single-ended, ±4.096 V, single-shot: what the driver uses of the chip."""
+    """The functions that the driver uses: single-ended, ±4.096 V, single-shot."""
 
     def __init__(self, voltage: Voltage) -> None:
         self._voltage = voltage

@@ -1,11 +1,11 @@
-"""What a beam of light has and a ray has not: width, losses, and the paper's shaking sensor.
+"""Models a beam of light instead of a ray: width, lost returns, and the paper's sensor shift.
 
-Everything is off unless asked for, by a file such as
+All effects are off unless a file such as this sets them:
 
-width_deg = 2.0    # the spot reads between, where it is split over an edge
+width_deg = 2.0    # over an edge the spot is split and the reading lies between
 steep_deg = 60.0   # steeper incidence loses returns
-dropout = 0.01     # share of measurements that read as nothing in range
-shift_m = 0.02     # the paper's noise: the sensor moves at random in x, y and z
+dropout = 0.01     # share of measurements that read "nothing in range"
+shift_m = 0.02     # the paper's noise: a random shift of the sensor in x, y and z
 """
 
 import math
@@ -24,45 +24,54 @@ from sitl.world.geometry.model import Hit
 RangeQuery = Callable[[Vector3, Vector3, float], float | None]
 """(origin_ned_m, direction_ned, most_m) -> distance to the first surface, or None."""
 HitsQuery = Callable[[Vector3, Sequence[Vector3], float, float], list[Hit | None]]
-"""(origin_ned_m, rays_ned with their axis first, most_m, half_angle_rad) -> where each ends."""
+"""(origin_ned_m, rays_ned with the axis first, most_m, half_angle_rad) -> each ray's hit."""
 
 RING_RAYS = 6
+"""Rays around the axis."""
 RING_SHARE = math.sqrt(7 / 12)
-"""Of the cone's half angle: so the axis and six rays have the spread of an evenly lit spot, whose
-mean square radius is half the square of its rim's."""
+"""Angle of the ring's rays as a share of the cone's half angle.
+
+Axis and six rays then have the spread of an evenly lit spot: its mean square radius is half the
+square of its rim's radius.
+"""
 MIN_M = 1e-6
-"""A sensor that touches what it looks at does not divide by zero."""
+"""Smallest distance, m. Avoids a division by zero where the sensor touches a surface."""
 
 
 class BeamError(SitlError, ValueError):
-    """A file of beam physics that cannot be used; says which key, value and bound."""
+    """A file of beam physics is invalid; the text names key, value and bound."""
 
 
 class BeamPhysics(BaseModel):
-    """How a range sensor's light differs from a ray; the default is a ray."""
+    """Difference between a range sensor's light and a ray; the default is a ray."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
     width_deg: float = Field(0.0, ge=0, le=30)
     """Full angle of the cone of light, degrees."""
     steep_deg: float = Field(90.0, ge=0, le=90)
-    """Incidence, from the surface's normal, up to which light returns; beyond it the chance grows
-    evenly that it does not, to certainty at 90 degrees."""
+    """Largest incidence angle, from the surface's normal, at which all light returns, degrees.
+
+    Beyond it the probability of a lost return grows linearly, to 1 at 90 degrees.
+    """
     dropout: float = Field(0.0, ge=0, le=1)
-    """Chance that a measurement reads as nothing in range."""
+    """Probability that a measurement reads "nothing in range"."""
     shift_m: float = Field(0.0, ge=0, le=1)
-    """Sigma of the sensor's random displacement in each of x, y and z, drawn anew for every
-    measurement, metres; the noise of the paper's own simulator."""
+    """Standard deviation of the sensor's random shift in each of x, y and z, m.
+
+    Drawn anew for every measurement; the noise of the paper's own simulator.
+    """
 
 
 RAY = BeamPhysics()
+"""An ideal ray: no width, no losses, no shift."""
 
 
 def beam_physics(values: Mapping[str, object], source: str) -> BeamPhysics:
-    """Checked.
+    """Validate beam physics.
 
     Raises:
-        BeamError: one line that says what to mend.
+        BeamError: a key is unknown or a value out of bounds.
     """
     try:
         return BeamPhysics.model_validate(values)
@@ -71,21 +80,21 @@ def beam_physics(values: Mapping[str, object], source: str) -> BeamPhysics:
 
 
 def load_beam_physics(path: Path) -> BeamPhysics:
-    """From a TOML file.
+    """Read beam physics from a TOML file.
 
     Raises:
-        BeamError: one line that says what to mend.
+        BeamError: the file cannot be read or is invalid.
     """
     try:
         return beam_physics(tomllib.loads(read_text(path)), str(path))
     except OSError as error:
         raise BeamError(f"{path}: {error.strerror}") from error
-    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+    except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
         raise BeamError(f"{path}: not TOML: {error}") from error
 
 
 class LightBeam:
-    """The beam of one sensor, called `name`; every cause draws from its own stream."""
+    """The beam of the sensor called `name`; each effect has its own random stream."""
 
     def __init__(self, physics: BeamPhysics, hits: HitsQuery, seed: int, name: str) -> None:
         self._physics = physics
@@ -96,7 +105,7 @@ class LightBeam:
         self._shift = stream(seed, f"shift {name}")
 
     def range_m(self, origin: Vector3, direction: Vector3, most_m: float) -> float | None:
-        """One measurement: what the sensor takes for the distance, or None."""
+        """One measurement: the distance that the sensor measures, m, or None."""
         fate = self._steepness.random()
         is_lost = self._dropout.random() < self._physics.dropout
         north, east, down = (x + self._shift.gauss(0, self._physics.shift_m) for x in origin)
@@ -112,16 +121,17 @@ class LightBeam:
         return [direction, *_ring(direction, self._half_angle_rad)]
 
     def _loss(self, hit: Hit) -> float:
-        """The chance that light of this incidence does not return."""
+        """Probability that light at this incidence does not return."""
         steep_deg = self._physics.steep_deg
         beyond_deg = math.degrees(math.acos(min(hit.cos_incidence, 1.0))) - steep_deg
         return beyond_deg / (90 - steep_deg) if beyond_deg > 0 else 0.0
 
 
 def _triangulated(hits: Sequence[Hit]) -> float | None:
-    """Where the returned light's centre of gravity lies on the detector, as a distance.
+    """Distance of the returned light's centre of gravity on the detector, m.
 
-    The spot's place on it goes by 1/distance, its brightness by Lambert's cosine over distance².
+    The spot's position on the detector is proportional to 1/distance. Its brightness follows
+    Lambert's cosine over distance².
     """
     lit = [(hit.cos_incidence, max(hit.distance_m, MIN_M)) for hit in hits]
     light = sum(cos / distance_m**2 for cos, distance_m in lit)
@@ -130,9 +140,9 @@ def _triangulated(hits: Sequence[Hit]) -> float | None:
 
 
 def _ring(axis: Vector3, half_angle_rad: float) -> list[Vector3]:
-    """Unit vectors evenly round the axis, all at that angle from it."""
+    """Unit vectors spaced evenly around the axis, all at that angle from it."""
     x, y, z = axis
-    # At right angles to the axis: x̂ × axis, or ŷ × axis where x̂ is too near it.
+    # Perpendicular to the axis: x̂ × axis, or ŷ × axis if x̂ is nearly parallel to it.
     across = (0.0, -z, y) if abs(x) < 0.6 else (z, 0.0, -x)
     length = math.hypot(*across)
     ux, uy, uz = across[0] / length, across[1] / length, across[2] / length

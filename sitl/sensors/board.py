@@ -1,4 +1,4 @@
-"""The sensor board: every chip and sensor of the drone, at its wires."""
+"""Builds the sensor board: every chip and sensor of the drone, on its wires."""
 
 import math
 from collections.abc import Callable, Iterator, Mapping
@@ -34,6 +34,7 @@ TruthAt = Callable[[float], TrueState]
 Unit = SharpUnit | TofUnit
 Kind = TypeVar("Kind")
 AUTOPILOTS_SENSOR_S = 0.050
+"""Measuring period of a rangefinder connected to the autopilot, s. Chosen."""
 
 BEAM_FRD: dict[Beam, Vector3] = {
     Beam.FRONT: (1.0, 0.0, 0.0),
@@ -43,10 +44,11 @@ BEAM_FRD: dict[Beam, Vector3] = {
     Beam.UP: (0.0, 0.0, -1.0),
     Beam.DOWN: (0.0, 0.0, 1.0),
 }
+"""Axis of each beam in the body frame (FRD), unit vectors."""
 
 
 class SensorBoard:
-    """The range sensors that the configuration names, their chips, and the gyro."""
+    """The configured range sensors with their chips, and the gyro."""
 
     def __init__(
         self,
@@ -65,7 +67,7 @@ class SensorBoard:
             true_range = _beam_query(
                 _axis_frd(beam, sensor),
                 config.mount_of_m(beam),
-                physics.sees_to_m,
+                physics.max_return_m,
                 range_query(beam),
                 truth_at,
             )
@@ -78,10 +80,10 @@ class SensorBoard:
         self._seed = seed
         devices = dict(self._i2c_devices(config))
         self.adc_addresses = frozenset(devices)
-        """Every chip of the range sensors."""
+        """I2C addresses of the range sensors' chips."""
         self.gyro_address = config.gyro_address
         devices[config.gyro_address] = self.gyro = Lsm9ds1Device(
-            # A state's rate is that of the step which led to it.
+            # The rate in a state is that of the step that ended with it.
             lambda time_s: truth_at(time_s + 0.5 * STEP_S).yaw_rate_rad_s,
             stream(seed, "gyro"),
             draw_warming(stream(seed, "gyro temperature")),
@@ -95,9 +97,9 @@ class SensorBoard:
         }
 
     def unplug(self, beam: str, memory: float = USUAL_MEMORY) -> None:
-        """A fault for tests: a range sensor loses its plug.
+        """A fault for tests: unplug a range sensor.
 
-        An ADC's input, then open, shows so much of what the chip has converted before.
+        The ADC's open input keeps the share `memory` of the chip's previous conversion.
         """
         unit = self._sensors[Beam(beam)]
         unit.is_unplugged = True
@@ -108,20 +110,20 @@ class SensorBoard:
         self._sensors[Beam(beam)].is_unplugged = False
 
     def stick(self, beam: str, *, stuck: bool) -> None:
-        """A fault for tests: a range sensor that tells its last measurement for ever."""
+        """A fault for tests: a range sensor repeats its last measurement."""
         self._sensors[Beam(beam)].is_stuck = stuck
 
     def set_noise(self, beam: str, factor: float) -> None:
-        """A fault for tests: a range sensor with so many times its noise."""
+        """A fault for tests: multiply a range sensor's noise by a factor."""
         self._sensors[Beam(beam)].noise_factor = factor
 
     def swap(self, one: str, other: str) -> None:
-        """A fault for tests: two range sensors that look where the other should."""
+        """A fault for tests: two range sensors have swapped directions."""
         first, second = self._sensors[Beam(one)], self._sensors[Beam(other)]
         first.true_range, second.true_range = second.true_range, first.true_range
 
     def set_gain(self, beam: str, gain: float) -> None:
-        """A fault for tests: a range sensor that reads so many times the distance."""
+        """A fault for tests: a range sensor's reading is the distance times `gain`."""
         self._sensors[Beam(beam)].gain = gain
 
     def _i2c_devices(self, config: SensorsConfig) -> Iterator[tuple[int, Device]]:
@@ -157,14 +159,14 @@ class SensorBoard:
         return unit
 
     def _inputs(self, beams: Mapping[int, Beam], name: str) -> AdcInputs:
-        """What stands at an ADC's inputs."""
+        """Voltages at an ADC's inputs."""
         units = {channel: self._sensors[beam] for channel, beam in beams.items()}
         sharps = {c: unit for c, unit in units.items() if isinstance(unit, SharpUnit)}
         return AdcInputs(sharps, stream(self._seed, f"open inputs of {name}"))
 
 
 def physics_of(sensor: RangeSensor) -> SharpPhysics | TofPhysics:
-    """What is simulated for a sensor of the configuration."""
+    """Simulated physics of a configured sensor."""
     match sensor:
         case SharpOnAds1115() | SharpOnMcp3008():
             return PHYSICS[sensor.curve]
@@ -179,7 +181,7 @@ def _of_kind(config: SensorsConfig, kind: type[Kind]) -> Iterator[tuple[Beam, Ki
 
 
 def _axis_frd(beam: Beam, sensor: RangeSensor) -> Vector3:
-    """Where the sensor looks."""
+    """The sensor's axis in the body frame (FRD), a unit vector."""
     if sensor.bearing_deg is None:
         return BEAM_FRD[beam]
     bearing_rad = math.radians(sensor.bearing_deg)
@@ -189,11 +191,11 @@ def _axis_frd(beam: Beam, sensor: RangeSensor) -> Vector3:
 def _beam_query(
     axis_frd: Vector3,
     mount_offset_m: float,
-    sees_to_m: float,
+    max_return_m: float,
     range_m: RangeQuery,
     truth_at: TruthAt,
 ) -> Callable[[float], float | None]:
-    """The true range of one beam, from where the sensor sits."""
+    """The true range of one beam from the sensor's mounting point, as a function of time."""
 
     def query(time_s: float) -> float | None:
         truth = truth_at(time_s)
@@ -204,13 +206,13 @@ def _beam_query(
             east + mount_offset_m * direction[1],
             down + mount_offset_m * direction[2],
         )
-        return range_m(origin, direction, sees_to_m)
+        return range_m(origin, direction, max_return_m)
 
     return query
 
 
 def to_ned(vector_frd: Vector3, truth: TrueState) -> Vector3:
-    """Body to NED by roll, pitch, yaw (aerospace order, Z-Y-X)."""
+    """Rotate from body (FRD) to NED by roll, pitch, yaw (aerospace order, Z-Y-X)."""
     x, y, z = vector_frd
     cos_r, sin_r = math.cos(truth.roll_rad), math.sin(truth.roll_rad)
     cos_p, sin_p = math.cos(truth.pitch_rad), math.sin(truth.pitch_rad)

@@ -1,4 +1,4 @@
-"""The sensor board's wires: I2C with register-level devices, SPI, and serial ports."""
+"""Simulates the sensor board's wires: I2C with register-level devices, SPI, serial ports."""
 
 import errno
 from collections.abc import Mapping, Sequence
@@ -9,33 +9,35 @@ from companion.drivers.wires.bus import Transaction
 from companion.drivers.wires.linux_wires import SPI_CLOCK_HZ
 
 CLOCK_HZ = 400_000
+"""I2C fast mode."""
 BYTE_S = 9 / CLOCK_HZ
-"""Eight bits and the acknowledge."""
+"""Time of eight bits and the acknowledge, s."""
 SPI_BYTE_S = 8 / SPI_CLOCK_HZ
+"""Time of eight bits, s."""
 
 
 class Device(Protocol):
-    """A chip: a transfer writes some bytes, then reads some."""
+    """An I2C chip: a transfer writes some bytes, then reads some."""
 
     def write_read(self, data: bytes, count: int, time_s: float) -> bytes: ...
 
 
 class SpiDevice(Protocol):
-    """A chip behind its chip select."""
+    """An SPI chip behind its chip select."""
 
     def exchange(self, data: bytes, time_s: float) -> bytes: ...
 
 
 class SerialDevice(Protocol):
-    """A sensor that talks unasked."""
+    """A serial sensor that sends without a request."""
 
     def sent(self, time_s: float, baud: int) -> bytes:
-        """What a port with that baud rate has taken in since the last call."""
+        """Bytes that a port with that baud rate has received since the last call."""
         ...
 
 
 class Multiplexer:
-    """A TCA9548A: its control byte says which of its eight branches are connected."""
+    """A TCA9548A: its control byte selects the connected branches among its eight."""
 
     def __init__(self, branches: Mapping[int, Mapping[int, Device]]) -> None:
         self._branches = branches
@@ -47,7 +49,7 @@ class Multiplexer:
         return bytes([self._connected])[:count]
 
     def behind(self, address: int) -> list[Device]:
-        """The devices with an address on the connected branches."""
+        """Devices with that address on the connected branches."""
         return [
             devices[address]
             for channel, devices in self._branches.items()
@@ -60,7 +62,7 @@ NO_PORTS: Mapping[str, SerialDevice] = MappingProxyType({})
 
 
 class DeviceBus:
-    """The companion's `Wires` in this process. Transfers take bus time, as on copper."""
+    """Implements the companion's `Wires` in this process. Transfers take bus time, as on copper."""
 
     def __init__(
         self,
@@ -74,25 +76,25 @@ class DeviceBus:
         self._ports = ports
         self._time_s = 0.0
         self.is_broken = False
-        """A fault for tests: nothing on the wires answers."""
+        """A fault for tests: nothing on the wires responds."""
         self.dead_addresses: set[int] = set()
-        """A fault for tests: these chips do not answer."""
+        """A fault for tests: these chips do not respond."""
         self.hangs_s = 0.0
-        """A fault for tests: a transfer, exchange or receipt is given up only after so long."""
+        """A fault for tests: every transfer, exchange or receipt times out after this time, s."""
         self.hung_until_s = 0.0
-        """So long somebody has waited for them."""
+        """Time until which a caller has waited for such a timeout, s."""
 
     @property
     def time_s(self) -> float:
-        """When the wires are free again."""
+        """Time at which the wires are free again, s."""
         return self._time_s
 
     def set_time(self, time_s: float) -> None:
-        """The simulation has reached a time; the bus goes on from there."""
+        """Advance the bus to the simulation's time; the bus never goes back."""
         self._time_s = max(self._time_s, time_s)
 
     def set_back(self, time_s: float) -> None:
-        """Whoever asked has not waited for the end."""
+        """Reset the bus to the time at which the caller stopped waiting."""
         self._time_s = self.hung_until_s = time_s
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
@@ -108,7 +110,7 @@ class DeviceBus:
         return answers
 
     def _at(self, address: int) -> list[Device]:
-        """All that are connected; on copper each of them answers."""
+        """All connected devices with that address; on copper each of them responds."""
         device = self._devices.get(address)
         devices = [] if device is None else [device]
         for multiplexer in self._multiplexers:
@@ -122,7 +124,7 @@ class DeviceBus:
             raise TimeoutError(errno.ETIMEDOUT, "Connection timed out")
 
     def exchange(self, device: str, data: bytes) -> bytes:
-        """Where no chip pulls the line down, ones come in."""
+        """Exchange bytes. All bits read one where no chip pulls the line low."""
         self._hang()
         if device not in self._spi:
             raise OSError(errno.ENOENT, f"there is no {device}")
@@ -139,11 +141,11 @@ class DeviceBus:
         return b"" if self.is_broken else sent
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Do nothing: there are no resources to release."""
 
 
 def _together(devices: Sequence[Device], transaction: Transaction, time_s: float) -> bytes:
-    """What is read: a line is low as soon as one of them pulls it down."""
+    """The bytes read: a line is low as soon as one device pulls it low."""
     first, *others = [d.write_read(transaction.data, transaction.count, time_s) for d in devices]
     for other in others:
         first = bytes(a & b for a, b in zip(first, other, strict=True))

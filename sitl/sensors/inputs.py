@@ -1,8 +1,7 @@
-"""An ADC's inputs, and what stands at one with nothing on it.
+"""Models an ADC's inputs, also open ones.
 
-Nothing pulls such an input anywhere: it stands at some tenths of a volt, with little noise, drawn
-towards what the chip has converted just before, whose charge is left on the capacitor that samples
-all its inputs.
+An open input floats at some tenths of a volt with little noise. It is drawn towards the chip's
+previous conversion, because one capacitor samples all inputs and keeps part of its charge.
 """
 
 from collections.abc import Mapping
@@ -11,12 +10,13 @@ from random import Random
 from sitl.sensors.sharp import SharpUnit
 
 MIN_LEVEL_V, MAX_LEVEL_V = 0.2, 0.7
-"""Reported of open ADS1115 inputs: 0.57 V and the like."""
+"""Range of an open ADS1115 input, V. Reported: 0.57 V and similar values."""
 NOISE_V = 0.003
+"""Standard deviation of an open input's voltage, V. Chosen."""
 
 
 class AdcInputs:
-    """Of one chip; `volts` is what it converts."""
+    """Inputs of one chip; `volts` is the voltage that the chip converts."""
 
     def __init__(self, units: Mapping[int, SharpUnit], random: Random) -> None:
         self._units = units
@@ -32,6 +32,6 @@ class AdcInputs:
         return self._before_v
 
     def _open_v(self, memory: float) -> float:
-        """`memory` is the share that is left of the conversion before."""
+        """Voltage of an open input, V; `memory` is the share kept of the previous conversion."""
         kept_v = memory * (self._before_v - self._level_v)
         return self._level_v + kept_v + self._random.gauss(0, NOISE_V)

@@ -1,4 +1,4 @@
-"""The companion's wires on virtual time: what takes long goes on without whoever has asked."""
+"""Runs the companion's wires on virtual time: a slow request continues after its timeout."""
 
 import errno
 from collections.abc import Callable
@@ -11,7 +11,7 @@ Answer = TypeVar("Answer")
 
 
 class VirtualLine:
-    """Stands for the thread that the companion has for each wire."""
+    """Replaces the thread that the companion runs for each wire."""
 
     def __init__(self, bus: DeviceBus) -> None:
         self._bus = bus
@@ -32,9 +32,9 @@ class VirtualLine:
                 raise TimeoutError(errno.ETIMEDOUT, f"no answer in {within_s:.2g} s")
 
     def close(self) -> None:
-        """There is nothing to end."""
+        """Do nothing: there is no thread to end."""
 
 
 def on_virtual_time(bus: DeviceBus) -> PromptWires:
-    """As the companion has the wires of a real machine."""
+    """Wires as on a real machine, but on the bus's time."""
     return PromptWires(bus, lambda: VirtualLine(bus), lambda: bus.time_s)

@@ -1,7 +1,7 @@
-"""The LSM9DS1's gyro as its bus sees it, and why it cannot be trusted.
+"""Emulates the LSM9DS1's gyro at its bus, with its error sources.
 
-The datasheet (DocID025715) has no figures for drift: those of `GyroNoise` are the reference noise,
-`Warming` adds a little to it.
+The datasheet (DocID025715) has no figures for drift. `GyroNoise` is the reference noise; `Warming`
+adds a little to it.
 """
 
 import math
@@ -23,39 +23,46 @@ from companion.drivers.chips.lsm9ds1 import (
 )
 
 REG_OUT_TEMP = 0x15
-"""Two bytes, little-endian; 16 counts per °C by the datasheet (some drivers take 8), 0 at 25 °C."""
+"""Two bytes, little-endian. 16 counts per °C by the datasheet (some drivers use 8), 0 at 25 °C."""
 TEMP_BYTES = 2
 COUNTS_PER_DEG_C = 16
 ZERO_COUNT_DEG_C = 25.0
 FIFO_DEPTH = 32
+"""Samples in the FIFO (LSM9DS1 datasheet)."""
 OVERRUN = 0x40
+"""Overrun bit of FIFO_SRC (LSM9DS1 datasheet)."""
 WALK_SAMPLES = 10
+"""Samples between two updates of the bias."""
 NOMINAL_ODR_HZ = 119.0
+"""Nominal output data rate, Hz."""
 MAX_RATE_RAD_S = 32767 * RAD_S_PER_COUNT
+"""Full scale: 16 bits of 8.75 mdps, ±286.7 °/s."""
 YawRate = Callable[[float], float]
-"""time_s -> true body rate about down, rad/s."""
+"""time_s -> true body rate about the down axis, rad/s."""
 
 
 @dataclass(frozen=True, slots=True)
 class GyroNoise:
-    """Sigmas; those of the reference noise are what take-off adds to the rest calibration."""
+    """Standard deviations. Those of the reference noise apply after the calibration at rest."""
 
     turn_on_bias_rad_s: float = math.radians(1.0)
     flight_bias_rad_s: float = math.radians(0.1)
-    """Comes on by warming up and vibration, with the time constant below; what the chip gains by
-    minutes of warming is added to it."""
+    """Bias added in flight by warming and vibration, with the time constant below, rad/s.
+
+    The bias that the chip gains over minutes of warming is added to it.
+    """
     flight_bias_after_s: float = 5.0
     flight_bias_time_constant_s: float = 8.0
     bias_walk_rad_s_sqrt_s: float = math.radians(20 / 3600)
     white_rad_s_sqrt_hz: float = math.radians(0.01)
     scale: float = 0.02
     clock: float = 0.02
-    """Of the chip's own sample clock."""
+    """Relative error of the chip's sample clock."""
 
 
 @dataclass(frozen=True, slots=True)
 class Warming:
-    """The chip warms up from power-on, at time 0, and its bias goes along.
+    """Temperature of the chip since power-on at time 0, and the bias that follows it.
 
     A prior from memory of such chips: neither slope nor rise has been measured.
     """
@@ -69,7 +76,7 @@ class Warming:
         return self.room_deg_c + self._risen_deg_c(time_s)
 
     def bias_rad_s(self, time_s: float) -> float:
-        """Gained since power-on; what the bias was then is the turn-on bias."""
+        """Bias gained since power-on, rad/s; the turn-on bias is not included."""
         return self.bias_rad_s_deg_c * self._risen_deg_c(time_s)
 
     def _risen_deg_c(self, time_s: float) -> float:
@@ -77,7 +84,7 @@ class Warming:
 
 
 def draw_warming(random: Random) -> Warming:
-    """Of one chip: its bias moves by 0.03 to 0.05 deg/s per °C, up or down."""
+    """Draw one chip: its bias changes by 0.03 to 0.05 deg/s per °C, up or down."""
     return Warming(random.choice((-1, 1)) * math.radians(random.uniform(0.03, 0.05)))
 
 
@@ -105,14 +112,14 @@ class Lsm9ds1Device:
         self._white = noise.white_rad_s_sqrt_hz / math.sqrt(2 * self._period_s)
         self.fault_bias_rad_s = 0.0
         self.is_saturated = False
-        """Faults for tests."""
+        """Faults for tests: an added bias, and readings at full scale."""
         self._sampled = 0
         self._fifo: deque[bytes] = deque(maxlen=FIFO_DEPTH)
-        """As it is read: x, y and z of each sample."""
+        """Samples in the order in which they are read, each with x, y and z."""
         self.power_cycle()
 
     def power_cycle(self) -> None:
-        """A fault for tests: its supply breaks down for a moment."""
+        """A fault for tests: a short interruption of the supply voltage."""
         self._fifo.clear()
         self._overrun = False
         self._registers = bytearray(128)
@@ -138,7 +145,7 @@ class Lsm9ds1Device:
         return bytes(self._registers[register:end]).ljust(count, b"\x00")
 
     def _samples(self, count: int) -> bytes:
-        """The oldest first: after OUT_Z_H_G the address goes back to OUT_X_L_G, the next sample."""
+        """Oldest sample first. After OUT_Z_H_G the address wraps to OUT_X_L_G: the next sample."""
         samples = min(-(-count // SAMPLE.size), len(self._fifo))
         read = b"".join([self._fifo.popleft() for _ in range(samples)])
         return read[:count].ljust(count, b"\x00")
@@ -151,7 +158,7 @@ class Lsm9ds1Device:
         )
 
     def _fill(self, time_s: float) -> None:
-        """Sample by the chip's clock up to now; samples older than the FIFO's depth are lost."""
+        """Sample at the chip's clock until `time_s`; samples beyond the FIFO's depth are lost."""
         due = int(time_s / self._period_s)
         running = (
             self._registers[REG_CTRL_1_G] and self._registers[REG_FIFO_CTRL] == FIFO_CONTINUOUS
@@ -177,7 +184,7 @@ class Lsm9ds1Device:
         return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
 
     def _drift(self, time_s: float) -> None:
-        """The bias, which moves too slowly to be worked out for every sample."""
+        """Update the bias. It changes too slowly to compute it for every sample."""
         noise = self._noise
         self._walk += self._random.gauss(0, self._walk_kick)
         warm_s = max(time_s - noise.flight_bias_after_s, 0.0)

@@ -1,15 +1,15 @@
-"""The MCP3008 as its SPI bus sees it."""
+"""Emulates the MCP3008 at its SPI bus."""
 
 from collections.abc import Callable
 
 from companion.drivers.chips.mcp3008 import CHANNEL_SHIFT, COUNTS, HIGH_BITS, SINGLE_ENDED, START
 
 Voltage = Callable[[int, float], float]
-"""(channel, time_s) -> volts at that input."""
+"""(channel, time_s) -> voltage at that input, V."""
 
 
 class Mcp3008Device:
-    """Three-byte exchanges, single-ended; anything else reads ones, as an idle line does."""
+    """Three-byte exchanges, single-ended; anything else reads ones, like an idle line."""
 
     def __init__(self, voltage: Voltage, reference_v: float) -> None:
         self._voltage = voltage

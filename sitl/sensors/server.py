@@ -1,4 +1,4 @@
-"""The served wires: bytes of one client's connection in, replies out. Sockets are elsewhere."""
+"""Serves the wires: decodes one client's bytes and encodes the replies. It opens no socket."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -23,38 +23,41 @@ from sitl.sensors.i2c import DeviceBus
 
 
 class ClockRequest(NamedTuple):
-    """A client waits for a time."""
+    """A client's request to wait for a time."""
 
     target_s: float
     udp_port: int
-    """Where the client speaks MAVLink from."""
+    """UDP port from which the client sends MAVLink."""
     datagrams: int
-    """How many it has sent there."""
+    """Datagrams that the client has sent from there."""
 
 
 LONGEST_REQUEST = 4096
+"""Largest payload of a request, bytes. Chosen."""
 LONGEST_WAIT_S = 1.0
+"""Longest wait within a transaction, s. Chosen."""
 LONGEST_CLOCK_STEP_S = 60.0
+"""Longest wait for the clock, s. Chosen."""
 
 
 class BusConnection:
-    """One client; `closing` says that it has sent nonsense and is to be hung up on."""
+    """One client. `closing` is set after a malformed request: the connection must be closed."""
 
     def __init__(self, bus: DeviceBus, now_s: Callable[[], float]) -> None:
         self._bus = bus
         self._now_s = now_s
         self._buffer = b""
         self.waits_for: ClockRequest | None = None
-        """Until `reach` answers it, nothing else is."""
+        """A pending clock request; further requests wait until `reach` answers it."""
         self.closing = False
 
     def feed(self, data: bytes) -> bytes:
-        """Decode what has come so far; the replies to all whole requests in it."""
+        """Take received bytes; return the replies to all complete requests."""
         self._buffer += data
         return self._serve_buffered()
 
     def reach(self, time_s: float, datagrams: int) -> bytes:
-        """The time has come: the reply, and those to what was asked for after it."""
+        """Answer the pending clock request and those received after it."""
         self.waits_for = None
         answer = CLOCK_REPLY.pack(time_s, datagrams)
         return REPLY.pack(STATUS_OK, len(answer)) + answer + self._serve_buffered()
@@ -112,7 +115,7 @@ def _text(name: bytes) -> str:
 
 
 def _decoded(payload: bytes) -> list[Transaction] | None:
-    """The transactions of a TRANSFER; None if they do not fill it exactly or wait too long."""
+    """The transactions of a TRANSFER; None if malformed or if one waits too long."""
     transactions = []
     at = 0
     while at < len(payload):

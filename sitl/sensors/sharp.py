@@ -1,4 +1,4 @@
-"""The infrared range sensor's physics: what voltage stands at its output, and when it changes."""
+"""Models the Sharp infrared range sensor: its output voltage and when that changes."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,36 +7,37 @@ from random import Random
 from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER, Profile
 
 TrueRange = Callable[[float], float | None]
-"""time_s -> true distance along the beam, m; None if nothing is there."""
+"""time_s -> true distance along the beam, m; None without a surface."""
 
 
 @dataclass(frozen=True, slots=True)
 class SharpPhysics:
-    """How a unit differs from its datasheet, and how it is noisy."""
+    """Deviation of a unit from its datasheet, and its noise."""
 
     profile: Profile
     period_s: float
     period_spread: float
-    """Sigma of the units' refresh period, relative."""
+    """Relative standard deviation of the units' refresh period."""
     gain_sigma: float
-    """Sigma of the units' gain after calibration."""
+    """Standard deviation of the units' gain after calibration."""
     output_noise_v: float
     distance_noise_m: float
-    sees_to_m: float
-    """Light from farther away does not return."""
+    max_return_m: float
+    """Light from farther away does not return, m."""
 
 
 PHYSICS = {
     "gp2y0a710k0f": SharpPhysics(GP2Y0A710K0F, 0.0165, 0.05, 0.003, 0.010, 0.0, 8.0),
     "paper": SharpPhysics(PAPER, 0.050, 0.02, 0.0, 0.0, 0.05, 5.0),
 }
+"""Physics by profile; sources are in docs/sensors.md."""
 
 USUAL_MEMORY = 0.1
-"""Share of the ADC's conversion before that an open input shows; assumed."""
+"""Share of the ADC's previous conversion that remains at an open input. Assumed."""
 
 
 class SharpUnit:
-    """One sensor. It refreshes by its own clock and holds its output in between."""
+    """One sensor. It refreshes at its own clock and holds its output in between."""
 
     def __init__(self, physics: SharpPhysics, true_range: TrueRange, random: Random) -> None:
         self._physics = physics
@@ -52,10 +53,10 @@ class SharpUnit:
         """Faults for tests."""
         self.memory = USUAL_MEMORY
         self.open_input_v: Callable[[float], float] = lambda memory: 0.0
-        """What stands at the ADC's input without it, by its memory; the ADC knows."""
+        """Voltage at the ADC's open input as a function of its memory; set by the ADC."""
 
     def volts(self, time_s: float) -> float:
-        """At the ADC's input at a time; evaluated only when somebody looks."""
+        """Voltage at the ADC's input, V. Computed on demand."""
         if self.is_unplugged:
             return self.open_input_v(self.memory)
         if self.is_stuck:
@@ -67,11 +68,11 @@ class SharpUnit:
         return self._volts
 
     def _measure(self, time_s: float) -> float:
-        physics, times = self._physics, self.noise_factor
+        physics, noise_factor = self._physics, self.noise_factor
         distance_m = self.true_range(time_s)
         if distance_m is not None:
-            noise_m = times * self._random.gauss(0, physics.distance_noise_m)
+            noise_m = noise_factor * self._random.gauss(0, physics.distance_noise_m)
             distance_m = distance_m * self.gain + noise_m
-            distance_m = distance_m if distance_m <= physics.sees_to_m else None
-        noise_v = times * self._random.gauss(0, physics.output_noise_v)
+            distance_m = distance_m if distance_m <= physics.max_return_m else None
+        noise_v = noise_factor * self._random.gauss(0, physics.output_noise_v)
         return physics.profile.volts(distance_m) + noise_v

@@ -1,34 +1,35 @@
-"""The TFmini-S and TF-Luna as their serial port sees them: a stream of frames."""
+"""Emulates TFmini-S and TF-Luna at their serial port: a stream of frames."""
 
 from companion.drivers.chips.tfmini import FRAME, HEADER, NO_SIGNAL, checksum
 from sitl.sensors.time_of_flight import TofUnit
 
 BAUD = 115200
 STRONG, WEAK = 2000, 20
+"""Signal strength with and without a target. Chosen: above and below the driver's limit of 100."""
 TEMPERATURE = (45 + 256) * 8
-"""45 °C."""
+"""Temperature field of a frame at 45 °C."""
 BUFFERED_FRAMES = 450
-"""Linux keeps 4095 bytes for a reader who does not come."""
+"""Frames in Linux's buffer of 4095 bytes when nothing reads the port."""
 
 
 def frame(distance_m: float | None) -> bytes:
-    """One measurement; None: too little light came back."""
-    told = (NO_SIGNAL, WEAK) if distance_m is None else (round(100 * distance_m), STRONG)
-    body = FRAME.pack(HEADER, *told, TEMPERATURE, 0)[:-1]
+    """One measurement as a frame; None means that too little light returned."""
+    fields = (NO_SIGNAL, WEAK) if distance_m is None else (round(100 * distance_m), STRONG)
+    body = FRAME.pack(HEADER, *fields, TEMPERATURE, 0)[:-1]
     return body + bytes([checksum(body)])
 
 
 class TfminiDevice:
-    """One sensor; a port at another baud rate takes in something else than it sends."""
+    """One sensor. A port at a different baud rate receives different bytes."""
 
     def __init__(self, unit: TofUnit) -> None:
         self._unit = unit
         self._sent = 0
         self.noise = b""
-        """A fault for tests: this comes in before all else."""
+        """A fault for tests: bytes received before the frames."""
 
     def sent(self, time_s: float, baud: int) -> bytes:
-        """Frames that nobody fetched repeat the latest one: only that counts for a reader."""
+        """Bytes sent since the last call. Skipped frames repeat the latest one."""
         count = self._unit.count(time_s)
         due, self._sent = min(count - self._sent, BUFFERED_FRAMES), count
         if self._unit.is_unplugged:

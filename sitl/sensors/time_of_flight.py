@@ -1,4 +1,4 @@
-"""The physics of sensors that time the flight of light: when they measure, and how well."""
+"""Models time-of-flight range sensors: when they measure, and their errors."""
 
 import math
 from collections.abc import Callable
@@ -9,25 +9,25 @@ from companion.core.messages import RangeModel
 from companion.drivers.chips.time_of_flight import TF_LUNA, TFMINI_S, VL53L1X
 
 TrueRange = Callable[[float], float | None]
-"""time_s -> true distance along the beam, m; None if nothing is there."""
+"""time_s -> true distance along the beam, m; None without a surface."""
 
 
 @dataclass(frozen=True, slots=True)
 class TofPhysics:
-    """How a unit differs from its datasheet, and how it is noisy."""
+    """Deviation of a unit from its datasheet, and its noise."""
 
     model: RangeModel
     period_s: float
-    gathers_s: float
-    """It tells the mean over this time, which ends when it is told."""
+    integration_s: float
+    """Integration time, s. A reading is the mean over this time, which ends with the reading."""
     gain_sigma: float
-    """Sigma of the units' gain."""
+    """Standard deviation of the units' gain."""
     resolution_m: float
     period_spread: float = 0.02
-    """Sigma of the units' clocks, relative."""
+    """Relative standard deviation of the units' clocks."""
 
     @property
-    def sees_to_m(self) -> float:
+    def max_return_m(self) -> float:
         return 1.1 * self.model.max_m
 
 
@@ -36,10 +36,11 @@ TOF_PHYSICS = {
     "tfmini_s": TofPhysics(TFMINI_S, TFMINI_S.period_s, 0.0, TFMINI_S.gain_sigma, 0.01),
     "tf_luna": TofPhysics(TF_LUNA, TF_LUNA.period_s, 0.0, TF_LUNA.gain_sigma, 0.01),
 }
+"""Physics by kind of sensor; sources are in docs/sensors.md."""
 
 
 class TofUnit:
-    """One sensor, measuring by its own clock; evaluated only when somebody looks."""
+    """One sensor that measures at its own clock. Computed on demand."""
 
     def __init__(self, physics: TofPhysics, true_range: TrueRange, random: Random) -> None:
         self._physics = physics
@@ -55,16 +56,16 @@ class TofUnit:
         """Faults for tests."""
 
     def count(self, time_s: float) -> int:
-        """How many measurements have ended until then."""
+        """Number of measurements that have ended by `time_s`."""
         return int((time_s + self._phase_s) / self._period_s)
 
     @property
     def measured(self) -> int:
-        """How many the one that was read last is."""
+        """Number of the measurement that was read last."""
         return self._count
 
     def distance_m(self, time_s: float) -> float | None:
-        """The latest measurement that had ended by then; None: no light came back."""
+        """The latest measurement that has ended by `time_s`, m; None if no light returned."""
         count = self.count(time_s)
         if count != self._count and not self.is_stuck:
             self._count = count
@@ -73,7 +74,7 @@ class TofUnit:
 
     def _measure(self, ended_s: float) -> float | None:
         physics = self._physics
-        true_m = self.true_range(ended_s - physics.gathers_s / 2)
+        true_m = self.true_range(ended_s - physics.integration_s / 2)
         noise = self.noise_factor * self._random.gauss(0, 1)
         if true_m is None:
             return None

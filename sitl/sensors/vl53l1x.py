@@ -1,4 +1,4 @@
-"""The VL53L1X as its bus sees it: identity, start, data ready, result."""
+"""Emulates the VL53L1X at its bus: identity, start, data ready, result."""
 
 from companion.drivers.chips.vl53l1x import (
     BOOTED,
@@ -20,13 +20,16 @@ from companion.drivers.chips.vl53l1x import (
 from sitl.sensors.time_of_flight import TofUnit
 
 BOOT_S = 1.2e-3
+"""Boot time, s."""
 NO_SIGNAL = 4
+"""Range status without a return."""
 OSCILLATOR = 0x0320
 REGISTERS = 0x0200
+"""Emulated register addresses."""
 
 
 class Vl53l1xDevice:
-    """Timed ranging. It measures only after it was given a period and started."""
+    """Timed ranging. The chip measures only after its period is set and ranging is started."""
 
     def __init__(self, unit: TofUnit) -> None:
         self._unit = unit
@@ -37,13 +40,13 @@ class Vl53l1xDevice:
         self._booted_s = BOOT_S
 
     def power_cycle(self, time_s: float) -> None:
-        """A fault for tests: it forgets what it was told."""
+        """A fault for tests: the chip loses its settings."""
         self._registers[REG_PERIOD : REG_MODE_START + 1] = bytes(REG_MODE_START + 1 - REG_PERIOD)
         self._booted_s = time_s + BOOT_S
 
     def write_read(self, data: bytes, count: int, time_s: float) -> bytes:
         if self._unit.is_unplugged:
-            raise OSError("it is unplugged")
+            raise OSError("unplugged")
         register = int.from_bytes(data[:2], "big") % REGISTERS
         for offset, value in enumerate(data[2:]):
             self._write(register + offset, value, time_s)
@@ -53,7 +56,7 @@ class Vl53l1xDevice:
         return bytes(self._registers[register : register + count]).ljust(count, b"\x00")
 
     def _write(self, register: int, value: int, time_s: float) -> None:
-        if register < REG_BOOTED:  # what lies beyond is for reading
+        if register < REG_BOOTED:  # registers from here on are read-only
             self._registers[register] = value
         if register in (REG_INTERRUPT_CLEAR, REG_MODE_START):
             self._cleared = self._unit.count(time_s)

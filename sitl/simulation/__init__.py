@@ -1,1 +1,1 @@
-"""The world at one moment and how it moves on; a flight in lockstep with it."""
+"""Simulates vehicle, sensors and world, and flies in lockstep with the companion."""

@@ -1,4 +1,4 @@
-"""SITL and companion in one process on virtual time: a flight in seconds, the same every time."""
+"""Runs SITL and companion in one process on virtual time: fast and reproducible."""
 
 from collections.abc import Callable
 
@@ -14,6 +14,7 @@ from sitl.sensors.line import on_virtual_time
 from sitl.simulation.simulation import Setup, Simulation
 
 IN_PROCESS_TRANSPORTS = {"direct": direct_pair, "bytes": pipe_pair}
+"""Transports within one process: message objects, or encoded frames."""
 
 
 Script = Callable[[Simulation, App], None]
@@ -21,18 +22,18 @@ Script = Callable[[Simulation, App], None]
 
 
 def no_script(simulation: Simulation, app: App) -> None:
-    """A flight in which nothing happens."""
+    """The empty script."""
 
 
 class LockstepClock:
-    """Waiting for a time is what makes the simulation reach it."""
+    """A clock whose waits advance the simulation."""
 
     def __init__(self, simulation: Simulation, happens: Callable[[], None]) -> None:
         self._simulation = simulation
         self._happens = happens
 
     def wait_until(self, time_s: float) -> float:
-        """Whoever waits for hanging wires meanwhile does nothing else."""
+        """Advance to `time_s`. A companion that waits for hanging wires is late."""
         self._happens()
         simulation = self._simulation
         free_s = max(simulation.companion_hangs_until_s, simulation.board.bus.hung_until_s)
@@ -41,7 +42,7 @@ class LockstepClock:
         return simulation.time_s
 
     def now_s(self) -> float:
-        """Time passes between two reads as well if the computer is starved so."""
+        """Current time, s. A starved computer also loses time between two reads."""
         simulation = self._simulation
         late_s = simulation.starvation.read_late_s()
         if late_s:
@@ -61,7 +62,7 @@ def fly_in_lockstep(
     recorder: Recorder = NOT_RECORDED,
     land_requested: Callable[[], bool] = lambda: False,
 ) -> tuple[App, Simulation]:
-    """Fly one mission to its end; `make_app` is for those who want to look into it."""
+    """Fly one mission to its end; `make_app` can replace `App`."""
     sitl_end, companion_end = IN_PROCESS_TRANSPORTS[transport](setup.system_id)
     simulation = Simulation(setup, [sitl_end], parameter_watch)
     app = make_app(config)

@@ -1,4 +1,4 @@
-"""What the scorer needs to know of the true flight."""
+"""Records the true flight for scoring."""
 
 import json
 import math
@@ -11,11 +11,13 @@ from companion.export.map_files import save_as
 from sitl.core.truth import TrueState
 
 PERIOD_S = 0.1
+"""Period of the recorded path, s."""
 AIRBORNE_M = 0.05
+"""Height above which the vehicle counts as in the air, m."""
 
 
 class TruthRecord:
-    """The true path ten times a second, least clearance, collisions and time in the air."""
+    """The true path at 10 Hz, smallest clearance, collisions and time in the air."""
 
     def __init__(self, take_off: TrueState) -> None:
         self.path: list[TrueState] = [take_off]
@@ -30,7 +32,7 @@ class TruthRecord:
         return self.path[0]
 
     def observe(self, state: TrueState, clearance_m: float) -> bool:
-        """Note one step; True when the body has just hit something."""
+        """Record one step; True at the start of a collision."""
         if state.time_s - self.path[-1].time_s >= PERIOD_S - 1e-9:
             self.path.append(state)
         if -state.position_ned_m[2] > AIRBORNE_M:
@@ -43,10 +45,10 @@ class TruthRecord:
         return hit
 
     def save(self, path: Path) -> None:
-        """As JSON.
+        """Write as JSON.
 
         Raises:
-            OutputError: it cannot be written.
+            OutputError: the file cannot be written.
         """
         save_as(TruthRecord._write, self, path)
 

@@ -1,12 +1,11 @@
-"""The world at one moment, and how it moves on: autopilot and vehicle, walls, sensors, truth.
+"""Advances the simulated world: autopilot and vehicle, walls, sensors, ground truth.
 
     companion ──MAVLink──► autopilot ─► vehicle ─► true state ─► clearance, record
         ▲                      │                       │
         ├──────MAVLink─────────┘                       ▼
         └──────I2C──────── sensor board ◄──── ranges in the FCL world
 
-`advance` is the only way time passes; real time, faster than real time and lockstep differ in who
-calls it.
+Only `advance` makes time pass. Real time, faster than real time and lockstep differ in its caller.
 """
 
 import math
@@ -28,40 +27,40 @@ from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.starvation import Starvation
-from sitl.simulation.traffic import Others, clearance_to_others_m, nobody, with_others
+from sitl.simulation.traffic import Others, clearance_to_others_m, no_others, with_others
 from sitl.world.format import World
 from sitl.world.geometry.model import WorldModel
 
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What defines a simulated flight; the same setup gives the same flight, to the bit."""
+    """All inputs of a simulated flight; the same setup gives the same flight, bit for bit."""
 
     world: World
     world_name: str
-    """As `load_world` takes it: the name of a built-in world, or a file."""
+    """Argument of `load_world`: a built-in world or a file."""
     seed: int
     sensors: SensorsConfig
     autopilot: str = "ardupilot"
-    """Or "px4"."""
+    """ "ardupilot" or "px4"."""
     parameters: Mapping[str, float] = field(default_factory=dict)
-    """Of the autopilot, set before it starts; the others have the values of its configuration."""
+    """Autopilot parameters set before the start; others keep the vehicle's configuration."""
     beam: BeamPhysics = RAY
-    """Of every range sensor."""
+    """Beam physics of every range sensor."""
     start: int = 0
-    """Which of the world's start poses."""
+    """Number of the world's start pose."""
     odometry_noise: OdometryNoise = REFERENCE_NOISE
     range_gain_sigma: float | None = None
-    """Spread of the range units' gains; None: as the sensor's physics has it."""
+    """Standard deviation of the range sensors' gains; None: from the sensor's physics."""
     battery_s: float = FLIGHT_BATTERY_S
-    """How long a full battery flies."""
+    """Flight time of a full battery, s."""
 
     @property
     def system_id(self) -> int:
-        """The MAVLink system that the vehicle will be.
+        """The vehicle's MAVLink system id.
 
         Raises:
-            ParameterError: a parameter that the autopilot does not have.
+            ParameterError: the autopilot has no such parameter.
         """
         firmware = FIRMWARES[self.autopilot]()
         return system_id(firmware, boot_values(firmware, self.parameters))
@@ -70,8 +69,8 @@ class Setup:
 class Simulation:
     """One vehicle in one world.
 
-    `transports` are its links, the companion's first; `watch` is told the parameters that a client
-    sets; `others` tells where other vehicles are.
+    `transports` are its links, the companion's first. `watch` is called for each parameter that a
+    client sets. `others` returns the positions of other vehicles.
     """
 
     def __init__(
@@ -79,21 +78,21 @@ class Simulation:
         setup: Setup,
         transports: Sequence[Transport],
         watch: ParameterWatch = keep_nothing,
-        others: Others = nobody,
+        others: Others = no_others,
     ) -> None:
         self._transports = transports
         self._radios = [
             (Radio(stream(setup.seed, f"uplink {link}")), Radio(stream(setup.seed, f"link {link}")))
             for link in range(len(transports))
         ]
-        """Of each link, to the vehicle and from it."""
+        """Both directions of each link: to the vehicle, and from it."""
         self.companion_hangs_until_s = 0.0
-        """A fault for tests: until then the companion does nothing."""
+        """A fault for tests: the companion stops until this time, s."""
         self.starvation = Starvation(stream(setup.seed, "starved computer"))
         self._setup = setup
         self._others = others
         self.bystanders: list[Vector3] = []
-        """People who stand about, for tests: bodies as large as a drone's, world NED, metres."""
+        """People, for tests: bodies as large as a drone's, world NED, m."""
         self._model = WorldModel(setup.world)
         start = start_state(setup)
         self.autopilot = Autopilot(
@@ -122,7 +121,7 @@ class Simulation:
         return self.autopilot.time_s
 
     def advance(self, time_s: float) -> None:
-        """Take in what has been sent to it, and let time pass until `time_s`."""
+        """Process received messages, then let time pass until `time_s`."""
         for link, transport in enumerate(self._transports):
             for message in self._radios[link][0].carry(transport.receive(), self.time_s):
                 self.autopilot.receive(message, link)
@@ -136,7 +135,7 @@ class Simulation:
         self.board.bus.set_time(self.autopilot.time_s)
 
     def disturb_link(self, troubles: Troubles) -> None:
-        """A fault for tests: MAVLink suffers in both directions."""
+        """A fault for tests: disturb MAVLink in both directions."""
         for to_vehicle, from_vehicle in self._radios:
             to_vehicle.troubles = from_vehicle.troubles = troubles
 
@@ -153,19 +152,19 @@ class Simulation:
         return [*self._others(), *self.bystanders]
 
     def _range_query(self, beam: Beam) -> RangeQuery:
-        """Walls, and whoever else is there."""
+        """Ranges to walls and to other bodies."""
         return with_others(beam_query(self._setup, self._model, beam), self._everybody)
 
 
 def beam_query(setup: Setup, model: WorldModel, beam: Beam) -> RangeQuery:
-    """How far a beam reaches: a plain ray, the quickest there is, unless more was asked for."""
+    """The ranging function of a beam: a plain ray, which is fastest, unless physics is set."""
     if setup.beam == RAY:
         return model.range_m
     return LightBeam(setup.beam, model.hits, setup.seed, beam.value).range_m
 
 
 def start_state(setup: Setup) -> TrueState:
-    """On the floor at one of the world's start poses; an open heading is drawn from the seed."""
+    """The state on the floor at a start pose; the seed draws a heading that is not given."""
     start = setup.world.starts[setup.start]
     heading_rad = (
         stream(setup.seed, "start heading").uniform(-math.pi, math.pi)

@@ -1,4 +1,4 @@
-"""Other vehicles in the same world: to be seen by beams, and to be hit."""
+"""Simulates other vehicles in the same world, as obstacles and for beams."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -8,22 +8,22 @@ from sitl.sensors.beam import RangeQuery
 from sitl.world.geometry.model import BODY_RADIUS_M
 
 Others = Callable[[], Sequence[Vector3]]
-"""Where the other vehicles are now, world NED, metres."""
+"""Returns the positions of the other vehicles, world NED, m."""
 
 
-def nobody() -> Sequence[Vector3]:
-    """For a vehicle that has the world to itself."""
+def no_others() -> Sequence[Vector3]:
+    """No other vehicles."""
     return ()
 
 
 def clearance_to_others_m(position: Vector3, others: Sequence[Vector3]) -> float:
-    """Between the bodies, ≤ 0 when two touch; infinite where there is nobody."""
+    """Distance between the bodies, m; ≤ 0 on contact, infinite without others."""
     nearest_m = min((math.dist(position, other) for other in others), default=math.inf)
     return nearest_m - 2 * BODY_RADIUS_M
 
 
 def with_others(walls: RangeQuery, others: Others) -> RangeQuery:
-    """What a beam meets first: walls, or the body of another vehicle."""
+    """Range to the nearest surface: a wall, or the body of another vehicle."""
 
     def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
         bodies = others()

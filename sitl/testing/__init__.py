@@ -1,4 +1,4 @@
-"""Scripted flights for tests, in this project's own and in yours; see docs/testing.md."""
+"""Scripted flights for tests, in this project and in others; see docs/testing.md."""
 
 from sitl.testing.actions.action import Action
 from sitl.testing.actions.link import bad_link, link_down, other_rates

@@ -1,4 +1,4 @@
-"""A flight in a test: one call to fly, and everything that can be asked of it afterwards."""
+"""Flies a mission in a test and gives access to its results."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -29,11 +29,11 @@ def _fail(warning: str) -> None:
 
 
 class MissedError(AssertionError):
-    """Something that a script says has not happened in the flight, so nothing is tested by it."""
+    """The flight ended before an event of its script, so the test has not tested it."""
 
 
 class ReportView:
-    """The report's keys as attributes: `report.coverage`."""
+    """Attribute access to the report's keys, such as `report.coverage`."""
 
     def __init__(self, report: Report) -> None:
         self._report = report
@@ -47,7 +47,7 @@ class ReportView:
 
 @dataclass
 class Flight:
-    """A flight that has ended."""
+    """The result of a flight."""
 
     app: App
     simulation: Simulation
@@ -57,12 +57,12 @@ class Flight:
 
     @property
     def completed(self) -> bool:
-        """The mission was completed and nothing was hit."""
+        """The mission was completed without a collision."""
         return self.app.flight.completed and self.truth.collisions == 0
 
     @property
     def ending(self) -> str:
-        """How it ended, in the companion's words."""
+        """The companion's text on how the flight ended."""
         return self.app.flight.ending
 
     @property
@@ -72,7 +72,7 @@ class Flight:
 
     @cached_property
     def plan(self) -> FloorPlan:
-        """The map that the companion made."""
+        """The companion's map."""
         return self.app.final_floor_plan()
 
     @cached_property
@@ -91,7 +91,7 @@ class Flight:
 
 
 class Sitl:
-    """Flies missions in simulation; files are looked for in `folder` first."""
+    """Flies missions in simulation. Relative file names are searched in `folder` first."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -116,29 +116,39 @@ class Sitl:
     ) -> Flight:
         """Fly one mission to its end.
 
-        `mission` is its kind or a mission file; `config` is the companion's TOML file, `settings`
-        single values above it, such as {"mission.speed_m_s": 0.5}; `parameters` are the
-        autopilot's, such as {"GUID_TIMEOUT": 1}; `beam` are the keys of docs/sensors.md, such as
-        {"width_deg": 2}; `clutter` from 0 to 1 is put into the world, by `clutter_seed` or else the
-        flight's; `record` is a folder for the flight's recording.
+        Args:
+            world: name of a built-in world, or a file.
+            mission: kind of mission, or a mission file.
+            seed: seed of the flight; the same seed gives the same flight.
+            profile: profile of the range sensors.
+            autopilot: "ardupilot" or "px4".
+            transport: "direct" for message objects, "bytes" for encoded frames.
+            config: the companion's TOML file.
+            settings: single values that override it, such as {"mission.speed_m_s": 0.5}.
+            parameters: the autopilot's, such as {"GUID_TIMEOUT": 1}.
+            beam: keys of docs/sensors.md, such as {"width_deg": 2}.
+            clutter: difficulty of the clutter, 0 to 1.
+            clutter_seed: seed of the clutter; default the flight's.
+            script: faults and pilot actions.
+            record: folder for the flight's recording.
 
         Raises:
-            WorldError, ConfigError, MissionError, ParameterError, BeamError: one line that says
-                what to mend.
-            MissedError: the flight ended before an event of `script`, or of the mission's file.
+            WorldError, ConfigError, MissionError, ParameterError, BeamError: a file or value is
+                invalid.
+            MissedError: the flight ended before an event of `script` or of the mission file.
         """
         flown = load_mission(str(self._path(mission)))
         overrides = {"sensors.profile": profile, **flown.settings, **(settings or {})}
         loaded = configuration.load(self._path(config) if config else None, overrides)
         name = world if world in world_names() else str(self._path(world))
         physics = beam_physics(beam or {}, "beam")
-        grown_from = seed if clutter_seed is None else clutter_seed
-        place = cluttered(load_world(name), clutter, grown_from)
+        used_seed = seed if clutter_seed is None else clutter_seed
+        place = cluttered(load_world(name), clutter, used_seed)
         setup = Setup(place, name, seed, loaded.sensors, autopilot, parameters, physics)
         began_s = time.monotonic()
 
         def watch(progress: Progress) -> None:
-            """Nobody looks."""
+            """Ignore the progress."""
 
         events = Play([*flown.events, *script])
         recorder = open_recorder(record, loaded, time.time(), _fail) if record else NOT_RECORDED
@@ -156,7 +166,7 @@ class Sitl:
         if events.missed:
             raise MissedError(
                 f"the flight ended after {simulation.time_s:.1f} s, {flight.ending!r}, before "
-                f"these events: {events.missed}; those that need not happen are optional(...)"
+                f"these events: {events.missed}; use optional(...) for those that need not happen"
             )
         return flight
 

@@ -1,4 +1,4 @@
-"""Random and mutated input: MAVLink frames both ways, bus requests, and bytes of serial ports."""
+"""Generates random and mutated input: MAVLink frames, bus requests, bytes of serial ports."""
 
 import struct
 from collections.abc import Sequence
@@ -32,9 +32,12 @@ HANDLED = tuple(
         mavlink.MAVLINK_MSG_ID_VISION_SPEED_ESTIMATE,
     )
 )
+"""Messages that the emulated autopilot handles."""
 ADDRESSED = tuple(kind for kind in HANDLED if "target_system" in kind.fieldnames)
+"""Those of them with a target system."""
 OTHER_SYSTEM = 7
 COMMANDS = (22, 21, 176, 400, 401, 410, 510, 511, 512, 520, 31999)
+"""MAV_CMD numbers, the last one unknown."""
 NAMES = (
     b"GUID_TIMEOUT",
     b"EK3_SRC1_VELXY",
@@ -54,7 +57,7 @@ BITS = {"uint8_t": 8, "int8_t": 8, "uint16_t": 16, "int16_t": 16, "uint32_t": 32
 
 
 def mavlink_frame(random: Random) -> bytes:
-    """A frame: well formed with odd values, mutated, or nothing but bytes."""
+    """A frame to the autopilot: valid with odd values, mutated, or random bytes."""
     kind = random.random()
     if kind < 0.1:
         return random.randbytes(random.randrange(1, 60))
@@ -69,7 +72,7 @@ def mavlink_frame(random: Random) -> bytes:
     return bytes(frame)
 
 
-TOLD = tuple(
+VEHICLE_MESSAGES = tuple(
     mavlink.mavlink_map[message_id]
     for message_id in (
         mavlink.MAVLINK_MSG_ID_ATTITUDE,
@@ -86,11 +89,12 @@ TOLD = tuple(
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
     )
 )
+"""Messages from an autopilot that the companion handles."""
 
 
 def vehicle_frame(random: Random) -> bytes:
-    """What an autopilot gone mad may tell its companion."""
-    message = _message(random, TOLD)
+    """A frame from a malfunctioning autopilot to its companion."""
+    message = _message(random, VEHICLE_MESSAGES)
     if message.get_type() == "HEARTBEAT":
         message.autopilot = random.choice((3, 12, 12, message.autopilot))
     frame = bytearray(message.pack(make_codec(1, 1)))
@@ -100,18 +104,18 @@ def vehicle_frame(random: Random) -> bytes:
 
 
 def serial_bytes(random: Random) -> bytes:
-    """Frames of a TFmini-S, whole, torn or wrong, and noise."""
-    told = b""
+    """Frames of a TFmini-S, complete, truncated or wrong, with noise between them."""
+    data = b""
     for _ in range(random.randrange(4)):
         frame = b"\x59\x59" + random.randbytes(6)
         frame += bytes([sum(frame) % 256 if random.random() < 0.8 else random.randrange(256)])
-        told += frame[: random.choice((9, 9, 9, random.randrange(9)))]
-        told += random.randbytes(random.choice((0, 0, 0, 5)))
-    return told if random.random() < 0.95 else random.randbytes(2000)
+        data += frame[: random.choice((9, 9, 9, random.randrange(9)))]
+        data += random.randbytes(random.choice((0, 0, 0, 5)))
+    return data if random.random() < 0.95 else random.randbytes(2000)
 
 
 def foreign_frame(random: Random) -> bytes:
-    """Nothing that concerns vehicle 1: bytes, a wrong checksum, half a frame, or others' talk."""
+    """Bytes without effect on vehicle 1: noise, a wrong checksum, half a frame, other systems."""
     kind = random.randrange(4)
     if kind == 0:
         return random.randbytes(random.randrange(1, 60))
@@ -153,7 +157,7 @@ def _value(random: Random, name: str, type_: str) -> object:
 
 
 def bus_request(random: Random) -> bytes:
-    """A request: transactions to real and absent chips, odd waits, odd clocks, or only bytes."""
+    """A request: transactions to real and absent chips, odd waits, odd clocks, or random bytes."""
     kind = random.random()
     if kind < 0.1:
         return random.randbytes(random.randrange(1, 40))

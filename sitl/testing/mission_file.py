@@ -1,4 +1,4 @@
-"""A mission in a file: what is flown, and what happens meanwhile.
+"""Reads a mission file: what to fly, and the events during the flight.
 
     [mission]            # settings as in docs/config.md
     kind = "room"
@@ -7,9 +7,9 @@
     [[events]]           # faults and the pilot, as in docs/testing.md
     when = "scanning"    # or at_s = 20
     do = "link_down"     # or any other action
-    for_s = 5            # for good if left out
-    # with = "LOITER"    # what the action takes: one value, a list, or a table of names
-    # optional = true    # the flight may end before it; else it fails then
+    for_s = 5            # permanent by default
+    # with = "LOITER"    # the action's arguments: one value, a list, or a table of names
+    # optional = true    # the flight may end before the event; by default that is an error
 
 A Python file defines the same as `mission`, a dict, and `events`, a list of `sitl.testing` events.
 """
@@ -33,12 +33,12 @@ SUFFIXES = (".toml", ".py")
 
 
 class MissionError(SitlError, ValueError):
-    """A mission file that cannot be used; says which key and value."""
+    """A mission file is invalid; the text names key and value."""
 
 
 @dataclass(frozen=True, slots=True)
 class MissionFile:
-    """What to fly, as overrides of the companion's configuration, and what happens."""
+    """A mission as overrides of the companion's configuration, and its events."""
 
     settings: Mapping[str, object]
     events: tuple[Event, ...] = ()
@@ -91,10 +91,10 @@ class _File(BaseModel):
 
 
 def load_mission(mission: str) -> MissionFile:
-    """A mission by its kind, such as "room", or from a file.
+    """Load a mission by its kind, such as "room", or from a file.
 
     Raises:
-        MissionError: one line that says what to mend.
+        MissionError: the file cannot be read or is invalid.
     """
     path = Path(mission)
     if path.suffix not in SUFFIXES:
@@ -107,7 +107,7 @@ def load_mission(mission: str) -> MissionFile:
         raise MissionError(f"{mission}: {complaint(error)}") from error
     except MissionError:
         raise
-    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+    except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
         raise MissionError(f"{mission}: not TOML: {error}") from error
 
 
@@ -127,7 +127,7 @@ def _python(path: Path) -> MissionFile:
         names: dict[str, Any] = runpy.run_path(str(path))
     except OSError:
         raise
-    except Exception as error:  # whatever the user's own code raises
+    except Exception as error:  # the user's code may raise anything
         raise MissionError(f"{path}: {type(error).__name__}: {error}") from error
     mission, events = names.get("mission"), names.get("events", ())
     if not isinstance(mission, Mapping):

@@ -1,4 +1,4 @@
-"""What happens in a scripted flight, and when: faults, and what the pilot does.
+"""Scripts a flight: faults and pilot actions, each with its condition.
 
 script=[at(30, link_down(for_s=5)), when("scanning", pilot_mode("LOITER"))]
 """
@@ -13,39 +13,39 @@ from sitl.testing.actions.action import Action
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """An action and the condition on which it begins, once.
+    """An action and its start condition; it starts at most once.
 
-    A flight in which it never begins has not tested what it should, unless it is optional.
+    A test fails if an event that is not optional has not started by the end of the flight.
     """
 
     is_due: Callable[[Simulation, App], bool]
     action: Action
     is_optional: bool = False
     name: str = "an Event of its own"
-    """As it is told when it never happened."""
+    """Name in the error message about events that did not happen."""
 
 
 def at(time_s: float, action: Action) -> Event:
-    """At a time of the flight, seconds since the start."""
+    """Event at a time of the flight, s since the start."""
     return Event(
         lambda simulation, app: simulation.time_s >= time_s, action, name=f"at {time_s:g} s"
     )
 
 
 def when(activity: str, action: Action) -> Event:
-    """When the companion first says that it does something, such as "scanning"."""
+    """Event at the first tick in which the companion's activity contains this text."""
     return Event(
         lambda simulation, app: activity in app.flight.activity, action, name=f"when {activity!r}"
     )
 
 
 def optional(event: Event) -> Event:
-    """The same, in a flight that may end before it happens."""
+    """The event, but the flight may end before it."""
     return replace(event, is_optional=True)
 
 
 def watch(look: Callable[[Simulation, App], object]) -> Event:
-    """Nothing happens, but `look` is called at every tick."""
+    """No event: call `look` at every tick."""
 
     def is_due(simulation: Simulation, app: App) -> bool:
         look(simulation, app)
@@ -55,14 +55,14 @@ def watch(look: Callable[[Simulation, App], object]) -> Event:
 
 
 class Play:
-    """The script that carries out the events, each once, and undoes them when their time is up."""
+    """Runs the events, each once, and undoes timed ones."""
 
     def __init__(self, events: Sequence[Event]) -> None:
         self._waiting = list(events)
         self._running: list[tuple[float, Action]] = []
 
     def __call__(self, simulation: Simulation, app: App) -> None:
-        """One tick."""
+        """Process one tick."""
         for event in [event for event in self._waiting if event.is_due(simulation, app)]:
             self._waiting.remove(event)
             event.action.begin(simulation)
@@ -74,5 +74,5 @@ class Play:
 
     @property
     def missed(self) -> str:
-        """What should have happened and has not; nothing if all has."""
+        """Names of the events that have not happened but should have; empty if none."""
         return ", ".join(event.name for event in self._waiting if not event.is_optional)

@@ -1,1 +1,1 @@
-"""The simulator as a page in the browser: a true building beside what the drone maps of it."""
+"""Shows the simulator as a web page: a true building beside the drone's map of it."""

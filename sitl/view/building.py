@@ -1,4 +1,4 @@
-"""The true side of the scene: the building, and where the drone really is."""
+"""Draws the true side of the scene: the building, and the drone's true pose."""
 
 from collections.abc import Mapping
 
@@ -22,14 +22,14 @@ from sitl.world.format import Segment, World
 WALL_COLOUR = (108, 117, 125)
 BORDER_COLOUR = (200, 85, 61)
 BORDER_OPACITY = 0.3
-"""A wall where the unknown begins is none that anybody has seen."""
+"""Opacity of a wall at the border to the unknown."""
 BOX_COLOUR = (176, 164, 148)
 PATH_COLOUR = (231, 111, 81)
 DRONE_COLOUR = (61, 64, 91)
 
 
 class TrueSide:
-    """The building as the world file has it, in the world's own frame."""
+    """The building of the world file, in the world frame."""
 
     def __init__(self, server: ViserServer, name: str = "/true") -> None:
         scene = server.scene
@@ -47,7 +47,7 @@ class TrueSide:
         self._frame.visible = not hidden
 
     def build(self, world: World) -> None:
-        """Another building, and nobody in it."""
+        """Show another building, without a drone."""
         panels = [panel for panel in world.panels if panel.bottom_m < SHOWN_HEIGHT_M]
         self._walls.show(
             [(panel.start, panel.end) for panel in panels],
@@ -71,7 +71,7 @@ class TrueSide:
         self.restart()
 
     def _build_mesh(self, world: World) -> None:
-        """What an importer brought, without what is above the cut."""
+        """Show an imported mesh without its part above the cut."""
         if self._mesh is not None:
             self._mesh.remove()
             self._mesh = None
@@ -97,7 +97,7 @@ class TrueSide:
     def show(
         self, truth: TrueState, readings: Mapping[Beam, RangeReading], mount_offset_m: float
     ) -> None:
-        """The drone where it is, with what its sensors read."""
+        """Show the drone at its true pose, with its range readings."""
         here = truth.position_ned_m
         self._drone.move(here, truth.yaw_rad)
         self._drone.look(readings, mount_offset_m)
@@ -105,6 +105,6 @@ class TrueSide:
 
 
 def _middle_line(corner: Vector2, size: Vector2) -> Segment:
-    """Of a box, along north."""
+    """Middle line of a box along north."""
     (north, east), (depth_m, width_m) = corner, size
     return (north, east + width_m / 2), (north + depth_m, east + width_m / 2)

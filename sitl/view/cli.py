@@ -1,4 +1,4 @@
-"""`sitl view`: a page in the browser, served until Ctrl-C."""
+"""`sitl view`: serves a web page until Ctrl-C."""
 
 from pathlib import Path
 from typing import Annotated
@@ -13,13 +13,13 @@ RECORDING_SUFFIX = ".mcap"
 
 def view(
     what: Annotated[
-        str, typer.Argument(metavar="[WORLD | FLIGHT.mcap]", help="What is shown at first.")
+        str, typer.Argument(metavar="[WORLD | FLIGHT.mcap]", help="World to fly in, or recording.")
     ] = "room_100",
     host: Host = "127.0.0.1",
     port: Port = PAGE_PORT,
     token_file: TokenFile = None,
 ) -> None:
-    """Fly on a page in the browser, or play a recording back; Ctrl-C ends it."""
+    """Fly on a web page, or play back a recording. Ctrl-C ends it."""
     with needs_extra("viewer"):
         from companion.view.access.server import open_page  # noqa: PLC0415 - an extra
         from companion.view.playback import Playback  # noqa: PLC0415

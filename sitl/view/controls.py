@@ -1,4 +1,4 @@
-"""The controls on the page: what is flown, and what is done to it."""
+"""Defines the page's controls: flight, time, display, mission, sensors, pilot and faults."""
 
 from viser import (
     GuiApi,
@@ -29,16 +29,16 @@ FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
 THROTTLES = tuple(throttle.value for throttle in Throttle)
 FAST = 1000.0
 SPEEDS = {"¼ ×": 0.25, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0, "all": FAST}
-"""Times real time; the last as fast as it goes."""
+"""Factors of real time; the last one is as fast as possible."""
 FIRST_SPEED = "10 ×"
 
 
 class Controls:
-    """Handles of all controls; the page gives them their meaning."""
+    """Handles of all controls; the page connects them."""
 
     def __init__(self, gui: GuiApi) -> None:
         with gui.add_folder("World"):
-            self.worlds = gui.add_button_group("built in", world_names())
+            self.worlds = gui.add_button_group("built-in", world_names())
             self.file: GuiTextHandle = gui.add_text(
                 "file or name",
                 "",
@@ -47,23 +47,23 @@ class Controls:
             self.open = gui.add_button("Open")
         with gui.add_folder("Flight"):
             self.start = gui.add_button("Start", color="teal")
-            self.time = gui.add_button_group("time", ("Pause", "Go on", "Step"))
+            self.time = gui.add_button_group("time", ("Pause", "Resume", "Step"))
             self.speed: GuiDropdownHandle[str] = gui.add_dropdown(
                 "speed", tuple(SPEEDS), initial_value=FIRST_SPEED, hint="Times real time"
             )
             self.stop = gui.add_button("Stop: land now", color="red")
             self.format: GuiDropdownHandle[str] = gui.add_dropdown("map as", FORMATS)
             self.download = gui.add_button("Download map", disabled=True)
-        with gui.add_folder("What is shown"):
+        with gui.add_folder("Display"):
             self.hide_truth = gui.add_checkbox("hide the truth", False)
             self.exaggeration: GuiSliderHandle[float] = gui.add_slider(
-                "2σ bands ×", 1.0, 20.0, 1.0, 5.0, hint="Times true to scale"
+                "2σ bands ×", 1.0, 20.0, 1.0, 5.0, hint="Scale of the drawn bands"
             )
             self.fit = gui.add_button("All in view")
         with gui.add_folder("Mission"):
             self.mission: GuiDropdownHandle[str] = gui.add_dropdown("kind", MISSION_KINDS)
             self.standoff: GuiTextHandle = gui.add_text(
-                "stand-off", "1.5", hint="Metres, 0.6 to 5, or range, or accurate"
+                "stand-off", "1.5", hint="Metres from 0.6 to 5, or range, or accurate"
             )
             self.flight_speed: GuiSliderHandle[float] = gui.add_slider(
                 "speed, m/s", 0.1, 2.0, 0.1, 1.0
@@ -78,7 +78,7 @@ class Controls:
                 "noise σ, cm", 0.5, 20.0, 0.5, 5.0, visible=False, hint="Of the profile own"
             )
             self.noise: GuiSliderHandle[float] = gui.add_slider(
-                "odometry ×", 0.0, 4.0, 0.25, 1.0, hint="Times the reference noise"
+                "odometry ×", 0.0, 4.0, 0.25, 1.0, hint="Factor on the reference noise"
             )
             self.autopilot: GuiDropdownHandle[str] = gui.add_dropdown("autopilot", tuple(MODES))
         with gui.add_folder("Pilot and faults"):
@@ -86,7 +86,7 @@ class Controls:
                 "mode", MODES["ardupilot"], initial_value=FIRST_MODE["ardupilot"]
             )
             self.throttle: GuiDropdownHandle[str] = gui.add_dropdown(
-                "throttle", THROTTLES, hint="The pilot's stick; low, the drone sinks"
+                "throttle", THROTTLES, hint="The pilot's stick; at low the drone sinks"
             )
             self.take_over: GuiButtonHandle = gui.add_button("Take over")
             self.fault: GuiDropdownHandle[str] = gui.add_dropdown("fault", tuple(FAULTS))
@@ -94,14 +94,14 @@ class Controls:
                 "beam", tuple(beam.value for beam in Beam if beam is not Beam.BACK)
             )
             self.lasts: GuiNumberHandle[float] = gui.add_number(
-                "for, s", 2.0, min=0.0, max=600.0, step=0.5, hint="0: for good"
+                "for, s", 2.0, min=0.0, max=600.0, step=0.5, hint="0: permanent"
             )
             self.inject: GuiButtonHandle = gui.add_button("Inject")
         self.profile.on_update(self._offer_own)
         self.autopilot.on_update(self._offer_modes)
 
     def _offer_own(self, _: GuiEvent[GuiDropdownHandle[str]]) -> None:
-        """Not merely disabled: a slider's number could be typed all the same."""
+        """Show the sliders of the profile `own`; a disabled slider would still accept numbers."""
         is_own = self.profile.value == OWN_PROFILE
         self.range.visible = self.sigma.visible = is_own
 
@@ -110,10 +110,10 @@ class Controls:
         self.mode.value = FIRST_MODE[self.autopilot.value]  # type: ignore[misc]
 
     def request(self, world: str) -> FlightRequest:
-        """What is to be flown.
+        """The flight that the controls select.
 
         Raises:
-            SitlError: a stand-off that is neither a number nor a word.
+            SitlError: the stand-off is neither a number nor a known word.
         """
         return FlightRequest(
             world,

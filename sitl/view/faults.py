@@ -1,4 +1,4 @@
-"""What can be made to go wrong on the page: the actions of `sitl.testing`, by name."""
+"""Lists the faults that the page can inject: actions of `sitl.testing` by name."""
 
 import math
 from collections.abc import Callable
@@ -12,11 +12,13 @@ from sitl.testing.actions.surroundings import somebody
 from sitl.testing.actions.vehicle import crash
 
 AHEAD_M = 1.8
+"""Distance of a person ahead of the drone, m. Chosen."""
 HEAD_M = 1.2
+"""Height of that person if the drone is on the ground, m. Chosen."""
 
 
 def _in_the_way(simulation: Simulation, beam: str, for_s: float | None) -> Action:
-    """Somebody steps before the drone."""
+    """A person appears in front of the drone."""
     truth = simulation.autopilot.truth
     north_m, east_m = frd_to_ned(AHEAD_M, 0.0, truth.yaw_rad)
     north, east, down = truth.position_ned_m
@@ -32,3 +34,4 @@ FAULTS: dict[str, Callable[[Simulation, str, float | None], Action]] = {
     "somebody in the way": _in_the_way,
     "crash": lambda simulation, beam, for_s: crash(),
 }
+"""Actions by the name on the page."""

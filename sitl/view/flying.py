@@ -1,4 +1,4 @@
-"""The process that flies: flights in lockstep, paced, with somebody at the switches."""
+"""Flies in a separate process: in lockstep, paced, with orders from the page."""
 
 import time
 from multiprocessing.connection import Connection
@@ -32,16 +32,17 @@ from sitl.view.news import (
 from sitl.view.outbox import Outbox
 
 SEEN_PERIOD_S = 0.05
+"""Shortest period of the reports, wall time, s."""
 SKETCH_PERIOD_S = 0.5
-"""By the clock on the wall; a map that nobody can follow with the eye is not drawn up."""
+"""Shortest period of the maps, wall time, s."""
 FLOWN_SKETCH_PERIOD_S = 1.0
-"""By the flight's own."""
+"""Shortest period of the maps, simulated time, s."""
 MAX_BEHIND_S = 0.5
-"""A flight that is later than this does not hurry to catch up."""
+"""A flight that is later than this, wall time, s, does not catch up."""
 
 
 class _GivenUpError(Exception):
-    """Something else is to be flown."""
+    """The flight is cancelled, possibly for another one."""
 
     def __init__(self, instead: Begin | None) -> None:
         super().__init__()
@@ -49,7 +50,7 @@ class _GivenUpError(Exception):
 
 
 def serve(orders: Connection) -> None:
-    """Fly what is ordered, one flight after the other, until the page goes away."""
+    """Fly as ordered, one flight after another, until the page closes the connection."""
     outbox = Outbox(orders)
     order: Order | None = None
     try:
@@ -61,7 +62,7 @@ def serve(orders: Connection) -> None:
 
 
 def _fly(order: Begin, orders: Connection, outbox: Outbox) -> Begin | None:
-    """What is to be flown next, if that is known already."""
+    """Fly one flight; return the next order if one arrived during it."""
     began_s = time.monotonic()
     try:
         config = order.request.config()
@@ -70,8 +71,8 @@ def _fly(order: Begin, orders: Connection, outbox: Outbox) -> Begin | None:
         app, simulation = fly_in_lockstep(
             setup,
             config,
-            _nobody_at_a_terminal,
-            script=flight.happen,
+            _ignore,
+            script=flight.before_tick,
             recorder=flight,
             land_requested=lambda: flight.is_to_land,
         )
@@ -88,12 +89,12 @@ def _fly(order: Begin, orders: Connection, outbox: Outbox) -> Begin | None:
     return None
 
 
-def _nobody_at_a_terminal(progress: Progress) -> None:
-    """The page learns of it as the flight's recorder does."""
+def _ignore(progress: Progress) -> None:
+    """Ignore the progress: the page gets it from the flight's recorder."""
 
 
 class PacedFlight:
-    """Lets time pass as it is ordered to, lets go wrong what is to, and tells what is seen."""
+    """Paces a flight, executes orders, and reports to the page."""
 
     def __init__(self, begin: Begin, orders: Connection, outbox: Outbox, config: Config) -> None:
         self._flight = begin.flight
@@ -108,18 +109,18 @@ class PacedFlight:
         self.is_to_land = False
         self._pace(begin.speed, 0.0)
 
-    # Before each tick: a script as `lockstep` has them.
+    # Before each tick: a script of `lockstep`.
 
-    def happen(self, simulation: Simulation, app: App) -> None:
+    def before_tick(self, simulation: Simulation, app: App) -> None:
         self._parts = simulation, app
         while self._orders.poll(self._wait_s(simulation.time_s)):
-            self._obey(self._orders.recv(), simulation)
+            self._execute(self._orders.recv(), simulation)
         self._is_stepping = False
         for script in self._scripts:
             script(simulation, app)
 
     def _wait_s(self, time_s: float) -> float | None:
-        """How long to listen for orders before the tick; None: until there is one."""
+        """Time to wait for orders before the tick, s; None: until there is one."""
         if self._speed == 0:
             return 0.0 if self._is_stepping else None
         ahead_s = (time_s - self._since_s) / self._speed - (time.monotonic() - self._since_wall_s)
@@ -131,7 +132,7 @@ class PacedFlight:
         self._speed = speed
         self._since_s, self._since_wall_s = time_s, time.monotonic()
 
-    def _obey(self, order: Order, simulation: Simulation) -> None:
+    def _execute(self, order: Order, simulation: Simulation) -> None:
         match order:
             case Begin():
                 raise _GivenUpError(order)
@@ -139,7 +140,7 @@ class PacedFlight:
                 raise _GivenUpError(None)
             case Pace(speed):
                 self._pace(speed, simulation.time_s)
-                self._tell()
+                self._report()
             case Step():
                 self._pace(0.0, simulation.time_s)
                 self._is_stepping = True
@@ -151,7 +152,7 @@ class PacedFlight:
                 action = FAULTS[fault](simulation, beam, for_s)
                 self._scripts.append(Play([Event(_at_once, action)]))
 
-    # After each tick: a recorder as `recording` has them.
+    # After each tick: a recorder as in `recording`.
 
     def tap(self, transport: Transport) -> Transport:
         return transport
@@ -160,12 +161,12 @@ class PacedFlight:
         self._latest = now_s, outputs
         is_due = time.monotonic() - self._seen_wall_s >= SEEN_PERIOD_S
         if is_due or self._speed == 0 or outputs.finished:
-            self._tell()
+            self._report()
 
     def close(self, plan: FloorPlan) -> None:
-        """The map goes to the page with the report."""
+        """Do nothing: the map goes to the page with the report."""
 
-    def _tell(self) -> None:
+    def _report(self) -> None:
         if self._parts is None or self._latest is None:
             return
         (simulation, app), (now_s, outputs) = self._parts, self._latest

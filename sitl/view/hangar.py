@@ -1,4 +1,4 @@
-"""The page's end of the process that flies: it is started when needed, and again if it dies."""
+"""Starts the process that flies, restarts it if it dies, and exchanges orders and news with it."""
 
 import multiprocessing
 import threading
@@ -10,15 +10,16 @@ from sitl.view.flying import serve
 from sitl.view.news import News, Order, Refused
 
 END_TIMEOUT_S = 5.0
+"""Longest wait for the process to end, s. Chosen."""
 _SPAWN = multiprocessing.get_context("spawn")
-"""Not a copy of the page's process, which has threads."""
+"""Spawned, because the page's process has threads and must not be forked."""
 
 
 class Hangar:
-    """`tell` hears all news, in a thread of its own, and has to return quickly."""
+    """The flight's process. `on_news` is called in a separate thread and must return quickly."""
 
-    def __init__(self, tell: Callable[[News], None]) -> None:
-        self._tell = tell
+    def __init__(self, on_news: Callable[[News], None]) -> None:
+        self._on_news = on_news
         self._lock = threading.Lock()
         self._is_closing = False
         self._open()
@@ -42,10 +43,10 @@ class Hangar:
     def _listen(self, connection: Connection) -> None:
         try:
             while True:
-                self._tell(connection.recv())
+                self._on_news(connection.recv())
         except (EOFError, OSError):
             if not self._is_closing:
-                self._tell(Refused("the flight's process has ended; start the flight again"))
+                self._on_news(Refused("the flight's process has ended; start the flight again"))
 
     def close(self) -> None:
         self._is_closing = True

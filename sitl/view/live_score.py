@@ -1,4 +1,4 @@
-"""How good the map is so far, worked out beside the page whenever there is time for it."""
+"""Scores the map during the flight, in a background thread."""
 
 import threading
 import time
@@ -8,23 +8,28 @@ from companion.core.messages import FloorPlan, WallSegment
 from sitl.core.truth import TrueState
 from sitl.scoring.score import MapScore, score_map
 from sitl.world.format import World
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 REST_SHARE = 4.0
-"""It rests so many times as long as it has worked: the page comes first."""
+"""Pause after each score, as a multiple of its computing time, so that the page has priority."""
 MIN_REST_S = 0.5
+"""Shortest pause, s. Chosen."""
 
 
 class LiveScore:
-    """Scores of one flight's map; `tell` hears them, in a thread of its own."""
+    """Scores one flight's map. `on_score` gets the scores in a separate thread."""
 
     def __init__(
-        self, world: World, height_m: float, take_off: TrueState, tell: Callable[[MapScore], None]
+        self,
+        world: World,
+        height_m: float,
+        take_off: TrueState,
+        on_score: Callable[[MapScore], None],
     ) -> None:
         self._world = world
         self._height_m = height_m
         self._take_off = take_off
-        self._tell = tell
+        self._on_score = on_score
         self._walls: tuple[WallSegment, ...] | None = None
         self._is_over = False
         self._change = threading.Condition()
@@ -43,13 +48,13 @@ class LiveScore:
     def _work(self) -> None:
         surfaces = wall_surfaces(self._world, self._height_m)
         north, east, _ = self._take_off.position_ned_m
-        seeable = seeable_points(self._world, self._height_m, (north, east))
+        observable = observable_points(self._world, self._height_m, (north, east))
         closed = self._world.closed_border
         while (walls := self._next()) is not None:
             began_s = time.monotonic()
-            score = score_map(FloorPlan(walls), surfaces, seeable, self._take_off, closed)
+            score = score_map(FloorPlan(walls), surfaces, observable, self._take_off, closed)
             if not self._is_over:
-                self._tell(score)
+                self._on_score(score)
             self._rest(max(MIN_REST_S, REST_SHARE * (time.monotonic() - began_s)))
 
     def _next(self) -> tuple[WallSegment, ...] | None:

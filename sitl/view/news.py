@@ -1,4 +1,4 @@
-"""What goes between the page and the process that flies: orders one way, news the other."""
+"""Messages between the page and the process that flies: orders one way, news the other."""
 
 from dataclasses import dataclass
 
@@ -11,40 +11,40 @@ from sitl.view.request import FlightRequest
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Fly this; a flight that is under way is given up."""
+    """Start a flight; a running one is cancelled."""
 
     flight: int
-    """Its number, by which its news are known."""
+    """Number of the flight; its news have the same number."""
     request: FlightRequest
     speed: float
-    """Times real time."""
+    """Factor of real time."""
 
 
 @dataclass(frozen=True, slots=True)
 class GiveUp:
-    """The flight is of no interest any more."""
+    """Cancel the flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pace:
-    """How quickly time passes; 0 is a pause."""
+    """Set the speed of time; 0 pauses."""
 
     speed: float
 
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """While it pauses, one tick of the companion."""
+    """Advance by one tick of the companion during a pause."""
 
 
 @dataclass(frozen=True, slots=True)
 class Land:
-    """The companion is asked to end its flight."""
+    """Request the companion to end its flight."""
 
 
 @dataclass(frozen=True, slots=True)
 class TakeOver:
-    """The pilot's mode switch, and his throttle stick: "low" or "mid"."""
+    """Set the pilot's mode switch and throttle stick, "low" or "mid"."""
 
     mode: str
     throttle: str = "low"
@@ -52,7 +52,7 @@ class TakeOver:
 
 @dataclass(frozen=True, slots=True)
 class Inject:
-    """Something goes wrong, by its name in `faults.FAULTS`; None: for good."""
+    """Inject a fault by its name in `faults.FAULTS`; `for_s` None is permanent."""
 
     fault: str
     beam: str
@@ -64,28 +64,28 @@ Order = Begin | GiveUp | Pace | Step | Land | TakeOver | Inject
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """One moment, from both sides."""
+    """One moment: the companion's snapshot and the truth."""
 
     flight: int
     snapshot: Snapshot
     truth: TrueState
     clearance_m: float
-    """The least so far."""
+    """Smallest clearance so far, m."""
     collisions: int
     battery: float
-    """0 to 1."""
+    """Remaining charge, 0 to 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class Refused:
-    """An order that cannot be carried out, in one line."""
+    """An order was rejected; the reason in one line."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True)
 class Ended:
-    """The flight is over, and its map is finished."""
+    """The flight has ended; its final map and report."""
 
     flight: int
     ending: str

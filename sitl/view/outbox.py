@@ -1,4 +1,4 @@
-"""News for the page, which is never waited for."""
+"""Sends news to the page without waiting for it."""
 
 import threading
 from collections import deque
@@ -9,7 +9,7 @@ from sitl.view.news import News, Seen
 
 
 class Outbox:
-    """A thread hands news over; a moment that was not taken in time gives way to the next."""
+    """Sends news in a thread; a moment that was not sent in time is replaced by the next."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
@@ -34,12 +34,12 @@ class Outbox:
                 news = self._waiting.popleft()
             try:
                 self._connection.send(news)
-            except OSError:  # the page has gone
+            except OSError:  # the page has closed the connection
                 return
 
 
 def later(first: Seen | None, second: Seen) -> Seen:
-    """The second, with the first one's map if it brings none of its own."""
+    """The second moment, with the first one's map if it has none."""
     if second.snapshot.sketch is not None or first is None or first.flight != second.flight:
         return second
     return replace(second, snapshot=replace(second.snapshot, sketch=first.snapshot.sketch))

@@ -1,4 +1,4 @@
-"""The simulator's page: the true building on one side, on the other what is mapped of it.
+"""The simulator's page: the true building on one side, the drone's map on the other.
 
 controls ───────────┐                ┌──► scene, numbers, plots
 news of the flight ─┼─► in `Turns` ──┤
@@ -35,43 +35,45 @@ from sitl.view.outbox import later
 from sitl.world.format import World
 from sitl.world.loading import load_world
 
-TELL_PERIOD_S = 0.2
+NUMBERS_PERIOD_S = 0.2
+"""Period of the numbers, s."""
 REMEMBERED = 1500
-"""Moments: a minute and more, at twenty a second."""
+"""Moments kept: more than a minute at 20 Hz."""
 BETWEEN_M = 2.5
-"""From the true building to the mapped one."""
+"""Distance between the true building and the map, m."""
 LABELS_M = 2.4
-"""So far north of its side stands its name."""
+"""Distance of a side's label to the north of it, m."""
 NAME_SCALE = 1.8
 SPEED_OVER_S = 2.0
+"""Time over which the speed is measured, s."""
 
 
 @dataclass
 class Shown:
-    """The flight that is on the page."""
+    """The flight on the page."""
 
     config: Config
     take_off: TrueState
     scoring: LiveScore
     seen: deque[tuple[float, Seen]] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
-    """With the times on the wall clock."""
+    """Moments with their wall time, s."""
     score: MapScore | None = None
     plan: FloorPlan | None = None
 
 
 class Page:
-    """One page, which all who open it share.
+    """One page, shared by all of its viewers.
 
     Raises:
-        WorldError: the first world cannot be used.
+        WorldError: the first world is invalid.
     """
 
     def __init__(self, server: PageServer, world: str) -> None:
         first = load_world(world)
         self._server = server
         self._turns = Turns(server, (SitlError, CompanionError))
-        self._unseen: Seen | None = None
-        self._unseen_lock = threading.Lock()
+        self._pending: Seen | None = None
+        self._pending_lock = threading.Lock()
         self._shown_wall_s = self._plotted_wall_s = 0.0
         self._is_unshown = self._is_unplotted = False
         self._framing = Framing(server, *first.bounds)
@@ -89,10 +91,10 @@ class Page:
         panel.set_width(PANEL_PX)
         self._connect_controls()
         self._show_world(world, first)
-        self._hangar = Hangar(self._hear)
+        self._hangar = Hangar(self._receive)
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Until it is over."""
+        """Serve until `is_over`."""
         self._turns.run(is_over, self._keep_up)
 
     def close(self) -> None:
@@ -107,7 +109,7 @@ class Page:
         controls.worlds.on_click(pressed(lambda: self._open_world(controls.worlds.value)))
         controls.open.on_click(pressed(lambda: self._open_world(controls.file.value.strip())))
         controls.start.on_click(pressed(self._start))
-        controls.time.on_click(pressed(self._let_time_pass))
+        controls.time.on_click(pressed(self._change_time))
         controls.speed.on_update(pressed(self._change_speed))
         controls.stop.on_click(pressed(self._stop))
         controls.take_over.on_click(pressed(lambda: self._order(controls.mode_to_take)))
@@ -134,20 +136,20 @@ class Page:
         self._hangar.order(Begin(self._flights, request, self._controls.times_real_time))
         take_off = start_state(setup)
         height_m = config.mission.height_m
-        scoring = LiveScore(setup.world, height_m, take_off, self._hear_score(self._flights))
+        scoring = LiveScore(setup.world, height_m, take_off, self._score_receiver(self._flights))
         self._shown = Shown(config, take_off, scoring)
         self._place_mapped_side(take_off)
         self._controls.download.disabled = True
 
     def _stop(self) -> None:
-        """It lands; for that time has to pass."""
+        """Land; time must pass for that."""
         self._order(Land(), Pace(self._controls.times_real_time))
 
-    def _let_time_pass(self) -> None:
+    def _change_time(self) -> None:
         match self._controls.time.value:
             case "Pause":
                 self._order(Pace(0.0))
-            case "Go on":
+            case "Resume":
                 self._order(Pace(self._controls.times_real_time))
             case _:
                 self._order(Step())
@@ -158,11 +160,11 @@ class Page:
 
     def _hide_truth(self) -> None:
         self._true_side.hide(hidden=self._controls.hide_truth.value)
-        self._tell()
+        self._show_numbers()
         self._plot()
 
     def _download(self, event: Event) -> None:
-        """In viser's thread: a drawing takes a second."""
+        """Send the map, in viser's thread because drawing takes a second."""
         shown = self._shown
         if shown is None or shown.plan is None or event.client is None:
             return
@@ -190,7 +192,7 @@ class Page:
         self._mapped_side.clear()
         for side, title, shift_m in (
             ("true", f"the building: {world.name}", 0.0),
-            ("mapped", "what is mapped of it", self._mapped_shift_m),
+            ("mapped", "the drone's map", self._mapped_shift_m),
         ):
             self._server.scene.add_label(
                 f"/name of {side} side",
@@ -202,7 +204,7 @@ class Page:
         self._framing.frame(least, (north + LABELS_M, east + self._mapped_shift_m))
 
     def _place_mapped_side(self, take_off: TrueState) -> None:
-        """As the building stands, so that the two can be compared."""
+        """Place the map with the building's orientation, for comparison."""
         north, east, down = take_off.position_ned_m
         self._mapped_side.place((north, east + self._mapped_shift_m, down), take_off.yaw_rad)
 
@@ -218,32 +220,32 @@ class Page:
 
     # The flight
 
-    def _hear(self, news: News) -> None:
-        """In the hangar's thread."""
+    def _receive(self, news: News) -> None:
+        """Receive news in the hangar's thread."""
         if not isinstance(news, Seen):
             self._turns.put(lambda: self._take(news))
             return
-        with self._unseen_lock:
-            is_first = self._unseen is None
-            self._unseen = later(self._unseen, news)
+        with self._pending_lock:
+            is_first = self._pending is None
+            self._pending = later(self._pending, news)
         if is_first:
             self._turns.put(self._see)
 
-    def _hear_score(self, flight: int) -> Callable[[MapScore], None]:
-        def hear(score: MapScore) -> None:
-            """In the scorer's thread."""
+    def _score_receiver(self, flight: int) -> Callable[[MapScore], None]:
+        def receive(score: MapScore) -> None:
+            """Receive a score in the scorer's thread."""
             self._turns.put(lambda: self._take_score(flight, score))
 
-        return hear
+        return receive
 
     def _take_score(self, flight: int, score: MapScore) -> None:
         if self._shown is not None and flight == self._flights:
             self._shown.score = score
-            self._tell()
+            self._show_numbers()
 
     def _see(self) -> None:
-        with self._unseen_lock:
-            seen, self._unseen = self._unseen, None
+        with self._pending_lock:
+            seen, self._pending = self._pending, None
         shown = self._shown
         if seen is None or shown is None or seen.flight != self._flights:
             return
@@ -257,11 +259,11 @@ class Page:
         self._is_unshown = self._is_unplotted = True
 
     def _keep_up(self) -> None:
-        """Numbers and plots of the latest moment, not at every one."""
+        """Update numbers and plots at their periods, from the latest moment."""
         wall_s = time.monotonic()
-        if self._is_unshown and wall_s - self._shown_wall_s > TELL_PERIOD_S:
+        if self._is_unshown and wall_s - self._shown_wall_s > NUMBERS_PERIOD_S:
             self._shown_wall_s, self._is_unshown = wall_s, False
-            self._tell()
+            self._show_numbers()
         if self._is_unplotted and wall_s - self._plotted_wall_s > PERIOD_S:
             self._plotted_wall_s, self._is_unplotted = wall_s, False
             self._plot()
@@ -279,7 +281,7 @@ class Page:
             case Refused(reason):
                 self._turns.complain(reason)
 
-    def _tell(self) -> None:
+    def _show_numbers(self) -> None:
         shown = self._shown
         if shown is None or not shown.seen:
             return
@@ -302,7 +304,7 @@ class Page:
 
     @staticmethod
     def _speed(shown: Shown) -> str:
-        """Of the last seconds, as measured."""
+        """Speed over the last seconds, in times real time."""
         last_wall_s, last = shown.seen[-1]
         first_wall_s, first = next(
             moment for moment in shown.seen if last_wall_s - moment[0] < SPEED_OVER_S

@@ -1,4 +1,4 @@
-"""A flight as somebody asks for it on the page."""
+"""A flight as requested on the page."""
 
 from dataclasses import dataclass
 
@@ -10,33 +10,34 @@ from sitl.simulation.simulation import Setup
 from sitl.world.loading import load_world
 
 OWN_PROFILE = "own"
-"""Sensors with the range and the noise that were asked for, whatever nature allows."""
+"""Sensors with the requested range and noise, also if no real sensor has them."""
 PROFILES = (*range_sensors.PROFILES, OWN_PROFILE)
 MIN_RANGE_M = 0.1
+"""Smallest range of OWN_PROFILE, m. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class FlightRequest:
-    """What the controls say."""
+    """Values of the controls."""
 
     world: str
     seed: int = 1
     profile: str = PROFILES[0]
     range_m: float = 5.0
-    """Of OWN_PROFILE, as is its noise."""
+    """Range of OWN_PROFILE, m; its noise is below."""
     range_sigma_m: float = 0.05
     noise: float = 1.0
-    """So many times the reference noise of odometry and the autopilot's gyro."""
+    """Factor on the reference noise of odometry and the autopilot's gyro."""
     autopilot: str = "ardupilot"
     mission: str = "room"
     standoff: float | str = 1.5
     speed_m_s: float = 1.0
 
     def config(self) -> Config:
-        """The companion's.
+        """The companion's configuration.
 
         Raises:
-            ConfigError: a value that cannot be used, by its key.
+            ConfigError: a value is invalid; the text names its key.
         """
         mission = {
             "kind": self.mission,
@@ -47,10 +48,10 @@ class FlightRequest:
         return validated(Config, {"sensors": self._sensors(), "mission": mission}, "this page")
 
     def setup(self, config: Config) -> Setup:
-        """The simulator's.
+        """The simulator's setup.
 
         Raises:
-            WorldError: the world cannot be used.
+            WorldError: the world is invalid.
         """
         return Setup(
             load_world(self.world),

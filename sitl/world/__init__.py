@@ -1,9 +1,9 @@
-"""Rooms and buildings.
+"""Describes and reads rooms and buildings.
 
     TOML file ──► format ──┬─► World ─► mesh ─► triangles ─► model (FCL): ranges, clearance
     other files ► importers┘     └────► plan: the true walls seen from above, for the scorer
 
 `loading` finds the file or built-in world for a name.
 
-The world's frame is NED with the floor at down = 0; files give heights upwards.
+The world frame is NED with the floor at down = 0. Files give heights, positive upwards.
 """

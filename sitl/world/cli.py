@@ -1,4 +1,4 @@
-"""`sitl world`: what worlds there are, what they look like, and whether a file is one."""
+"""The commands `sitl world`: list, show, check and export worlds."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,16 +18,16 @@ from sitl.world.writing import write_world
 WORLD_HELP = "A built-in world, random_SEED, or a world file."
 Clutter = Annotated[
     float,
-    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 crammed.", min=0, max=1),
+    typer.Option(help="Furniture, curtains and open doors: 0 none, 1 maximum.", min=0, max=1),
 ]
-ClutterSeed = Annotated[int, typer.Option(help="The same makes the same clutter.")]
+ClutterSeed = Annotated[int, typer.Option(help="Seed of the clutter.")]
 
-commands = typer.Typer(no_args_is_help=True, help="The worlds to fly in.")
+commands = typer.Typer(no_args_is_help=True, help="List, draw, check and export worlds.")
 
 
 @commands.command("list")
 def list_worlds() -> None:
-    """The built-in worlds, and what else has a name."""
+    """List the built-in worlds and the pattern of random ones."""
     table = Table("world", "extent", "ceiling", "starts", "triangles")
     for name in world_names():
         world = load_world(name)
@@ -40,7 +40,7 @@ def list_worlds() -> None:
             str(len(visible_mesh(world).faces)),
         )
     Console().print(table)
-    typer.echo(f"and {RANDOM}: a building by chance, the same for the same seed")
+    typer.echo(f"and {RANDOM}: a random building, the same for the same seed")
 
 
 @commands.command()
@@ -48,9 +48,9 @@ def show(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
-    out: Annotated[Path | None, typer.Option(help="PNG to write; NAME.png if left out.")] = None,
+    out: Annotated[Path | None, typer.Option(help="PNG to write; default NAME.png.")] = None,
 ) -> None:
-    """Draw the plan with its start poses."""
+    """Draw the floor plan with its start poses."""
     loaded = cluttered(load_world(world), clutter, clutter_seed)
     path = out or Path(f"{loaded.name}.png")
     save_as(draw_plan, loaded, path)
@@ -63,7 +63,7 @@ def check(
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
 ) -> None:
-    """Load a world, tell what had to be mended, what is known of it, and where drones may start."""
+    """Load a world; print the importer's repairs, the known area, the starts and warnings."""
     loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
     for fact in facts(loaded):
         typer.echo(fact)
@@ -82,12 +82,12 @@ def export(
     world: Annotated[str, typer.Argument(help=WORLD_HELP)],
     clutter: Clutter = 0.0,
     clutter_seed: ClutterSeed = 1,
-    out: Annotated[Path | None, typer.Option(help="File to write; NAME.toml if left out.")] = None,
+    out: Annotated[Path | None, typer.Option(help="File to write; default NAME.toml.")] = None,
 ) -> None:
-    """Write a world as TOML, with its clutter, to fly it again or to change it by hand."""
+    """Write a world with its clutter as TOML, to reuse or edit it."""
     loaded = cluttered(load_world(world, typer.echo), clutter, clutter_seed)
     if loaded.closed_border:
-        typer.echo("the closed border is written as walls, which scores count")
+        typer.echo("the closed border is written as walls, which the scores will count")
     path = out or Path(f"{loaded.name}.toml")
     save_as(write_world, loaded, path)
     typer.echo(str(path))

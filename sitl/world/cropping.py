@@ -1,4 +1,4 @@
-"""A piece of a world that is too large to be flown in one go."""
+"""Crops a square piece out of a world that is too large for one flight."""
 
 import math
 from dataclasses import replace
@@ -8,17 +8,17 @@ from sitl.world.format import MIN_LENGTH_M, Box, Panel, Segment, Start, Walls, W
 from sitl.world.known import KnownArea
 
 MIN_TO_BORDER_M = 0.6
-"""Starts nearer to the border are left out."""
+"""Starts nearer to the border are dropped, m. Chosen."""
 
 
 def cropped(world: World, side_m: float, start: int) -> World:
-    """The square of this side about a start pose, which becomes the first one.
+    """The square of this side around a start pose, which becomes the first start.
 
-    Walls and boxes end at the square's border, which is a wall itself, so that nobody can leave,
-    neither by what was cut nor by a front that the plan leaves open.
+    Walls and boxes end at the square's border. The border is a wall, so a drone cannot leave, also
+    where the plan is open.
 
     Raises:
-        WorldError: it is a mesh.
+        WorldError: the world is a mesh.
     """
     centre = world.starts[start]
     if world.mesh is not None:
@@ -38,7 +38,7 @@ def cropped(world: World, side_m: float, start: int) -> World:
 
 
 def _known_within(known: KnownArea | None, low: Vector2, high: Vector2) -> KnownArea | None:
-    """What was closed ends at the square's border; what is known stays as it is."""
+    """Clip the closed border to the square; the known cells stay."""
     if known is None:
         return None
     pieces = (_segment_within(segment, low, high) for segment in known.border)
@@ -54,7 +54,7 @@ def _is_in(start: Start, low: Vector2, high: Vector2) -> bool:
 
 
 def _walls_within(panels: list[Panel], low: Vector2, high: Vector2) -> list[Walls]:
-    """Doors are cut out of panels already, and stay as they are cut."""
+    """Clip the walls to the square. Doors are already cut out of the panels."""
     return [
         Walls(
             points=segment,
@@ -69,7 +69,7 @@ def _walls_within(panels: list[Panel], low: Vector2, high: Vector2) -> list[Wall
 
 
 def _segment_within(segment: Segment, low: Vector2, high: Vector2) -> Segment | None:
-    """What of a line is within a rectangle, by Liang and Barsky; None if it is next to nothing."""
+    """Clip a line to a rectangle, by Liang and Barsky; None if almost nothing remains."""
     start, end = segment
     along = end[0] - start[0], end[1] - start[1]
     enters, leaves = 0.0, 1.0
@@ -89,7 +89,7 @@ def _segment_within(segment: Segment, low: Vector2, high: Vector2) -> Segment | 
 
 
 def _along(segment: Segment, share: float) -> Vector2:
-    """Exactly an end where it is one."""
+    """The point at a share of the segment; exactly its end at 1."""
     (north, east), end = segment
     if share == 1.0:
         return end

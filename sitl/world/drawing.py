@@ -1,4 +1,4 @@
-"""A world's plan as a picture, for people who choose or write one."""
+"""Draws a world's floor plan as a picture."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,9 +22,9 @@ GLASS = "#5fb3d4"
 
 
 def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
-    """PNG: what stands at a height dark, the rest but lintels light, starts as dots; north up.
+    """Write a PNG: walls at this height dark, lower ones light, starts as dots, north up.
 
-    What is unknown is shaded, and the border that was closed before it dashed.
+    The unknown is shaded. Its closed border is dashed.
     """
     from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and seldom needed
 
@@ -68,7 +68,7 @@ def draw_plan(world: World, path: Path, height_m: float = 1.2) -> None:
 
 
 def _lay_out(known: KnownArea, axes: "Axes") -> None:
-    """Paper where cells are known, turned as the map is."""
+    """Draw the known cells, rotated like the map."""
     from matplotlib.colors import to_rgb  # noqa: PLC0415
     from matplotlib.transforms import Affine2D  # noqa: PLC0415
 

@@ -1,22 +1,22 @@
-"""The text format of worlds, and its reader.
+"""Defines the text format of worlds and reads it.
 
 name = "kitchen"            # one room or a whole building
-height_m = 2.6              # of the ceiling
+height_m = 2.6              # ceiling height
 
 [[walls]]                   # a polyline seen from above, [north, east] in metres
 points = [[0, 0], [4, 0], [4, 3]]
 closed = false              # true joins the last point to the first
-bottom_m = 0                # heights above the floor; top_m is the ceiling if left out
+bottom_m = 0                # heights above the floor; top_m defaults to the ceiling
 top_m = 2.6
-glass = false               # true: light goes through, a drone does not
+glass = false               # true: light passes, a drone does not
 
 [[boxes]]                   # a solid: furniture, a pillar
-corner = [1, 1]             # least north and east
+corner = [1, 1]             # smallest north and east
 size = [0.8, 1.6]
 bottom_m = 0
 top_m = 0.75
 
-[[starts]]                  # where a drone may stand; without heading_deg the seed draws it
+[[starts]]                  # take-off places; the seed draws the heading if there is none
 name = "door"
 position = [2, 1.5]
 heading_deg = 90
@@ -36,10 +36,11 @@ from sitl.world.geometry.triangles import Mesh
 from sitl.world.known import KnownArea
 
 MIN_LENGTH_M = 0.01
+"""Shorter walls and boxes are invalid, m. Chosen."""
 ON_WALL_M = 0.05
-"""How far off its wall a door's centre may be written."""
+"""Largest distance of a door's centre from its wall, m. Chosen."""
 MAX_LETTERS = 500
-"""Of an error's line."""
+"""Longest text of an error, characters. Chosen."""
 
 Segment = tuple[Vector2, Vector2]
 
@@ -48,10 +49,10 @@ Height = Annotated[float, Field(ge=0, le=100, allow_inf_nan=False)]
 
 
 class WorldError(SitlError, ValueError):
-    """A world that does not exist or cannot be used; says which file, key and value."""
+    """A world does not exist or is invalid; the text names file, key and value."""
 
     def __init__(self, message: str) -> None:
-        """One line, also where it passes on the many of another library."""
+        """Join the message to one line and limit its length."""
         line = " ".join(message.splitlines())
         super().__init__(line if len(line) <= MAX_LETTERS else f"{line[:MAX_LETTERS]} ...")
 
@@ -70,7 +71,7 @@ class Door(_Part):
 
 @dataclass(frozen=True, slots=True)
 class Panel:
-    """An upright rectangle of wall, seen from above from `start` to `end`, (north, east)."""
+    """An upright rectangle of wall; in the plan it reaches from `start` to `end`, (north, east)."""
 
     start: Vector2
     end: Vector2
@@ -81,7 +82,7 @@ class Panel:
 
     @property
     def outline(self) -> list[Segment]:
-        """What of it is seen from above: itself, or the four sides of a thick one."""
+        """Segments seen from above: the panel itself, or the four sides of a thick one."""
         if self.thickness_m <= 0:
             return [(self.start, self.end)]
         north = self.end[0] - self.start[0]
@@ -104,7 +105,7 @@ class Walls(_Part):
     bottom_m: Height = 0.0
     top_m: Height | None = None
     glass: bool = False
-    """Light goes through, a drone does not: no beam meets it, and no map is expected to have it."""
+    """Light passes, a drone does not: no beam detects it, and scores do not expect it in maps."""
     doors: tuple[Door, ...] = ()
 
     @property
@@ -113,7 +114,7 @@ class Walls(_Part):
         return list(pairwise(points))
 
     def panels(self, ceiling_m: float) -> list[Panel]:
-        """The walls with their doors cut out and lintels left above."""
+        """The walls as panels, with doors cut out and lintels above them."""
         top_m = ceiling_m if self.top_m is None else self.top_m
         panels = []
         for start, end in self.segments:
@@ -145,7 +146,7 @@ class Walls(_Part):
 
 
 def _gap(door: Door, start: Vector2, end: Vector2) -> tuple[float, float, float] | None:
-    """From, to and height of a door along a wall, metres; None if it is not in this wall."""
+    """Begin, end and height of a door along a wall, m; None if the wall does not contain it."""
     length_m = math.dist(start, end)
     north, east = (end[0] - start[0]) / length_m, (end[1] - start[1]) / length_m
     to_north, to_east = door.centre[0] - start[0], door.centre[1] - start[1]
@@ -192,7 +193,7 @@ class Box(_Part):
 
 
 class Start(_Part):
-    """A place to take off from."""
+    """A take-off place."""
 
     name: str
     position: tuple[Metres, Metres]
@@ -200,7 +201,7 @@ class Start(_Part):
 
 
 class World(_Part):
-    """A room or building; plan coordinates are (north, east) in metres."""
+    """A room or building. Plan coordinates are (north, east), m."""
 
     name: str
     height_m: float = Field(ge=0.5, le=100)
@@ -208,23 +209,23 @@ class World(_Part):
     boxes: tuple[Box, ...] = ()
     starts: tuple[Start, ...] = Field(min_length=1)
     mesh: InstanceOf[Mesh] | None = Field(None, repr=False)
-    """Whatever else stands there, from an importer; not part of the text format."""
+    """Further geometry from an importer; not part of the text format."""
     known: InstanceOf[KnownArea] | None = Field(None, repr=False)
-    """How far an importer's map goes; None if it is known everywhere what stands there."""
+    """Extent of an importer's map; None if the whole world is known."""
 
     @property
     def panels(self) -> list[Panel]:
-        """All walls, doors cut out."""
+        """All walls with doors cut out."""
         return [panel for walls in self.walls for panel in walls.panels(self.height_m)]
 
     @property
     def closed_border(self) -> tuple[Segment, ...]:
-        """Walls that nobody has seen: there the simulated world ends, and so does the score."""
+        """Walls at the border to the unknown. The simulated world and its scores end there."""
         return () if self.known is None else self.known.border
 
     @property
     def bounds(self) -> tuple[Vector2, Vector2]:
-        """Least and greatest north and east of all that is known to stand here."""
+        """Smallest and largest (north, east) of all walls, boxes and meshes."""
         points = [point for panel in self.panels for point in (panel.start, panel.end)]
         points += [point for box in self.boxes for segment in box.segments for point in segment]
         if self.mesh is not None:
@@ -240,14 +241,14 @@ class World(_Part):
 
 
 def parse_world(text: str, source: str) -> World:
-    """A world from the text of its file.
+    """Parse a world file.
 
     Raises:
-        WorldError: one line that says what to mend.
+        WorldError: the text is not TOML, a key is unknown or a value out of bounds.
     """
     try:
         return World.model_validate(tomllib.loads(text))
     except ValidationError as error:
         raise WorldError(f"{source}: {complaint(error)}") from error
-    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+    except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
         raise WorldError(f"{source}: not TOML: {error}") from error

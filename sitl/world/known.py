@@ -1,6 +1,6 @@
-"""What a map of cells knows of a building, and where it ends.
+"""Represents the known area of a world that was made from a cell map.
 
-Cells go by row, northwards, and column, eastwards, before the map is turned.
+Rows go north and columns east, before the map is rotated.
 """
 
 import math
@@ -18,16 +18,16 @@ Numbers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """Where cells lie."""
+    """Size, origin and rotation of a cell grid."""
 
     cell_m: float
     origin: tuple[float, float, float]
-    """East and north of the picture's lower left corner, metres, and its yaw, radians."""
+    """East and north of the image's lower left corner, m, and its yaw, rad."""
     first: tuple[int, int] = (0, 0)
-    """Column and row of the picture that cell (0, 0) is."""
+    """Column and row in the image of cell (0, 0)."""
 
     def to_plan(self, corners: Points) -> Points:
-        """(column, row) of cells' corners to (north, east) in metres."""
+        """Transform cell corners (column, row) to (north, east), m."""
         x_m, y_m, yaw_rad = self.origin
         right, up = self.cell_m * (corners + self.first).T
         east = x_m + math.cos(yaw_rad) * right - math.sin(yaw_rad) * up
@@ -35,7 +35,7 @@ class Raster:
         return np.column_stack([north, east])
 
     def to_cells(self, places: Points) -> Numbers:
-        """(row, column) of the cells at places (n, 2), north and east in metres."""
+        """(row, column) of the cells at places (n, 2), north and east in m."""
         x_m, y_m, yaw_rad = self.origin
         north, east = places[:, 0] - y_m, places[:, 1] - x_m
         right = math.cos(yaw_rad) * east + math.sin(yaw_rad) * north
@@ -48,20 +48,22 @@ class Raster:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownArea:
-    """Of a world that was made from a map: the rest is unknown, neither free nor wall."""
+    """Known part of a world made from a map. The rest is unknown: neither free nor wall."""
 
     raster: Raster
     free: Cells
     occupied: Cells
     border: tuple[tuple[Vector2, Vector2], ...] = ()
-    """Where what can be flown in would go on into the unknown, (north, east) in metres. The
-    simulated world has a wall there, from floor to ceiling, that no score knows."""
+    """Border where free space continues into the unknown, (north, east) in m.
+
+    The simulated world has a wall there, from floor to ceiling. Scores ignore it.
+    """
     border_m: float = 0.0
-    """Its length, without what of it is inside the walls that it ends at."""
+    """Length of the border outside the walls that it ends at, m."""
     reached_m2: float = 0.0
-    """Of what is known to be free, the part that can be reached from the first start."""
+    """Part of the known free area that is reachable from the first start, m²."""
     unknown_share: float = 0.0
-    """Of what could be reached from there if all that is unknown were air."""
+    """Unknown share of the area that would be reachable if unknown cells were free."""
 
     @property
     def free_m2(self) -> float:

@@ -1,4 +1,4 @@
-"""From a name or a file to a world."""
+"""Loads a world by its name or from a file."""
 
 from collections.abc import Callable
 from importlib import resources
@@ -11,11 +11,11 @@ from sitl.world.importers.ros_map import load_ros_map
 from sitl.world.importers.segments import load_segments
 
 
-def load_mesh(path: Path, tell: Callable[[str], None]) -> World:
-    """A mesh; only then is its library imported, which takes half a second."""
+def load_mesh(path: Path, report: Callable[[str], None]) -> World:
+    """Load a mesh. Its library is imported only here, because that takes half a second."""
     from sitl.world.importers import meshes  # noqa: PLC0415 - slow to load
 
-    return meshes.load_mesh(path, tell)
+    return meshes.load_mesh(path, report)
 
 
 IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
@@ -23,26 +23,27 @@ IMPORTERS: dict[str, Callable[[Path, Callable[[str], None]], World]] = {
     **dict.fromkeys((".yaml", ".yml"), load_ros_map),
     **dict.fromkeys((".stl", ".obj", ".ply", ".glb", ".gltf"), load_mesh),
 }
-"""By the file's suffix, in small letters."""
+"""Importers by the file's suffix in lower case."""
 
 RANDOM = "random_SEED such as random_17"
+"""Pattern of the names of random buildings, for messages."""
 
 
 def world_names() -> list[str]:
-    """The built-in worlds."""
+    """Names of the built-in worlds."""
     rooms = resources.files("sitl.world") / "rooms"
     return sorted(p.name.removesuffix(".toml") for p in rooms.iterdir() if p.name.endswith(".toml"))
 
 
-def keep_quiet(mended: str) -> None:
-    """For callers that do not want to hear what an importer mended."""
+def discard_report(repair: str) -> None:
+    """Discard an importer's messages."""
 
 
-def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> World:
-    """A built-in or random world by name, or one from a file; `tell` hears what was mended.
+def load_world(name_or_path: str, report: Callable[[str], None] = discard_report) -> World:
+    """Load a built-in or random world by name, or a world file; `report` receives repairs.
 
     Raises:
-        WorldError: one line that says what to mend.
+        WorldError: the world is unknown, or its file cannot be read or is invalid.
     """
     if name_or_path in world_names():
         room = resources.files("sitl.world") / "rooms" / f"{name_or_path}.toml"
@@ -57,7 +58,7 @@ def load_world(name_or_path: str, tell: Callable[[str], None] = keep_quiet) -> W
         except (OSError, NotTextError) as error:
             raise WorldError(f"{name_or_path}: {error}") from error
     if suffix in IMPORTERS:
-        return IMPORTERS[suffix](path, tell)
+        return IMPORTERS[suffix](path, report)
     known, suffixes = ", ".join(world_names()), ", ".join([".toml", *IMPORTERS])
     raise WorldError(
         f"no world {name_or_path!r}; known: {known}, {RANDOM}, or a file ending in {suffixes}"

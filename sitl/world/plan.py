@@ -1,4 +1,4 @@
-"""The true walls seen from above, at one height, and which of them could be seen."""
+"""Computes the true walls at one height, seen from above, and which of them are observable."""
 
 import math
 from collections import deque
@@ -16,26 +16,29 @@ Numbers = NDArray[np.int64]
 Which = NDArray[np.bool_]
 
 SAMPLE_M = 0.05
+"""Distance of the samples along walls, m."""
 CELL_M = 0.15
-"""Of the grid over which the drone is moved about."""
+"""Cell of the grid on which reachable places are searched, m. Chosen."""
 NARROWEST_DOOR_M = 0.9
-"""It need not go through what is narrower: openings like that are marked, not entered."""
+"""The drone need not pass narrower openings, m: they are marked, not entered."""
 OUTSIDE_M = 1.0
-"""The drone need go no farther out than this: outside, once round."""
+"""Search margin around the world, m: the drone may fly around it once. Chosen."""
 SEEN_FROM_M = 1.5
-"""A wall counts as one that could be seen if the drone can hover this near, facing it."""
+"""A wall is observable if the drone can hover within this distance with a line of sight, m."""
 CLEAR_OF_SAMPLE_M = 0.03
+"""Lines of sight end this far before the sample, m, so that its own wall does not block them."""
 MAX_VIEWPOINTS = 60
+"""Reachable places tried for each sample. Chosen."""
 VIEWPOINTS_AT_ONCE = slice(4), slice(4, 16), slice(16, MAX_VIEWPOINTS)
-"""Nearest first: most points are seen from one of them, and the others need not be tried."""
+"""Batches of places, nearest first: most samples are visible from the first batch."""
 BLOCK_M = 0.5
-"""Side of the squares whose samples are looked at together."""
+"""Side of the squares whose samples are checked together, m. Chosen."""
 MAX_PAIRS = 100_000
-"""Of a line of sight and a wall, at once; some ten MB."""
+"""Pairs of line of sight and wall in one batch: some ten MB. Chosen."""
 
 
 def wall_surfaces(world: World, height_m: float, *, with_glass: bool = False) -> list[Segment]:
-    """Segments, (north, east) in metres, of all that stands at this height and can be seen."""
+    """Segments, (north, east) in m, of all visible surfaces at this height."""
     surfaces: list[Segment] = []
     for panel in world.panels:
         if panel.bottom_m <= height_m <= panel.top_m and (with_glass or not panel.glass):
@@ -49,12 +52,12 @@ def wall_surfaces(world: World, height_m: float, *, with_glass: bool = False) ->
 
 
 def samples(segments: list[Segment]) -> Points:
-    """Points every 5 cm along the segments, (n, 2)."""
+    """Points every 5 cm along the segments, (n, 2), m."""
     return spread(np.array(segments, dtype=float).reshape(-1, 2, 2))[0]
 
 
 def spread(segments: Points) -> tuple[Points, Numbers]:
-    """Points (n, 2) every 5 cm along segments (m, 2, 2), and the number of each point's segment."""
+    """Points (n, 2) every 5 cm along segments (m, 2, 2), and each point's segment number."""
     length_m = [math.dist(start, end) for start, end in segments.tolist()]
     count = np.maximum(1, np.round(np.array(length_m) / SAMPLE_M)).astype(np.int64)
     segment = np.repeat(np.arange(len(segments)), count)
@@ -63,8 +66,8 @@ def spread(segments: Points) -> tuple[Points, Numbers]:
     return (1 - share) * segments[segment, 0] + share * segments[segment, 1], segment
 
 
-def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
-    """Samples of the surfaces that a drone which starts there could fly up to and see."""
+def observable_points(world: World, height_m: float, start: Vector2) -> Points:
+    """Samples of the surfaces that a drone from this start could approach and see, (n, 2)."""
     surfaces = wall_surfaces(world, height_m)
     reached = cKDTree(_reachable(world, height_m, start))
     walls = np.array([*surfaces, *world.closed_border], dtype=float).reshape(-1, 2, 2)
@@ -77,7 +80,7 @@ def seeable_points(world: World, height_m: float, start: Vector2) -> Points:
 
 
 def _reachable(world: World, height_m: float, start: Vector2) -> Points:
-    """Cell centres that the drone can be brought to through doors at this height, (n, 2)."""
+    """Cell centres reachable through doors at this height, (n, 2), m."""
     model, half_door_m = WorldModel(world), NARROWEST_DOOR_M / 2 - CELL_M / 2
     (south, west), (north, east) = _bounds_with(world, start)
     waiting = deque([(0, 0)])
@@ -97,7 +100,7 @@ def _reachable(world: World, height_m: float, start: Vector2) -> Points:
 
 
 def _bounds_with(world: World, start: Vector2) -> tuple[Vector2, Vector2]:
-    """What there is, and a start that lies well outside."""
+    """Bounds of the world and of a start that may lie outside."""
     low, high = world.bounds
     return (
         (min(low[0], start[0]), min(low[1], start[1])),
@@ -106,7 +109,7 @@ def _bounds_with(world: World, start: Vector2) -> tuple[Vector2, Vector2]:
 
 
 def _blocks(points: Points) -> list[Numbers]:
-    """Numbers of the points, those of one square together: the same few walls are near them."""
+    """Numbers of the points, grouped by square: points of a square share the walls near them."""
     square = np.floor(points / BLOCK_M).astype(np.int64)
     _, block = np.unique(square, axis=0, return_inverse=True)
     order = np.argsort(block.reshape(-1), kind="stable")
@@ -114,7 +117,7 @@ def _blocks(points: Points) -> list[Numbers]:
 
 
 def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
-    """From one of the nearest reachable places there is a clear line to each of the points."""
+    """Each point has a clear line of sight from one of the nearest reachable places, (n,)."""
     walls = walls[_are_near(walls, points.min(axis=0), points.max(axis=0))]
     near = _are_near(walls, points[:, None], points[:, None])
     distance, place = tree.query(points, k=MAX_VIEWPOINTS, distance_upper_bound=SEEN_FROM_M)
@@ -129,20 +132,20 @@ def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
 
 
 def _are_near(walls: Points, low: Points, high: Points) -> Which:
-    """Which of the walls (m, 2, 2) come within sight of what lies between two corners."""
+    """Walls (m, 2, 2) within viewing distance of the rectangle between two corners."""
     reach = (walls.min(axis=1) <= high + SEEN_FROM_M) & (walls.max(axis=1) >= low - SEEN_FROM_M)
     near: Which = reach.all(axis=-1)
     return near
 
 
 def _parts(lines: int, walls: int) -> list[slice]:
-    """As many lines of sight at once as memory is fine with."""
+    """Batches of lines of sight that limit the memory."""
     step = max(1, MAX_PAIRS // max(1, walls))
     return [slice(first, first + step) for first in range(0, lines, step)]
 
 
 def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Which:
-    """Whether none of the walls that are near (n, m) cuts the line from each eye to its point."""
+    """No nearby wall (`near`, (n, m)) intersects the line from an eye to its point, (n,)."""
     ray = points - eyes
     distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), CLEAR_OF_SAMPLE_M)
     ends = points - CLEAR_OF_SAMPLE_M * ray / distance
@@ -156,7 +159,7 @@ def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Whic
 
 
 def _side(a: Points, b: Points, p: Points) -> Points:
-    """On which side of the line from a to b the point p is."""
+    """Sign of the side of the line from a to b on which point p lies."""
     along_north, along_east = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     to_north, to_east = p[..., 0] - a[..., 0], p[..., 1] - a[..., 1]
     side: Points = along_north * to_east - along_east * to_north

@@ -1,4 +1,4 @@
-"""A world in its text format, so that what chance has made can be kept and changed by hand."""
+"""Writes a world in its text format, so that a random one can be kept and edited."""
 
 from pathlib import Path
 
@@ -8,10 +8,10 @@ from sitl.world.format import Walls, World, WorldError
 
 
 def to_toml(world: World) -> str:
-    """What `parse_world` reads as the same world; a closed border becomes walls like others.
+    """Text that `parse_world` reads as the same world. A closed border becomes ordinary walls.
 
     Raises:
-        WorldError: it is a mesh.
+        WorldError: the world is a mesh.
     """
     if world.mesh is not None:
         raise WorldError(f"{world.name}: a mesh cannot be written as text")
@@ -22,5 +22,5 @@ def to_toml(world: World) -> str:
 
 
 def write_world(world: World, path: Path) -> None:
-    """As UTF-8."""
+    """Write a world as a UTF-8 file."""
     path.write_text(to_toml(world), encoding="utf-8")

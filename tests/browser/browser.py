@@ -1,4 +1,4 @@
-"""A real browser, and pages in it, for system tests."""
+"""Opens pages in a real browser for system tests."""
 
 import math
 import re
@@ -18,14 +18,14 @@ from tests.processes.started import read_until, started, stop
 
 CHROMIUM = "chromium"
 NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
-"""They lie on the scene, such as that of rendering in software; how far depends on the fonts."""
+"""Notifications, as about software rendering, cover the scene; their size depends on fonts."""
 SIZE = {"width": 1000, "height": 480}
 expect.set_options(timeout=DEADLINE_MS)
 
 
 @contextmanager
 def chromium() -> Iterator[Browser]:
-    """Skips aloud where there is none."""
+    """Chromium; the test is skipped with a reason if it is missing."""
     path = shutil.which(CHROMIUM)
     if path is None:
         pytest.skip("Chromium is missing; on Debian: apt install chromium")
@@ -39,10 +39,10 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def served(command: list[str]) -> Iterator[str]:
-    """The address that a command says to open; the command ends well when told to."""
+    """The address that a command prints; the command must end well on request."""
     with started(command) as process:
-        said = read_until(process, "http://")
-        address = re.search(r"http://\S+", said)
+        output = read_until(process, "http://")
+        address = re.search(r"http://\S+", output)
         assert address is not None
         yield address[0]
         stop(process)
@@ -51,7 +51,7 @@ def served(command: list[str]) -> Iterator[str]:
 
 @contextmanager
 def opened(browser: Browser, address: str) -> Iterator[Page]:
-    """A page that has nothing to complain of."""
+    """A page without errors in its console."""
     errors: list[str] = []
     with browser.new_context(viewport=SIZE, accept_downloads=True) as context:  # type: ignore[arg-type]
         page = context.new_page()
@@ -67,13 +67,13 @@ def opened(browser: Browser, address: str) -> Iterator[Page]:
 
 
 def number(page: Page, name: str) -> float:
-    """The first number in a row of the table; not a number while it has none."""
+    """The first number in a row of the table; NaN without a number."""
     found = re.search(r"-?\d+(\.\d+)?", row(page, name).split(",")[-1])
     return float(found[0]) if found else math.nan
 
 
 def row(page: Page, name: str) -> str:
-    """What stands beside a name in the table of numbers; nothing if it is not there."""
+    """The text beside a name in the table of numbers; empty if the name is missing."""
     cells = _cells(page, name)
     return cells.nth(1).inner_text() if cells.count() else ""
 
@@ -96,7 +96,7 @@ def press(page: Page, name: str) -> None:
 
 
 def coloured(page: Page, from_share: float, to_share: float) -> int:
-    """How many pixels have a colour, in a part of the scene from left (0) to right (1)."""
+    """Number of coloured pixels in a part of the scene, from left (0) to right (1)."""
     width = SIZE["width"] - 2 * PANEL_PX
     x = PANEL_PX + from_share * width
     clip = {"x": x, "y": 0, "width": (to_share - from_share) * width, "height": SIZE["height"]}

@@ -1,4 +1,4 @@
-"""The pages in a real browser: flown on, played back, looked on at, and refused to strangers."""
+"""Tests the pages in a real browser: flights, playback, live view, and access control."""
 
 import json
 import socket
@@ -110,9 +110,9 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
 
         choose(page, "fault", "sensor unplugged")
         press(page, "Inject")
-        press(page, "Go on")
+        press(page, "Resume")
         until(lambda: has_row(page, "trouble"), "a fault", DEADLINE_S)
-        choose(page, "speed", "1 ×")  # faster, the turn may be over between two looks
+        choose(page, "speed", "1 ×")  # faster, the turn might end between two reads
         press(page, "Start")
         until(lambda: number(page, "time") < paused_s, "another flight", DEADLINE_S)
         until(lambda: "turning 360°" in row(page, "doing"), "in the air again", DEADLINE_S)
@@ -156,12 +156,12 @@ def fill(page: Page, label: str, value: str) -> None:
 
 
 def walls_m(page: Page) -> float:
-    """How much is mapped so far."""
+    """Length of the mapped walls so far."""
     return number(page, "walls mapped") if has_row(page, "walls mapped") else 0.0
 
 
 def settled(page: Page) -> float:
-    """The time of the flight when it stands still."""
+    """The flight's time when it no longer advances."""
     seen = [-1.0]
 
     def stands() -> bool:

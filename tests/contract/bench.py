@@ -1,4 +1,4 @@
-"""Sensors on a table, of any kind: distances and the yaw rate can be set, time passes when told."""
+"""A test bench for sensors of any kind: distances, yaw rate and time can be set."""
 
 import math
 import random
@@ -30,7 +30,7 @@ FIVE = tuple(BEAM_DIRECTIONS)
 
 
 def five(sensor: Mapping[str, Any], **by_number: str) -> dict[str, Any]:
-    """The same sensor for each beam; what differs is a pattern of its number."""
+    """The same sensor for each beam; values that differ are a pattern of its number."""
 
     def entry(number: int) -> dict[str, Any]:
         own = {key: pattern.format(number) for key, pattern in by_number.items()}
@@ -67,7 +67,7 @@ KINDS: dict[str, dict[str, Any]] = {
 
 @dataclass
 class Bench:
-    """The sensors' chips, and what is in front of them."""
+    """The sensors' chips, and the surfaces in front of them."""
 
     bus: Wires
     board: SensorBoard
@@ -75,7 +75,7 @@ class Bench:
     distances_m: dict[Beam, float | None]
     truth: TrueState = STILL
     moving_away_m_s: float = 0.0
-    """Everything, since `time_s` was `from_s`."""
+    """Speed of all surfaces since `time_s` was `from_s`."""
     from_s: float = 0.0
     time_s: float = 1.0
     codec: Any = field(default_factory=lambda: make_codec(1, 1))
@@ -92,17 +92,17 @@ class Bench:
         return distance_m + self.moving_away_m_s * (time_s - self.from_s)
 
     def sweep(self, sensors: RangeSensors) -> RangeScan:
-        """One tick: what the autopilot says of its own sensors, then all beams."""
+        """One tick: the autopilot's own sensors, then all beams."""
         time_s = self.passes(TICK_S)
         if sensors.from_autopilot is not None and not self.board.bus.is_broken:
-            told = rangefinder_messages(self.board.from_autopilot, round(1000 * time_s))
-            for message in decode(self.codec, b"".join(m.pack(self.codec) for m in told)):
+            reported = rangefinder_messages(self.board.from_autopilot, round(1000 * time_s))
+            for message in decode(self.codec, b"".join(m.pack(self.codec) for m in reported)):
                 sensors.from_autopilot.hear(message, time_s)
         return sensors.read(time_s)
 
 
 class Noisy:
-    """Wires on which every byte that comes in is random."""
+    """Wires on which every received byte is random."""
 
     def __init__(self, seed: int) -> None:
         self._random = random.Random(seed)
@@ -120,7 +120,7 @@ class Noisy:
 
 
 class Switched:
-    """Wires that can be exchanged while the drivers hold them."""
+    """Wires that can be replaced while drivers use them."""
 
     def __init__(self, wires: Wires | Noisy) -> None:
         self.wires = wires

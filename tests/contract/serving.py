@@ -1,4 +1,4 @@
-"""A bus served on an ephemeral port from a thread of the test."""
+"""Serves a bus on an ephemeral port from a thread of the test."""
 
 import socket
 import threading
@@ -10,7 +10,7 @@ from sitl.sensors.server import BusConnection
 
 
 class Served:
-    """Serves one bus until it is left; closing hangs up on every client."""
+    """Serves one bus within the context; leaving it closes all connections."""
 
     def __init__(self, bus: DeviceBus, port: int = 0) -> None:
         self._bus = bus
@@ -32,7 +32,7 @@ class Served:
         self._listener.shutdown(socket.SHUT_RDWR)
         self._listener.close()
         for client in self._clients:
-            with suppress(OSError):  # it has hung up already
+            with suppress(OSError):  # the client has already closed the connection
                 client.shutdown(socket.SHUT_RDWR)
         self._thread.join(5)
 

@@ -1,4 +1,4 @@
-"""One suite for every gyro: ours over each kind of wires, the autopilot's over MAVLink."""
+"""Contract of all gyros: the companion's over each kind of wires, the autopilot's over MAVLink."""
 
 import math
 import random
@@ -23,11 +23,11 @@ IMU_S = 0.02
 SMALL_AND_ODD = (0.0, -30.0, 30.0)
 ODD = (*SMALL_AND_ODD, 1e30, math.nan, math.inf, -math.inf)
 ANY_RAD_S = math.radians(2000)
-"""No gyro measures more."""
+"""Larger than any gyro's range."""
 
 
 class Turntable:
-    """A gyro on a turntable, read once a tick."""
+    """A gyro on a turntable, read once per tick."""
 
     def __init__(self, bench: Bench, kind: str) -> None:
         self._bench = bench
@@ -40,11 +40,11 @@ class Turntable:
         self._told_s = bench.time_s
         self.is_silent = False
         self.clock_s = 0.0
-        """What the autopilot's is ahead of ours."""
+        """Lead of the autopilot's clock over the companion's, s."""
         self._garbage: random.Random | None = None
 
     def garble(self, seed: int | None) -> None:
-        """Every byte, or every number in a message, is random; or as it was."""
+        """Make every byte, or every number in a message, random; None restores them."""
         self._garbage = None if seed is None else random.Random(seed)
         self._wires.wires = self._bench.bus if seed is None else Noisy(seed)
 
@@ -62,8 +62,8 @@ class Turntable:
             self._told_s += IMU_S
             message = self._message(self._told_s + self.clock_s)
             if not self.is_silent:
-                for heard in decode(self._codec, message.pack(self._codec)):
-                    gyro.hear(heard, now_s)
+                for received in decode(self._codec, message.pack(self._codec)):
+                    gyro.hear(received, now_s)
 
     def _message(self, boot_s: float) -> Any:
         rate_rad_s = self._bench.truth.yaw_rate_rad_s
@@ -145,13 +145,13 @@ def test_garbage_is_no_impossible_rate_and_passes(turntable: Turntable, seed: in
 
 @pytest.mark.parametrize("set_s", [-100.0, -2.0, 5.0])
 def test_a_clock_that_is_set_is_followed(turntable: Turntable, set_s: float) -> None:
-    """The autopilot's, as when it starts anew; ours tell no time."""
+    """Sets the autopilot's clock, as its restart does; the companion's gyros have no clock."""
     turntable.clock_s = 200.0
     turntable.turned_deg(0.0, 1.0)
     turntable.clock_s += set_s
     turntable.tick()
     for _ in range(20):
-        told = turntable.tick()
-        assert told
+        samples = turntable.tick()
+        assert samples
         now_s = turntable._bench.time_s
-        assert all(now_s - 0.1 <= time_s <= now_s + 1e-9 for time_s, _ in told)
+        assert all(now_s - 0.1 <= time_s <= now_s + 1e-9 for time_s, _ in samples)

@@ -1,4 +1,4 @@
-"""One suite for every range sensor, whatever its kind and whatever wires it is on."""
+"""Contract of all range sensors, of any kind and on any wires."""
 
 import math
 import threading
@@ -18,7 +18,7 @@ from tests.contract.bench import FIVE, KINDS, TICK_S, Bench, Noisy, Switched, ma
 from tests.contract.serving import Served
 
 SETTLED_S = 0.6
-"""By then, whatever has happened, every sensor says what there is now."""
+"""After this time every sensor reports the current distance, s."""
 
 
 @pytest.fixture(params=["in process", "served"])
@@ -58,9 +58,9 @@ def test_every_beam_reads_its_own_distance_in_metres(bench: Bench) -> None:
     sensors = sensors_of(bench)
     scans = [bench.sweep(sensors) for _ in range(40)]
     for beam in FIVE:
-        told = [scan.readings[beam] for scan in scans]
-        assert all(reading.is_distance for reading in told)
-        mean_m = sum(reading.distance_m for reading in told) / len(told)
+        measured = [scan.readings[beam] for scan in scans]
+        assert all(reading.is_distance for reading in measured)
+        mean_m = sum(reading.distance_m for reading in measured) / len(measured)
         assert mean_m == pytest.approx(bench.distances_m[beam], abs=0.05)
 
 
@@ -70,12 +70,12 @@ def test_a_scan_has_every_configured_beam(bench: Bench) -> None:
 
 def test_the_spread_is_what_the_variance_says(bench: Bench) -> None:
     bench.distances_m[Beam.FRONT] = 3.0
-    told = readings(bench, sensors_of(bench), Beam.FRONT, 200)
-    values = [reading.distance_m for reading in told]
+    measured = readings(bench, sensors_of(bench), Beam.FRONT, 200)
+    values = [reading.distance_m for reading in measured]
     mean = sum(values) / len(values)
     spread = math.sqrt(sum((value - mean) ** 2 for value in values) / len(values))
     of_gain = (model_of(bench.config.beams[Beam.FRONT]).gain_sigma * 3.0) ** 2
-    claimed = math.sqrt(sum(reading.variance_m2 - of_gain for reading in told) / len(told))
+    claimed = math.sqrt(sum(reading.variance_m2 - of_gain for reading in measured) / len(measured))
     assert 0.7 < spread / claimed < 1.3
 
 
@@ -92,13 +92,13 @@ def test_what_is_too_near_is_not_taken_for_far(bench: Bench) -> None:
         bench.distances_m[beam] = 0.8 if model_of(sensor).min_m == 1.0 else 0.0
     sensors = sensors_of(bench)
     for beam in FIVE:
-        told = readings(bench, sensors, beam, 20)
-        assert RangeState.TOO_NEAR in {reading.state for reading in told}
-        assert all(reading.distance_m < 0.3 for reading in told if reading.is_distance)
+        measured = readings(bench, sensors, beam, 20)
+        assert RangeState.TOO_NEAR in {reading.state for reading in measured}
+        assert all(reading.distance_m < 0.3 for reading in measured if reading.is_distance)
 
 
 def test_a_reading_is_as_old_as_the_model_says(bench: Bench) -> None:
-    """Something moves away at 2 m/s: what is told is where it was that much earlier."""
+    """A surface moves away at 2 m/s: the reading is its distance at that earlier time."""
     sensors = sensors_of(bench)
     bench.moving_away_m_s = 2.0
     lags_s: dict[Beam, list[float]] = {beam: [] for beam in FIVE}
@@ -143,7 +143,7 @@ def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> Non
 
 @pytest.mark.parametrize("transport", ["in process"])
 def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
-    """Not over a served bus: time stands still while that is waited for."""
+    """Skips the served bus, where time does not advance during that wait."""
     wires = on_virtual_time(bench.board.bus)
     sensors = RangeSensors(wires, bench.config)
     settle(bench, sensors)
@@ -155,7 +155,7 @@ def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
         assert bench.board.bus.time_s - before_s <= TICK_S + MAX_AT_ONCE_S + 1e-9
     assert {scan.readings[beam].state for beam in wired} <= {RangeState.FAILED}
     bench.board.bus.hangs_s = 0.0
-    for _ in range(20):  # the last transfer is still on its way
+    for _ in range(20):  # the last transfer is still in progress
         bench.sweep(sensors)
     assert all(reading.is_distance for reading in settle(bench, sensors).readings.values())
 

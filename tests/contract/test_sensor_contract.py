@@ -1,4 +1,4 @@
-"""ADS1115 and LSM9DS1, whatever bus they are on: in process, served over TCP, or real."""
+"""Contract of ADS1115 and LSM9DS1 on any bus: in process, served over TCP, or real."""
 
 import math
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""How exact map and heading are: the benchmark on one flight, and a gyro that drifts."""
+"""Tests of map and heading accuracy: the benchmark on one flight, and a drifting gyro."""
 
 import math
 
@@ -31,7 +31,7 @@ def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
 def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(
     sitl: Sitl, autopilot: str
 ) -> None:
-    """ArduCopter told "Gyros inconsistent" for 18 s, and the map was turned by 2.5 deg."""
+    """ArduCopter refused arming ("Gyros inconsistent") for 18 s, and the map turned by 2.5 deg."""
     yaw_deg: list[float] = []
 
     def note(simulation: Simulation, app: App) -> None:

@@ -1,4 +1,4 @@
-"""Somebody on the link who forges setpoints, mode changes, commands and heartbeats, and replays."""
+"""Tests with an attacker on the link: forged setpoints, modes, commands, heartbeats, replays."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -22,7 +22,7 @@ KEY, OTHER_KEY = b"k" * 32, b"x" * 32
 FROM_S = 12.0
 YEARS_S = 1e8
 Frames = tuple[list[bytes], list[bytes]]
-"""To the autopilot, to the companion."""
+"""Frames to the autopilot, and frames to the companion."""
 
 
 def for_autopilot() -> Iterator[Message]:
@@ -41,7 +41,7 @@ def for_companion() -> Iterator[Message]:
 
 
 def forged(to_autopilot: Any, to_companion: Any) -> Frames:
-    """As if the companion and the autopilot had said it."""
+    """Frames that imitate the companion and the autopilot."""
     return (
         [bytes(m.pack(to_autopilot)) for m in for_autopilot()],
         [bytes(m.pack(to_companion)) for m in for_companion()],
@@ -66,7 +66,7 @@ def replayed(recorded: Frames) -> Frames:
 def flown(
     *, signed: bool, attack: Callable[[Frames], Frames] | None = None
 ) -> tuple[App, Simulation]:
-    """A flight with somebody between the two, who hears all and adds what they like."""
+    """A flight with an attacker between both ends, who receives everything and adds frames."""
     config = Config.model_validate({"sensors": {"profile": "paper"}})
     signing = (Signing(KEY), Signing(KEY)) if signed else (None, None)
     autopilot_end, companion_end = pipe_pair(1, signing)
@@ -84,7 +84,7 @@ def flown(
             to_companion.extend(mine[1])
 
     def watch(progress: Progress) -> None:
-        """Nobody looks."""
+        """Ignore the progress."""
 
     app = App(config)
     clock = LockstepClock(simulation, between)

@@ -1,4 +1,4 @@
-"""Buildings: every room is seen, nothing is hit, and the drone lands where it took off."""
+"""Tests of buildings: every room is mapped, without collisions, and with a landing at the start."""
 
 import math
 
@@ -12,14 +12,14 @@ from sitl.simulation.simulation import Simulation
 from sitl.testing import Event, Sitl, somebody, watch, when
 
 ROOMS = "worlds/two_small_rooms.toml"
-"""Two rooms of 4 × 4 m with a doorway between them, at 4.05 m east of the first's far wall.
+"""Two rooms of 4 × 4 m with a doorway between them, 4.05 m east of the first room's far wall.
 
-It is 1.1 m wide, which leaves 0.35 m beside the drone at best."""
+The doorway is 1.1 m wide, which leaves at most 0.35 m beside the drone."""
 IN_THE_DOORWAY = [(1.6, 4.05, 1.2), (2.0, 4.05, 1.2), (2.4, 4.05, 1.2)]
 
 
 class PoseErrors:
-    """How far off the companion's pose is at every tick, in its own frame."""
+    """Error of the companion's pose at every tick, in its own frame."""
 
     def __init__(self) -> None:
         self.position_m: list[float] = []
@@ -54,7 +54,7 @@ def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, 
 
 @pytest.mark.parametrize("world", ["open_house", "corridor"])
 def test_it_sees_all_of_a_building_that_is_open_or_narrow(sitl: Sitl, world: str) -> None:
-    """It flew off into the open until the battery was down, and left a corridor of 1.2 m out."""
+    """The drone once flew into the open until the battery was low, and skipped a 1.2 m corridor."""
     flight = sitl.fly(f"worlds/{world}.toml", mission="building")
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -64,7 +64,7 @@ def test_it_sees_all_of_a_building_that_is_open_or_narrow(sitl: Sitl, world: str
 
 
 def test_it_turns_into_a_corridor_that_it_sees_from_the_side_at_first(sitl: Sitl) -> None:
-    """It looked along the wall before it, again and again, and was done before it had gone in."""
+    """The drone once scanned along the wall before the corridor again and again, outside it."""
     flight = sitl.fly("worlds/switchback.toml", mission="building", seed=2)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -73,7 +73,7 @@ def test_it_turns_into_a_corridor_that_it_sees_from_the_side_at_first(sitl: Sitl
 
 
 def test_rooms_whose_walls_are_nearly_in_line_are_not_pulled_together(sitl: Sitl) -> None:
-    """Walls 0.3 m beside each other were taken for one, and half the map was 0.15 m off."""
+    """Walls offset by 0.3 m were merged into one, and half the map was 0.15 m off."""
     flight = sitl.fly("random_12", mission="building", seed=1)
     assert flight.completed, flight.ending
     assert flight.report.coverage >= 0.9
@@ -81,7 +81,7 @@ def test_rooms_whose_walls_are_nearly_in_line_are_not_pulled_together(sitl: Sitl
 
 
 def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sitl) -> None:
-    """Of a box 0.4 m deep, seen for long, that moved the origin: it landed 0.37 m off."""
+    """A box 0.4 m deep, observed for long, once shifted the origin: the landing was 0.37 m off."""
     flight = sitl.fly("random_38", mission="building", seed=1)
     assert flight.completed, flight.ending
     assert flight.report.return_m < 0.3
@@ -89,7 +89,7 @@ def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sit
 
 
 def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
-    """A wall that steps by 15 cm, taken for one, turned the heading by up to 11°."""
+    """A wall with steps of 15 cm, associated as one, once turned the heading by up to 11°."""
     errors = PoseErrors()
     flight = sitl.fly("worlds/facade.toml", mission="exterior", seed=2, script=errors.script)
     assert flight.completed, flight.ending
@@ -101,9 +101,9 @@ def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
 def test_the_pose_stays_true_through_all_rooms_of_a_row(
     sitl: Sitl, profile: str, seed: int
 ) -> None:
-    """Walls of the first room used to grow through the third, and moved the drone by a metre.
+    """Walls of the first room once grew through the third and shifted the pose by a metre.
 
-    A doorway of 0.95 m measured 0.79 m while the pose drifted, and its room was not entered.
+    A doorway of 0.95 m was measured as 0.79 m during pose drift, and its room was not entered.
     """
     errors, world = PoseErrors(), "worlds/three_rooms.toml"
     flight = sitl.fly(world, mission="building", seed=seed, profile=profile, script=errors.script)
@@ -148,9 +148,9 @@ def test_it_turns_back_in_time(sitl: Sitl) -> None:
 def test_heights_of_an_office_are_true_to_some_centimetres(
     sitl: Sitl, profile: str, seed: int, spacing_m: float
 ) -> None:
-    """Layer by layer up to the ceiling, and home again.
+    """Maps layer by layer up to the ceiling, and returns.
 
-    At 1.8 m the first of these hit the lintel of the door, which only the up beam shows.
+    At 1.8 m the first such flight hit the lintel of the door, which only the up beam detects.
     """
     layered, world = {"mission.layer_spacing_m": spacing_m}, "worlds/small_office.toml"
     flight = sitl.fly(world, mission="layers", profile=profile, seed=seed, settings=layered)

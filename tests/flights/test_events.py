@@ -1,4 +1,4 @@
-"""A flight in which nothing of what is scripted happens tests nothing, and says so."""
+"""Tests that a flight fails if its scripted events do not happen."""
 
 import json
 from pathlib import Path
@@ -29,7 +29,7 @@ def test_an_event_that_never_happens_fails_the_test(sitl: Sitl, event: Event, na
     happens = at(1, gust(0.1, 0, for_s=0.1))
     with pytest.raises(AssertionError) as failed:
         sitl.fly(SMALL_ROOM, script=[happens, event], settings=ENDS_SOON)
-    assert f"before these events: {name}; those that need not happen" in str(failed.value)
+    assert f"before these events: {name}; use optional" in str(failed.value)
 
 
 def test_an_optional_event_and_a_watch_need_not_happen(sitl: Sitl) -> None:

@@ -1,4 +1,4 @@
-"""What goes wrong in flight, and that each ends in its written reaction (docs/faults.md)."""
+"""Tests that each fault in flight ends with its documented reaction (docs/faults.md)."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -62,7 +62,7 @@ NO_POSITION = "landed: the autopilot tells no position"
 
 
 def along_a_wall(action: Action) -> Event:
-    """When it first flies along a wall, at speed."""
+    """Event at the first flight along a wall, at speed."""
 
     def is_due(simulation: Simulation, app: App) -> bool:
         north_m_s, east_m_s, _ = simulation.autopilot.truth.velocity_ned_m_s
@@ -73,7 +73,7 @@ def along_a_wall(action: Action) -> Event:
 
 @pytest.fixture
 def small(tmp_path: Path) -> str:
-    """A room that is flown in 50 s."""
+    """A room for a flight of 50 s."""
     path = tmp_path / "small.toml"
     path.write_text(ROOM)
     return str(path)
@@ -87,7 +87,7 @@ def test_a_pilot_takes_over_and_the_companion_falls_silent(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, pilot_mode("LOITER"))])
     assert phase(flight) is Phase.HANDED_OVER
     assert flight.ending == "handed over: mode changed to LOITER"
-    assert flight.simulation.time_s < 31.5  # HEARTBEAT tells it at once
+    assert flight.simulation.time_s < 31.5  # HEARTBEAT reports it at once
     assert flight.simulation.autopilot.mode == LOITER
     assert flight.plan.walls
 
@@ -151,7 +151,7 @@ ON_MCP3008 = "\n".join(
 def test_an_open_input_that_shows_its_neighbours_is_not_flown_by(
     sitl: Sitl, tmp_path: Path, beam: str
 ) -> None:
-    """It looks like a distance all the time."""
+    """The voltage looks like a distance all the time."""
     config = tmp_path / "drone.toml"
     config.write_text(ON_MCP3008)
     script = [at(30, unplug(beam, memory=0.9))]
@@ -264,7 +264,7 @@ def test_swapped_sensors_show_before_they_do_harm(
 def test_what_passes_does_not_end_the_mission(
     sitl: Sitl, small: str, actions: Sequence[Action]
 ) -> None:
-    """Along a wall, in a turn, on the way back."""
+    """Along a wall, in a turn, and on the way back."""
     flight = sitl.fly(small, script=[*map(when, ("scanning", "corner", "returning"), actions)])
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
@@ -312,7 +312,7 @@ def test_a_gust_towards_a_wall_does_not_throw_it_there(
 
 
 def test_where_the_trace_cannot_pass_the_rest_is_explored(sitl: Sitl, tmp_path: Path) -> None:
-    """Some flights pass the post, some do not."""
+    """Some flights pass the post, others do not."""
     path, explored = tmp_path / "blocked.toml", []
     path.write_text(ROOM + POST)
 
@@ -340,7 +340,7 @@ STARVED = "the computer is starved: ticks "
 
 
 def troubles(flown: list[str]) -> Event:
-    """Writes down what the companion says is wrong, tick by tick."""
+    """Records the companion's trouble text at every tick."""
 
     def note(simulation: Simulation, app: App) -> None:
         if app.flight.trouble:
@@ -362,10 +362,10 @@ def troubles(flown: list[str]) -> Event:
 def test_a_starved_computer_holds_the_drone_and_blames_no_sensor(
     sitl: Sitl, small: str, begins: Event, profile: str
 ) -> None:
-    said: list[str] = []
-    flight = sitl.fly(small, script=[begins, troubles(said)], profile=profile)
+    recorded: list[str] = []
+    flight = sitl.fly(small, script=[begins, troubles(recorded)], profile=profile)
     assert flight.completed, flight.ending
-    assert all(trouble.startswith(STARVED) for trouble in said)
+    assert all(trouble.startswith(STARVED) for trouble in recorded)
     assert flight.report.wall_error_aligned_cm < 3
     assert flight.truth.clearance_m > 0.5
 
@@ -374,11 +374,11 @@ def test_a_starved_computer_holds_the_drone_and_blames_no_sensor(
 def test_a_computer_that_is_starved_throughout_lands_the_drone(
     sitl: Sitl, small: str, between_reads: bool
 ) -> None:
-    said: list[str] = []
+    recorded: list[str] = []
     begins = when("corner", starve(between_reads=between_reads))
-    flight = sitl.fly(small, script=[begins, troubles(said)])
+    flight = sitl.fly(small, script=[begins, troubles(recorded)])
     assert flight.ending.startswith("landed: " + STARVED)
-    assert all(trouble.startswith(STARVED) for trouble in said)
+    assert all(trouble.startswith(STARVED) for trouble in recorded)
     assert flight.truth.collisions == 0
     assert flight.report.wall_error_aligned_cm < 3
 
@@ -404,13 +404,13 @@ def test_starved_flights_are_the_same_to_the_bit(sitl: Sitl, small: str) -> None
 def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
     sitl: Sitl, small: str, begins_s: float, pull_deg: float
 ) -> None:
-    """By 14° in three seconds, as PX4's at take-off; by 3° at once, as ArduPilot's in flight."""
-    said: list[str] = []
+    """Pulls it by 14° in 3 s, as PX4 at take-off, and by 3° at once, as ArduPilot in flight."""
+    recorded: list[str] = []
     steps = 60 if pull_deg < 0 else 1
     pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]
-    flight = sitl.fly(small, script=[*pulls, troubles(said)])
+    flight = sitl.fly(small, script=[*pulls, troubles(recorded)])
     assert flight.completed, flight.ending
-    assert not said
+    assert not recorded
     assert flight.report.wall_error_aligned_cm < 3
 
 
@@ -421,11 +421,11 @@ def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
 def test_a_clock_that_is_set_is_no_fault(
     sitl: Sitl, small: str, in_line_s: float, in_turn_s: float
 ) -> None:
-    said: list[str] = []
+    recorded: list[str] = []
     jumps = [when("scanning", jump_clock(in_line_s)), when("corner", jump_clock(in_turn_s))]
-    flight = sitl.fly(small, script=[*jumps, troubles(said)])
+    flight = sitl.fly(small, script=[*jumps, troubles(recorded)])
     assert flight.completed, flight.ending
-    assert not said
+    assert not recorded
     assert flight.report.wall_error_aligned_cm < 2
 
 
@@ -450,7 +450,7 @@ def test_refused_arming_ends_with_the_autopilots_words(sitl: Sitl, small: str) -
 
 
 def test_a_drone_that_is_given_back_is_left_where_it_is(sitl: Sitl, small: str) -> None:
-    given_back = optional(at(20.5, pilot_mode("GUIDED")))  # the companion has ended by then
+    given_back = optional(at(20.5, pilot_mode("GUIDED")))  # the companion has ended before this
     script = [at(20, pilot_mode("LOITER")), given_back]
     flight = sitl.fly(small, script=script)
     assert flight.ending == "handed over: mode changed to LOITER"

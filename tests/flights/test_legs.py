@@ -1,4 +1,4 @@
-"""Rooms that people live in: what is a few centimetres thick is not hit, and not mistaken."""
+"""Tests of furnished rooms: objects a few centimetres thick are neither hit nor mismapped."""
 
 from pathlib import Path
 
@@ -18,12 +18,12 @@ CHAIRS_AND_TABLE_M = (
 
 
 def leg(shades: Shades, north_m: float, east_m: float) -> None:
-    """A cell of 5 cm."""
+    """Draw a cell of 5 cm."""
     shades[cells(north_m), cells(east_m)] = WALL
 
 
 def poles() -> Shades:
-    """Twelve, 1.5 m apart, in 8 × 7 m."""
+    """Twelve poles, 1.5 m apart, in 8 × 7 m."""
     shades = nothing(10, 9)
     room(shades, 1, 1, 9, 8)
     for row in range(4):
@@ -33,7 +33,7 @@ def poles() -> Shades:
 
 
 def chair_legs() -> Shades:
-    """Of two chairs and a table, in 6 × 6 m."""
+    """Legs of two chairs and a table, in 6 × 6 m."""
     shades = nothing(8, 8)
     room(shades, 1, 1, 7, 7)
     for place in CHAIRS_AND_TABLE_M:

@@ -1,4 +1,4 @@
-"""The pilot's mode switch in every phase of a flight, on both autopilots; what is not armed."""
+"""Tests of the pilot's mode switch in every phase, on both autopilots, and of refused arming."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -36,7 +36,7 @@ IN_FLIGHT_S, HEARTBEAT_S = 30.0, 1.1
 
 
 class Watch:
-    """What was asked of the vehicle, and which modes it had."""
+    """Records the commands to the vehicle, and its modes."""
 
     def __init__(self) -> None:
         self.asked: list[tuple[float, int, float]] = []
@@ -51,7 +51,7 @@ class Watch:
         if self.modes[-1:] != [mode]:
             self.modes.append(mode)
 
-    def hear(self, command: int, first: float) -> None:
+    def receive(self, command: int, first: float) -> None:
         if command != INTERVAL:
             self.asked.append((self._now_s, command, first))
 
@@ -69,7 +69,7 @@ def watch(monkeypatch: pytest.MonkeyPatch) -> Watch:
     def command_long(
         target: tuple[int, int], command: int, given: tuple[float, ...], confirmation: int = 0
     ) -> Message:
-        watching.hear(command, given[0])
+        watching.receive(command, given[0])
         return was(target, command, given, confirmation)
 
     monkeypatch.setattr(requests, "command_long", command_long)
@@ -134,7 +134,7 @@ def test_a_pilot_who_takes_it_while_arming_is_refused_keeps_it(
 def test_a_drone_that_somebody_else_arms_is_not_flown(
     fly: Fly, watch: Watch, autopilot: str, pilots: str, armed_s: float
 ) -> None:
-    """While it waits for the gyro, and while our own arming is refused."""
+    """While the drone waits for the gyro, and while the companion's arming is rejected."""
     flight = fly(at(0, refuse_arming()), at(armed_s, pilot_arms()), autopilot=autopilot)
     assert flight.app.flight.phase is Phase.FAILED
     assert "armed" in flight.ending
@@ -153,7 +153,7 @@ def test_a_pilot_who_takes_it_while_it_lands_keeps_it(
 
 
 def test_px4_lands_on_late_setpoints_and_is_left_to_land(fly: Fly, watch: Watch) -> None:
-    """Setpoints would bring it back to OFFBOARD."""
+    """Setpoints would return it to OFFBOARD."""
     flight = fly(at(IN_FLIGHT_S, hang(for_s=2.5)), autopilot="px4")
     late = "the computer is starved: ticks 2.5 s late"
     assert flight.ending == f"handed over: mode changed to LAND; {late}"
@@ -164,7 +164,7 @@ def test_px4_lands_on_late_setpoints_and_is_left_to_land(fly: Fly, watch: Watch)
 def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
     fly: Fly, watch: Watch
 ) -> None:
-    """It beats at whole seconds."""
+    """PX4 sends HEARTBEAT at whole seconds."""
     flight = fly(at(IN_FLIGHT_S + 0.05, hang(for_s=0.8)), autopilot="px4")
     assert flight.completed, flight.ending
     assert watch.modes.count("OFFBOARD") == 2

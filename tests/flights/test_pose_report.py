@@ -1,4 +1,4 @@
-"""The autopilot told where it is: its own estimate no longer drifts."""
+"""Tests of the pose sent to the autopilot: the autopilot's estimate no longer drifts."""
 
 import math
 
@@ -20,32 +20,32 @@ TAKES_POSITION_AND_YAW = {
     "px4": {"EKF2_EV_CTRL": 9.0},
 }
 ON_ITS_WAY_M_S = 0.4
-"""Along a wall, no longer speeding up."""
+"""Speed from which the drone flies along a wall at its final speed, m/s."""
 
 
 def ate_m(autopilot: str, seed: int, *, send_pose: bool) -> float:
-    """How far the autopilot's own estimate is off on a flight round a room, rigidly aligned."""
+    """ATE of the autopilot's own estimate on a flight around a room, rigidly aligned, m."""
     settings = configuration.load(
         None, {"sensors.profile": "paper", "link.send_pose": send_pose, "mission.speed_m_s": 1.0}
     )
     parameters = TAKES_POSITION_AND_YAW[autopilot] if send_pose else {}
     world = load_world("room_100")
     setup = Setup(world, "room_100", seed, settings.sensors, autopilot, parameters)
-    believed: list[Pose] = []
+    estimated: list[Pose] = []
 
     def note(simulation: Simulation, app: App) -> None:
         if app.flight.took_off:
-            state = simulation.autopilot.believed
-            believed.append(Pose(simulation.time_s, *state.position_ned_m, state.yaw_rad))
+            state = simulation.autopilot.estimate
+            estimated.append(Pose(simulation.time_s, *state.position_ned_m, state.yaw_rad))
 
     app, simulation = fly_in_lockstep(setup, settings, lambda progress: None, script=note)
     assert app.flight.completed
     assert simulation.record.collisions == 0
     if send_pose:
-        off_deg = math.degrees(believed[-1].yaw_rad - simulation.autopilot.truth.yaw_rad)
-        assert abs(math.remainder(off_deg, 360)) < 15  # what its compass was off at the start
+        off_deg = math.degrees(estimated[-1].yaw_rad - simulation.autopilot.truth.yaw_rad)
+        assert abs(math.remainder(off_deg, 360)) < 15  # the compass error at the start
     truth = simulation.record
-    return score_trajectory(believed[::10], truth.path, truth.take_off).ate_cm / 100
+    return score_trajectory(estimated[::10], truth.path, truth.take_off).ate_cm / 100
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -74,10 +74,10 @@ def test_an_autopilot_that_does_not_listen_to_our_pose_is_not_taken_off_with(
 def test_an_autopilot_that_flies_away_is_stopped_and_landed(
     autopilot: str, rate_m_s2: float
 ) -> None:
-    """0 to 5 m/s in 2 s, as seen after a position was reset again and again; on along its way.
+    """The drone accelerates to 5 m/s in 2 s, as after repeated resets of the position.
 
-    Against its way it would have to be faster than nothing first: stopping is no flying away. The
-    velocity that PX4 tells is off by 0.1 m/s for a second, which is 0.1 s at 1 m/s².
+    The acceleration is along its way. Against its way it would first have to stop, and that is no
+    fly-away. PX4's reported velocity errs by 0.1 m/s for a second, which is 0.1 s at 1 m/s².
     """
     began: list[tuple[float, Vector2]] = []
     noticed_s: list[float] = []

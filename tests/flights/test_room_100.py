@@ -1,4 +1,4 @@
-"""The first flight: one drone maps the paper's room 1 and comes home."""
+"""Tests of the first flight: one drone maps the paper's room 1 and returns."""
 
 from collections.abc import Sequence
 
@@ -39,7 +39,7 @@ def test_it_maps_larger_rooms(sitl: Sitl, world: str, area_m2: float) -> None:
 
 
 def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:
-    """The map turned by 16° under it, and it flew on askew, into what it took for no way on."""
+    """The map turned by 16°, and the drone flew askew into a supposedly closed end."""
     flight = sitl.fly("room_200", seed=3)
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
@@ -48,12 +48,12 @@ def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(s
 
 
 def areas_m2(flight: Flight) -> list[float]:
-    """Of the rooms in its map."""
+    """Areas of the rooms in the flight's map."""
     return [room.area_m2 for room in survey(flight.plan).rooms]
 
 
 def test_how_long_a_large_room_is_further_rounds_tell(sitl: Sitl) -> None:
-    """After two its 20 m were 0.2 m too short."""
+    """After two rounds the room's 20 m were 0.2 m too short."""
     flight = sitl.fly("room_300", seed=15)
     assert flight.completed, flight.ending
     assert flight.report.coverage >= 0.95

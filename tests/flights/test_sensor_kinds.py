@@ -1,4 +1,4 @@
-"""Whole flights with other sensors than five Sharps, and with a mix of them."""
+"""Tests of flights with sensors other than five Sharps, and with mixed sensors."""
 
 from pathlib import Path
 
@@ -46,7 +46,7 @@ def test_it_maps_the_room_with_other_sensors(sitl: Sitl, profile: str) -> None:
     assert flight.report.coverage >= 0.95
     assert (
         flight.report.wall_error_aligned_cm <= 5
-    )  # a VL53L1X never sees two walls that face each other
+    )  # a VL53L1X never detects two opposite walls at once
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -78,7 +78,7 @@ def test_bent_mounts_cost_nothing_if_they_are_told(
     assert flight.report.coverage >= 0.93
     assert flight.report.wall_error_aligned_cm <= 5
     areas_m2 = [room.area_m2 for room in survey(flight.plan).rooms]
-    assert areas_m2 == pytest.approx(rooms_m2, rel=0.03)  # walls go on behind furniture
+    assert areas_m2 == pytest.approx(rooms_m2, rel=0.03)  # walls continue behind furniture
 
 
 def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Flights as the page asks for them, and the process that flies them, without a browser."""
+"""Tests of flights requested by the page, and of their process, without a browser."""
 
 from multiprocessing import Pipe
 from queue import Queue
@@ -33,7 +33,7 @@ def test_what_cannot_be_flown_is_told_by_its_key() -> None:
 
 
 class Page:
-    """The page's end of the process that flies, here in a thread."""
+    """The page's end of the connection to the flight's process, which is a thread here."""
 
     def __init__(self) -> None:
         self.orders, theirs = Pipe()

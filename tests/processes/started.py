@@ -1,4 +1,4 @@
-"""Processes of the simulator and the companion, and waiting with a deadline, for system tests."""
+"""Starts processes of simulator and companion, and waits with deadlines, for system tests."""
 
 import re
 import signal
@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PAUSE = threading.Event()
-"""Never set: waiting on it is a pause within a deadline."""
+"""Never set: waiting for it is a pause within a deadline."""
 END_TIMEOUT_S = 20
 
 
@@ -40,7 +40,7 @@ def free_udp_port() -> int:
 
 @contextmanager
 def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
-    """A process with its output readable; killed at the end, if it has not ended."""
+    """A process with readable output; killed at the end if it is still running."""
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         yield process
@@ -53,7 +53,7 @@ def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
 def running_sitl(
     *arguments: str, world: str = "room_100"
 ) -> Iterator[tuple[subprocess.Popen[str], str, str]]:
-    """`sitl run` on free ports; its process, MAVLink port and bus port."""
+    """`sitl run` on free ports: its process, MAVLink port and bus port."""
     ports = ("--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
     with started(sitl("run", world, *ports, *arguments)) as process:
         mavlink_port, bus_port = re.findall(r"127\.0\.0\.1:(\d+)", read_until(process, "sitl://"))
@@ -62,7 +62,7 @@ def running_sitl(
 
 @contextmanager
 def vehicle_at(port: int, firmware: str) -> Iterator[None]:
-    """`sitl run` that speaks to a client's port, once it serves."""
+    """`sitl run`, ready, that sends to a client's port."""
     options = ("--autopilot", firmware, "--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0")
     with started(sitl("run", "room_100", *options)) as process:
         read_until(process, "sitl://")
@@ -70,14 +70,14 @@ def vehicle_at(port: int, firmware: str) -> Iterator[None]:
 
 
 def stop(process: subprocess.Popen[str]) -> str:
-    """As Ctrl-C does; what it still had to say."""
+    """Interrupt as Ctrl-C does; return the remaining output."""
     process.send_signal(signal.SIGINT)
     output, _ = process.communicate(timeout=END_TIMEOUT_S)
     return output
 
 
 def flying(mavlink_port: str, bus_port: str, out: Path, *options: str) -> subprocess.Popen[str]:
-    """`companion fly` with a vehicle that `running_sitl` serves."""
+    """`companion fly` with a vehicle of `running_sitl`."""
     return subprocess.Popen(
         companion(
             *("fly", "--link", f"udpout:127.0.0.1:{mavlink_port}"),

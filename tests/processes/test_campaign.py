@@ -1,4 +1,4 @@
-"""A campaign that somebody ends before it is over."""
+"""Tests a campaign that is interrupted."""
 
 import json
 import subprocess
@@ -22,7 +22,7 @@ def test_what_was_flown_by_then_is_not_lost(campaign: tuple[str, ...]) -> None:
         assert flying.stderr is not None
         assert flying.stderr.readline().startswith("1 of ")
         flying.terminate()
-        told, _ = flying.communicate(timeout=ENDS_WITHIN_S)
+        output, _ = flying.communicate(timeout=ENDS_WITHIN_S)
     finally:
         flying.kill()
-    assert 0 < len(json.loads(told)["rows"]) < SEEDS
+    assert 0 < len(json.loads(output)["rows"]) < SEEDS

@@ -1,4 +1,4 @@
-"""An autopilot that simulates its own flight, in our world: processes that only speak MAVLink."""
+"""Tests an autopilot that simulates its own flight: processes connected only by MAVLink."""
 
 import re
 import subprocess
@@ -10,7 +10,7 @@ from tests.processes.started import companion, free_udp_port, read_until, sitl, 
 
 SPEED = "1"
 SETTINGS = "[link]\nsetpoint_loss_s = 5"
-"""A busy machine may pause a process for longer than a drone may fly without setpoints."""
+"""Longer timeout: a busy machine may pause a process for longer than the default."""
 DEADLINE_S = 200
 ROOM = """
 name = "small"
@@ -25,7 +25,7 @@ position = [3.2, 2.2]
 
 
 def test_a_mission_with_an_autopilot_elsewhere(tmp_path: Path) -> None:
-    """Each beside the other: they fly in real time, of which a processor needs little."""
+    """The missions run in parallel in real time, which needs little of a processor."""
     with ThreadPoolExecutor() as pool:
         flights = [pool.submit(flies, kind, tmp_path / kind) for kind in ("ardupilot", "px4")]
     for flight in flights:

@@ -1,4 +1,4 @@
-"""Two drones in one world, each with a companion of its own, in processes of their own."""
+"""Tests two drones in one world, each with its own companion process."""
 
 import re
 from pathlib import Path
@@ -28,7 +28,7 @@ position = [22.2, 3.4]
 
 
 def pilot(number: int, mavlink_port: str, bus_port: str, folder: Path) -> list[str]:
-    """`companion fly` for the vehicle of that system, told by a configuration file."""
+    """`companion fly` for the vehicle of that system id, set by a configuration file."""
     link = {"url": f"udpout:127.0.0.1:{mavlink_port}", "system_id": number}
     settings = Config.model_validate(
         {"link": link, "sensors": {"bus": f"sitl://127.0.0.1:{bus_port}"}}
@@ -44,8 +44,8 @@ def test_two_missions_at_once(tmp_path: Path) -> None:
     links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")
     pace = ("--lockstep", "--speed", "1000", "--truth", str(truth))
     with started(sitl("run", str(world), *links, *pace)) as vehicles:
-        told = "".join(read_until(vehicles, "sitl://") for _ in range(2))
-        ports = re.findall(r"127\.0\.0\.1:(\d+)  system (\d)", told)
+        output = "".join(read_until(vehicles, "sitl://") for _ in range(2))
+        ports = re.findall(r"127\.0\.0\.1:(\d+)  system (\d)", output)
         assert [system for _, system in ports] == ["1", "1", "2", "2"]
         first = pilot(1, ports[0][0], ports[1][0], tmp_path)
         second = pilot(2, ports[2][0], ports[3][0], tmp_path)

@@ -1,4 +1,4 @@
-"""In the middle of a flight nothing more can be written: on the disk, or to the terminal."""
+"""Tests that a flight continues when disk or terminal cannot be written any more."""
 
 import fcntl
 import json
@@ -15,7 +15,7 @@ from tests.worlds import SMALL_ROOM
 
 DEADLINE_S = 120
 LARGEST_FILE = 400_000
-"""Bytes: half a minute of recording, and any map."""
+"""File size limit, bytes: half a minute of recording, and any map."""
 
 
 def test_the_recording_ends_and_the_flight_goes_on(tmp_path: Path) -> None:
@@ -44,7 +44,7 @@ def test_a_terminal_that_is_gone_does_not_end_the_flight(tmp_path: Path) -> None
 
 
 def test_a_reader_who_stands_still_does_not_hold_up_the_flight(tmp_path: Path) -> None:
-    """As a terminal after Ctrl-S, or a log that cannot be written."""
+    """Like a terminal after Ctrl-S, or a log that cannot be written."""
     reading, writing = os.pipe()
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writing, b"." * 4096)
@@ -64,7 +64,7 @@ def test_a_reader_who_stands_still_does_not_hold_up_the_flight(tmp_path: Path) -
 
 
 def test_a_map_that_cannot_be_written_is_told_and_has_a_status_of_its_own(tmp_path: Path) -> None:
-    """The drone has landed: nobody is to take it up again."""
+    """The drone has landed: it must not be recovered."""
     for name in ("map.json", "map.png", "map.ply"):
         (tmp_path / f".unfinished-{name}").symlink_to("/dev/full")
     with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):

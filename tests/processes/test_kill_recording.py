@@ -1,4 +1,4 @@
-"""SIGKILL in flight; `python -m benchmarks.kill_recording` does it 50 times."""
+"""Tests SIGKILL in flight once; `python -m benchmarks.kill_recording` does it 50 times."""
 
 from pathlib import Path
 

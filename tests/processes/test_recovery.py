@@ -1,4 +1,4 @@
-"""A companion that dies in flight, and `companion recover` as systemd starts it."""
+"""Tests a companion that dies in flight, and `companion recover` as systemd starts it."""
 
 import json
 import resource
@@ -37,33 +37,33 @@ def is_killed(pilot: Pilot) -> None:
 
 
 def runs_out_of_memory(pilot: Pilot) -> None:
-    """Whatever it asks for from now on, there is none left."""
+    """Make all further memory allocations of the process fail."""
     resource.prlimit(pilot.pid, resource.RLIMIT_AS, (1, 1))
 
 
 @dataclass
 class Systemd:
-    """What systemd does for a service: it listens, and ends one that has fallen silent."""
+    """Imitates systemd's watchdog: receives notifications, and aborts a silent service."""
 
     listening: socket.socket
 
     def environment(self) -> list[str]:
-        """The command in which a service is started."""
+        """The environment in which a service is started."""
         address = f"NOTIFY_SOCKET={self.listening.getsockname()}"
         return ["env", address, f"WATCHDOG_USEC={WATCHDOG_S * 1e6:.0f}"]
 
-    def hear(self, words: str) -> None:
-        """Wait for it."""
+    def receive(self, words: str) -> None:
+        """Wait for a notification."""
         while words not in self.listening.recv(4096).decode():
             pass
 
     def hangs(self, pilot: Pilot) -> None:
-        """It stands still until the watchdog has bitten."""
-        self.hear("WATCHDOG=1")
+        """Stop the process until the watchdog time has passed."""
+        self.receive("WATCHDOG=1")
         pilot.send_signal(signal.SIGSTOP)
         self.listening.settimeout(WATCHDOG_S)
         with pytest.raises(TimeoutError):
-            self.hear("nothing more")
+            self.receive("nothing more")
         pilot.send_signal(signal.SIGABRT)
         pilot.send_signal(signal.SIGCONT)
 
@@ -78,14 +78,14 @@ def systemd(tmp_path: Path) -> Iterator[Systemd]:
 
 @dataclass
 class Killed:
-    """A companion has died while it scanned; the vehicle is still in the air."""
+    """A companion killed during its scan; the vehicle is still in the air."""
 
     out: Path
     vehicle: subprocess.Popen[str]
     arguments: list[str]
 
     def recover(self, *environment: str) -> str:
-        """What it says, once it has ended well."""
+        """Recover; return the output after a successful end."""
         done = subprocess.run(
             [*environment, *companion("recover", *self.arguments)],
             capture_output=True,
@@ -115,7 +115,7 @@ def killed_in_flight(
     environment: Sequence[str] = (),
     key: Path | None = None,
 ) -> Iterator[Killed]:
-    """In lockstep: the vehicle's time stands still while nobody flies it."""
+    """In lockstep: the vehicle's time does not advance without a companion."""
     config, port = out / "drone.toml", free_udp_port()
     signed = f'[link]\nsigning_key = "{key}"\n' if key else ""
     config.write_text(f'{signed}[mission]\nafter_crash = "{after_crash}"\n')
@@ -131,7 +131,7 @@ def killed_in_flight(
             read_until(pilot, "scanning parallel to the wall")
             ends(pilot)
             pilot.communicate(timeout=DEADLINE_S)
-            assert pilot.returncode not in (0, EXIT_ENDED)  # else systemd would not care
+            assert pilot.returncode not in (0, EXIT_ENDED)  # else systemd would not restart it
         yield Killed(out, vehicle, arguments)
 
 
@@ -149,7 +149,7 @@ def test_after_a_crash_it_lands_and_leaves_the_map(tmp_path: Path) -> None:
 
 
 def test_a_disk_on_which_nothing_can_be_written_keeps_nobody_from_landing(tmp_path: Path) -> None:
-    """Neither the signing's time stamp, nor the recording, nor the map."""
+    """Neither signing's time stamp, nor the recording, nor the map can be written."""
     key, out = tmp_path / "signing.key", tmp_path / "out"
     key.write_text("5a" * 32)
     key.chmod(0o600)
@@ -184,7 +184,7 @@ def test_a_disk_on_which_nothing_can_be_written_keeps_nobody_from_landing(tmp_pa
 def test_only_a_configuration_that_will_be_refused_again_ends_with_2(
     tmp_path: Path, config: str, status: int
 ) -> None:
-    """Systemd starts it again after any other failure."""
+    """Systemd restarts the service after any other failure."""
     (tmp_path / "drone.toml").write_text(config)
     arguments = ("--config", str(tmp_path / "drone.toml"), "--out", str(tmp_path))
     ended = subprocess.run(
@@ -199,7 +199,7 @@ def test_only_a_configuration_that_will_be_refused_again_ends_with_2(
 
 
 def test_without_memory_it_breaks_off_and_is_landed(tmp_path: Path) -> None:
-    """What it still says of that takes memory, too."""
+    """Its error message needs memory, too."""
     with killed_in_flight(tmp_path, "land", runs_out_of_memory) as killed:
         assert_landed_with_its_map(killed, killed.recover())
 
@@ -227,14 +227,14 @@ def test_after_a_crash_it_goes_on_with_the_map(tmp_path: Path) -> None:
 
 def test_it_is_heard_before_anything_else_happens() -> None:
     autopilot, companions = pipe_pair()
-    told = "back after a crash at north 1.0 east 2.0 up 1.2 m"
+    text = "back after a crash at north 1.0 east 2.0 up 1.2 m"
     reports = Reports(LinkConfig(), {})
     autopilot.send(mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3))
-    vehicle = listen(Link(companions, LinkConfig()), reports, SystemClock(), told)
+    vehicle = listen(Link(companions, LinkConfig()), reports, SystemClock(), text)
     assert (vehicle.armed, vehicle.mode) == (True, "GUIDED")
-    heard = autopilot.receive()
-    assert heard[0].get_type() == "HEARTBEAT"
-    assert "".join(m.text for m in heard if m.get_type() == "STATUSTEXT") == f"PDPS: {told}"
+    received = autopilot.receive()
+    assert received[0].get_type() == "HEARTBEAT"
+    assert "".join(m.text for m in received if m.get_type() == "STATUSTEXT") == f"PDPS: {text}"
 
 
 def test_with_nobody_in_the_air_there_is_nothing_to_recover(
@@ -248,4 +248,4 @@ def test_with_nobody_in_the_air_there_is_nothing_to_recover(
         output = Killed(tmp_path, vehicle, link).recover(*systemd.environment())
     assert "not armed" in output
     assert "nothing to recover" in output
-    systemd.hear("READY=1")  # or systemd would call it a failure, and start it again for ever
+    systemd.receive("READY=1")  # or systemd would count a failed start, and restart it for ever

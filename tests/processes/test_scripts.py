@@ -1,4 +1,4 @@
-"""The script API and its examples, on a drone that `sitl run` serves."""
+"""Tests the script API and its examples, on a drone of `sitl run`."""
 
 import signal
 import subprocess
@@ -15,7 +15,7 @@ from tests.processes.started import read_until, running_sitl, started
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 DEADLINE_S = 120
-# It hears Ctrl-C also where the tests run in the background of a shell, which ignores it.
+# Handles Ctrl-C also if the tests run in the background of a shell, which ignores the signal.
 SCRIPT = """
 import signal, sys
 from threading import Event
@@ -34,7 +34,7 @@ finally:
 
 @pytest.fixture
 def drone() -> Iterator[tuple[str, str]]:
-    """Its link and bus."""
+    """Addresses of the drone's link and bus."""
     with running_sitl("--speed", "10") as (_, mavlink_port, bus_port):
         yield f"udpout:127.0.0.1:{mavlink_port}", f"sitl://127.0.0.1:{bus_port}"
 

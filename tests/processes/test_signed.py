@@ -1,4 +1,4 @@
-"""What only real processes can prove of signing: key files, UDP, one who has not the key."""
+"""Tests signing with real processes: key files, UDP, and a sender without the key."""
 
 import json
 import os
@@ -48,6 +48,6 @@ def test_a_companion_without_the_key_hears_nobody(tmp_path: Path, key: Path) -> 
             capture_output=True,
             text=True,
         )
-    # what it says is refused, so that the vehicle does not even learn where to send to
+    # its messages are rejected, so the vehicle does not learn its address
     assert ended.returncode == 1
     assert "no autopilot of system 1" in ended.stdout

@@ -1,4 +1,4 @@
-"""What only real processes can prove: that the two meet over sockets alone, and end well."""
+"""Tests of both programs in separate processes, connected only by sockets."""
 
 import json
 import os
@@ -22,16 +22,16 @@ DEADLINE_S = 120
 
 
 def ask(mavlink_port: str, message: Any, system_id: int) -> float:
-    """What PARAM_VALUE the vehicle of that system answers."""
+    """The value in the PARAM_VALUE from the vehicle of that system id."""
     station = UdpTransport(f"udpout:127.0.0.1:{mavlink_port}", 255, 190)
     deadline_s = time.monotonic() + 10
     try:
         while time.monotonic() < deadline_s:
             station.send(message)
             station.await_datagrams(station.datagrams_received + 1, 0.5)
-            for told in station.receive():
-                if told.get_type() == "PARAM_VALUE" and told.get_srcSystem() == system_id:
-                    return float(told.param_value)
+            for answer in station.receive():
+                if answer.get_type() == "PARAM_VALUE" and answer.get_srcSystem() == system_id:
+                    return float(answer.param_value)
     finally:
         station.close()
     raise AssertionError("no PARAM_VALUE")
@@ -159,7 +159,7 @@ def test_a_port_in_use_is_one_line() -> None:
 
 
 def test_the_companions_process_loads_nothing_of_sitl(tmp_path: Path) -> None:
-    """Imports every module that the companion's process may use, then looks for sitl."""
+    """Imports every module that the companion's process may use, then checks for sitl."""
     code = (
         "import pkgutil, sys, companion\n"
         "for m in pkgutil.walk_packages(companion.__path__, 'companion.'):\n"

@@ -1,4 +1,4 @@
-"""Nothing that strangers send to its ports disturbs a flight."""
+"""Tests that datagrams from strangers do not disturb a flight."""
 
 import socket
 import threading
@@ -19,7 +19,7 @@ DEADLINE_S = 120
 
 
 class Strangers:
-    """Threads that send until they are stopped, about a thousand datagrams a second."""
+    """Threads that send about a thousand datagrams a second until stopped."""
 
     def __init__(self, udp_port: int, bus_port: int) -> None:
         self.frames = self.connections = 0
@@ -58,7 +58,7 @@ class Strangers:
 
 @pytest.mark.parametrize("waits", ["vehicle", "companion"])
 def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
-    """They throw at the side that waits for the other; the other's port nobody knows."""
+    """They send to the side that waits for the other; the other side's port is unknown to them."""
     truth, port = tmp_path / "truth.json", free_udp_port()
     kinds = {side: "udpin" if side == waits else "udpout" for side in ("vehicle", "companion")}
     link = ("--mavlink", f"{kinds['vehicle']}:127.0.0.1:{port}", "--bus-port", "0")

@@ -1,1 +1,1 @@
-"""What the emulated autopilot knows of its own motion, and tells of it."""
+"""The emulated autopilot's estimate of its own motion, and its reports."""

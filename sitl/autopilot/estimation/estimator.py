@@ -1,8 +1,8 @@
-"""The autopilot's own estimate of pose and velocity, without GPS. It drifts.
+"""The autopilot's own estimate of pose and velocity without GPS, with drift.
 
 true motion ─► optical flow (scale, noise, dropouts) ─► velocity ─► position
-true motion ─► inertial sensors, adrift ──────────────────┘  ▲        ▲
-pose from outside (ODOMETRY, VISION_...), where chosen ──────┴────────┘
+true motion ─► inertial sensors, with drift ──────────────┘  ▲        ▲
+external pose (ODOMETRY, VISION_...), if selected ───────────┴────────┘
 """
 
 import math
@@ -16,50 +16,56 @@ from sitl.core.noise import stream
 from sitl.core.truth import TrueState
 
 CONVERGES_S = 4.0
-"""After boot, until the attitude has settled."""
+"""Time from boot until the attitude has settled, s. Chosen."""
 WALK_STEPS = 10
+"""Steps between two draws of the errors."""
 WALK_S = 0.1
+"""Time between two draws of the errors, s."""
 HEIGHT_DRIFT_TIME_CONSTANT_S = 30.0
+"""Correlation time of the height drift, s. Chosen."""
 MIN_FLOW_HEIGHT_M = 0.2
+"""Lower bound of the height in the flow error, m. Chosen."""
 POSITION_GAIN, VELOCITY_GAIN, YAW_GAIN = 0.15, 0.1, 0.1
 VELOCITY_FROM_POSITION_1_S = 0.5
-"""How far one pose from outside pulls the estimate; at 50 Hz it follows within about 0.2 s."""
+"""Gains of one external pose. At 50 Hz the estimate follows within about 0.2 s."""
 FLOW_ONLY = Sources(flow=True)
 WOBBLE_S, WOBBLE_RAD_S = 1.0, 1.5
 VERTICAL_WOBBLE_S, VERTICAL_WOBBLE_RAD_S = 0.5, 2.5
-"""Correlation and swing of the velocity error; measured on PX4 1.17 in hover, horizontal and
-vertical."""
+"""Correlation time, s, and angular frequency, rad/s, of the velocity error.
+
+Measured on PX4 1.17 in hover, horizontal and vertical.
+"""
 HEADING_MOVES_S = 3.0
-"""From lift-off, until the heading has settled anew; measured on PX4 1.17."""
+"""Time from lift-off until the heading has settled again, s. Measured on PX4 1.17."""
 
 
 @dataclass(frozen=True, slots=True)
 class OdometryNoise:
-    """The reference noise, and what flow sensors suffer from besides; sigmas."""
+    """Reference noise, with further errors of flow sensors; standard deviations."""
 
     scale: float = 0.03
     step_m: float = 0.005
-    """On each axis, a step at 10 Hz."""
+    """Per axis, for each step at 10 Hz."""
     gyro_bias_rad_s: float = math.radians(0.1)
     gyro_scale: float = 0.02
     gyro_white_rad_s_sqrt_hz: float = math.radians(0.005)
-    """Of an ICM-42688 and the like, and what vibration adds,"""
+    """Noise of an ICM-42688 or similar, with vibration."""
     gyro_walk_rad_s_sqrt_s: float = math.radians(0.001)
-    """and how its bias wanders, which the autopilot does not notice without a compass."""
+    """Random walk of the gyro bias, unobservable for the autopilot without a compass."""
     compass_rad: float = math.radians(5.0)
     height_m: float = 0.01
     height_drift_m: float = 0.03
     flow_height_m: float = 0.005
-    """Error of the height by which flow is multiplied, redrawn at 10 Hz: worse when flying low."""
+    """Error of the height that scales the flow, redrawn at 10 Hz; larger effect when low."""
     flow_dropout: float = 0.002
-    """Chance, at 10 Hz, that the floor shows no texture and the last velocity is kept for 0.1 s."""
+    """Probability, at 10 Hz, of a floor without texture: the last velocity holds for 0.1 s."""
     inertial_m_s2: float = 0.02
-    """Drift of the velocity when nothing corrects it."""
+    """Velocity drift without correction."""
     estimate: float = 1.0
-    """Share of what the firmware's estimator adds (`wobble.py`)."""
+    """Factor on the errors of the firmware's estimator (`wobble.py`)."""
 
     def times(self, factor: float) -> "OdometryNoise":
-        """What drifts, so many times as large; how often flow is lost stays."""
+        """Noise with all drift multiplied by a factor; the rate of flow dropouts stays."""
         return replace(
             self,
             scale=factor * self.scale,
@@ -74,10 +80,11 @@ class OdometryNoise:
 
 
 REFERENCE_NOISE = OdometryNoise()
+"""Noise of all benchmarks, unless they vary it."""
 
 
 class AutopilotEstimator:
-    """Position, velocity and yaw as the autopilot believes them; its own NED from where it began.
+    """The autopilot's estimate of position, velocity and yaw, in its NED frame from its start.
 
     The control loops close on this estimate, so its errors become true motion.
     """
@@ -143,12 +150,12 @@ class AutopilotEstimator:
         return self._truth.time_s >= self._settles_at_s
 
     def restart(self) -> None:
-        """From where the vehicle is now, as after power-on."""
+        """Restart at the vehicle's current position, as after power-on."""
         self._settles_at_s = self._truth.time_s + CONVERGES_S
         self.position_ned_m = self.velocity_ned_m_s = (0.0, 0.0, 0.0)
 
     def jump(self, north_m: float, east_m: float, down_m: float, yaw_rad: float) -> None:
-        """A fault for tests: it believes to be elsewhere from one moment to the next."""
+        """A fault for tests: the estimate jumps."""
         x, y, _ = self.position_ned_m
         self.position_ned_m = (x + north_m, y + east_m, self.position_ned_m[2])
         self._drift_m += down_m
@@ -157,7 +164,7 @@ class AutopilotEstimator:
     def update(
         self, truth: TrueState, sources: Sources = FLOW_ONLY, pose: OutsidePose | None = None
     ) -> None:
-        """Take in one step of true motion, and what has come from outside."""
+        """Process one step of true motion and an external pose."""
         dt_s = truth.time_s - self._truth.time_s
         self._sources = sources
         moving = truth.position_ned_m[2] < self._floor
@@ -198,12 +205,12 @@ class AutopilotEstimator:
         return north + self._inertial_error[0], east + self._inertial_error[1]
 
     def _as_turned(self, truth: TrueState) -> tuple[float, float]:
-        """The true velocity in the estimated NED: to the body by one yaw, back by the other."""
+        """The true velocity in the estimated NED frame: rotated by the yaw error."""
         north, east, _ = truth.velocity_ned_m_s
         return frd_to_ned(north, east, self.yaw_rad - truth.yaw_rad)
 
     def _wander(self, truth: TrueState, *, moving: bool) -> None:
-        """What goes wrong ten times a second."""
+        """Draw the errors, ten times a second."""
         gauss, noise = self._random.gauss, self._noise
         if moving:
             x, y, down = self.position_ned_m
@@ -219,7 +226,7 @@ class AutopilotEstimator:
         self._drift_inertial(moving=moving)
 
     def _move_heading(self, now_s: float, dt_s: float) -> None:
-        """The heading is aligned anew in the air, whatever the gyro says."""
+        """The heading is realigned after lift-off, independent of the gyro."""
         self._lifted_s = now_s if self._lifted_s is None else self._lifted_s
         if now_s - self._lifted_s < HEADING_MOVES_S:
             self.yaw_rad = wrap_rad(self.yaw_rad + self._heading_moves_rad_s * dt_s)
@@ -244,7 +251,7 @@ class AutopilotEstimator:
         self._flow_held = self.velocity_ned_m_s[:2] if lost else None
 
     def _correct(self, pose: OutsidePose) -> None:
-        """Alpha-beta filter: position and velocity are pulled towards what is told."""
+        """Alpha-beta filter: correct position and velocity by an external pose."""
         sources = self._sources
         jumped = pose.reset_counter != self._reset_counter
         self._reset_counter = pose.reset_counter
@@ -268,7 +275,7 @@ class AutopilotEstimator:
         self._inertial_error = north + gain * off[0], east + gain * off[1]
 
     def to_true_frame(self, velocity_ned_m_s: Vector3) -> Vector3:
-        """The true velocity that its control loop ends at, for what it asks for by its estimate."""
+        """True velocity that the control loop reaches for a velocity in the estimated frame."""
         north, east, down = velocity_ned_m_s
         north += self._sway_ne[0].velocity_m_s
         east += self._sway_ne[1].velocity_m_s

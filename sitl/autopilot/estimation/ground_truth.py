@@ -1,7 +1,7 @@
-"""A vehicle's true state as a simulated autopilot tells it: SIM_STATE or HIL_STATE_QUATERNION.
+"""Encodes a vehicle's true state as a simulated autopilot sends it.
 
-Sent only by an autopilot that simulates its own flight (`sitl autopilot`), and read only by the
-simulator that gives it a world; never by a companion.
+The message is SIM_STATE or HIL_STATE_QUATERNION. Only an autopilot that simulates its own flight
+sends it (`sitl autopilot`). Only the simulator that provides its world reads it, never a companion.
 """
 
 import math
@@ -13,17 +13,17 @@ from sitl.autopilot.streams import Message
 from sitl.core.truth import TrueState
 
 EARTH_M_DEG = 111_319.49
-"""One degree of latitude, as ArduPilot takes it; of longitude, at the equator."""
+"""One degree of latitude, or of longitude at the equator, m. ArduPilot's constant."""
 
 Place = tuple[int, int, int]
-"""Latitude and longitude, degrees times 1e7; height above the sea, mm."""
+"""Latitude and longitude, degrees times 1e7; height above sea level, mm."""
 
 SIM_HOME: Place = (-353_632_621, 1_491_652_374, 584_000)
-"""Where simulated ArduPilots stand unless told otherwise: a model airfield near Canberra."""
+"""Default location of simulated ArduPilots: a model airfield near Canberra."""
 
 
 def place_at(home: Place, position_ned_m: Vector3) -> Place:
-    """The place that lies so far from home."""
+    """The place at an offset from home."""
     north, east, down = position_ned_m
     per_degree_east = EARTH_M_DEG * math.cos(math.radians(home[0] * 1e-7))
     return (
@@ -34,7 +34,7 @@ def place_at(home: Place, position_ned_m: Vector3) -> Place:
 
 
 def offset_ned_m(home: Place, place: Place) -> Vector3:
-    """How far a place lies from home."""
+    """The offset of a place from home, m."""
     per_degree_east = EARTH_M_DEG * math.cos(math.radians(home[0] * 1e-7))
     return (
         (place[0] - home[0]) * 1e-7 * EARTH_M_DEG,
@@ -44,7 +44,7 @@ def offset_ned_m(home: Place, place: Place) -> Vector3:
 
 
 def sim_state(truth: TrueState) -> Message:
-    """SIM_STATE (108) as ArduPilot sends it: the floats lat and lon are scaled by 1e7, too."""
+    """SIM_STATE (108) as ArduPilot sends it: the floats lat and lon are scaled by 1e7 too."""
     lat, lon, alt_mm = place_at(SIM_HOME, truth.position_ned_m)
     return mavlink.MAVLink_sim_state_message(
         *_quaternion_wxyz(truth),
@@ -83,7 +83,7 @@ def _quaternion_wxyz(truth: TrueState) -> tuple[float, float, float, float]:
 def quaternion_wxyz(
     roll_rad: float, pitch_rad: float, yaw_rad: float
 ) -> tuple[float, float, float, float]:
-    """Body to NED, from roll, pitch and yaw in aerospace order."""
+    """Quaternion from body to NED, from roll, pitch and yaw in aerospace order."""
     cr, sr = math.cos(roll_rad / 2), math.sin(roll_rad / 2)
     cp, sp = math.cos(pitch_rad / 2), math.sin(pitch_rad / 2)
     cy, sy = math.cos(yaw_rad / 2), math.sin(yaw_rad / 2)

@@ -1,4 +1,4 @@
-"""Where the vehicle thinks it is, out of its own sensors and of what it is told."""
+"""Combines the estimator with its inputs: the vehicle's sensors and external messages."""
 
 import math
 from dataclasses import replace
@@ -9,13 +9,13 @@ from sitl.autopilot.firmware import EmulatedFirmware, EstimatorHealth, Parameter
 from sitl.core.truth import TrueState
 
 SOURCES_STEPS = 10
-"""Parameters are looked up so often."""
+"""Steps between two reads of the parameters."""
 AT_REST_S = 1.0
-"""On the ground for longer, the vehicle is at rest (PX4, LandDetector.cpp)."""
+"""After this time on the ground the vehicle is at rest, s (PX4, LandDetector.cpp)."""
 
 
 class Navigation:
-    """The estimator with its sources as the parameters choose them."""
+    """The estimator with the sources that the parameters select."""
 
     def __init__(
         self,
@@ -37,7 +37,7 @@ class Navigation:
         self._flow_lost_s: float | None = None
         self._floor_m = start.position_ned_m[2]
         self._moved_s = -math.inf
-        """When it was last in the air."""
+        """Time at which the vehicle was last in the air, s."""
 
     def lose_flow(self, *, lost: bool) -> None:
         """A fault for tests: the floor shows no texture."""
@@ -45,12 +45,12 @@ class Navigation:
         self.sources = self._read_sources()
 
     def restart(self) -> None:
-        """As after power-on."""
+        """Reset as after power-on."""
         self.origin = None
         self.estimator.restart()
 
     def update(self, truth: TrueState) -> None:
-        """Take in one step of true motion."""
+        """Process one step of true motion."""
         if self._steps % SOURCES_STEPS == 0:
             self.sources = self._read_sources()
         self._steps += 1
@@ -65,7 +65,7 @@ class Navigation:
 
     @property
     def unaided_s(self) -> float:
-        """How long nothing has told it how it moves; infinite if nothing ever did."""
+        """Time without any motion input, s; infinite if there was none."""
         if self.sources.flow:
             return 0.0
         if self.sources.needs_outside:
@@ -96,6 +96,6 @@ class Navigation:
         )
 
     @property
-    def sees_outside(self) -> bool:
-        """SYS_STATUS calls it vision."""
+    def has_external_pose(self) -> bool:
+        """A recent external pose is available; SYS_STATUS calls this vision."""
         return math.isfinite(self.outside_age_s) and self.outside_age_s <= 1.0

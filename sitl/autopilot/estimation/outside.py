@@ -1,8 +1,8 @@
-"""What others tell the autopilot about the world, and how old that is.
+"""Stores the external messages that the autopilot receives, with their age.
 
 DISTANCE_SENSOR, OBSTACLE_DISTANCE ─────────────────────────► ranges by orientation
-ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE ──► a pose, as far as it is understood
-HEARTBEAT ──────────────────────────────────────────────────► who is there
+ODOMETRY, VISION_POSITION_ESTIMATE, VISION_SPEED_ESTIMATE ──► a pose, if accepted
+HEARTBEAT ──────────────────────────────────────────────────► ground station, companion
 """
 
 import math
@@ -16,28 +16,31 @@ from companion.core.values import value
 from sitl.autopilot.streams import Message
 
 RANGE_TIMEOUT_S = 0.5
+"""Ranges older than this are dropped, s. Measured on ArduCopter 4.6.3."""
 AROUND = (0, 1, 2, 3, 4, 5, 6, 7, 24)
 """MAV_SENSOR_ORIENTATION of proximity sensors: eight around in steps of 45°, and up."""
 DOWN = 25
+"""MAV_SENSOR_ORIENTATION of a downward sensor."""
 NEVER = -math.inf
 FARTHEST = 1e5
+"""Components of a pose beyond this are rejected, m or m/s. Chosen: beyond any building."""
 
 
 @value
 class PoseMessages:
-    """Which of the messages about the vehicle's pose an autopilot understands."""
+    """Pose messages that an autopilot accepts."""
 
     odometry_frames: tuple[int, ...]
-    """MAV_FRAME of ODOMETRY (331)."""
+    """Accepted MAV_FRAMEs of ODOMETRY (331)."""
     estimator_types: tuple[int, ...] | None = None
-    """MAV_ESTIMATOR_TYPE of ODOMETRY; None: it does not look."""
+    """Accepted MAV_ESTIMATOR_TYPEs of ODOMETRY; None accepts all."""
     takes_vision_speed: bool = True
-    """VISION_SPEED_ESTIMATE (103)."""
+    """VISION_SPEED_ESTIMATE (103) is accepted."""
 
 
 @value
 class OutsidePose:
-    """Where somebody else thinks the vehicle is; None: not told. NED, m, m/s, yaw from north."""
+    """An external pose estimate: NED, m, m/s, yaw from north; None if not reported."""
 
     position_ned_m: Vector3 | None = None
     velocity_ned_m_s: Vector3 | None = None
@@ -46,50 +49,52 @@ class OutsidePose:
 
 
 class Outside:
-    """The latest of everything; time is an argument."""
+    """The latest external messages. Time is an argument."""
 
     def __init__(self, understood: PoseMessages) -> None:
         self._understood = understood
         self.ranges: dict[int, tuple[float, Message]] = {}
-        """By orientation: when it came, and DISTANCE_SENSOR (132)."""
+        """Time of arrival, s, and DISTANCE_SENSOR (132), by orientation."""
         self._obstacles_s = NEVER
         self._pose: OutsidePose | None = None
         self._pose_s = NEVER
         self._ground_station_s = self._onboard_computer_s = NEVER
 
-    def hear(self, message: Message, now_s: float) -> str:
-        """Take in a message; what is none of the above changes nothing. The complaint, if any."""
+    def receive(self, message: Message, now_s: float) -> str:
+        """Store a message; ignore other types. Return the complaint to send, if any."""
         match message.get_type():
             case "DISTANCE_SENSOR":
                 self.ranges[message.orientation] = now_s, message
             case "OBSTACLE_DISTANCE":
                 self._obstacles_s = now_s
             case "VISION_POSITION_ESTIMATE":
-                self._see(_position_estimate(message), now_s)
+                self._store_pose(_position_estimate(message), now_s)
             case "VISION_SPEED_ESTIMATE" if self._understood.takes_vision_speed:
-                self._see(OutsidePose(None, _finite((message.x, message.y, message.z))), now_s)
+                self._store_pose(
+                    OutsidePose(None, _finite((message.x, message.y, message.z))), now_s
+                )
             case "ODOMETRY":
-                return self._hear_odometry(message, now_s)
+                return self._receive_odometry(message, now_s)
             case "HEARTBEAT":
-                self._meet(message, now_s)
+                self._store_heartbeat(message, now_s)
         return ""
 
-    def _hear_odometry(self, message: Message, now_s: float) -> str:
+    def _receive_odometry(self, message: Message, now_s: float) -> str:
         types = self._understood.estimator_types
         if types is not None and message.estimator_type not in types:
             return f"ODOMETRY: estimator_type {message.estimator_type} unsupported"
         if message.frame_id in self._understood.odometry_frames:
-            self._see(_odometry(message), now_s)
+            self._store_pose(_odometry(message), now_s)
         return ""
 
-    def _meet(self, message: Message, now_s: float) -> None:
+    def _store_heartbeat(self, message: Message, now_s: float) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
             self._ground_station_s = now_s
         elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
             self._onboard_computer_s = now_s
 
-    def _see(self, pose: OutsidePose | None, now_s: float) -> None:
-        """Position and velocity of one moment may come in two messages."""
+    def _store_pose(self, pose: OutsidePose | None, now_s: float) -> None:
+        """Store a pose. Position and velocity of one moment may come in two messages."""
         if pose is None or pose == OutsidePose(reset_counter=pose.reset_counter):
             return
         if self._pose is not None and pose.position_ned_m is None:
@@ -99,7 +104,7 @@ class Outside:
         self._pose, self._pose_s = pose, now_s
 
     def take_pose(self) -> OutsidePose | None:
-        """What has come since the last call."""
+        """The pose received since the last call, if any."""
         pose, self._pose = self._pose, None
         return pose
 
@@ -120,21 +125,23 @@ class Outside:
         return fresh or now_s - self._obstacles_s <= RANGE_TIMEOUT_S
 
     def fresh_ranges(self, now_s: float) -> dict[int, Message]:
-        """By orientation, those not older than 0.5 s."""
+        """Ranges not older than 0.5 s, by orientation."""
         return {message.orientation: message for _, message in self.fresh(now_s)}
 
     def fresh(self, now_s: float) -> list[tuple[float, Message]]:
-        """The same, each with the time of its arrival."""
-        return [told for told in self.ranges.values() if now_s - told[0] <= RANGE_TIMEOUT_S]
+        """Ranges not older than 0.5 s, each with its time of arrival."""
+        return [
+            received for received in self.ranges.values() if now_s - received[0] <= RANGE_TIMEOUT_S
+        ]
 
 
 def _finite(vector: tuple[float, float, float]) -> Vector3 | None:
-    """None for what is no vector, or beyond any building."""
+    """The vector, or None if it is not finite or too large."""
     return vector if all(abs(value) <= FARTHEST for value in vector) else None  # false for NaN too
 
 
 def _position_estimate(message: Message) -> OutsidePose:
-    """VISION_POSITION_ESTIMATE (102): NED."""
+    """Decode VISION_POSITION_ESTIMATE (102): NED."""
     return OutsidePose(
         _finite((message.x, message.y, message.z)),
         None,
@@ -144,7 +151,7 @@ def _position_estimate(message: Message) -> OutsidePose:
 
 
 def _odometry(message: Message) -> OutsidePose | None:
-    """ODOMETRY (331): pose in a local frame, velocity in the body's."""
+    """Decode ODOMETRY (331): pose in a local frame, velocity in the body frame."""
     if message.child_frame_id != mavlink.MAV_FRAME_BODY_FRD or message.quality < 0:
         return None
     yaw_rad = _yaw(message.q)
@@ -157,7 +164,7 @@ def _odometry(message: Message) -> OutsidePose | None:
 
 
 def rotated(quaternion_wxyz: Sequence[float], vector_frd: Vector3) -> Vector3:
-    """From the body's frame to the one that the quaternion is told in."""
+    """Rotate from the body frame to the quaternion's reference frame."""
     w, *axis = quaternion_wxyz
     once = _cross(axis, vector_frd)
     twice = _cross(axis, once)

@@ -1,4 +1,4 @@
-"""What an autopilot tells of sensors of its own: its gyro, and rangefinders connected to it."""
+"""Builds the messages of the autopilot's own sensors: its gyro and connected rangefinders."""
 
 import math
 from collections.abc import Mapping
@@ -15,12 +15,14 @@ from sitl.sensors.time_of_flight import TofUnit
 BIAS_RAD_S = math.radians(0.1)
 SCALE = 0.005
 NOISE_RAD_S = math.radians(0.05)
-"""Of the gyro, assumed: better than ours, and calibrated at boot."""
+"""Standard deviations of the gyro's errors. Assumed: better than the companion's gyro, and
+calibrated at boot."""
 MAX_CM = 65535
+"""Largest distance in DISTANCE_SENSOR (132), cm."""
 
 
 class Imu:
-    """The yaw rate as it is told; every message is a measurement of its own."""
+    """The autopilot's gyro, yaw rate only. Every message is a new measurement."""
 
     def __init__(self, random: Random) -> None:
         self._random = random
@@ -29,16 +31,16 @@ class Imu:
 
     def scaled(self, boot_ms: int, yaw_rate_rad_s: float) -> Message:
         """SCALED_IMU (26): mrad/s."""
-        told = round(1000 * self._measured_rad_s(yaw_rate_rad_s))
+        measured = round(1000 * self._measured_rad_s(yaw_rate_rad_s))
         return mavlink.MAVLink_scaled_imu_message(
-            boot_ms, *(0, 0, -1000), *(0, 0, told), *(0, 0, 0)
+            boot_ms, *(0, 0, -1000), *(0, 0, measured), *(0, 0, 0)
         )
 
     def highres(self, boot_us: int, yaw_rate_rad_s: float) -> Message:
         """HIGHRES_IMU (105): only accelerometer and gyro are updated."""
-        told = self._measured_rad_s(yaw_rate_rad_s)
+        measured = self._measured_rad_s(yaw_rate_rad_s)
         return mavlink.MAVLink_highres_imu_message(
-            boot_us, *(0, 0, -9.81), *(0, 0, told), *(0, 0, 0), *(0, 0, 0, 0), 0x3F
+            boot_us, *(0, 0, -9.81), *(0, 0, measured), *(0, 0, 0), *(0, 0, 0, 0), 0x3F
         )
 
     def _measured_rad_s(self, yaw_rate_rad_s: float) -> float:
@@ -49,7 +51,7 @@ class Imu:
 def rangefinder_messages(
     rangefinders: Mapping[Beam, tuple[TofUnit, AutopilotRange]], boot_ms: int
 ) -> list[Message]:
-    """DISTANCE_SENSOR (132) of each that is plugged in; a distance beyond its range means none."""
+    """DISTANCE_SENSOR (132) of each connected sensor; without a return, beyond the range."""
     orientations = {beam: orientation for orientation, beam in ORIENTATIONS.items()}
     messages = []
     for number, (beam, (unit, sensor)) in enumerate(rangefinders.items()):

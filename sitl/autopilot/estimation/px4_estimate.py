@@ -1,4 +1,4 @@
-"""What PX4 tells of its estimator, as Ekf::get_ekf_soln_status() has it."""
+"""Builds PX4's estimator status flags, as Ekf::get_ekf_soln_status() does."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -11,9 +11,9 @@ SETTLED: int = (
     | mavlink.ESTIMATOR_POS_VERT_AGL
 )
 POSITION: int = mavlink.ESTIMATOR_VELOCITY_HORIZ | mavlink.ESTIMATOR_POS_HORIZ_REL
-"""Of a position, one does not come without the other."""
+"""Flags of a position; they are set together."""
 AT_REST: int = mavlink.ESTIMATOR_CONST_POS_MODE
-"""Since 1.16 that bit also says that the vehicle stands, however good its position is."""
+"""Since 1.16 this bit also means that the vehicle is at rest, whatever its position accuracy."""
 
 
 def estimator_flags(health: EstimatorHealth) -> int:

@@ -1,11 +1,11 @@
-"""The vehicle's parameters in a file, as ground stations write them, kept up to date.
+"""Reads and updates a parameter file in the formats of the ground stations.
 
-    GUID_TIMEOUT 0.5                  Mission Planner, MAVProxy: a blank or a comma between
+    GUID_TIMEOUT 0.5                  Mission Planner, MAVProxy: separated by a blank or a comma
     1 <tab> 1 <tab> GUID_TIMEOUT <tab> 0.5 <tab> 9
                                       QGroundControl: vehicle, component, name, value, type
 
-What follows a # is a comment. A parameter that is set replaces its value in the file, or is added
-at the end; all else in the file stays as it is.
+A # starts a comment. Setting a parameter replaces its value in the file or appends a line; all
+other lines stay as they are.
 """
 
 import math
@@ -20,14 +20,14 @@ from companion.core.textfile import NotTextError, read_text
 from sitl.autopilot.parameters.table import ParameterError, Table, named
 
 LINE = re.compile(r"(\s*(?:\d+\s+\d+\s+)?(\w+)(?:\s*,\s*|\s+))([^\s,#]+)((?:\s+\d+)?\s*(?:#.*)?)")
-"""Everything before the value, in it the name; the value; everything after it."""
+"""Groups: all before the value, within it the name; the value; all after it."""
 
 
 class ParameterFile:
     """One file; `keep` is a `ParameterWatch`.
 
     Raises:
-        ParameterError: a line, named with its number, that cannot be used; or the file itself.
+        ParameterError: the file, or a line given with its number, cannot be used.
     """
 
     def __init__(self, path: Path, table: Table) -> None:
@@ -40,7 +40,7 @@ class ParameterFile:
                 self._take(line, number, table)
 
     def keep(self, name: str, value: float) -> None:
-        """Write one value through."""
+        """Write one value to the file."""
         if self.values.get(name) == value:
             return
         self.values[name] = value
@@ -73,7 +73,7 @@ class ParameterFile:
         self._line_of[name] = number
 
     def _write(self) -> None:
-        """Whole or not at all: a new file takes the old one's place once it is on the disk."""
+        """Write atomically: a new file replaces the old one once it is on the disk."""
         new = self._path.with_name(f"{self._path.name}.new")
         try:
             with new.open("w", encoding="utf-8") as file:
@@ -86,10 +86,10 @@ class ParameterFile:
 
 
 def parse_assignments(texts: Iterable[str], table: Table) -> dict[str, float]:
-    """NAME=VALUE, as on a command line.
+    """Parse NAME=VALUE, as on a command line.
 
     Raises:
-        ParameterError: one line that says what to mend.
+        ParameterError: a text is malformed or its parameter unknown.
     """
     values = {}
     for text in texts:
@@ -129,7 +129,7 @@ def _number(name: str, text: str) -> float:
 
 
 def _shown(value: float) -> str:
-    """The shortest text that means this value: integers whole, others as single floats."""
+    """The shortest text for this value: integers without decimals, others as single floats."""
     if value.is_integer():
         return str(int(value))
     return np.format_float_positional(np.float32(value), trim="-")

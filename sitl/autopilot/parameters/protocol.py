@@ -1,4 +1,4 @@
-"""The parameter protocol: what the autopilots have in common.
+"""The common part of the autopilots' parameter protocols.
 
 PARAM_SET ──► set ──► values ──► PARAM_VALUE
 PARAM_REQUEST_READ ──► read ──┘
@@ -16,17 +16,17 @@ from sitl.autopilot.parameters.table import Parameter, Table
 from sitl.autopilot.streams import Message
 
 NO_INDEX = 65535
-"""param_index of an answer that is not part of a list: -1, unsigned."""
+"""param_index of a response that is not part of a list: -1, unsigned."""
 
 ParameterWatch = Callable[[str, float], None]
-"""Told the name and value of every parameter that is set."""
+"""Called with the name and value of every parameter that is set."""
 
 
 class Parameters(ABC):
-    """Values by name; how they travel and who is refused is the autopilot's own."""
+    """Values by name; encoding and validation differ between the autopilots."""
 
     listed_per_step: ClassVar[int]
-    """How much of a list goes out in 10 ms."""
+    """Parameters of a list that are sent every 10 ms."""
 
     def __init__(self, table: Table, values: dict[str, float], watch: ParameterWatch) -> None:
         self.values = values
@@ -36,7 +36,7 @@ class Parameters(ABC):
         self._to_list: deque[str] = deque()
 
     def set(self, message: Message) -> list[Message]:
-        """PARAM_SET (23); what is not taken is not answered."""
+        """PARAM_SET (23). A rejected value has no response."""
         parameter = self._table.get(message.param_id)
         value = self._taken(parameter, message) if parameter else None
         if parameter is None or value is None:
@@ -46,7 +46,7 @@ class Parameters(ABC):
         return [self._answer(parameter.name)]
 
     def read(self, message: Message) -> list[Message]:
-        """PARAM_REQUEST_READ (20), by index or, if that is -1, by name; silence if unknown."""
+        """PARAM_REQUEST_READ (20) by index or, if that is -1, by name; no response if unknown."""
         names = list(self._table)
         if 0 <= message.param_index < len(names):
             return [self._value_message(names[message.param_index], message.param_index)]
@@ -55,7 +55,7 @@ class Parameters(ABC):
         return []
 
     def begin_list(self) -> None:
-        """PARAM_REQUEST_LIST (21): from the beginning, whatever was being listed."""
+        """PARAM_REQUEST_LIST (21): start from the beginning, also during a list."""
         self._to_list = deque(self._table)
 
     @property
@@ -63,7 +63,7 @@ class Parameters(ABC):
         return bool(self._to_list)
 
     def due(self) -> list[Message]:
-        """What of a list this step sends."""
+        """This step's part of the list."""
         count = min(self.listed_per_step, len(self._to_list))
         names = [self._to_list.popleft() for _ in range(count)]
         return [self._value_message(name, self._index.get(name, NO_INDEX)) for name in names]
@@ -78,12 +78,12 @@ class Parameters(ABC):
 
     @abstractmethod
     def _taken(self, parameter: Parameter, message: Message) -> float | None:
-        """What PARAM_SET makes of the parameter; None if it is refused."""
+        """The new value after PARAM_SET; None if rejected."""
 
     @abstractmethod
     def _wire(self, value: float, kind: int) -> float:
-        """The value as it stands in a message's float."""
+        """The value as encoded in a message's float."""
 
     @abstractmethod
     def _answer(self, name: str) -> Message:
-        """PARAM_VALUE for who set it or asked for it by name."""
+        """PARAM_VALUE after a set, or a read by name."""

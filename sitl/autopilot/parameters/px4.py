@@ -1,4 +1,4 @@
-"""PX4's parameter protocol: integers travel as their bytes, and only the true type is taken."""
+"""PX4's parameter protocol: integers travel as bytes, and only the true type is accepted."""
 
 import math
 import struct
@@ -12,18 +12,18 @@ from sitl.autopilot.parameters.table import Parameter
 from sitl.autopilot.streams import Message
 
 HASH = "_HASH_CHECK"
-"""Read like a parameter: tells a ground station whether the values that it has kept are good."""
+"""Read like a parameter: a ground station compares this hash with that of its cached values."""
 ALL_BITS = 0xFFFFFFFF
 
 
 class Px4Parameters(Parameters):
-    """As in mavlink_parameters.cpp of PX4 1.17."""
+    """Protocol as in mavlink_parameters.cpp of PX4 1.17."""
 
     listed_per_step = 20
-    """So many at once over UDP, every 10 ms."""
+    """Parameters per 10 ms over UDP (PX4's source)."""
 
     def set(self, message: Message) -> list[Message]:
-        """PARAM_SET (23); of the hash: the ground station needs no list."""
+        """PARAM_SET (23). Setting the hash means that the ground station needs no list."""
         if message.param_id == HASH:
             if self.values["MAV_HASH_CHK_EN"]:
                 self._to_list.clear()
@@ -31,13 +31,13 @@ class Px4Parameters(Parameters):
         return super().set(message)
 
     def read(self, message: Message) -> list[Message]:
-        """PARAM_REQUEST_READ (20), of the hash too."""
+        """PARAM_REQUEST_READ (20), also of the hash."""
         if message.param_index == -1 and message.param_id == HASH:
             return [self._value_message(HASH, NO_INDEX)]
         return super().read(message)
 
     def begin_list(self) -> None:
-        """PARAM_REQUEST_LIST (21): the hash goes first, unless a list is begun again."""
+        """PARAM_REQUEST_LIST (21): the hash is sent first, unless a running list is restarted."""
         first = [] if self._to_list else [HASH]
         self._to_list = deque([*first, *self._table])
 
@@ -50,14 +50,14 @@ class Px4Parameters(Parameters):
         )
 
     def _taken(self, parameter: Parameter, message: Message) -> float | None:
-        """A wrong type is not answered."""
+        """The new value; None for a wrong type, which has no response."""
         if message.param_type != parameter.kind:
             return None
         value: float = message.param_value
         if parameter.kind == mavlink.MAV_PARAM_TYPE_INT32:
             (value,) = struct.unpack("<i", struct.pack("<f", value))
             return float(value)
-        # PX4 would store what is not a number too; nobody could fly that vehicle any more
+        # PX4 would also store values that are not finite, but that vehicle could not fly
         return value if math.isfinite(value) else None
 
     def _wire(self, value: float, kind: int) -> float:

@@ -1,4 +1,4 @@
-"""The parameters of a firmware: names, types, defaults and documented ranges, from data files."""
+"""Reads a firmware's parameters from data files: names, types, defaults, documented ranges."""
 
 import csv
 import difflib
@@ -20,28 +20,28 @@ INTEGER_BITS = {
 }
 MAX_REAL32 = 3.4028234663852886e38
 NUDGE = 0.01
-"""How much ArduPilot adds before it cuts the decimals off, against 2.9999999."""
+"""ArduPilot adds this before it truncates the decimals, against 2.9999999."""
 
 
 class ParameterError(SitlError):
-    """A parameter that cannot be used."""
+    """A parameter is unknown or its value unusable."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """One parameter."""
+    """One parameter of a firmware."""
 
     name: str
     kind: int
     """MAV_PARAM_TYPE."""
     default: float
-    """The firmware's."""
+    """The firmware's default."""
     least: float
     most: float
-    """The documented range, infinite where there is none; no autopilot holds anyone to it."""
+    """The documented range, infinite if there is none. No autopilot enforces it."""
 
     def fitted(self, value: float) -> float:
-        """The nearest value that the type can hold, in the way of ArduPilot's `set_float`."""
+        """The nearest value that the type can hold, as in ArduPilot's `set_float`."""
         bits = INTEGER_BITS.get(self.kind)
         if bits is None:
             (held,) = struct.unpack("<f", struct.pack("<f", _clamped(value, MAX_REAL32)))
@@ -51,12 +51,12 @@ class Parameter:
 
 
 Table = Mapping[str, Parameter]
-"""By name, in the order in which they are listed."""
+"""Parameters by name, in list order."""
 
 
 @cache
 def load_table(firmware: str) -> Table:
-    """Those of "ardupilot" or "px4"."""
+    """The table of firmware "ardupilot" or "px4"."""
     file = resources.files("sitl.autopilot.parameters") / f"{firmware}.csv"
     rows = csv.DictReader(file.read_text(encoding="utf-8").splitlines())
     return {row["name"]: _parameter(row) for row in rows}
@@ -66,7 +66,7 @@ def named(table: Table, name: str) -> Parameter:
     """The parameter of that name.
 
     Raises:
-        ParameterError: there is none; the line names what is meant, if that can be guessed.
+        ParameterError: there is none; the text suggests similar names.
     """
     if name in table:
         return table[name]
@@ -76,10 +76,10 @@ def named(table: Table, name: str) -> Parameter:
 
 
 def initial_values(table: Table, values: Mapping[str, float]) -> dict[str, float]:
-    """What every parameter holds at the start: the given value, else its default.
+    """Every parameter's value at the start: the given value or the default.
 
     Raises:
-        ParameterError: a value is given for a name that the table does not have.
+        ParameterError: a given name is not in the table.
     """
     given = {name: named(table, name).fitted(value) for name, value in values.items()}
     return {name: p.fitted(p.default) for name, p in table.items()} | given

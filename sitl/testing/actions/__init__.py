@@ -1,1 +1,1 @@
-"""What can be done to a simulation: faults, the pilot, people; one module a kind."""
+"""Actions on a simulation: faults, pilot, people; one module per kind."""

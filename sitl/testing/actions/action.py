@@ -1,4 +1,4 @@
-"""Something done to the simulation, and how it is undone."""
+"""Defines an action on the simulation and its reversal."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ Switch = Callable[[Simulation], None]
 
 
 def _for_good(simulation: Simulation) -> None:
-    """It is never taken back."""
+    """Do nothing: the action is permanent."""
 
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """Something done to the simulation, and how it is undone after a while, if it is."""
+    """An action on the simulation; `undo` reverses it after `for_s`, if given."""
 
     begin: Switch
     undo: Switch = _for_good

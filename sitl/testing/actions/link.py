@@ -1,4 +1,4 @@
-"""Faults of the link."""
+"""Faults of the MAVLink connection."""
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
@@ -7,7 +7,7 @@ from sitl.simulation.simulation import Simulation
 from sitl.testing.actions.action import Action
 
 GROUND_STATION = 255
-"""The system id of most."""
+"""System id of most ground stations."""
 
 
 def bad_link(
@@ -17,7 +17,7 @@ def bad_link(
     jitter_s: float = 0.0,
     for_s: float | None = None,
 ) -> Action:
-    """MAVLink suffers in both directions: shares of all messages, and the most they are late."""
+    """Disturb MAVLink in both directions: shares of all messages, and the largest delay."""
     troubles = Troubles(loss, duplicates, reordering, jitter_s)
     return Action(
         lambda simulation: simulation.disturb_link(troubles),
@@ -27,12 +27,12 @@ def bad_link(
 
 
 def link_down(for_s: float | None = None) -> Action:
-    """MAVLink is lost in both directions."""
+    """Lose all MAVLink messages in both directions."""
     return bad_link(loss=1.0, for_s=for_s)
 
 
 def other_rates(message: str, rate_hz: float) -> Action:
-    """A ground station on the companion's link asks for a message at its own rate; 0 stops it."""
+    """A ground station on the companion's link sets its own rate of a message; 0 stops it."""
     ids = {kind.msgname: number for number, kind in mavlink.mavlink_map.items()}
     if message not in ids:
         raise ValueError(f"no message {message!r} in MAVLink; as in 'ATTITUDE'")

@@ -9,7 +9,7 @@ from sitl.testing.actions.action import Action, Switch
 
 
 def break_bus(for_s: float | None = None) -> Action:
-    """No sensor answers."""
+    """No sensor responds."""
 
     def switch(*, broken: bool) -> Switch:
         def turn(simulation: Simulation) -> None:
@@ -21,7 +21,7 @@ def break_bus(for_s: float | None = None) -> Action:
 
 
 def hang_bus(transfer_s: float = 1.0, for_s: float | None = None) -> Action:
-    """Every transfer on the sensors' wires is given up only after so long, as by the kernel."""
+    """Every transfer on the sensors' wires times out after `transfer_s`, as in a kernel."""
 
     def switch(hangs_s: float) -> Switch:
         def turn(simulation: Simulation) -> None:
@@ -33,7 +33,7 @@ def hang_bus(transfer_s: float = 1.0, for_s: float | None = None) -> Action:
 
 
 def dead_adc(for_s: float | None = None) -> Action:
-    """The chips of the range sensors do not answer; the gyro does."""
+    """The chips of the range sensors do not respond; the gyro does."""
 
     def die(simulation: Simulation) -> None:
         simulation.board.bus.dead_addresses |= simulation.board.adc_addresses
@@ -45,10 +45,10 @@ def dead_adc(for_s: float | None = None) -> Action:
 
 
 def unplug(beam: str, for_s: float | None = None, memory: float = USUAL_MEMORY) -> Action:
-    """A range sensor loses its plug: "front", "left", "right", "up" or "down".
+    """Unplug a range sensor: "front", "left", "right", "up" or "down".
 
-    At an ADC its input is open then, and shows the share `memory` of what the chip has converted
-    before: with 0.9 it looks like a distance.
+    An ADC's open input keeps the share `memory` of the chip's previous conversion. With 0.9 the
+    voltage looks like a distance.
     """
     _check(beam)
     return Action(
@@ -59,7 +59,7 @@ def unplug(beam: str, for_s: float | None = None, memory: float = USUAL_MEMORY) 
 
 
 def stick(beam: str, for_s: float | None = None) -> Action:
-    """A range sensor tells its last measurement again and again."""
+    """A range sensor repeats its last measurement."""
     _check(beam)
     return Action(
         lambda simulation: simulation.board.stick(beam, stuck=True),
@@ -69,7 +69,7 @@ def stick(beam: str, for_s: float | None = None) -> Action:
 
 
 def noisy(beam: str, times: float = 10.0, for_s: float | None = None) -> Action:
-    """A range sensor has so many times its noise."""
+    """Multiply a range sensor's noise by a factor."""
     _check(beam)
     return Action(
         lambda simulation: simulation.board.set_noise(beam, times),
@@ -79,14 +79,14 @@ def noisy(beam: str, times: float = 10.0, for_s: float | None = None) -> Action:
 
 
 def swap(one: str, other: str) -> Action:
-    """Two range sensors look where the other one should."""
+    """Swap the directions of two range sensors."""
     _check(one)
     _check(other)
     return Action(lambda simulation: simulation.board.swap(one, other))
 
 
 def dead_gyro(for_s: float | None = None) -> Action:
-    """The gyro does not answer; the range sensors do."""
+    """The gyro does not respond; the range sensors do."""
 
     def die(simulation: Simulation) -> None:
         simulation.board.bus.dead_addresses.add(simulation.board.gyro_address)
@@ -98,7 +98,7 @@ def dead_gyro(for_s: float | None = None) -> Action:
 
 
 def saturate_gyro(for_s: float | None = None) -> Action:
-    """The gyro reads as much as it can."""
+    """The gyro reads its full scale."""
 
     def switch(*, saturated: bool) -> Switch:
         def turn(simulation: Simulation) -> None:
@@ -110,7 +110,7 @@ def saturate_gyro(for_s: float | None = None) -> Action:
 
 
 def bias_gyro(deg_s: float, for_s: float | None = None) -> Action:
-    """The gyro reads so much more than before."""
+    """Add a bias to the gyro's readings."""
 
     def switch(rad_s: float) -> Switch:
         def turn(simulation: Simulation) -> None:

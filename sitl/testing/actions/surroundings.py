@@ -1,4 +1,4 @@
-"""People, gusts, and a computer that has no time."""
+"""People, wind, and an overloaded companion computer."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from sitl.testing.actions.action import Action
 
 
 def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None = None) -> Action:
-    """People stand at these places: north, east and height, metres, of head and shoulders."""
+    """People stand at these places: north, east, and height of head and shoulders, m."""
     bodies = [(north_m, east_m, -height_m) for north_m, east_m, height_m in places]
 
     def come(simulation: Simulation) -> None:
@@ -22,7 +22,7 @@ def somebody(places: Sequence[tuple[float, float, float]], for_s: float | None =
 
 
 def somebody_near(forward_m: float, right_m: float = 0.0, for_s: float | None = None) -> Action:
-    """Somebody steps up, so far ahead and to the right of the drone's centre, and stands there."""
+    """A person appears at this offset from the drone's centre, at its height, and stays there."""
     bodies: list[Vector3] = []
 
     def come(simulation: Simulation) -> None:
@@ -40,7 +40,7 @@ def somebody_near(forward_m: float, right_m: float = 0.0, for_s: float | None = 
 
 
 def gust(north_m_s: float, east_m_s: float, for_s: float | None = None) -> Action:
-    """The air carries the drone along."""
+    """Wind moves the drone."""
     return Action(
         lambda simulation: simulation.autopilot.blow(north_m_s, east_m_s),
         lambda simulation: simulation.autopilot.blow(0.0, 0.0),
@@ -49,7 +49,7 @@ def gust(north_m_s: float, east_m_s: float, for_s: float | None = None) -> Actio
 
 
 def hang(for_s: float) -> Action:
-    """The companion does nothing for so long, then goes on."""
+    """The companion stops for this time, s, then continues."""
 
     def stop(simulation: Simulation) -> None:
         simulation.companion_hangs_until_s = simulation.time_s + for_s
@@ -64,10 +64,10 @@ def starve(
     *,
     between_reads: bool = False,
 ) -> Action:
-    """The companion's computer has no time: each tick is late by a time between these.
+    """Overload the companion's computer: each tick is late by a random time between the limits.
 
-    `between_reads`: it stands still within ticks instead, now and then, so that link, gyro and
-    range sensors are read at different times.
+    With `between_reads`, it pauses within ticks instead, at random. Link, gyro and range sensors
+    are then read at different times.
     """
     return Action(
         lambda simulation: simulation.starvation.begin(

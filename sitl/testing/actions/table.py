@@ -1,4 +1,4 @@
-"""All actions by name."""
+"""Lists all actions by name."""
 
 from collections.abc import Callable, Mapping
 from types import MappingProxyType
@@ -57,4 +57,4 @@ ACTIONS: Mapping[str, Callable[..., Action]] = MappingProxyType(
         )
     }
 )
-"""All of them by name."""
+"""All actions by name, for mission files."""

@@ -1,4 +1,4 @@
-"""Faults of the autopilot, and what a pilot does."""
+"""Faults of the autopilot, and actions of the pilot."""
 
 import math
 from collections.abc import Sequence
@@ -13,32 +13,32 @@ from sitl.testing.actions.action import Action
 
 
 def crash(reason: str = "test") -> Action:
-    """The autopilot disarms as after hitting something."""
+    """The autopilot disarms as after a collision."""
     return Action(lambda simulation: simulation.autopilot.crash(reason))
 
 
 def restart_autopilot() -> Action:
-    """The autopilot reboots: silent for 1.5 s, its motors off, then in its first mode."""
+    """The autopilot reboots: silent for 1.5 s, motors off, then in its boot mode."""
     return Action(lambda simulation: simulation.autopilot.restart())
 
 
 def jump_clock(seconds: float) -> Action:
-    """The autopilot's time since boot leaps, forward or back."""
+    """The autopilot's time since boot jumps forward or back."""
     return Action(lambda simulation: simulation.autopilot.jump_clock(seconds))
 
 
 def jump_odometry(
     north_m: float = 0.0, east_m: float = 0.0, down_m: float = 0.0, yaw_deg: float = 0.0
 ) -> Action:
-    """The autopilot's estimate is elsewhere from one moment to the next."""
+    """The autopilot's estimate jumps."""
     yaw_rad = math.radians(yaw_deg)
     return Action(
-        lambda simulation: simulation.autopilot.believed.jump(north_m, east_m, down_m, yaw_rad)
+        lambda simulation: simulation.autopilot.estimate.jump(north_m, east_m, down_m, yaw_rad)
     )
 
 
 def lose_flow(for_s: float | None = None) -> Action:
-    """The floor shows no texture: the autopilot has no position, and lands after some seconds."""
+    """The floor has no texture: the autopilot loses its position and lands after some seconds."""
     return Action(
         lambda simulation: simulation.autopilot.lose_flow(lost=True),
         lambda simulation: simulation.autopilot.lose_flow(lost=False),
@@ -47,12 +47,12 @@ def lose_flow(for_s: float | None = None) -> Action:
 
 
 def battery(percent: float) -> Action:
-    """So much is left from now on."""
+    """Set the remaining charge."""
     return Action(lambda simulation: simulation.autopilot.set_battery(percent / 100))
 
 
 def refuse_arming(for_s: float | None = None) -> Action:
-    """The autopilot's own checks complain."""
+    """The autopilot's own checks reject arming."""
     return Action(
         lambda simulation: simulation.autopilot.refuse_arming(refuse=True),
         lambda simulation: simulation.autopilot.refuse_arming(refuse=False),
@@ -61,20 +61,21 @@ def refuse_arming(for_s: float | None = None) -> Action:
 
 
 MODE_NAMES = {"ardupilot": ARDUCOPTER_MODES, "px4": PX4_MODES}
+"""Names of modes by custom_mode, for each firmware."""
 
 
 class ModeError(SitlError, ValueError):
-    """A mode that the autopilot does not have; says which it has."""
+    """The autopilot has no such mode; the text lists its modes."""
 
 
 def pilot_mode(name: str, throttle: str = "low") -> Action:
-    """The pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on.
+    """Set the pilot's mode switch: "LOITER", "LAND", PX4's "POSCTL" and so on.
 
-    Without the throttle stick at its middle, "mid", the drone sinks or falls in every mode in which
-    the pilot flies.
+    Unless the throttle stick is at its middle, "mid", the drone sinks or falls in every manual
+    mode.
 
     Raises:
-        ModeError: neither autopilot has it; when it is carried out, this one has not.
+        ModeError: neither autopilot has the mode, or, during the flight, this one has not.
     """
     stick = Throttle(_one_of(list(Throttle), throttle, "throttle"))
     _one_of(sorted({m for modes in MODE_NAMES.values() for m in modes.values()}), name, "mode")
@@ -95,12 +96,12 @@ def _one_of(known: Sequence[str], given: str, what: str) -> str:
 
 
 def pilot_arms() -> Action:
-    """The pilot, or a ground station, arms it."""
+    """The pilot or a ground station arms the vehicle."""
     return Action(lambda simulation: simulation.autopilot.pilot_arms())
 
 
 def mute(message: str, for_s: float | None = None) -> Action:
-    """The autopilot does not send such messages, such as "EXTENDED_SYS_STATE"."""
+    """The autopilot stops sending a message, such as "EXTENDED_SYS_STATE"."""
     return Action(
         lambda simulation: simulation.autopilot.mute.add(message),
         lambda simulation: simulation.autopilot.mute.discard(message),
@@ -109,7 +110,7 @@ def mute(message: str, for_s: float | None = None) -> Action:
 
 
 def stay_taking_off(for_s: float | None = None) -> Action:
-    """The autopilot tells that it is taking off for as long as it flies."""
+    """The autopilot reports "taking off" during the whole flight."""
     return Action(
         lambda simulation: simulation.autopilot.stay_taking_off(stays=True),
         lambda simulation: simulation.autopilot.stay_taking_off(stays=False),
@@ -118,9 +119,9 @@ def stay_taking_off(for_s: float | None = None) -> Action:
 
 
 def claim(vehicle: str | None = None, autopilot: str | None = None) -> Action:
-    """Heartbeats tell another MAV_TYPE, such as "GROUND_ROVER", or MAV_AUTOPILOT, "GENERIC"."""
-    told = _number("MAV_TYPE", vehicle), _number("MAV_AUTOPILOT", autopilot)
-    return Action(lambda simulation: simulation.autopilot.claim(*told))
+    """HEARTBEATs contain another MAV_TYPE, such as "GROUND_ROVER", or MAV_AUTOPILOT, "GENERIC"."""
+    claimed = _number("MAV_TYPE", vehicle), _number("MAV_AUTOPILOT", autopilot)
+    return Action(lambda simulation: simulation.autopilot.claim(*claimed))
 
 
 def _number(enum: str, name: str | None) -> int | None:

@@ -1,4 +1,4 @@
-"""What is before a wall: cells of it that jump forward, as on maps of robots, and curtains."""
+"""Adds clutter at walls: protruding cells, as in maps of robots, and curtains."""
 
 import random
 from collections.abc import Callable, Iterator
@@ -9,38 +9,39 @@ from sitl.world.clutter.standing import ASIDE_M, OFF_WALL_M, Face, length_of
 from sitl.world.format import Walls
 
 CELL_M = 0.05
-"""Of a robot's map, as most are made."""
+"""Cell size of most robots' maps, m."""
 JAG_CELLS = 1, 8
-"""Along the wall."""
+"""Width of a jag along the wall, cells."""
 JAG_DEPTH_CELLS = 1, 2
+"""Depth of a jag, cells."""
 JAGGED_SHARE = 0.25
-"""Of the walls' length, at difficulty 1; chosen."""
+"""Share of the walls' length with jags at difficulty 1. Chosen."""
 JAG_TOP_M = 2.0
-"""What stands at a wall is seldom higher; chosen."""
+"""Height limit of jags, m. Chosen: objects at walls are seldom higher."""
 
 CURTAIN_M = 0.8, 2.4
-"""Length; as windows are wide."""
+"""Length of a curtain, m: a window's width."""
 CURTAIN_OFF_M = 0.06, 0.15
-"""From the wall to the middle of the folds: a rail's distance."""
+"""Distance from the wall to the middle of the folds, m: a rail's distance."""
 FOLD_M = 0.02, 0.05
-"""Of a fold, from the middle to its crest."""
+"""Amplitude of a fold, m."""
 FOLD_STEP_M = 0.05
-"""A quarter of a fold along the wall."""
+"""A quarter of a fold along the wall, m."""
 FOLDS = (0.0, 1.0, 0.0, -1.0)
 CURTAIN_BOTTOM_M = 0.0, 0.3
 CURTAIN_TOP_M = 2.2
-"""Or the ceiling, if that is lower."""
+"""Top of a curtain, m, limited by the ceiling."""
 CURTAINED_SHARE = 0.15
-"""Of the walls' length, at difficulty 1; chosen, a window or two in a room."""
+"""Share of the walls' length with curtains at difficulty 1. Chosen: a window or two in a room."""
 
 CORNER_M = 0.05
-"""From a wall's end to what is before it; chosen."""
+"""Distance from a wall's end to a piece before it, m. Chosen."""
 
 
 def jags(
     faces: list[Face], floor: FreeFloor, difficulty: float, rng: random.Random
 ) -> Iterator[Piece]:
-    """Short stretches that stand 5 or 10 cm proud of the walls."""
+    """Short stretches that protrude 5 or 10 cm from the walls."""
     mean_m = CELL_M * sum(JAG_CELLS) / 2
     wanted = round(JAGGED_SHARE * difficulty * length_of(faces) / mean_m)
     yield from _along(faces, floor, wanted, rng, _jag)
@@ -49,7 +50,7 @@ def jags(
 def curtains(
     faces: list[Face], floor: FreeFloor, difficulty: float, rng: random.Random
 ) -> Iterator[Piece]:
-    """Wavy surfaces some centimetres before the walls."""
+    """Wavy surfaces a few centimetres before the walls."""
     wanted = round(CURTAINED_SHARE * difficulty * length_of(faces) / (sum(CURTAIN_M) / 2))
     yield from _along(faces, floor, wanted, rng, _curtain)
 
@@ -61,7 +62,7 @@ def _along(
     rng: random.Random,
     make: Callable[[Face, random.Random], Piece | None],
 ) -> Iterator[Piece]:
-    """One try for each that is wanted."""
+    """Try `wanted` pieces once each."""
     for _ in range(wanted):
         [face] = rng.choices(faces, [face.length_m for face in faces])
         piece = make(face, rng)
@@ -97,7 +98,7 @@ def _curtain(face: Face, rng: random.Random) -> Piece | None:
 
 
 def _before(face: Face, width_m: float, rng: random.Random) -> Spot | None:
-    """A place on a face for something so wide; None if it is too short."""
+    """A random place on a face for a piece of this width; None if the face is too short."""
     slack_m = face.length_m - width_m - 2 * CORNER_M
     if slack_m < 0:
         return None
@@ -105,7 +106,7 @@ def _before(face: Face, width_m: float, rng: random.Random) -> Spot | None:
 
 
 def _piece(spot: Spot, width_m: float, depth_m: float, wall: Walls) -> Piece:
-    """Its footprint leaves out the wall that it is at."""
+    """A piece at a wall; its footprint excludes the wall."""
     deep_m = max(depth_m, OFF_WALL_M + CELL_M)
     footprint = spot.moved(0.0, (OFF_WALL_M + deep_m) / 2).rectangle(width_m, deep_m - OFF_WALL_M)
     return Piece((wall,), footprint, anchor=spot.at(0.0, ASIDE_M))

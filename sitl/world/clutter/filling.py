@@ -1,4 +1,4 @@
-"""The order in which clutter is put into a world: what cannot move first."""
+"""Adds all kinds of clutter to a world, those with a fixed place first."""
 
 from collections.abc import Iterable
 
@@ -14,7 +14,7 @@ from sitl.world.format import World
 
 
 def filled(world: World, difficulty: float, seed: int) -> World:
-    """The world with clutter of a difficulty above 0, up to 1.
+    """The world with clutter, for a difficulty above 0 and up to 1.
 
     Raises:
         WorldError: a start has no room to take off.
@@ -33,6 +33,6 @@ def filled(world: World, difficulty: float, seed: int) -> World:
 
 
 def _with(world: World, pieces: Iterable[Piece], name: str) -> World:
-    """The pieces after what the world has already."""
+    """The world with further pieces."""
     walls = tuple(wall for piece in pieces for wall in piece.walls)
     return world.model_copy(update={"name": name, "walls": (*world.walls, *walls)})

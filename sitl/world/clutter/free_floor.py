@@ -1,6 +1,6 @@
-"""The floor that is free: where a piece may stand, and the ways that it must leave.
+"""Tracks the free floor: where pieces may stand, and which ways they must not block.
 
-A grid of places 10 cm apart, in a frame of the world's own north and east.
+It is a grid of places 10 cm apart, aligned with the world's north and east.
 """
 
 import numpy as np
@@ -22,28 +22,28 @@ Window = tuple[slice, slice]
 
 GRID_M = 0.1
 WAY_M = NARROWEST_DOOR_M / 2 - GRID_M / 2
-"""From a way's middle to what stands beside it: a grid's place in a doorway of 0.9 m, the narrowest
-that the score counts, is at most half a step off the middle."""
+"""Clearance of a way from its middle, m. In a doorway of 0.9 m, the narrowest one in the scores,
+a grid place is at most half a step off the middle."""
 FLIGHT_M = 0.85, 1.55
-"""Heights between which the drone's body may be, about 1.2 m: its radius and its drift; chosen."""
+"""Height range of the drone's body at about 1.2 m, m: with its radius and drift. Chosen."""
 STANDING_M = 0.05, 1.9
-"""Heights between which furniture meets what stands there; above are lintels. Chosen."""
+"""Height range in which furniture must not overlap other objects, m; lintels are above. Chosen."""
 INSIDE_M = GRID_M
-"""Two neighbours on the grid with more around them have no wall between."""
+"""Clearance that proves, for two neighbours on the grid, that no wall is between them, m."""
 START_CLEAR_M = 0.6 + BODY_RADIUS_M
-"""Around a start, from its centre: 0.6 m about the hull, as `sitl world check` asks for."""
+"""Free radius around a start, m: the 0.6 m that `sitl world check` requires, from the hull."""
 APART_M = 0.01
-"""Between two pieces at least, so that none stands in another; chosen."""
+"""Smallest distance of two pieces, m. Chosen."""
 POCKET_M2 = 0.25
-"""So much of where the drone's centre could get may be shut off by a piece: a corner; chosen."""
+"""Area reachable by the drone's centre that a piece may block, m²: a corner. Chosen."""
 AROUND_M = 2.0
-"""Ways about a piece are looked at first within this; chosen, it saves time only."""
+"""Radius around a piece in which blocked ways are searched first, m. Chosen; saves time only."""
 MAX_SHUT = 1 / 3
-"""Of where the drone could get from the first start, behind doors that are shut; chosen."""
+"""Share of the area reachable from the first start that shut doors may block. Chosen."""
 
 
 class FreeFloor:
-    """Of one world, with what has been taken already."""
+    """Free floor of one world, without the pieces added so far."""
 
     def __init__(self, world: World) -> None:
         self._starts = [start.position for start in world.starts]
@@ -58,36 +58,36 @@ class FreeFloor:
         self._pieces: list[shapely.Polygon] = []
         self._reached = self._get(self._starts)
         if not self._get(self._starts[:1]).any():
-            raise WorldError(f"{world.name}: too little room about start 1 for clutter")
+            raise WorldError(f"{world.name}: too little room around start 1 for clutter")
         self._at_first = int(self._get(self._starts[:1]).sum())
 
     @property
     def area_m2(self) -> float:
-        """Of the floor inside."""
+        """Area of the floor inside, m²."""
         return float(self._inside.sum()) * GRID_M**2
 
     @property
     def places(self) -> NDArray[np.float64]:
-        """Where somebody could stand inside, (n, 2)."""
+        """Places inside, (n, 2), m."""
         inside: NDArray[np.float64] = self._places[self._inside]
         return inside
 
     def is_inside(self, place: Vector2) -> bool:
-        """In the same open space as a start, at the height of flight."""
+        """The place is connected to a start at flight height."""
         cell = self._cell(place)
         return self._is_on_grid(cell) and bool(self._inside[cell])
 
     def is_open(self, near: Vector2, far: Vector2) -> bool:
-        """The far one of two places is inside, and nothing stands between them."""
+        """The far place is inside, and nothing stands between the two places."""
         return self.is_inside(far) and self.is_clear(near, far)
 
     def is_clear(self, near: Vector2, far: Vector2) -> bool:
-        """Nothing that was there already stands between two places."""
+        """No original surface stands between two places."""
         line = shapely.LineString([near, far])
         return not len(self._tree.query(line, predicate="intersects"))
 
     def take(self, piece: Piece) -> bool:
-        """Let it stand there, if that is free and every place can still be got to."""
+        """Add a piece if its place is free and every place stays reachable; True if added."""
         if not self._has_room(piece):
             return False
         window, near = self._near(piece.footprint)
@@ -100,7 +100,7 @@ class FreeFloor:
         return True
 
     def shut(self, piece: Piece) -> bool:
-        """The same of a door that shuts off what is behind it, unless that is too much."""
+        """Add a shut door, which may block the area behind it up to a limit; True if added."""
         if not self._has_room(piece):
             return False
         window, near = self._near(piece.footprint)
@@ -115,7 +115,7 @@ class FreeFloor:
         return True
 
     def _away_m(self, world: World) -> NDArray[np.float64]:
-        """From each place to what stands at the height of flight."""
+        """Distance from each place to the nearest surface at flight height, m."""
         walls = np.array(standing(world, *FLIGHT_M), dtype=float).reshape(-1, 2, 2)
         if not len(walls):
             return np.full(self._places.shape[:2], np.inf)
@@ -135,13 +135,13 @@ class FreeFloor:
         return not (self._pieces and shapely.dwithin(self._pieces, footprint, APART_M).any())
 
     def _near(self, footprint: shapely.Polygon) -> tuple[Window, Cells]:
-        """Cells about a piece, and which of them are too near to it to be in a way."""
+        """Window around a piece, and its cells that are too near to the piece for a way."""
         window = self._window(footprint, AROUND_M)
         points = shapely.points(self._places[window])
         return window, np.asarray(shapely.dwithin(points, footprint, WAY_M))
 
     def _pockets(self, window: Window, near: Cells) -> Cells | None:
-        """What a piece would shut off; None if nothing, as where it does not even in the window."""
+        """Cells that a piece would cut off; None if a check within the window finds none."""
         here = self._reached[window]
         before, _ = ndimage.label(here)
         after, parts = ndimage.label(here & ~near)
@@ -153,7 +153,7 @@ class FreeFloor:
         return shut_off
 
     def _roots(self) -> Numbers:
-        """The first start of each space: all of it must be got to from there."""
+        """Cell of the first start in each connected area."""
         cells = self._cells(self._starts)
         parts, _ = ndimage.label(self._reached)
         numbers = parts[tuple(cells.T)]
@@ -166,7 +166,7 @@ class FreeFloor:
         self._pieces.append(piece.footprint)
 
     def _get(self, starts: list[Vector2]) -> Cells:
-        """Where the drone can get from these starts."""
+        """Cells that the drone can reach from these starts."""
         return _joined(self._free, self._cells(starts))
 
     def _cells(self, places: list[Vector2]) -> Numbers:
@@ -190,7 +190,7 @@ class FreeFloor:
 
 
 def _grid(world: World) -> tuple[Vector2, tuple[int, int]]:
-    """Its least place and its size in cells; it holds the world and its starts."""
+    """Origin and size in cells of a grid that contains the world and its starts."""
     corners = [*world.bounds, *(point for line in world.closed_border for point in line)]
     corners += [start.position for start in world.starts]
     low, high = np.min(corners, axis=0), np.max(corners, axis=0)
@@ -199,7 +199,7 @@ def _grid(world: World) -> tuple[Vector2, tuple[int, int]]:
 
 
 def _joined(free: Cells, cells: Numbers) -> Cells:
-    """What of the free cells hangs together with any of some."""
+    """Free cells connected to any of the given cells."""
     parts, _ = ndimage.label(free)
     numbers = np.unique(parts[tuple(cells.T)])
     joined: Cells = np.isin(parts, numbers[numbers > 0])
@@ -207,7 +207,7 @@ def _joined(free: Cells, cells: Numbers) -> Cells:
 
 
 def _solids(world: World) -> list[shapely.Geometry]:
-    """All that furniture cannot stand in: surfaces, and boxes as a whole."""
+    """Objects that furniture must not overlap: surfaces, and boxes as solids."""
     low_m, high_m = STANDING_M
     lines = [shapely.LineString(segment) for segment in standing(world, low_m, high_m)]
     boxes = [

@@ -1,10 +1,10 @@
-"""Furniture that a beam meets badly: thin legs and poles, edges end-on, ragged leaves.
+"""Adds furniture that is hard to detect with beams: thin legs, poles, edges, ragged leaves.
 
-A piece is built about its spot: its width along x, its back to negative y. Heights are above the
-floor. What is lower than the usual flight at 1.2 m is there as in every room, and harms nobody.
+A piece is built at its spot: width along x, back towards negative y. Heights are above the floor.
+Furniture below the usual flight height of 1.2 m is present as in every room.
 
-Nothing ends just below or above the level beams, where the hull would meet what no beam does: a
-piece is lower than the hull, or stands at the beams' height within 0.4 m of all that it has there.
+No piece ends just below or above the level beams, where the hull would hit it but no beam would
+detect it. A piece is lower than the hull, or has parts at beam height within 0.4 m of its outline.
 """
 
 import random
@@ -19,42 +19,42 @@ from sitl.world.clutter.standing import Face
 from sitl.world.format import Walls, World
 
 PER_M2 = 0.45
-"""Pieces tried for each m² of floor at difficulty 1; chosen, half of it is as people live."""
+"""Pieces tried per m² of floor at difficulty 1. Chosen: half of it resembles a lived-in flat."""
 TRIES = 8
-"""Of places, for one piece."""
+"""Places tried for one piece."""
 SQUARE_SHARE = 0.6
-"""Of the pieces in the open stand square to north; chosen."""
+"""Share of the free-standing pieces that are aligned with north. Chosen."""
 GAP_M = 0.03
-"""From a wall to the back of what stands at it; chosen, a skirting board's."""
+"""Distance from a wall to a piece's back, m. Chosen: a skirting board."""
 LEG_M = 0.03, 0.06
 POLE_M = 0.03, 0.08
 BOARD_M = 0.03
-"""Thickness of tops, seats and shelves."""
+"""Thickness of tops, seats and shelves, m."""
 LOW_M, HIGH_M = 0.9, 1.35
-"""Pieces are lower or higher; the hull is from 1.0 to 1.4 m, and drifts by 0.1 m."""
+"""Pieces end below or above these heights, m; the hull is from 1.0 to 1.4 m and drifts by 0.1 m."""
 BOARDLESS_M = LOW_M, 1.5
-"""Between these a rack has no board: it would reach out between two posts."""
+"""A rack has no board between these heights, m: it would protrude between two posts."""
 MIN_ABOVE_M = 0.1
-"""Below the ceiling, whatever it is."""
+"""Smallest distance of a piece to the ceiling, m."""
 
 Make = Callable[[Spot, random.Random, float], Piece]
-"""At a spot, under a ceiling in metres."""
+"""Makes a piece at a spot, under a ceiling in m."""
 
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """Of furniture."""
+    """A kind of furniture."""
 
     make: Make
     weight: float
-    """How often it is drawn, against the others; chosen, about half reach up to 1.2 m."""
+    """Relative frequency. Chosen: about half of the pieces reach 1.2 m."""
     by_wall: bool = False
 
 
 def furniture(
     world: World, faces: list[Face], floor: FreeFloor, difficulty: float, rng: random.Random
 ) -> Iterator[Piece]:
-    """By the floor's area, each piece at the first place of some that is free."""
+    """Furniture by the floor's area; each piece takes the first free place of its tries."""
     places = floor.places
     for _ in range(round(PER_M2 * difficulty * floor.area_m2)):
         [kind] = rng.choices(KINDS, [kind.weight for kind in KINDS])
@@ -72,7 +72,7 @@ def furniture(
 
 
 def _at_wall(faces: list[Face], rng: random.Random) -> Spot:
-    """The middle of a piece's back, its depth into the room."""
+    """Spot of a piece's back at a random wall, with its depth into the room."""
     [face] = rng.choices(faces, [face.length_m for face in faces])
     return face.spot.moved(rng.uniform(0.0, face.length_m), GAP_M)
 
@@ -80,7 +80,7 @@ def _at_wall(faces: list[Face], rng: random.Random) -> Spot:
 def _legs(
     spot: Spot, width_m: float, depth_m: float, leg_m: float, top_m: float
 ) -> tuple[Walls, ...]:
-    """Four, in the corners of a rectangle."""
+    """Four legs in the corners of a rectangle."""
     x, y = (width_m - leg_m) / 2, (depth_m - leg_m) / 2
     return tuple(
         slab(spot.moved(a * x, b * y), leg_m, leg_m, 0.0, top_m) for a in (-1, 1) for b in (-1, 1)
@@ -90,7 +90,7 @@ def _legs(
 def _on_legs(
     spot: Spot, size_m: tuple[float, float], leg_m: float, height_m: float
 ) -> tuple[Walls, ...]:
-    """With a top of that height."""
+    """Four legs with a top."""
     width_m, depth_m = size_m
     board = slab(spot, width_m, depth_m, height_m - BOARD_M, height_m)
     return (*_legs(spot, width_m, depth_m, leg_m, height_m - BOARD_M), board)
@@ -103,14 +103,14 @@ def _table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _high_table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """A bar's, or one to work at standing: its legs reach up to the flight."""
+    """A bar table or standing desk: its legs reach flight height."""
     width_m, depth_m = rng.uniform(0.5, 0.7), rng.uniform(0.5, 0.7)
     walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(HIGH_M, 1.45))
     return Piece(walls, spot.rectangle(width_m, depth_m))
 
 
 def _chair(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """Its back may be as high as a bar stool's, with two posts and a board."""
+    """A chair; its back, two posts and a board, may be as high as a bar stool's."""
     side_m, leg_m = rng.uniform(0.38, 0.5), rng.uniform(0.03, 0.05)
     is_high = rng.random() < 0.4
     seat_m = rng.uniform(0.75, 0.85) if is_high else rng.uniform(0.43, 0.48)
@@ -125,7 +125,7 @@ def _chair(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _rack(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """Shelves on four posts, open on all sides; at a wall."""
+    """Shelves on four posts, open on all sides, at a wall."""
     width_m, depth_m, post_m = rng.uniform(0.8, 1.6), rng.uniform(0.3, 0.45), rng.uniform(*LEG_M)
     top_m = min(rng.uniform(1.55, 2.0), ceiling_m)
     middle = spot.moved(0.0, depth_m / 2)
@@ -154,7 +154,7 @@ def _rail(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _lamp(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """A floor lamp: foot, pole, and a shade above the flight."""
+    """A floor lamp: foot, pole, and a shade above flight height."""
     foot_m, pole_m, shade_m = rng.uniform(0.25, 0.35), rng.uniform(0.03, 0.04), 0.3
     top_m = min(rng.uniform(1.6, 1.9), ceiling_m)
     walls = (
@@ -167,20 +167,20 @@ def _lamp(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _pole(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """From the floor up, past the flight: a pipe, a post, a coat stand."""
+    """A pole from the floor beyond flight height: a pipe, a post, a coat stand."""
     pole_m = rng.uniform(*POLE_M)
     top_m = min(rng.uniform(1.5, 2.4), ceiling_m)
     return Piece((slab(spot, pole_m, pole_m, 0.0, top_m),), spot.rectangle(pole_m, pole_m))
 
 
 def _plant(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """A ragged bush of 0.3 to 0.6 m with a core that a beam cannot pass, up to 2 m high."""
+    """A ragged bush of 0.3 to 0.6 m with an opaque core, up to 2 m high."""
     radius_m, corners = rng.uniform(0.15, 0.3), rng.randint(7, 10)
     top_m = rng.uniform(0.6, LOW_M) if rng.random() < 0.4 else rng.uniform(HIGH_M, 2.0)
     top_m = min(top_m, ceiling_m)
     points = []
     for number in range(corners):
-        # half a turn for each unit of this; the tangent of half an angle is nearly even in it
+        # half a turn per unit of `share`; the half-angle tangent is almost linear in it
         share = 2 * (number + rng.uniform(0.0, 0.5)) / corners
         cos, sin = turned(2 * (share % 1.0) - 1)
         reach_m = rng.uniform(0.75, 1.0) * (radius_m if share < 1 else -radius_m)
@@ -194,7 +194,7 @@ def _plant(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _partition(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """A thin screen that stands out from a wall, its end to the open."""
+    """A thin screen that stands out from a wall with its end in the open."""
     length_m, thick_m = rng.uniform(0.8, 2.0), rng.uniform(0.03, 0.05)
     top_m = min(rng.uniform(1.4, 2.0), ceiling_m)
     across = Spot(spot.at(0.0, length_m / 2), spot.across)
@@ -215,3 +215,4 @@ KINDS = (
     Kind(_partition, 1.0, by_wall=True),
     Kind(_partition, 0.5),
 )
+"""Kinds of furniture with their weights."""

@@ -1,11 +1,11 @@
-"""Doors in the doorways of a world: thin leaves, hinged at a jamb, that stand open at any angle.
+"""Adds doors to doorways: thin leaves, hinged at a jamb, open at any angle.
 
                  leaf                    free width
                   ╲  ⤶ angle      ≤ 90°: W · sin(angle)
     ═══════ jamb   hinge ════     > 90°: W
 
-The leaf's inner face turns about the jamb's corner, so what is open at a right angle takes nothing
-from the doorway.
+The leaf's inner face turns about the jamb's corner. Opened to a right angle, it does not narrow the
+doorway.
 """
 
 import random
@@ -19,38 +19,38 @@ from sitl.world.format import Panel, World
 from sitl.world.plan import NARROWEST_DOOR_M
 
 LEAF_M = 0.04
-"""Thick, as doors of rooms are."""
+"""Thickness of a leaf, m, as of interior doors."""
 SLIT_M = 0.02
-"""A leaf is so much narrower than its doorway."""
+"""A leaf is narrower than its doorway by this, m."""
 FROM_HINGE_M = 0.06
-"""Its footprint begins so far from the jamb that it touches; chosen, its thickness and a gap."""
+"""Start of a leaf's footprint from the jamb it touches, m. Chosen: its thickness and a gap."""
 DOOR_WIDTHS_M = 0.6, 1.5
-"""What has a leaf: narrower are hatches, wider are passages; chosen."""
+"""Width of doorways with a leaf, m. Chosen: narrower ones are hatches, wider ones passages."""
 LINTEL_M = 1.7
-"""A wall with its lower edge above this is over a doorway; chosen, a low door's height."""
+"""A wall with its lower edge above this is a lintel, m. Chosen: a low door's height."""
 MIN_WIDTH_M = 0.8
-"""Free beside a leaf, unless the doorway was narrower; for the drone to get through."""
+"""Free width beside a leaf, m, for the drone; not in narrower doorways."""
 WITH_LEAF_SHARE = 0.9
-"""Of the doorways, from difficulty 0.5 on; chosen."""
+"""Share of doorways with a leaf, from difficulty 0.5 on. Chosen."""
 SHUT_SHARE = 0.2
-"""Of the leaves, at difficulty 1; none up to 0.5. Chosen."""
+"""Share of shut leaves at difficulty 1; none up to 0.5. Chosen."""
 OPEN = 0.577, 1.732
-"""Tangents of half the angle, from 60 to 120 degrees."""
+"""Tangent of the half angle of open leaves: 60 to 120 degrees."""
 PARTLY = 0.364, 0.577
-"""From 40 to 60 degrees."""
+"""Tangent of the half angle of partly open leaves: 40 to 60 degrees."""
 SHUT = 0.044, 0.176
-"""From 5 to 20 degrees: a slit to see through."""
+"""Tangent of the half angle of shut leaves: 5 to 20 degrees, a slit for a beam."""
 STEP_M = 0.3
-"""From a doorway's middle to either side: so far at least nothing stands in it; chosen."""
+"""Free distance from a doorway's middle to either side, m. Chosen."""
 PARTLY_SHARE = 0.25
-"""Of the leaves, where the doorway is wide enough; chosen."""
+"""Share of partly open leaves, where the doorway is wide enough. Chosen."""
 TRIES = 6
-"""Of angles and hinges, for one leaf."""
+"""Angles and hinges tried for one leaf."""
 
 
 @dataclass(frozen=True, slots=True)
 class Doorway:
-    """`spot` is the middle of it, along the wall."""
+    """An opening for a door; `spot` is its middle, along the wall."""
 
     spot: Spot
     width_m: float
@@ -61,7 +61,7 @@ class Doorway:
 def leaves(
     doorways: Iterable[Doorway], floor: FreeFloor, difficulty: float, rng: random.Random
 ) -> Iterator[Piece]:
-    """For most of the doorways, from difficulty 0.5 on."""
+    """Leaves for most of the doorways; from difficulty 0.5 on for `WITH_LEAF_SHARE` of them."""
     with_leaf = WITH_LEAF_SHARE * min(1.0, 2 * difficulty)
     shut = SHUT_SHARE * max(0.0, 2 * difficulty - 1)
     for doorway in doorways:
@@ -82,7 +82,7 @@ def leaves(
 
 
 def doorways_of(world: World, floor: FreeFloor) -> list[Doorway]:
-    """Those that have a lintel and no sill; a map's openings up to the ceiling have none."""
+    """Doorways with a lintel and no sill. Openings of maps reach the ceiling and have no lintel."""
     under = [_below(panel) for panel in world.panels if panel.bottom_m >= LINTEL_M]
     least_m, most_m = DOOR_WIDTHS_M
     return [
@@ -94,7 +94,7 @@ def doorways_of(world: World, floor: FreeFloor) -> list[Doorway]:
 
 
 def _below(panel: Panel) -> Doorway:
-    """A lintel."""
+    """The doorway under a lintel."""
     (north, east), (to_north, to_east) = panel.start, panel.end
     length_m = dist(panel.start, panel.end)
     along = (to_north - north) / length_m, (to_east - east) / length_m
@@ -103,7 +103,7 @@ def _below(panel: Panel) -> Doorway:
 
 
 def _is_wide_enough(width_m: float, half_tangent: float) -> bool:
-    """What could be entered can be still, and so can what the score counts as a door."""
+    """The opening stays passable, and one that counts as a door for the scores stays one."""
     cos, sin = turned(half_tangent)
     free_m = width_m * sin if cos > 0 else width_m
     needed_m = NARROWEST_DOOR_M if width_m >= NARROWEST_DOOR_M else MIN_WIDTH_M
@@ -111,7 +111,7 @@ def _is_wide_enough(width_m: float, half_tangent: float) -> bool:
 
 
 def _leaf(doorway: Doorway, half_tangent: float, rng: random.Random) -> Piece:
-    """Hinged at either jamb, to either side."""
+    """A leaf hinged at a random jamb, open to a random side."""
     cos, sin = turned(half_tangent)
     spot = doorway.spot
     if rng.random() < 0.5:  # into the other room

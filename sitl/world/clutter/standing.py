@@ -1,4 +1,4 @@
-"""What stands in a world between two heights, and the faces of its walls that can be seen."""
+"""Finds the objects of a world between two heights, and the visible faces of its walls."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -10,28 +10,28 @@ from sitl.world.clutter.pieces import Spot
 from sitl.world.format import Panel, Segment, World
 
 MESH_STEP_M = 0.2
-"""Between the heights at which an imported mesh is cut; chosen, half a drone's."""
+"""Distance of the heights at which an imported mesh is cut, m. Chosen: half a drone's height."""
 MIN_FACE_M = 0.3
-"""Shorter faces are corners and ragged cells of maps; chosen."""
+"""Shorter faces are corners and ragged map cells, m. Chosen."""
 FACE_HEIGHT_M = 1.2
-"""A face reaches at least from below to above it: the usual height of flight."""
+"""A face contains this height, m: the usual flight height."""
 ASIDE_M = 0.3
-"""From a face to where the floor before it is looked for; chosen, wider than a jagged wall."""
+"""Distance from a face at which free floor is required, m. Chosen: wider than a jagged wall."""
 OFF_WALL_M = 0.02
-"""What is before a face begins so far from it; chosen, more than the gap between two pieces."""
+"""Distance from a face to a piece before it, m. Chosen: more than the gap between two pieces."""
 LOOK_EVERY_M = 0.5
-"""Along a face, for floor before it; chosen, a door's half."""
+"""Distance of the checks for free floor along a face, m. Chosen: half a door."""
 
 
 class Floor(Protocol):
-    """Which places can be got to."""
+    """Interface for checks of free floor."""
 
     def is_open(self, near: Vector2, far: Vector2) -> bool: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Face:
-    """One side of a wall: from `spot` along its width, the room in the direction of its depth."""
+    """One side of a wall: from `spot` along its width, with the room in depth direction."""
 
     spot: Spot
     length_m: float
@@ -40,7 +40,7 @@ class Face:
 
 
 def standing(world: World, low_m: float, high_m: float) -> list[Segment]:
-    """Segments, (north, east) in metres, of all that is anywhere between two heights."""
+    """Segments, (north, east) in m, of all objects between two heights."""
     found: list[Segment] = list(world.closed_border)
     for panel in world.panels:
         if panel.bottom_m < high_m and panel.top_m > low_m:
@@ -56,7 +56,7 @@ def standing(world: World, low_m: float, high_m: float) -> list[Segment]:
 
 
 def faces_of(world: World, floor: Floor) -> list[Face]:
-    """Sides of walls, not of furniture, with floor inside before them."""
+    """Sides of walls, not of furniture, that have free floor before them."""
     return [
         face
         for segment, bottom_m, top_m in _walls(world)
@@ -67,12 +67,12 @@ def faces_of(world: World, floor: Floor) -> list[Face]:
 
 
 def length_of(faces: list[Face]) -> float:
-    """Metres of wall."""
+    """Total length of the faces, m."""
     return sum(face.length_m for face in faces)
 
 
 def _walls(world: World) -> Iterator[tuple[Segment, float, float]]:
-    """Segments that stand at the height of flight, with their least and greatest heights."""
+    """Segments at flight height with their bottom and top heights."""
     for panel in world.panels:
         if _is_at_flight(panel):
             for segment in panel.outline:

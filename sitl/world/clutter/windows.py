@@ -1,7 +1,7 @@
-"""Windows in the outer walls: panes that a beam passes, between posts that it meets.
+"""Adds windows to outer walls: panes that a beam passes, between posts that it detects.
 
-A pane is narrower than the drone, so that nobody flies out where no sensor can warn: the hull would
-touch the posts on either side before it could get between them.
+A pane is narrower than the drone. The hull touches the posts before it can pass between them, so
+the drone cannot leave where no sensor detects the glass.
 
     from above   ═══▐──▐──▐══      pane ──, post ▐, wall ═
 """
@@ -18,43 +18,43 @@ from sitl.world.clutter.standing import ASIDE_M, OFF_WALL_M
 from sitl.world.format import Door, Panel, Walls, World
 
 PANE_M = 0.25, 0.38
-"""Wide; the hull is 0.4 m across."""
+"""Width of a pane, m; the hull is 0.4 m wide."""
 POST_M = 0.06
-"""Between two panes; a window frame's."""
+"""Width of the post between two panes, m: a window frame."""
 PANES = 1, 4
 SILL_M, LINTEL_M = 0.9, 2.1
-"""Above the floor; as usual in dwellings, about the height of flight."""
+"""Heights of sill and lintel, m, as usual in dwellings; flight height is between them."""
 MIN_ABOVE_M = 0.1
-"""Of wall over a window."""
+"""Height of wall over a window, m."""
 WINDOWED_SHARE = 0.15
-"""Of the outer walls' length, at difficulty 1; none up to `FROM`. Chosen."""
+"""Share of the outer walls' length with windows at difficulty 1; none up to `FROM`. Chosen."""
 FROM = 0.5
-"""Difficulty: glass is harder than all else, since no sensor tells of it; chosen."""
+"""Difficulty from which windows are added. Chosen: no sensor detects glass."""
 BESIDE_M = 0.15
-"""Of wall on either side at least; chosen."""
+"""Width of wall on either side of a window, m. Chosen."""
 FAR_M = 1000.0
-"""Outside: nothing stands behind an outer wall up to there."""
+"""Distance behind an outer wall that must be empty, m."""
 LOOKS = (0.1, 0.3, 0.5, 0.7, 0.9)
-"""Shares of a wall's length at which it is looked at from both sides; chosen."""
+"""Shares of a wall's length at which both sides are checked. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Stretch:
-    """A piece of outer wall; its depth is to the room."""
+    """A stretch of outer wall; its depth direction is into the room."""
 
     number: int
-    """Which of the world's walls it belongs to."""
+    """Number of its wall in the world."""
     spot: Spot
     length_m: float
     thickness_m: float
 
     def is_seen(self, x_m: float, floor: FreeFloor) -> bool:
-        """From the floor before it."""
+        """There is free floor before it."""
         near_m, far_m = self.thickness_m / 2 + OFF_WALL_M, self.thickness_m / 2 + ASIDE_M
         return floor.is_open(self.spot.at(x_m, near_m), self.spot.at(x_m, far_m))
 
     def is_last(self, x_m: float, floor: FreeFloor) -> bool:
-        """Behind it is the open."""
+        """The space behind it is empty."""
         behind_m = self.thickness_m / 2 + OFF_WALL_M
         return floor.is_clear(self.spot.at(x_m, -behind_m), self.spot.at(x_m, -FAR_M))
 
@@ -73,11 +73,11 @@ class _Window:
 
     @property
     def door(self) -> Door:
-        """The opening, down to the floor."""
+        """The opening, from the floor up."""
         return Door(centre=self.spot.place, width_m=self.width_m, height_m=LINTEL_M)
 
     def parts(self, thickness_m: float) -> Iterator[Walls]:
-        """Sill, glass and posts, in a wall so thick."""
+        """Sill, glass and posts in a wall of this thickness."""
         half_m = self.width_m / 2
         ends = self.spot.at(-half_m, 0.0), self.spot.at(half_m, 0.0)
         yield Walls(points=ends, thickness_m=thickness_m, top_m=SILL_M)
@@ -89,7 +89,7 @@ class _Window:
 
 
 def with_windows(world: World, floor: FreeFloor, difficulty: float, rng: random.Random) -> World:
-    """The world with windows cut into the walls that have the open behind them."""
+    """The world with windows cut into its outer walls."""
     stretches = list(_outer(world, floor))
     lengths_m = [stretch.length_m for stretch in stretches]
     mean_m = sum(PANES) / 2 * (sum(PANE_M) / 2 + POST_M)
@@ -111,7 +111,7 @@ def with_windows(world: World, floor: FreeFloor, difficulty: float, rng: random.
 
 
 def _drawn(stretch: _Stretch, floor: FreeFloor, rng: random.Random) -> _Window | None:
-    """Somewhere in a wall, if it is long enough and nothing stands or ends there."""
+    """A random window in a wall; None if it does not fit or no floor is before it."""
     panes, pane_m = rng.randint(*PANES), rng.uniform(*PANE_M)
     half_m = _Window(stretch.spot, panes, pane_m).width_m / 2
     slack_m = stretch.length_m - 2 * (half_m + BESIDE_M)
@@ -140,12 +140,12 @@ def _outer(world: World, floor: FreeFloor) -> Iterator[_Stretch]:
 
 
 def _is_high(panel: Panel) -> bool:
-    """From the floor to above a window."""
+    """The wall reaches from the floor to above a window."""
     return panel.bottom_m == 0 and panel.top_m >= LINTEL_M + MIN_ABOVE_M and not panel.glass
 
 
 def _either_way(number: int, panel: Panel) -> Iterator[_Stretch]:
-    """Either side of it may be the room's."""
+    """The panel with the room on either side."""
     length_m = dist(panel.start, panel.end)
     for start, end in ((panel.start, panel.end), (panel.end, panel.start)):
         along = (end[0] - start[0]) / length_m, (end[1] - start[1]) / length_m

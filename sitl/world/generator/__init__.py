@@ -1,9 +1,9 @@
-"""Buildings by chance: from a seed to a `World`, much like a floor to live or to work on.
+"""Generates a random building from a seed, similar to a floor of a house or office.
 
     floor ─► rooms, walls, doorways ──┐
     furniture ─► boxes, slanted walls ┴─► World, with starts in different rooms
 
-Places are drawn on a grid of 10 cm and only by +, -, ×, ÷ and √, so a seed makes the same building
+Coordinates are on a grid of 10 cm and use only +, -, ×, ÷ and √, so a seed gives the same building
 on every machine.
 """
 
@@ -16,20 +16,23 @@ from sitl.world.generator.floor import Floor, random_floor
 from sitl.world.generator.furniture import Space, furnish
 
 CEILINGS_M = (2.4, 2.5, 2.6, 2.7, 2.8, 3.0)
+"""Ceiling heights drawn, m. Chosen."""
 THICKNESSES_M = (0.1, 0.12, 0.15, 0.2)
+"""Wall thicknesses drawn, m. Chosen."""
 MAX_STARTS = 3
+"""Largest number of starts. Chosen."""
 
 _NAME = re.compile(r"random_(0|[1-9]\d{0,17})")
 
 
 def seed_of(name: str) -> int | None:
-    """The seed in the name of a random building, such as `random_17`; None of other names."""
+    """The seed in a name such as `random_17`; None for other names."""
     match = _NAME.fullmatch(name)
     return int(match[1]) if match else None
 
 
 def random_world(seed: int) -> World:
-    """The building that grows from a seed."""
+    """The building for a seed."""
     rng = stream(seed, "building")
     height_m = rng.choice(CEILINGS_M)
     thickness_m = rng.choice(THICKNESSES_M)
@@ -49,7 +52,7 @@ def random_world(seed: int) -> World:
 
 
 def _walls(floor: Floor, thickness_m: float) -> list[Walls]:
-    """The outer walls and those between the rooms, with their doors."""
+    """The outer walls and the inner ones with their doors."""
     (south, west), (north, east) = floor.outline.low, floor.outline.high
     corners = (south, west), (north, west), (north, east), (south, east)
     walls = [Walls(points=corners, closed=True, thickness_m=thickness_m)]
@@ -64,7 +67,7 @@ def _walls(floor: Floor, thickness_m: float) -> list[Walls]:
 
 
 def _starts(spaces: list[Space], rng: random.Random) -> tuple[Start, ...]:
-    """In different rooms; the seed of a flight draws the heading."""
+    """Starts in different rooms; the flight's seed draws the heading."""
     numbers = list(range(len(spaces)))
     rng.shuffle(numbers)
     chosen = numbers[: rng.randint(1, MAX_STARTS)]

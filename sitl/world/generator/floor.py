@@ -1,8 +1,8 @@
-"""Rooms of a rectangular floor, the walls between them, and doorways that join them all.
+"""Generates a rectangular floor: rooms, the walls between them, and doorways.
 
-A rectangle is cut in two until its rooms are small enough, or first along both sides of a corridor.
-A spanning tree of doorways lets everybody in everywhere; a few more make ways round. Rectangles and
-walls are centre lines, in metres on a grid of 10 cm.
+A rectangle is split until its rooms are small enough, optionally first along both sides of a
+corridor. A spanning tree of doorways connects all rooms; further doorways make loops. Rectangles
+and walls are centre lines, in m on a grid of 10 cm.
 """
 
 import random
@@ -14,21 +14,22 @@ from companion.core.frames import Vector2
 from sitl.world.format import Segment
 
 SIDES_M = (8, 16)
-"""As much as a drone sees of a building in ten minutes."""
+"""Range of the floor's sides, m: about what can be mapped in a flight of ten minutes."""
 MIN_ROOM_M = 3.2
-"""From centre line to centre line, so that 3 m are left between thick walls."""
+"""Smallest room side between centre lines, m: 3 m between thick walls."""
 LARGE_ROOMS_M2 = (20, 60)
-"""Larger rooms are cut; drawn for every building."""
+"""Range of the area above which rooms are split, m²; drawn for every building. Chosen."""
 LONGEST_ROOM = 2.2
-"""Times its width."""
+"""Largest ratio of a room's length to its width. Chosen."""
 CORRIDOR_SHARE = 0.5
+"""Probability of a corridor, if there is room for one. Chosen."""
 CORRIDORS_M = (2.0, 2.2, 2.4, 2.6)
 DOOR_WIDTHS_M = (1.0, 1.2, 1.4)
 DOOR_HEIGHTS_M = (2.0, 2.05, 2.1)
 BESIDE_DOOR_M = 0.3
-"""Of wall at least, on either side, to the centre line of the next wall."""
+"""Smallest wall on either side of a door, to the centre line of the next wall, m. Chosen."""
 LOOP_SHARE = 0.25
-"""Of the neighbours with a way round by other rooms that have a door of their own as well."""
+"""Probability of a door between neighbours that are already connected. Chosen."""
 
 
 class Rectangle(NamedTuple):
@@ -38,7 +39,7 @@ class Rectangle(NamedTuple):
     high: Vector2
 
     def length_m(self, axis: int) -> float:
-        """Along north (0) or east (1)."""
+        """Length along north (0) or east (1), m."""
         return round(self.high[axis] - self.low[axis], 3)
 
     @property
@@ -46,14 +47,14 @@ class Rectangle(NamedTuple):
         return self.length_m(0) * self.length_m(1)
 
     def grown(self, north_m: float, east_m: float) -> "Rectangle":
-        """By so much on every side; shrunk if negative."""
+        """Extended on every side; shrunk if negative."""
         return Rectangle(
             (round(self.low[0] - north_m, 3), round(self.low[1] - east_m, 3)),
             (round(self.high[0] + north_m, 3), round(self.high[1] + east_m, 3)),
         )
 
     def overlaps(self, other: "Rectangle") -> bool:
-        """They share more than their edges."""
+        """The rectangles share area, not only edges."""
         return all(
             self.low[axis] < other.high[axis] and other.low[axis] < self.high[axis]
             for axis in (0, 1)
@@ -68,12 +69,12 @@ class Rectangle(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Doorway:
-    """A door and what it joins."""
+    """A door between two rooms."""
 
     wall: int
-    """Which of the floor's walls it is in."""
+    """Number of its wall in the floor."""
     across: int
-    """The axis along which one goes through: north (0) or east (1)."""
+    """Axis of the passage: north (0) or east (1)."""
     centre: Vector2
     width_m: float
     height_m: float
@@ -81,7 +82,7 @@ class Doorway:
 
 @dataclass(frozen=True, slots=True)
 class Floor:
-    """A building's plan; `walls` are those between the rooms."""
+    """A building's plan; `walls` are the inner walls."""
 
     outline: Rectangle
     rooms: list[Rectangle]
@@ -90,7 +91,7 @@ class Floor:
 
 
 def random_floor(rng: random.Random) -> Floor:
-    """A floor with at least two rooms, all joined by doorways."""
+    """A floor with at least two rooms, all connected by doorways."""
     outline = Rectangle((0.0, 0.0), (_decimetres(rng, *SIDES_M), _decimetres(rng, *SIDES_M)))
     large_m2 = rng.randint(*LARGE_ROOMS_M2)
     across = 0 if outline.length_m(0) <= outline.length_m(1) else 1
@@ -116,7 +117,7 @@ def _split(
     rooms: list[Rectangle],
     walls: list[Segment],
 ) -> None:
-    """Cut a room across its longer side while it is large or long; adds to `rooms`, `walls`."""
+    """Split a room across its longer side while it is large or long; append to the lists."""
     axis = 0 if room.length_m(0) >= room.length_m(1) else 1
     length_m, width_m = room.length_m(axis), room.length_m(1 - axis)
     is_large = room.area_m2 > large_m2 or length_m > LONGEST_ROOM * width_m
@@ -141,7 +142,7 @@ def _cut(room: Rectangle, axis: int, at_m: float) -> tuple[Rectangle, Rectangle,
 
 
 def _doorways(rooms: list[Rectangle], walls: list[Segment], rng: random.Random) -> list[Doorway]:
-    """A spanning tree of them and some more; a corridor, the first room, opens to all beside it."""
+    """A spanning tree of doorways and some loops. A corridor, the first room, opens to all."""
     pairs = list(combinations(range(len(rooms)), 2))
     rng.shuffle(pairs)
     pairs.sort(key=lambda pair: pair[0] != 0)
@@ -157,9 +158,9 @@ def _doorways(rooms: list[Rectangle], walls: list[Segment], rng: random.Random) 
 
 
 def _shared_wall(a: Rectangle, b: Rectangle) -> tuple[int, Vector2, float] | None:
-    """The axis across the wall between two rooms, where it begins, and its length in metres.
+    """The shared wall of two rooms: the axis across it, its begin, and its length, m.
 
-    None if they have no wall in common that is long enough for a door.
+    None if they share no wall that is long enough for a door.
     """
     for axis in (0, 1):
         along = 1 - axis

@@ -1,7 +1,7 @@
-"""What stands in the rooms, so that everybody can still get everywhere.
+"""Furnishes the rooms and keeps all of them accessible.
 
-Whatever its height, furniture stands clear of doorways, and leaves a way 1.1 m wide between all
-doorways of a room and a place to start from.
+Furniture of any height stays clear of doorways. It leaves a way 1.1 m wide between all doorways of
+a room and a start.
 """
 
 import random
@@ -18,27 +18,30 @@ from sitl.world.generator.floor import Doorway, Rectangle
 
 GRID_M = 0.1
 BEFORE_DOOR_M = 1.3
-"""Free on both sides of every door,"""
+"""Free depth on both sides of every door, m. Chosen."""
 ASIDE_OF_DOOR_M = 0.2
-"""and so much wider than the door."""
+"""Free width beyond the door on either side, m. Chosen."""
 AT_DOOR_M = 0.7
-"""From a wall's centre line to where one stands who goes through its door."""
+"""Distance from a wall's centre line to the place before its door, m. Chosen."""
 WAY_M = 1.1
+"""Width of a free way, m. Chosen."""
 START_CLEARANCE_M = 0.85
+"""Clearance around a start, m. Chosen."""
 ROUNDING_M = 1e-6
 
 FURNISHED = (0.0, 0.2, 0.4)
-"""Pieces tried for each m²; drawn for every building."""
+"""Pieces tried per m²; drawn for every building. Chosen."""
 CORNERED = (0.0, 0.0, 0.5)
-"""Share of the rooms with a corner cut off; drawn for every building."""
+"""Share of rooms with a corner cut off; drawn for every building. Chosen."""
 CORNER_M = 0.8
+"""Smallest side of a cut corner, m. Chosen."""
 CORNER_SHARE = 0.6
-"""Of a room's side that a cut corner takes at most; at least `CORNER_M`."""
+"""Largest side of a cut corner as a share of the room's side. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A kind of furniture; metres, heights above the floor."""
+    """A kind of furniture; m, heights above the floor."""
 
     widths: tuple[float, float]
     depths: tuple[float, float]
@@ -46,7 +49,7 @@ class Piece:
     top_m: float
     by_wall: bool = True
     weight: float = 1.0
-    """How often it is drawn, against the others."""
+    """Relative frequency."""
 
 
 PIECES = (
@@ -59,12 +62,13 @@ PIECES = (
     Piece((0.9, 1.8), (2.0, 2.0), 0.0, 0.5),  # a bed
     Piece((0.3, 0.5), (0.3, 0.5), 0.0, np.inf, by_wall=False, weight=0.3),  # a pillar
 )
+"""Kinds of furniture with their sizes. Chosen."""
 
 
 class Space:
-    """A room between the faces of its walls, and what stands in it.
+    """The inside of a room, and the objects in it.
 
-    Everything counts as a rectangle from floor to ceiling, a slanted wall as the corner behind it.
+    Each object counts as a rectangle from floor to ceiling, a slanted wall as its corner.
     """
 
     def __init__(self, room: Rectangle, doorways: Sequence[Doorway], thickness_m: float) -> None:
@@ -87,7 +91,7 @@ class Space:
         ]
 
     def take(self, place: Rectangle) -> bool:
-        """Let something stand there, if it is free and leaves the ways that are needed."""
+        """Add an object if its place is free and the ways stay open; True if added."""
         if not self.inside.holds(place) or any(place.overlaps(other) for other in self._taken):
             return False
         clearance_m = np.minimum(self._clearance_m, self._distance_m(place))
@@ -98,7 +102,7 @@ class Space:
         return True
 
     def standing_room(self) -> list[Vector2]:
-        """Where a drone may start, (north, east)."""
+        """Places for a start, (north, east), m."""
         cells = np.argwhere(self._clearance_m >= START_CLEARANCE_M)
         return [
             (
@@ -109,7 +113,7 @@ class Space:
         ]
 
     def _is_passable(self, clearance_m: NDArray[np.float64]) -> bool:
-        """One free space holds all doors and every place to start from, of which there is one."""
+        """One free area contains all doors and all places for a start, at least one."""
         parts, _ = ndimage.label(clearance_m >= WAY_M / 2 - ROUNDING_M)
         at_doors = {int(parts[self._cell(door)]) for door in self._doors}
         to_start = set(parts[clearance_m >= START_CLEARANCE_M].tolist())
@@ -120,7 +124,7 @@ class Space:
         return round((north - self.room.low[0]) / GRID_M), round((east - self.room.low[1]) / GRID_M)
 
     def _to_walls_m(self) -> NDArray[np.float64]:
-        """Distance of the grid's places to the room's walls; below zero within them."""
+        """Distance of the grid's places to the room's walls, m; negative within them."""
         (south, west), (north, east) = self.inside
         norths, easts = self._grid
         to_north_m = np.minimum(norths - south, north - norths)
@@ -128,7 +132,7 @@ class Space:
         return np.asarray(np.minimum(to_north_m, to_east_m))
 
     def _distance_m(self, place: Rectangle) -> NDArray[np.float64]:
-        """Distance of the grid's places to a rectangle; 0 within it."""
+        """Distance of the grid's places to a rectangle, m; 0 within it."""
         north_m, east_m = (
             np.maximum(np.maximum(place.low[axis] - along, along - place.high[axis]), 0.0)
             for axis, along in enumerate(self._grid)
@@ -137,7 +141,7 @@ class Space:
 
 
 def furnish(spaces: Sequence[Space], height_m: float, rng: random.Random) -> None:
-    """Cut corners off some rooms, and put furniture into all of them."""
+    """Cut corners off some rooms, and furnish all of them."""
     cornered, furnished = rng.choice(CORNERED), rng.choice(FURNISHED)
     for space in spaces:
         if rng.random() < cornered:
@@ -148,7 +152,7 @@ def furnish(spaces: Sequence[Space], height_m: float, rng: random.Random) -> Non
 
 
 def _cut_corner(space: Space, height_m: float, rng: random.Random) -> None:
-    """A slanted wall across a corner, or a shaft in it, which makes the room an L."""
+    """Add a slanted wall across a corner, or a shaft in it, which makes the room an L."""
     far = rng.random() < 0.5, rng.random() < 0.5
     size = tuple(
         _between(rng, CORNER_M, max(CORNER_M, CORNER_SHARE * space.inside.length_m(axis)), 0.1)
@@ -165,7 +169,7 @@ def _cut_corner(space: Space, height_m: float, rng: random.Random) -> None:
 
 
 def _across_corner(room: Rectangle, size: Vector2, far: tuple[bool, bool]) -> Segment:
-    """From wall to wall, between their centre lines."""
+    """The slanted wall between the walls' centre lines."""
     (north, east), (to_north, to_east) = (
         tuple((room.high if far[axis] else room.low)[axis] for axis in (0, 1)),
         tuple(-size[axis] if far[axis] else size[axis] for axis in (0, 1)),
@@ -180,7 +184,7 @@ def _in_corner(inside: Rectangle, size: Vector2, far: tuple[bool, bool]) -> Rect
 
 
 def _put(piece: Piece, space: Space, height_m: float, rng: random.Random) -> None:
-    """Try one place for it, turned either way."""
+    """Try one random place and orientation for a piece."""
     width_m, depth_m = (_between(rng, *sizes, 0.05) for sizes in (piece.widths, piece.depths))
     axis = rng.randrange(2)
     size = (depth_m, width_m) if axis == 0 else (width_m, depth_m)
@@ -207,12 +211,12 @@ def _box(place: Rectangle, bottom_m: float, top_m: float) -> Box:
 
 
 def _between(rng: random.Random, least_m: float, most_m: float, step_m: float) -> float:
-    """A length in whole steps above the least one."""
+    """A random length in whole steps from the smallest one."""
     return round(least_m + step_m * rng.randint(0, int((most_m - least_m) / step_m + 1e-6)), 3)
 
 
 def _kept_free(doorway: Doorway, thickness_m: float) -> Rectangle:
-    """On both sides of a door."""
+    """The area to keep free on both sides of a door."""
     here = Rectangle(doorway.centre, doorway.centre)
     through_m = BEFORE_DOOR_M + thickness_m / 2
     aside_m = doorway.width_m / 2 + ASIDE_OF_DOOR_M
@@ -222,7 +226,7 @@ def _kept_free(doorway: Doorway, thickness_m: float) -> Rectangle:
 
 
 def _before_door(doorway: Doorway) -> tuple[Vector2, Vector2]:
-    """Where one stands on either side of a door."""
+    """The places before and behind a door."""
     north, east = doorway.centre
     if doorway.across == 0:
         return (round(north - AT_DOOR_M, 1), east), (round(north + AT_DOOR_M, 1), east)

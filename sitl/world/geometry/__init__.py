@@ -1,1 +1,1 @@
-"""Triangles, rays and distances."""
+"""Computes with triangles, rays and distances."""

@@ -1,4 +1,4 @@
-"""A world as triangles."""
+"""Converts a world to triangles."""
 
 import numpy as np
 
@@ -7,9 +7,9 @@ from sitl.world.format import Panel, World
 from sitl.world.geometry.triangles import Mesh
 
 MARGIN_M = 2.0
-"""Floor and ceiling reach this far beyond the outermost wall."""
+"""Margin of floor and ceiling beyond the outermost wall, m. Chosen."""
 FLOOR_M = 0.05
-"""What of an imported mesh is nowhere higher than this is floor, carpet or doorstep."""
+"""Parts of an imported mesh below this height are floor, carpet or doorstep, m. Chosen."""
 
 
 def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
@@ -19,20 +19,20 @@ def _from_quads(quads: list[tuple[Vector3, Vector3, Vector3, Vector3]]) -> Mesh:
 
 
 def obstacle_mesh(world: World) -> Mesh:
-    """Walls, boxes, ceiling and what an imported mesh has above its floor: not to be touched."""
+    """Surfaces that a drone can hit: walls, boxes, ceiling, imported mesh above its floor."""
     imported = world.mesh.above(FLOOR_M) if world.mesh is not None else None
     built = _built(world, world.panels)
     return built if imported is None else built + imported
 
 
 def visible_mesh(world: World) -> Mesh:
-    """All that a beam can meet but the floor, which is a plane: also carpets, but no glass."""
+    """Surfaces that a beam can hit, also carpets, but neither glass nor the floor plane."""
     built = _built(world, [panel for panel in world.panels if not panel.glass])
     return built if world.mesh is None else built + world.mesh
 
 
 def _built(world: World, panels: list[Panel]) -> Mesh:
-    """Walls, boxes and ceiling, and walls where the unknown begins."""
+    """Walls, boxes, ceiling, and walls along the closed border."""
     quads = [_upright(*segment, 0.0, world.height_m) for segment in world.closed_border]
     for panel in panels:
         sides = panel.outline

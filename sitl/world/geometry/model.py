@@ -1,8 +1,8 @@
-"""Ranges, clearance and collision in a world, by FCL.
+"""Computes ranges, clearance and collisions in a world with FCL.
 
-FCL casts no rays. A range is found by colliding a box as thin as 1 mm, laid along the beam, with
-the world's triangles, and intersecting the few triangles that it touches exactly; contact
-positions of FCL are not used, they can be metres off. The floor is no obstacle, and a plane.
+FCL has no ray casting. A range is found by colliding a box 1 mm thin, along the beam, with the
+world's triangles, and intersecting the touched triangles exactly. FCL's contact positions are not
+used: they can be metres off. The floor is a plane, and no obstacle.
 """
 
 import math
@@ -19,21 +19,23 @@ from sitl.world.geometry.rays import Triangle, cos_incidence, distance_m, triang
 from sitl.world.geometry.triangles import Mesh
 
 BODY_RADIUS_M = 0.2
-"""The drone with its propellers is a sphere of this radius."""
+"""Radius of the sphere that represents the drone with its propellers, m."""
 BEAM_WIDTH_M = 0.001
+"""Width of the box along a beam, m."""
 FAR_M = 1.0
+"""Above this bound the clearance is not computed exactly, m. Chosen."""
 
 
 class Hit(NamedTuple):
-    """Where a ray ends."""
+    """The point where a ray ends."""
 
     distance_m: float
     cos_incidence: float
-    """Of the angle between the ray and the surface's normal: 1 head-on, 0 grazing."""
+    """Cosine of the angle between ray and surface normal: 1 head-on, 0 grazing."""
 
 
 class WorldModel:
-    """A world to range in and to bump into. All positions are world NED, metres."""
+    """Answers range, clearance and collision queries. Positions are world NED, m."""
 
     def __init__(self, world: World) -> None:
         visible = visible_mesh(world)
@@ -58,7 +60,7 @@ class WorldModel:
     def hits(
         self, origin: Vector3, rays: Sequence[Vector3], most_m: float, half_angle_rad: float
     ) -> list[Hit | None]:
-        """Where each of a bundle of rays ends; the first is the axis, no other is farther off."""
+        """End of each ray of a bundle. The first is the axis; the others are within the angle."""
         width_m = BEAM_WIDTH_M + 2 * most_m * math.sin(half_angle_rad)
         touched = self._touched(origin, rays[0], most_m, width_m)
         return [self._hit(origin, ray, touched, most_m) for ray in rays]
@@ -73,7 +75,7 @@ class WorldModel:
     def _touched(
         self, origin: Vector3, direction: Vector3, most_m: float, width_m: float
     ) -> list[Triangle]:
-        """The triangles that a box about the ray touches."""
+        """Triangles that a box around the ray touches."""
         (x, y, z), (dx, dy, dz) = origin, direction
         _check_finite(x + y + z + dx + dy + dz, origin)
         probe = self._probes.get((most_m, width_m))
@@ -88,16 +90,16 @@ class WorldModel:
         return [self._triangles[contact.b1] for contact in result.contacts]
 
     def clearance_m(self, position: Vector3) -> float:
-        """Distance of a point to anything but the floor; 0 inside a solid."""
+        """Distance of a point to any surface except the floor, m; 0 inside a solid."""
         if any(_is_inside(box, position) for box in self._boxes):
             return 0.0
         return max(self._body_distance(position) + BODY_RADIUS_M, 0.0)
 
     def body_clearance_m(self, position: Vector3) -> float:
-        """Distance of the drone's body to anything but the floor, ≤ 0 when it touches.
+        """Distance of the drone's body to any surface except the floor, m; ≤ 0 on contact.
 
-        Exact whenever it may be a new least one: a body that has moved by s since the last exact
-        answer c is at least c - s away, and that bound is returned while it is above `FAR_M`.
+        The value is exact whenever it may be a new minimum. A body that has moved by s since the
+        last exact value c is at least c - s away. That bound is returned while it exceeds `FAR_M`.
         """
         if self._checked_at is not None:
             bound_m = self._clearance_m - math.dist(position, self._checked_at)
@@ -115,7 +117,7 @@ class WorldModel:
 
 
 def _to_floor_m(origin: Vector3, direction: Vector3) -> float:
-    """Distance along a ray to the floor, down = 0 everywhere; infinite if it does not meet it."""
+    """Distance along a ray to the floor plane (down = 0), m; infinite without intersection."""
     down, slope = origin[2], direction[2]
     reach_m = -down / slope if slope else math.inf
     return reach_m if reach_m >= 0 else math.inf
@@ -130,15 +132,15 @@ def _collision_object(mesh: Mesh) -> fcl.CollisionObject:
 
 
 def _check_finite(sum_of_pose: float, position: Vector3) -> None:
-    """FCL answers nonsense to NaN without a word."""
+    """Reject non-finite poses: FCL returns wrong results for NaN without an error."""
     if not math.isfinite(sum_of_pose):
         raise ValueError(f"not a finite pose, at {position}")
 
 
 def _rotation_to(direction: Vector3) -> tuple[float, float, float, float]:
-    """The quaternion (w, x, y, z) that lays the z axis, either way round, along the direction."""
+    """The quaternion (w, x, y, z) that aligns the z axis with the direction or its opposite."""
     x, y, z = direction
-    if z < 0:  # the box is its own mirror image, and half a turn has no one axis
+    if z < 0:  # the box is symmetric, and a half turn has no unique axis
         x, y, z = -x, -y, -z
     # (1 + z0·d, z0 × d), normalised
     scale = 1 / math.sqrt(2 * (1 + z))

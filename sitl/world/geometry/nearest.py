@@ -1,4 +1,4 @@
-"""The nearest of thousands of walls, for thousands of points, without a table of all pairs."""
+"""Finds the nearest of thousands of walls for thousands of points, without a table of all pairs."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,14 +11,15 @@ Numbers = NDArray[np.int64]
 
 ROUNDING_M = 1e-9
 SAMPLES_AT_FIRST = 8
-"""Of walls, looked at for all points at once; few points have more within reach."""
+"""Wall samples queried for all points at once; few points have more within reach. Chosen."""
 
 
 class NearestWall:
-    """Answers to the bit what the least of all distances would be.
+    """Returns the same bits as the minimum over all walls.
 
-    A sample of the nearest wall is at most half a spacing farther from a point than that wall, so
-    that all walls with a sample within the nearest sample's distance and half a spacing are tried.
+    A sample of the nearest wall is at most half a spacing farther from a point than the wall. All
+    walls with a sample within the nearest sample's distance plus half a spacing are therefore
+    checked.
     """
 
     def __init__(self, walls: Points) -> None:
@@ -31,7 +32,7 @@ class NearestWall:
         self._reach_m = float(spacing_m.max()) / 2 + ROUNDING_M
 
     def query(self, points: Points) -> tuple[Points, Points]:
-        """Distance (n,) and closest point (n, 2) on any wall, of points (n, 2)."""
+        """Distance (n,) and closest point (n, 2) on any wall, for points (n, 2), m."""
         if not len(points):
             return np.empty(0), np.empty((0, 2))
         distance_m, sample = self._tree.query(points, k=SAMPLES_AT_FIRST)
@@ -44,7 +45,7 @@ class NearestWall:
         return self._best(points, np.concatenate(pairs))
 
     def _best(self, points: Points, pairs: Numbers) -> tuple[Points, Points]:
-        """Of each point's walls (k, 2) of numbers; the first wall, where two are as near."""
+        """The nearest wall of each point among pairs (k, 2); the first one if two are as near."""
         row, wall = pairs.T
         foot = self._feet(points[row], wall)
         distance = np.linalg.norm(points[row] - foot, axis=1)
@@ -53,7 +54,7 @@ class NearestWall:
         return distance[first], foot[first]
 
     def _feet(self, points: Points, wall: Numbers) -> Points:
-        """The closest points (n, 2), each on its own wall."""
+        """The closest point (n, 2) on the given wall of each point."""
         start, along = self._start[wall], self._along[wall]
         share = ((points - start) * along).sum(axis=1) / self._length2[wall]
         feet: Points = start + np.clip(share, 0, 1)[:, None] * along

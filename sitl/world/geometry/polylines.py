@@ -1,6 +1,6 @@
-"""Loose segments joined into polylines, and polylines with no more corners than they need.
+"""Joins segments to polylines and simplifies polylines.
 
-Plan points are rows of (n, 2) arrays; a polyline that ends where it began is a loop.
+Plan points are rows of (n, 2) arrays. A polyline that ends at its first point is a loop.
 """
 
 from collections import defaultdict
@@ -16,10 +16,10 @@ Numbers = NDArray[np.int64]
 
 
 def join(segments: Points, same_within: float) -> list[Points]:
-    """Segments (n, 2, 2) that meet end to end, as polylines.
+    """Join segments (n, 2, 2) that meet end to end.
 
-    Ends this near each other are one. A polyline ends where other than two segments meet, so
-    every segment is part of exactly one; repeated ones and those without length are left out.
+    Ends within `same_within` are the same point. A polyline ends where not exactly two segments
+    meet. Every segment is in exactly one polyline; repeated and zero-length ones are dropped.
     """
     if not len(segments):
         return []
@@ -32,7 +32,7 @@ def join(segments: Points, same_within: float) -> list[Points]:
 
 
 class _Walker:
-    """Walks every edge (pair of vertex numbers) of a graph once."""
+    """Traverses every edge (pair of vertex numbers) of a graph once."""
 
     def __init__(self, edges: Numbers) -> None:
         self._edges: list[tuple[int, int]] = [(a, b) for a, b in edges.tolist()]
@@ -43,7 +43,7 @@ class _Walker:
                 self._at[vertex].append(number)
 
     def walks(self) -> list[list[int]]:
-        """From crossings and ends first: what they leave is loops."""
+        """All walks, those from crossings and ends first; the remaining edges are loops."""
         crossings = [vertex for vertex, edges in self._at.items() if len(edges) != 2]
         return [
             self._walk(vertex, edge)
@@ -66,7 +66,7 @@ class _Walker:
 
 
 def simplify(points: Points, tolerance: float) -> Points:
-    """Douglas and Peucker 1973: no point that is left out is farther than this from the rest."""
+    """Douglas and Peucker 1973: every dropped point is within the tolerance of the result."""
     middle = 0
     if is_loop(points):
         points = _from_a_corner(points)
@@ -89,24 +89,24 @@ def simplify(points: Points, tolerance: float) -> Points:
 
 
 def legs(points: Points) -> list[tuple[Vector2, Vector2]]:
-    """From each point to the next."""
+    """Segments between consecutive points."""
     return list(pairwise((float(x), float(y)) for x, y in points))
 
 
 def is_loop(points: Points) -> bool:
-    """It ends where it began."""
+    """The polyline ends at its first point."""
     return bool((points[0] == points[-1]).all())
 
 
 def _from_a_corner(loop: Points) -> Points:
-    """The same loop, begun at its point farthest from where it began: surely a corner."""
+    """The same loop, starting at the point farthest from its start, which is always a corner."""
     farthest = int(np.linalg.norm(loop - loop[0], axis=1).argmax())
     ring = np.roll(loop[:-1], -farthest, axis=0)
     return np.concatenate([ring, ring[:1]])
 
 
 def _distance(points: Points, start: Points, end: Points) -> Points:
-    """Of each point to the segment."""
+    """Distance of each point to the segment."""
     along = end - start
     length2 = max(float(along @ along), 1e-18)
     share = np.clip((points - start) @ along / length2, 0, 1)

@@ -1,4 +1,4 @@
-"""Rays against triangles, exactly. Triangles are kept as the test wants them: corner and edges."""
+"""Intersects rays with triangles exactly. A triangle is stored as one corner and two edges."""
 
 import math
 from typing import NamedTuple
@@ -9,13 +9,13 @@ from companion.core.frames import Vector3
 from sitl.world.geometry.triangles import Mesh
 
 EDGE_TOLERANCE = 1e-9
-"""A ray this near a triangle's edge, in barycentric terms, meets it: no ray slips between two."""
+"""Margin at a triangle's edge, barycentric, so that no ray passes between two triangles."""
 PARALLEL = 1e-14
-"""A ray along a triangle's plane does not meet it; twice the seen area in m² below which it is."""
+"""Twice the projected area, m², below which a ray is parallel to the triangle's plane."""
 
 
 class Triangle(NamedTuple):
-    """A corner in NED metres, and the edges e1, e2 from it to the other two."""
+    """A corner in NED, m, and the edges e1, e2 from it to the other two."""
 
     ax: float
     ay: float
@@ -29,15 +29,15 @@ class Triangle(NamedTuple):
 
 
 def triangles_of(mesh: Mesh) -> list[Triangle]:
-    """In the order of the mesh's faces."""
+    """Triangles in the order of the mesh's faces."""
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     return list(map(Triangle._make, np.hstack([a, b - a, c - a]).tolist()))
 
 
 def distance_m(origin: Vector3, direction: Vector3, triangle: Triangle) -> float:
-    """Möller and Trumbore 1997: along the ray to the triangle, infinite if they do not meet.
+    """Distance along the ray to the triangle, m; infinite without intersection.
 
-    In P = direction × e2, T = origin - corner, Q = T × e1:
+    Möller and Trumbore 1997. With P = direction × e2, T = origin - corner, Q = T × e1:
     det = e1·P, u = T·P / det, v = direction·Q / det, distance = e2·Q / det.
     """
     ax, ay, az, e1x, e1y, e1z, e2x, e2y, e2z = triangle
@@ -59,7 +59,7 @@ def distance_m(origin: Vector3, direction: Vector3, triangle: Triangle) -> float
 
 
 def cos_incidence(direction: Vector3, triangle: Triangle) -> float:
-    """Cosine of the angle between a ray and the triangle's normal, on whichever side it is."""
+    """Cosine of the angle between a ray and the triangle's normal, on either side."""
     _, _, _, e1x, e1y, e1z, e2x, e2y, e2z = triangle
     nx, ny, nz = e1y * e2z - e1z * e2y, e1z * e2x - e1x * e2z, e1x * e2y - e1y * e2x
     dx, dy, dz = direction

@@ -1,4 +1,4 @@
-"""Triangles: vertices (n, 3) in NED metres, faces (m, 3) of vertex numbers."""
+"""Represents triangles: vertices (n, 3) in NED, m, and faces (m, 3) of vertex numbers."""
 
 from dataclasses import dataclass
 
@@ -9,14 +9,16 @@ from companion.core.frames import Vector2
 from sitl.world.geometry.polylines import join, legs, simplify
 
 SAME_WITHIN_M = 1e-4
+"""Ends of a section's segments within this are joined, m."""
 STRAIGHT_WITHIN_M = 0.002
+"""Tolerance of simplifying a section, m."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mesh:
-    """Triangles that have been checked: finite, with faces that name existing vertices.
+    """Validated triangles: finite, and faces refer to existing vertices.
 
-    FCL takes the process down with it when it is given others.
+    FCL crashes the process on others.
     """
 
     vertices: NDArray[np.float64]
@@ -32,24 +34,24 @@ class Mesh:
 
     @property
     def extremes(self) -> NDArray[np.float64]:
-        """The least and the greatest north, east and down of any face; (2, 3)."""
+        """Minimum and maximum north, east and down of the faces, (2, 3), m."""
         used = self.vertices[self.faces.reshape(-1)]
         return np.stack([used.min(axis=0), used.max(axis=0)])
 
     def __add__(self, other: "Mesh") -> "Mesh":
-        """Both, as one."""
+        """Concatenate two meshes."""
         return Mesh(
             np.concatenate([self.vertices, other.vertices]),
             np.concatenate([self.faces, other.faces + len(self.vertices)]),
         )
 
     def above(self, height_m: float) -> "Mesh | None":
-        """Without the triangles that lie wholly below a height; None if that is all of them."""
+        """The mesh without triangles wholly below a height; None if none remains."""
         reaches = (self.vertices[self.faces, 2] < -height_m).any(axis=1)
         return Mesh(self.vertices, self.faces[reaches]) if reaches.any() else None
 
     def section(self, height_m: float) -> list[tuple[Vector2, Vector2]]:
-        """What it looks like cut at a height, seen from above: segments of (north, east)."""
+        """Cut at a height, seen from above: segments of (north, east), m."""
         import trimesh  # noqa: PLC0415 - slow to load, and only needed for plans
 
         solid = trimesh.Trimesh(self.vertices, self.faces, process=False)

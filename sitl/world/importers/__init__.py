@@ -1,7 +1,8 @@
-"""Buildings in other people's formats. An importer mends or refuses, and says what it did."""
+"""Imports buildings from other formats. An importer repairs or rejects, and reports what it did."""
 
 CEILING_M = 2.6
-"""Plans have no heights; this is the ceiling that their walls reach to."""
+"""Ceiling height of plans without heights, m. Chosen."""
 FARTHEST_M = 1000.0
-"""From the origin; what is farther away has a slip in its numbers."""
+"""Largest distance from the origin, m; larger values are errors. Chosen."""
 MAX_WALLS = 50_000
+"""Largest number of walls. Chosen."""

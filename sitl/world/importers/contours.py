@@ -1,4 +1,4 @@
-"""Outlines of the occupied cells of a grid, with few corners.
+"""Traces the outlines of a grid's occupied cells, with few corners.
 
 Points are (column, row) in cells: cell (row, column) of the grid reaches from (column, row) to
 (column + 1, row + 1).
@@ -10,32 +10,32 @@ from numpy.typing import NDArray
 from sitl.world.geometry.polylines import Points, is_loop, join, simplify
 
 TOLERANCE_CELLS = 0.7
-"""Lets a straight wall that cells have turned into steps be straight again, and a wall one cell
-thick keep its two sides. With the half cell of a jog, an outline stays about a cell from the truth.
-"""
+"""Tolerance of straightening, cells. Stepped cells of a straight wall become straight again, and a
+wall one cell thick keeps its two sides. With half a cell from a jog, an outline stays within about
+a cell of the truth."""
 SAME_WITHIN_CELLS = 0.5
 
 Cells = NDArray[np.bool_]
 
 
 def roughness(occupied: Cells) -> int:
-    """How many edges of cells there are between occupied ones and others."""
+    """Number of edges between occupied and other cells."""
     rows = np.count_nonzero(occupied[1:] != occupied[:-1])
     return int(rows + np.count_nonzero(occupied[:, 1:] != occupied[:, :-1]))
 
 
 def outlines(occupied: Cells) -> list[Points]:
-    """Polylines between occupied cells and others, as stepped as they are."""
+    """Polylines between occupied and other cells, with all steps."""
     return _joined(occupied.astype(np.int8), 1)
 
 
 def borders(inside: Cells, beyond: Cells) -> list[Points]:
-    """Polylines where cells of one kind meet cells of another; what is neither ends them."""
+    """Polylines between cells of two kinds; they end at cells of neither kind."""
     return _joined(inside.astype(np.int8) - beyond.astype(np.int8), 2)
 
 
 def lengthened(line: Points, by_cells: float) -> Points:
-    """A polyline with ends, at both of them; a loop as it is."""
+    """An open polyline extended at both ends; a loop is unchanged."""
     if is_loop(line):
         return line
     out = np.stack([line[0] - line[1], line[-1] - line[-2]])
@@ -44,24 +44,24 @@ def lengthened(line: Points, by_cells: float) -> Points:
 
 
 def straightened(outline: Points) -> Points:
-    """The same without the steps that cells make of a slanted wall."""
+    """The outline without the steps of a slanted wall."""
     return simplify(_without_jogs(outline), TOLERANCE_CELLS)
 
 
 def _joined(kind: NDArray[np.int8], step: int) -> list[Points]:
-    """Polylines along which the kind of the cells changes by this much, up or down."""
+    """Polylines along which the kind of the cells changes by `step`, up or down."""
     level = _runs(kind, step)
     upright = _runs(kind.T, step)[..., ::-1]
     return join(np.concatenate([level, upright]).astype(float), SAME_WITHIN_CELLS)
 
 
 def _runs(kind: NDArray[np.int8], step: int) -> NDArray[np.int64]:
-    """The edges along the rows, joined to straight runs: (n, 2, 2).
+    """Edges along the rows, joined to straight runs (n, 2, 2).
 
-    A run ends where its occupied side changes, so that at a corner where two cells touch
-    diagonally four runs meet, as they should.
+    A run ends where its occupied side changes. Four runs therefore meet where two cells touch
+    diagonally.
     """
-    # padded first: np.diff's own prepend would make 64-bit numbers of all cells
+    # padded first: np.diff's own prepend would convert all cells to 64 bits
     side = np.diff(np.pad(kind, ((1, 1), (0, 0))), axis=0)
     side[np.abs(side) != step] = 0
     change = np.diff(np.pad(side, ((0, 0), (1, 1))), axis=1)
@@ -73,9 +73,9 @@ def _runs(kind: NDArray[np.int8], step: int) -> NDArray[np.int64]:
 
 
 def _without_jogs(corners: Points) -> Points:
-    """Each edge one cell long, between a turn to one side and a turn to the other, as a point.
+    """Replace each edge of one cell between opposite turns by its middle.
 
-    Along a slanted wall these are the steps, and their middles lie on the wall.
+    Along a slanted wall these edges are the steps, and their middles lie on the wall.
     """
     along = np.diff(corners, axis=0)
     before = np.roll(along, 1, axis=0)

@@ -1,4 +1,4 @@
-"""The files of a ROS map, a YAML file and a picture, as cells."""
+"""Reads the files of a ROS map, a YAML file and an image, as cells."""
 
 import math
 import warnings
@@ -19,16 +19,18 @@ from sitl.world.known import Cells, Raster
 from sitl.world.plan import OUTSIDE_M
 
 MAX_YAML_BYTES = 65_536
+"""Largest YAML file, bytes. Chosen."""
 MAX_CELLS_A_SIDE = 8000
+"""Largest width or height of the image, cells. Chosen."""
 MAX_SUM = 3 * 255
-"""Of a white cell's red, green and blue."""
+"""Sum of a white cell's red, green and blue."""
 
 Sums = NDArray[np.uint16]
 Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class _Record(BaseModel):
-    """The YAML file."""
+    """Content of the YAML file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -49,7 +51,7 @@ class _Record(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Grid:
-    """What the map says of its cells, and where they lie; what is neither is unknown."""
+    """Occupied and free cells and their place; all other cells are unknown."""
 
     occupied: Cells
     free: Cells
@@ -57,10 +59,10 @@ class Grid:
 
 
 def read_map(path: Path) -> Grid:
-    """The cells that a map's files tell of.
+    """Read a map's cells.
 
     Raises:
-        WorldError: they cannot be used; one line that says why.
+        WorldError: a file cannot be read or is invalid.
     """
     return _grid(path, _read_record(path))
 
@@ -82,7 +84,7 @@ def _read_record(path: Path) -> _Record:
 
 
 def _parse(text: str) -> Any:
-    """YAML; the parser answers a wrong number or tag with any of Python's own errors."""
+    """Parse YAML. For a wrong number or tag the parser raises various Python errors."""
     try:
         return yaml.safe_load(text)
     except (ValueError, LookupError, AttributeError, TypeError, RecursionError) as error:
@@ -103,7 +105,7 @@ def _grid(path: Path, record: _Record) -> Grid:
 
 
 def _cropped(grid: Grid) -> Grid:
-    """Without the unknown all around, but for as much of it as a drone may go out into."""
+    """The grid without the unknown around it, except the margin that a drone may enter."""
     margin = 1 + math.ceil(OUTSIDE_M / grid.raster.cell_m)
     known = grid.occupied | grid.free
     spans = []
@@ -118,7 +120,7 @@ def _cropped(grid: Grid) -> Grid:
 
 
 def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
-    """Sums of each cell's colours, black is 0, and which cells are opaque; rows from the top."""
+    """Sum of each cell's colours (black is 0), and the opaque cells; rows from the top."""
     try:
         with picture.open("rb") as file, warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)
@@ -131,12 +133,12 @@ def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
             return _sums(image)
     except WorldError:
         raise
-    except Exception as error:  # on a damaged picture the decoders raise whatever comes to hand
+    except Exception as error:  # decoders raise any exception on a damaged image
         raise WorldError(f"{path}: image = {picture.name}: {error}") from error
 
 
 def _sums(image: Image.Image) -> tuple[Sums, Cells]:
-    """Red, green and blue added up: Pillow's own greys weigh them as the eye does."""
+    """Sum of red, green and blue; Pillow's own grey weights them by perception."""
     hidden = image.info.get("transparency")
     if image.mode.startswith("I"):  # 16 bits
         wide: NDArray[np.int32] = np.asarray(image).astype(np.int32)

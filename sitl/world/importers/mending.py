@@ -1,4 +1,4 @@
-"""Triangles from anywhere, made fit to be collided with: (n, 3, 3) of corners, z up, metres."""
+"""Cleans triangles for collision checks: (n, 3, 3) of corners, z up, m."""
 
 from collections.abc import Callable
 
@@ -9,22 +9,25 @@ from sitl.world.format import WorldError
 from sitl.world.importers import FARTHEST_M
 
 MIN_AREA_M2 = 1e-10
+"""Smaller triangles are dropped, m². Chosen."""
 MAX_EXTENT_M = 500.0
+"""Largest side of a building, m. Chosen."""
 MIN_HEIGHT_M, MAX_HEIGHT_M = 0.5, 100.0
+"""Range of a building's height, m. Chosen."""
 SLAB_M = 0.5
-"""A floor slab is not thicker, nor more than a quarter of all."""
+"""Thickest floor slab, m, limited to a quarter of the building's height. Chosen."""
 FLOOR_SHARE = 0.6
-"""The top of a slab has at least this share of the area of its underside: the rest is walls."""
+"""Smallest area of a slab's top as a share of its underside; the rest is walls. Chosen."""
 
 Triangles = NDArray[np.float64]
 Faces = NDArray[np.int64]
 
 
-def mended(triangles: Triangles, source: str, tell: Callable[[str], None]) -> Triangles:
-    """Those that can be used, each once, with the floor at z = 0.
+def mended(triangles: Triangles, source: str, report: Callable[[str], None]) -> Triangles:
+    """Usable triangles, each once, with the floor at z = 0.
 
     Raises:
-        WorldError: too little is left, or it has not the size of a building.
+        WorldError: no triangle remains, or its size is not that of a building.
     """
     finite = triangles[np.isfinite(triangles).all(axis=(1, 2))]
     if len(finite):
@@ -37,14 +40,14 @@ def mended(triangles: Triangles, source: str, tell: Callable[[str], None]) -> Tr
         ("repeated", large, single),
     ):
         if len(after) < len(before):
-            tell(f"left out {len(before) - len(after)} of {len(triangles)} triangles: {what}")
+            report(f"left out {len(before) - len(after)} of {len(triangles)} triangles: {what}")
     if not len(single):
         raise WorldError(f"{source}: none of {len(triangles)} triangles is usable")
-    return _on_its_floor(single, source, tell)
+    return _on_its_floor(single, source, report)
 
 
 def numbered(triangles: Triangles) -> tuple[Triangles, Faces]:
-    """Vertices (n, 3), each once, and faces (m, 3)."""
+    """Unique vertices (n, 3), and faces (m, 3)."""
     vertices, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, number.reshape(-1, 3).astype(np.int64)
 
@@ -74,17 +77,17 @@ def _area_m2(triangles: Triangles) -> Triangles:
 
 
 def _once(triangles: Triangles) -> Triangles:
-    """Two are the same that have the same corners, in any order."""
+    """Triangles without repetitions; the order of corners is ignored."""
     _, faces = numbered(triangles)
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     return triangles[np.sort(first)]
 
 
-def _on_its_floor(triangles: Triangles, source: str, tell: Callable[[str], None]) -> Triangles:
+def _on_its_floor(triangles: Triangles, source: str, report: Callable[[str], None]) -> Triangles:
     lowest_m, highest_m = triangles[..., 2].min(), triangles[..., 2].max()
     floor_m = _floor_m(triangles, lowest_m, min(SLAB_M, (highest_m - lowest_m) / 4))
     if floor_m - lowest_m > 0.001:
-        tell(f"took the floor to be {floor_m - lowest_m:.2f} m above the lowest point, on its slab")
+        report(f"floor set {floor_m - lowest_m:.2f} m above the lowest point, on its slab")
     height_m = highest_m - floor_m
     if not MIN_HEIGHT_M <= height_m <= MAX_HEIGHT_M:
         raise WorldError(
@@ -96,7 +99,7 @@ def _on_its_floor(triangles: Triangles, source: str, tell: Callable[[str], None]
 
 
 def _floor_m(triangles: Triangles, lowest_m: float, slab_m: float) -> float:
-    """The lowest point, or the top of the slab that it belongs to."""
+    """Height of the lowest point, or of the top of its slab, m."""
     z_m = triangles[..., 2]
     is_level = (np.ptp(z_m, axis=1) < 0.001) & (z_m.max(axis=1) < lowest_m + slab_m)
     if not is_level.any():

@@ -1,4 +1,4 @@
-"""Pieces of a map's walls that are none: marks outside the building, and specks inside."""
+"""Finds pieces of a map's walls that are not walls: marks outside the building, specks inside."""
 
 from collections.abc import Callable
 
@@ -10,19 +10,19 @@ from sitl.world.importers.space import TOUCHING, near, of_each
 from sitl.world.known import Cells
 
 MARK_M = 3.0
-"""A letter of a label, a number, an arrow is no larger."""
+"""Largest size of a mark, m: a letter, a number, an arrow. Chosen."""
 STROKE_M, STROKE_CELLS = 0.25, 3
-"""Nor are its strokes wider than one of these."""
+"""Largest width of a mark's strokes, m or cells. Chosen."""
 SPECK_CELLS = 5
-"""Fewer, and it is a chair's leg, or noise."""
+"""Pieces with fewer cells are chair legs or noise. Chosen."""
 BESIDE_CELLS = 1.5
-"""Cells that touch, also at a corner, are no farther apart from centre to centre."""
+"""Largest distance between the centres of touching cells, also at a corner, cells."""
 
 
 def marks_outside(kept: Cells, occupied: Cells, cell_m: float) -> Cells:
-    """Small pieces of thin strokes that no cell of the kept air touches: labels, stray echoes.
+    """Small pieces of thin strokes that touch no cell of the kept air: labels, stray echoes.
 
-    They are in the unknown or outside the building, where no drone can see them.
+    They are in the unknown or outside the building, where no drone can detect them.
     """
     if not kept.any():
         return np.zeros_like(occupied)
@@ -38,22 +38,24 @@ def marks_outside(kept: Cells, occupied: Cells, cell_m: float) -> Cells:
 
 
 def _wide(occupied: Cells, cell_m: float) -> Cells:
-    """The cells in the middle of what is wider than a stroke."""
+    """Cells in the middle of pieces that are wider than a stroke."""
     return ~near(~occupied, max(STROKE_M / cell_m, STROKE_CELLS) / 2 + 0.5)
 
 
-def tell_of_pieces(marks: Cells, kept: Cells, occupied: Cells, tell: Callable[[str], None]) -> None:
-    """How many marks were left out, and how many specks were not."""
+def report_pieces(
+    marks: Cells, kept: Cells, occupied: Cells, report: Callable[[str], None]
+) -> None:
+    """Report the dropped marks and the kept specks."""
     _, left_out = ndimage.label(marks, TOUCHING)
     if left_out:
-        tell(f"left out {left_out} marks in the unknown or outside: labels, or stray echoes")
+        report(f"left out {left_out} marks in the unknown or outside: labels, or stray echoes")
     piece, count = ndimage.label(occupied, TOUCHING)
     size = np.bincount(piece[occupied], minlength=count + 1)
     is_inside = np.zeros(count + 1, dtype=bool)
     is_inside[piece[near(kept, BESIDE_CELLS) & occupied]] = True
     specks = int(np.count_nonzero(is_inside & (size < SPECK_CELLS)))
     if specks:
-        tell(
+        report(
             f"kept {specks} specks of fewer than {SPECK_CELLS} cells, legs of chairs or noise, "
             f"as pillars up to the ceiling at {CEILING_M:g} m"
         )

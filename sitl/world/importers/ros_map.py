@@ -1,7 +1,7 @@
-"""Maps of ROS map_server: a YAML file beside a picture (PGM or PNG) of the cells.
+"""Imports maps of ROS map_server: a YAML file and an image (PGM or PNG) of the cells.
 
 Dark cells are walls, light ones free, those between unknown. As in ROS, x is east and y north, and
-`origin` is x, y and yaw of the picture's lower left corner. Maps have no heights, so walls go to a
+`origin` is x, y and yaw of the image's lower left corner. Maps have no heights: walls reach a
 ceiling at 2.6 m. A cell that is partly transparent is unknown, in every mode.
 
     files ─► cells ─► space: air, rooms ─┬─► starts
@@ -28,25 +28,27 @@ from sitl.world.importers.contours import (
     straightened,
 )
 from sitl.world.importers.map_files import Grid, read_map
-from sitl.world.importers.pieces import marks_outside, tell_of_pieces
+from sitl.world.importers.pieces import marks_outside, report_pieces
 from sitl.world.importers.space import Space, enclosed, near, reached, space_of
 from sitl.world.importers.starts import MIN_CLEARANCE_M, free_starts
 from sitl.world.known import Cells, KnownArea, Points
 from sitl.world.plan import NARROWEST_DOOR_M
 
 MAX_EDGES = 400_000
-"""Of cells, along walls; a building has some ten thousand, noise has millions."""
+"""Largest number of cell edges along walls. A building has some ten thousand, noise millions."""
 MAX_OUTLINES = 20_000
+"""Largest number of separate outlines. Chosen."""
 SAME_TO_DIGITS = 6
+"""Decimals to which points in m are rounded before repeated walls are dropped."""
 INTO_WALLS_CELLS = 1.5
-"""So far a closed border goes on where a wall ends it, so that no beam finds a slit."""
+"""Extension of the closed border into the walls at its ends, cells, so that no slit remains."""
 
 
-def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
+def load_ros_map(path: Path, report: Callable[[str], None]) -> World:
     """Read a map.
 
     Raises:
-        WorldError: nothing can be made of it; one line that says why.
+        WorldError: the map cannot be read, or is not a building with a start.
     """
     grid = read_map(path)
     lines = _outlines(path, grid)
@@ -56,9 +58,9 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
     if marks.any():
         grid = replace(grid, occupied=grid.occupied & ~marks)
         lines = outlines(grid.occupied)
-    tell_of_pieces(marks, kept, grid.occupied, tell)
-    _tell_of_refused(space, tell)
-    segments = _walls(path, grid, lines, tell)
+    report_pieces(marks, kept, grid.occupied, report)
+    _report_refused(space, report)
+    segments = _walls(path, grid, lines, report)
     border, border_m = _border(path, grid, kept)
     world = World.model_validate(
         {
@@ -73,7 +75,7 @@ def load_ros_map(path: Path, tell: Callable[[str], None]) -> World:
 
 
 def _outlines(path: Path, grid: Grid) -> list[Points]:
-    """Of the occupied cells; a picture of noise is no building."""
+    """Outlines of the occupied cells; images of noise are rejected."""
     if not grid.occupied.any():
         raise WorldError(f"{path}: no cell is a wall; see negate, occupied_thresh and mode")
     is_noise = roughness(grid.occupied) > MAX_EDGES
@@ -87,12 +89,12 @@ def _outlines(path: Path, grid: Grid) -> list[Points]:
 
 
 def _walls(
-    path: Path, grid: Grid, rough: list[Points], tell: Callable[[str], None]
+    path: Path, grid: Grid, rough: list[Points], report: Callable[[str], None]
 ) -> list[Segment]:
-    """The outlines in metres, straightened, each piece once."""
+    """The straightened outlines in m, each segment once."""
     segments, repeated = _pieces(grid, [straightened(line) for line in rough])
     if repeated:
-        tell(f"left out {repeated} of {repeated + len(segments)} walls: repeated or tiny")
+        report(f"left out {repeated} of {repeated + len(segments)} walls: repeated or tiny")
     farthest_m = max((abs(x) for piece in segments for point in piece for x in point), default=0)
     if farthest_m > FARTHEST_M:
         raise WorldError(f"{path}: reaches {farthest_m:.0f} m; {FARTHEST_M:g} m at most")
@@ -102,7 +104,7 @@ def _walls(
 
 
 def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
-    """The legs of polylines in metres, each once, and how many were repeated or tiny."""
+    """Segments of polylines in m, each once, and the number of repeated or tiny ones."""
     placed = [grid.raster.to_plan(line).round(SAME_TO_DIGITS) for line in lines]
     pieces = [leg for line in placed for leg in legs(line)]
     long = [piece for piece in pieces if math.dist(*piece) > MIN_LENGTH_M]
@@ -111,9 +113,9 @@ def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
 
 
 def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], float]:
-    """Where this air goes on into what is not known, and how long that is in metres.
+    """Border between this air and the unknown, and its length in m.
 
-    It reaches into the walls that it ends at: straightened outlines are up to a cell off.
+    It extends into the walls at its ends, because straightened outlines are up to a cell off.
     """
     lines = [straightened(line) for line in borders(kept, ~(kept | grid.occupied))]
     seen, _ = _pieces(grid, lines)
@@ -126,7 +128,7 @@ def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], f
 def _starts(
     path: Path, grid: Grid, space: Space, segments: list[Segment], border: tuple[Segment, ...]
 ) -> list[dict[str, object]]:
-    """In the regions where a drone may start, with nothing unknown around."""
+    """Starts in the regions with enough room, with no unknown cells around them."""
     if not space.order:
         raise WorldError(f"{path}: no enclosed place is known to be free: {_why(grid, space)}")
     rank_of = space.rank()
@@ -151,27 +153,27 @@ def _why(grid: Grid, space: Space) -> str:
     if not space.fits_m2:
         return f"nowhere are free cells as wide as a door, {NARROWEST_DOOR_M} m"
     return (
-        f"all {space.fits_m2:.1f} m² where a drone fits look out on unknown cells, as a fan seen "
-        "through a doorway does; map more of the building"
+        f"all {space.fits_m2:.1f} m² where a drone fits border on unknown cells, like a fan seen "
+        "through a doorway; map more of the building"
     )
 
 
-def _tell_of_refused(space: Space, tell: Callable[[str], None]) -> None:
-    """Where a drone fits and yet may not start."""
+def _report_refused(space: Space, report: Callable[[str], None]) -> None:
+    """Report the areas where a drone fits but may not start."""
     fits = f"of {space.fits_m2:.1f} m² where a drone fits"
     if space.fan_m2 > 0:
-        tell(
-            f"no start on {space.fan_m2:.1f} m² {fits}: they look out on unknown cells, as a fan "
-            "seen through a doorway does"
+        report(
+            f"no start on {space.fan_m2:.1f} m² {fits}: they border on unknown cells, like a fan "
+            "seen through a doorway"
         )
     if space.apart_m2 > 0:
-        tell(
+        report(
             f"no start on {space.apart_m2:.1f} m² {fits}: no way leads there from the largest room"
         )
 
 
 def _known(grid: Grid, kept: Cells, start: Vector2) -> KnownArea:
-    """What the map knows, and what of it can be reached from a start."""
+    """The map's known area, and the part of it that is reachable from a start."""
     cell_m = grid.raster.cell_m
     at = grid.raster.to_cells(np.array([start]))[0]
     flown = reached(kept, at, cell_m) & grid.free

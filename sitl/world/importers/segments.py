@@ -1,9 +1,9 @@
-"""Plans as plain wall segments in JSON.
+"""Imports plans as wall segments in JSON.
 
     {"name": ..., "units": "m", "walls": [[x1, y1, x2, y2], ...]}
 
-x is east and y is north, metres; there are no heights, so walls go to a ceiling at 2.6 m. Real
-plans repeat segments, cross them and leave gaps; what cannot be a wall is left out and counted.
+x is east and y is north, m. There are no heights: walls reach a ceiling at 2.6 m. Real plans repeat
+segments, cross them and leave gaps. Unusable walls are dropped and counted.
 """
 
 import json
@@ -19,17 +19,18 @@ from sitl.world.importers import CEILING_M, FARTHEST_M, MAX_WALLS
 from sitl.world.importers.starts import free_starts
 
 MIN_WALL_M = 0.01
+"""Shorter walls are dropped, m. Chosen."""
 SAME_TO_M = 0.001
-"""Segments equal to the millimetre are one."""
+"""Rounding at which equal segments are the same wall, m. Chosen."""
 
 Number = tuple[float, float, float, float]
 
 
-def load_segments(path: Path, tell: Callable[[str], None]) -> World:
+def load_segments(path: Path, report: Callable[[str], None]) -> World:
     """Read a plan.
 
     Raises:
-        WorldError: nothing can be made of it; one line that says why.
+        WorldError: the file cannot be read, or has no usable wall or start.
     """
     record = _read(path)
     walls = record.get("walls")
@@ -39,7 +40,7 @@ def load_segments(path: Path, tell: Callable[[str], None]) -> World:
         raise WorldError(f"{path}: walls: {len(walls)} are too many, {MAX_WALLS} at most")
     if record.get("units", "m") != "m":
         raise WorldError(f"{path}: units = {record['units']!r}: should be 'm'")
-    good = _mended(walls, tell)
+    good = _mended(walls, report)
     if not good:
         raise WorldError(f"{path}: walls: none of {len(walls)} is usable")
     return World.model_validate(
@@ -62,8 +63,8 @@ def _read(path: Path) -> dict[str, Any]:
     return record
 
 
-def _mended(walls: list[Any], tell: Callable[[str], None]) -> list[Number]:
-    """The walls that can be used, each once; tells how many were not and why."""
+def _mended(walls: list[Any], report: Callable[[str], None]) -> list[Number]:
+    """The usable walls, each once; reports the number and reason of dropped ones."""
     numbers = [tuple(map(float, wall)) for wall in walls if _is_four_numbers(wall)]
     near = [wall for wall in numbers if max(map(abs, wall)) <= FARTHEST_M]
     long = [wall for wall in near if math.dist(wall[:2], wall[2:]) >= MIN_WALL_M]
@@ -75,7 +76,7 @@ def _mended(walls: list[Any], tell: Callable[[str], None]) -> list[Number]:
         ("repeated", long, single),
     ):
         if len(after) < len(before):
-            tell(f"left out {len(before) - len(after)} of {len(walls)} walls: {what}")
+            report(f"left out {len(before) - len(after)} of {len(walls)} walls: {what}")
     return [(x1, y1, x2, y2) for x1, y1, x2, y2 in single.values()]
 
 
@@ -88,6 +89,6 @@ def _is_four_numbers(wall: object) -> bool:
 
 
 def _key(wall: tuple[float, ...]) -> frozenset[tuple[int, int]]:
-    """The same for a wall and for its reverse."""
+    """A key that is the same for a wall and its reverse."""
     x1, y1, x2, y2 = (round(value / SAME_TO_M) for value in wall)
     return frozenset({(x1, y1), (x2, y2)})

@@ -1,7 +1,7 @@
-"""What of a map's cells is air, where a drone fits, and what it can only look into.
+"""Classifies a map's cells: air, places where a drone fits, and areas only visible from them.
 
-A robot's map ends where its beams ended: free cells border on unknown ones. Nobody knows what is
-there; the simulated building is closed along that border, but for gaps too narrow to matter.
+A robot's map ends where its beams ended: free cells border on unknown ones. The simulated building
+is closed along that border, except at gaps too narrow to matter.
 """
 
 import math
@@ -18,64 +18,67 @@ from sitl.world.known import Cells, Numbers
 from sitl.world.plan import NARROWEST_DOOR_M
 
 GAP_M = 0.2
-"""Unknown cells nowhere wider lie between a scanner's beams, or behind a chair's leg: nothing
-stands there, though nobody may start there."""
+"""Widest gap of unknown cells that counts as air, m: between a scanner's beams, or behind a chair's
+leg. A start is still not placed there. Chosen."""
 AT_WALLS_M = 0.15
-"""So near to a wall a gap is one in the wall, unless it leads nowhere."""
+"""A gap this near to a wall is part of the wall unless it is a dead end, m. Chosen."""
 STRIP_M = 2 * BODY_RADIUS_M
-"""Free cells between unknown ones, no wider than this, are where single beams went out; the
+"""Strips of free cells between unknown ones, no wider than this, are traces of single beams, m. The
 border runs across them."""
 BESIDE_WALLS_M = 0.25
-"""But not along walls, which say themselves where the free cells end."""
+"""Strips this near to walls stay: there the wall itself limits the free cells, m. Chosen."""
 RAYS = 16
+"""Directions checked around a place."""
 MIN_ENCLOSED = 12
-"""Of so many directions a wall must be met before anything unknown; else a place is in a fan that
-was seen through an opening, or outside."""
+"""Directions of `RAYS` that must hit a wall before the unknown. Otherwise the place is outside, or
+in a fan that was seen through an opening. Chosen."""
 LATTICE_M = 0.4
+"""Spacing of the places that are checked for enclosure, m. Chosen."""
 MAX_LOOKED_FROM = 4000
+"""Largest number of such places. Chosen."""
 MIN_SHARE = 0.5
-"""Of the room in the largest region: a smaller one has no starts."""
+"""Smallest room of a region with starts, as a share of the largest region's room. Chosen."""
 TILE = 256
-"""Distances are worked out for squares of so many cells a side: most squares of a large map hold
-cells of one kind only, and those of all cells at once would take gigabytes."""
+"""Side of the squares for which distances are computed, cells. Most squares of a large map have one
+kind of cells only; all cells at once would take gigabytes."""
 TOUCHING = np.ones((3, 3), dtype=bool)
-"""Cells that touch at a corner belong together."""
+"""Cells that touch at a corner are connected."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Space:
-    """The air of a map, and its regions: what is connected without openings narrower than doors."""
+    """The air of a map, and its regions: areas connected by openings at least as wide as a door."""
 
     air: Cells
-    """Where nothing stands."""
+    """Cells without obstacles."""
     region: Numbers
-    """Of each cell, 1, 2, ...; 0 where no drone fits."""
+    """Region of each cell, 1, 2, ...; 0 where no drone fits."""
     order: list[int]
-    """Regions with starts, the one with the most room first."""
+    """Regions with starts, the largest first."""
     fits_m2: float
-    """Where a drone fits,"""
+    """Area where a drone fits, m²."""
     fan_m2: float
-    """the part of it that is in a fan, or outside,"""
+    """Part of it in a fan or outside, m²."""
     apart_m2: float
-    """and the part in regions too small for starts, which no way leads to from the largest."""
+    """Part of it in regions that are too small for starts and not connected to the largest, m²."""
 
     @property
     def kept(self) -> Cells:
-        """The air that hangs together with regions where a drone may start: all that it can see."""
+        """The air connected to regions with starts: all that a drone can see."""
         patch, count = ndimage.label(self.air)
         holds = np.zeros(count + 1, dtype=bool)
         holds[patch[self.rank() >= 0]] = True
         return of_each(patch, holds)
 
     def rank(self) -> NDArray[np.int32]:
-        """Of each cell the place of its region in the order, 0 first; -1 where nobody starts."""
+        """Rank of each cell's region, 0 first; -1 where a drone cannot start."""
         of_region = np.full(int(self.region.max(initial=0)) + 1, -1, dtype=np.int32)
         of_region[self.order] = np.arange(len(self.order))
         return of_each(self.region, of_region)
 
 
 def space_of(free: Cells, occupied: Cells, cell_m: float) -> Space:
-    """What a map's free and occupied cells leave to fly in."""
+    """The space for flight in a map's free and occupied cells."""
     air = _air(free, occupied, cell_m)
     fits = ~near(~air, _narrow(cell_m))
     region, count = ndimage.label(fits)
@@ -97,12 +100,12 @@ def space_of(free: Cells, occupied: Cells, cell_m: float) -> Space:
 
 
 def _narrow(cell_m: float) -> float:
-    """Distance in cells that the drone keeps in the narrowest door; doors are cells wide."""
+    """Clearance in the narrowest door, cells, reduced by one because doors are whole cells wide."""
     return (NARROWEST_DOOR_M / 2 - cell_m) / cell_m
 
 
 def near(cells: Cells, radius: float) -> Cells:
-    """All that have one of these cells within a radius, in cells, from centre to centre."""
+    """Cells with one of the given cells within a radius, in cells, between centres."""
     if radius < 1:
         return cells
     found = np.zeros_like(cells)
@@ -121,7 +124,7 @@ def near(cells: Cells, radius: float) -> Cells:
 
 
 def of_each(label: Numbers, table: NDArray[Any]) -> NDArray[Any]:
-    """What a table says of each cell's label; row by row, or the numbers would be copied whole."""
+    """The table's entry for each cell's label; by rows, to limit the memory."""
     found = np.empty(label.shape, dtype=table.dtype)
     for row, numbers in enumerate(label):
         found[row] = table[numbers]
@@ -129,14 +132,14 @@ def of_each(label: Numbers, table: NDArray[Any]) -> NDArray[Any]:
 
 
 def _air(free: Cells, occupied: Cells, cell_m: float) -> Cells:
-    """Where nothing stands: free cells but for strips that only beams went through, and gaps."""
+    """Cells without obstacles: free cells without the traces of single beams, and gaps."""
     open_ = free | _gaps(free, occupied, cell_m)
     wide = _opened(open_ | near(occupied, BESIDE_WALLS_M / cell_m), STRIP_M / cell_m / 2)
     return open_ & wide
 
 
 def _gaps(free: Cells, occupied: Cells, cell_m: float) -> Cells:
-    """The unknown cells that are taken for air."""
+    """Unknown cells that count as air."""
     unknown = ~(free | occupied)
     wide = _opened(unknown, GAP_M / cell_m / 2)
     patch, count = ndimage.label(unknown)
@@ -148,20 +151,20 @@ def _gaps(free: Cells, occupied: Cells, cell_m: float) -> Cells:
 
 
 def _opened(cells: Cells, radius: float) -> Cells:
-    """Without what is no wider than twice this radius, in cells."""
+    """The cells without parts no wider than twice this radius, in cells."""
     return cells & near(~near(~cells, radius), radius)
 
 
 def _lattice_step(fits: Cells, cell_m: float) -> int:
-    """Every so many cells one is looked from."""
+    """Spacing in cells of the places that are checked for enclosure."""
     most = math.sqrt(np.count_nonzero(fits) / MAX_LOOKED_FROM)
     return max(1, round(LATTICE_M / cell_m), math.ceil(most))
 
 
 def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
-    """(n,): whether from cells (n, 2) walls are met in nearly all directions.
+    """True for each of the cells (n, 2) with walls in nearly all directions, (n,).
 
-    A wall counts as one cell thicker than it is: beams go between the cells of some.
+    A wall counts as one cell thicker, because beams can pass between the cells of thin ones.
     """
     bearing = np.arange(RAYS) * math.tau / RAYS + 0.01
     step = np.column_stack([np.cos(bearing), np.sin(bearing)])
@@ -184,7 +187,7 @@ def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
 
 
 def reached(passable: Cells, at: Numbers, cell_m: float) -> Cells:
-    """What of it a drone can get to from a cell (row, column), and about there."""
+    """Cells that a drone reaches from a cell (row, column), and those next to them."""
     region, _ = ndimage.label(~near(~passable, _narrow(cell_m)))
     here = region[tuple(at)]
     if not here:

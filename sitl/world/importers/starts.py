@@ -1,4 +1,4 @@
-"""Where a drone may start in a plan that does not say."""
+"""Finds starts in a plan without any."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -12,25 +12,30 @@ from sitl.world.format import Segment, WorldError
 from sitl.world.plan import samples
 
 MIN_CLEARANCE_M = 0.6
+"""Smallest clearance of a start, m, as `sitl world check` requires."""
 MAX_CLEARANCE_M = 3.0
-"""Farther from walls no place is any better."""
+"""More clearance than this does not make a place better, m. Chosen."""
 STEP_M = 0.4
+"""Spacing of the places checked, m. Chosen."""
 STARTS = 3
+"""Largest number of starts. Chosen."""
 APART_M = 3.0
+"""Smallest distance between two starts, m. Chosen."""
 RAYS = 16
+"""Directions checked around a place."""
 MIN_ENCLOSED = 12
-"""Of so many directions a wall must be met, or the place is outside."""
+"""Directions of `RAYS` that must hit a wall; otherwise the place is outside. Chosen."""
 
 Points = NDArray[np.float64]
 
 
 def anywhere(place: Vector2) -> bool:
-    """For plans that know of nothing but walls."""
+    """Accept every place: for plans with walls only."""
     return True
 
 
 def all_alike(places: Points) -> NDArray[np.int64]:
-    """For plans whose areas are not told apart."""
+    """Rank all places equally: for plans without distinct areas."""
     return np.zeros(len(places), dtype=np.int64)
 
 
@@ -41,14 +46,14 @@ def free_starts(
     rank: Callable[[Points], NDArray[np.int64]] = all_alike,
     closed: Sequence[Segment] = (),
 ) -> list[dict[str, object]]:
-    """Up to three enclosed places with room around them, apart from each other, best first.
+    """Up to three enclosed places with clearance, apart from each other, best first.
 
-    `is_free` may refuse a place for what the plan's walls do not show. `rank` (n,) of places
-    (n, 2) says which areas come first, whatever room there is; a place of rank -1 is refused.
-    `closed` is where nobody can go, though no wall is there.
+    `is_free` may reject a place for reasons that the plan's walls do not show. `rank` returns the
+    area rank (n,) of places (n, 2): lower ranks come first, -1 rejects. `closed` are segments that
+    block the way without being walls.
 
     Raises:
-        WorldError: there is none.
+        WorldError: there is no such place.
     """
     walls = np.array(segments, dtype=float)
     places = _grid(walls)
@@ -72,7 +77,7 @@ def free_starts(
         ):
             chosen.append(place)
     if not chosen:
-        raise WorldError(f"{source}: no enclosed place with {MIN_CLEARANCE_M} m around it")
+        raise WorldError(f"{source}: no enclosed place with {MIN_CLEARANCE_M} m of clearance")
     return [{"name": f"start {i + 1}", "position": place} for i, place in enumerate(chosen)]
 
 
@@ -85,7 +90,7 @@ def _grid(walls: Points) -> Points:
 
 
 def _clearance(place: Points, walls: Points) -> float:
-    """Distance of a place to the nearest wall."""
+    """Distance of a place to the nearest wall, m."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((place - start) * along).sum(axis=1) / (along**2).sum(axis=1)
     foot = start + np.clip(share, 0, 1)[:, None] * along
@@ -93,7 +98,7 @@ def _clearance(place: Points, walls: Points) -> float:
 
 
 def _is_enclosed(place: Points, walls: Points) -> bool:
-    """Rays in nearly all directions meet a wall."""
+    """Rays in nearly all directions hit a wall."""
     bearings = np.arange(RAYS) * math.tau / RAYS + 0.01
     ray = np.column_stack([np.cos(bearings), np.sin(bearings)])[:, None]
     start, along = walls[:, 0] - place, walls[:, 1] - walls[:, 0]

@@ -1,6 +1,6 @@
-"""A client that is not ours: MAVProxy finds the vehicle, reads its parameters, changes modes, arms.
+"""Tests with MAVProxy as client: it detects the vehicle, reads parameters, changes modes, arms.
 
-It asks for parameters as a file first; there is none, and it has to fall back to a list.
+MAVProxy first requests the parameters as a file. There is none, so it must fall back to a list.
 """
 
 import os
@@ -19,17 +19,17 @@ from tests.processes.started import PAUSE, free_udp_port, until, vehicle_at
 DEADLINE_S = 60
 SCRIPT = Path(sysconfig.get_path("scripts")) / "mavproxy.py"
 CHANGE_MODE = {"ardupilot": ("mode GUIDED", "Mode GUIDED"), "px4": ("long 176 1 3", "Mode POSCTL")}
-"""By number for PX4: MAVProxy 1.8 trips over the names of its modes."""
+"""Mode by number for PX4: MAVProxy 1.8 does not handle the names of its modes."""
 
 ORIGIN = "message SET_GPS_GLOBAL_ORIGIN 1 473977000 85456000 488000 0"
 
 
 class MavProxy:
-    """A session; what it prints goes to a file, so that reading it never waits."""
+    """A session; its output goes to a file, so that reading never blocks."""
 
     def __init__(self, port: int, folder: Path) -> None:
-        self._said = folder / "mavproxy.log"
-        with self._said.open("w") as output:
+        self._output = folder / "mavproxy.log"
+        with self._output.open("w") as output:
             self._process = subprocess.Popen(
                 [
                     *(sys.executable, str(SCRIPT), "--master", f"udpin:127.0.0.1:{port}"),
@@ -47,24 +47,24 @@ class MavProxy:
         self._process.stdin.write(f"{line}\n")
         self._process.stdin.flush()
 
-    def has_said(self, words: str) -> bool:
-        """At a line's begin, or behind the prompt if that was written first."""
-        said = self._said.read_text(errors="replace")
-        return words in said or words.replace("\n", "> ", 1) in said
+    def has_printed(self, words: str) -> bool:
+        """The text is at the beginning of a line, or behind the prompt."""
+        printed = self._output.read_text(errors="replace")
+        return words in printed or words.replace("\n", "> ", 1) in printed
 
-    def says(self, words: str) -> None:
-        until(lambda: self.has_said(words), f"MAVProxy's {words!r}", DEADLINE_S)
+    def prints(self, words: str) -> None:
+        until(lambda: self.has_printed(words), f"MAVProxy's {words!r}", DEADLINE_S)
 
     def insists(self, line: str, words: str) -> None:
-        """Types it once a second until it is answered so; the estimator takes time to settle."""
+        """Type the line once a second until this answer; the estimator takes time to settle."""
         end_s = time.monotonic() + DEADLINE_S
-        while not self.has_said(words):
+        while not self.has_printed(words):
             assert time.monotonic() < end_s, f"MAVProxy's {words!r} not within {DEADLINE_S} s"
             self.types(line)
             PAUSE.wait(1.0)
 
     def quits(self) -> None:
-        """At the end of its input."""
+        """End its input."""
         self._process.communicate(timeout=DEADLINE_S)
 
     def kill(self) -> None:
@@ -91,19 +91,19 @@ def mavproxy(firmware: str, tmp_path: Path) -> Iterator[MavProxy]:
 def test_it_connects_reads_parameters_changes_mode_and_arms(
     mavproxy: MavProxy, firmware: str, tmp_path: Path
 ) -> None:
-    mavproxy.says("Detected vehicle 1:1")
-    mavproxy.says(f"Received {len(load_table(firmware))} parameters\n")
+    mavproxy.prints("Detected vehicle 1:1")
+    mavproxy.prints(f"Received {len(load_table(firmware))} parameters\n")
     mavproxy.types(f"param save {tmp_path / 'all.parm'}")
     until((tmp_path / "all.parm").exists, "the parameters' file", DEADLINE_S)
     command, answer = CHANGE_MODE[firmware]
     mavproxy.types(command)
-    mavproxy.says(answer)
+    mavproxy.prints(answer)
     if firmware == "ardupilot":
         mavproxy.insists(ORIGIN, "EKF3 IMU0 origin set")
-        assert not mavproxy.has_said("fence breach")
+        assert not mavproxy.has_printed("fence breach")
     mavproxy.insists("arm throttle", "\nARMED")
     mavproxy.types("disarm")
-    mavproxy.says("\nDISARMED")
+    mavproxy.prints("\nDISARMED")
     mavproxy.quits()
     names = {line.split()[0] for line in (tmp_path / "all.parm").read_text().splitlines()}
     assert names - {"_HASH_CHECK"} == set(load_table(firmware))

@@ -1,4 +1,4 @@
-"""A client that is not ours flies the simulated vehicle: MAVSDK, on both firmwares."""
+"""Tests with MAVSDK as client: it flies the simulated vehicle on both firmwares."""
 
 from collections.abc import Iterator
 
@@ -13,7 +13,7 @@ from tests.processes.started import PAUSE, free_udp_port, until, vehicle_at
 
 @pytest.fixture(params=["ardupilot", "px4"])
 def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[Action, Offboard, Telemetry]]:
-    """The plugins of a ground station that has found the vehicle."""
+    """Plugins of a ground station that has detected the vehicle."""
     port = free_udp_port()
     station = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     try:
@@ -30,7 +30,7 @@ def vehicle(request: pytest.FixtureRequest) -> Iterator[tuple[Action, Offboard, 
 
 
 def origin_is_taken(action: Action) -> bool:
-    """Refused, that is unanswered, until the estimator has settled."""
+    """The origin is ignored until the estimator has settled."""
     try:
         action.set_gps_global_origin(47.0, 8.0, 400.0)
     except ActionError:
@@ -56,7 +56,7 @@ def test_it_connects_arms_takes_off_flies_and_lands(
     until(lambda: bool(telemetry.in_air()), "in the air", 10)
 
     offboard.set_velocity_body(VelocityBodyYawspeed(0.0, 0.0, 0.0, 0.0))
-    PAUSE.wait(1.5)  # PX4 wants a stream before the mode
+    PAUSE.wait(1.5)  # PX4 requires a stream before the mode
     offboard.start()
     offboard.set_velocity_body(VelocityBodyYawspeed(0.4, 0.0, 0.0, 0.0))
 
@@ -76,7 +76,7 @@ def test_what_it_is_not_ready_for_is_refused_with_the_reason(
     action, _, telemetry = vehicle
 
     def tells_why() -> bool:
-        """PX4 to those only whose heartbeat it has heard by then."""
+        """PX4 sends texts only to links with a recent ground station's heartbeat."""
         with pytest.raises(ActionError):
             action.arm()
         return "AHRS" in telemetry.status_text().text

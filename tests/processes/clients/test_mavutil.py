@@ -1,4 +1,4 @@
-"""pymavlink's own helpers, `mavutil`, with which half of all MAVLink scripts are written."""
+"""Tests with pymavlink's `mavutil` as client, the base of many MAVLink scripts."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,7 +15,7 @@ DEADLINE_S = 15
 
 @contextmanager
 def connected(firmware: str) -> Iterator[Any]:
-    """A connection that has heard the vehicle's heartbeat."""
+    """A connection that has received the vehicle's heartbeat."""
     port = free_udp_port()
     with vehicle_at(port, firmware):
         vehicle = mavutil.mavlink_connection(f"udpin:127.0.0.1:{port}", dialect="ardupilotmega")
@@ -27,10 +27,10 @@ def connected(firmware: str) -> Iterator[Any]:
             vehicle.close()
 
 
-def hears(vehicle: Any, kind: str, **wanted: object) -> bool:
-    """Such a message says this; False after half a second without any."""
-    while told := vehicle.recv_match(type=kind, blocking=True, timeout=0.5):
-        if all(getattr(told, field) == value for field, value in wanted.items()):
+def receives(vehicle: Any, kind: str, **wanted: object) -> bool:
+    """A message with these fields arrives; False after half a second without any message."""
+    while message := vehicle.recv_match(type=kind, blocking=True, timeout=0.5):
+        if all(getattr(message, field) == value for field, value in wanted.items()):
             return True
     return False
 
@@ -39,7 +39,7 @@ def fetches_all_parameters(vehicle: Any, firmware: str) -> None:
     table = load_table(firmware)
     vehicle.param_fetch_all()
     last = {"param_count": len(table), "param_index": len(table) - 1}
-    until(lambda: hears(vehicle, "PARAM_VALUE", **last), "the last parameter", DEADLINE_S)
+    until(lambda: receives(vehicle, "PARAM_VALUE", **last), "the last parameter", DEADLINE_S)
     assert set(vehicle.params) - {"_HASH_CHECK"} == set(table)
 
 
@@ -53,15 +53,15 @@ def enters(vehicle: Any, mode: str) -> None:
 
 
 def is_armed(vehicle: Any, *, armed: bool) -> bool:
-    """What `motors_armed_wait` waits for, which has no deadline."""
+    """The condition of `motors_armed_wait`, which has no deadline."""
     vehicle.wait_heartbeat(timeout=2)
     return bool(vehicle.motors_armed()) == armed
 
 
 def has_origin(vehicle: Any) -> bool:
-    """Refused, that is unanswered, until the estimator has settled."""
+    """The origin is ignored until the estimator has settled."""
     vehicle.mav.set_gps_global_origin_send(1, 473977000, 85456000, 488000)
-    return hears(vehicle, "GPS_GLOBAL_ORIGIN")
+    return receives(vehicle, "GPS_GLOBAL_ORIGIN")
 
 
 def test_ardupilot_is_set_up_and_armed() -> None:
@@ -69,7 +69,7 @@ def test_ardupilot_is_set_up_and_armed() -> None:
         fetches_all_parameters(vehicle, "ardupilot")
         vehicle.param_set_send("GUID_TIMEOUT", 0.5)
         answer = {"param_id": "GUID_TIMEOUT", "param_value": 0.5}
-        until(lambda: hears(vehicle, "PARAM_VALUE", **answer), "the parameter", DEADLINE_S)
+        until(lambda: receives(vehicle, "PARAM_VALUE", **answer), "the parameter", DEADLINE_S)
         for mode in ("LOITER", "GUIDED"):
             assert mode in vehicle.mode_mapping()
             enters(vehicle, mode)
@@ -87,14 +87,14 @@ def test_px4_is_set_up_and_armed() -> None:
     with connected("px4") as vehicle:
         fetches_all_parameters(vehicle, "px4")
         until(lambda: has_origin(vehicle), "the origin", DEADLINE_S)
-        enters(vehicle, "OFFBOARD")  # disarmed it takes any mode, but is not armed
+        enters(vehicle, "OFFBOARD")  # disarmed it accepts any mode, but arming is rejected
         vehicle.mav.command_long_send(1, 1, *arm)  # without a stream of setpoints
-        assert hears(vehicle, "COMMAND_ACK", command=arm[0], **rejected)
+        assert receives(vehicle, "COMMAND_ACK", command=arm[0], **rejected)
         for mode in ("POSCTL", "LOITER"):
             enters(vehicle, mode)
         vehicle.mav.command_long_send(1, 1, *arm)
         until(lambda: is_armed(vehicle, armed=True), "armed", DEADLINE_S)
         vehicle.set_mode("OFFBOARD")
-        assert hears(vehicle, "COMMAND_ACK", command=176, **rejected)
+        assert receives(vehicle, "COMMAND_ACK", command=176, **rejected)
         assert is_armed(vehicle, armed=True)
         assert vehicle.flightmode == "LOITER"

@@ -1,4 +1,4 @@
-"""A beam of light: wide, lossy at steep incidence, dropping out, and shaken as in the paper."""
+"""Tests of beam physics: width, losses at steep incidence, dropouts, and the paper's shift."""
 
 import math
 import statistics
@@ -32,7 +32,7 @@ STEPPED = World.model_validate(
         "starts": [{"name": "here", "position": (1, 3)}],
     }
 )
-"""From (1, x), looking north: the pillar at 2 m where x > 3, the wall at 5 m where x < 3."""
+"""Seen from (1, x) to the north: a pillar at 2 m where x > 3, a wall at 5 m where x < 3."""
 MODEL = WorldModel(STEPPED)
 EVERYTHING = BeamPhysics(width_deg=3, steep_deg=50, dropout=0.1, shift_m=0.02)
 

@@ -1,4 +1,4 @@
-"""What `sitl bench accuracy` tells of flights."""
+"""Tests of the output of `sitl bench accuracy`."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Many missions: which, in which processes, and what they come to."""
+"""Tests of many missions: selection, processes, and results."""
 
 import json
 import os
@@ -41,7 +41,7 @@ def row(**more: object) -> Report:
 
 @pytest.fixture
 def plans(tmp_path: Path) -> Path:
-    """A folder with a plan, one that is none, and something else."""
+    """A folder with a plan, an invalid plan, and another file."""
     folder = tmp_path / "plans"
     folder.mkdir()
     (folder / "a_room.json").write_text(json.dumps({"walls": ROOM}))
@@ -131,7 +131,7 @@ def test_an_error_is_a_row_with_its_reason() -> None:
 
 
 def fly_or_die(job: Job) -> Flown:
-    """Instead of a flight."""
+    """Replaces a flight."""
     if job.options.seed == 2:
         os._exit(1)
     return Flown(row(seed=job.options.seed))
@@ -139,14 +139,14 @@ def fly_or_die(job: Job) -> Flown:
 
 def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(lanes, "cores", lambda: 1)
-    told: list[Flown] = []
+    results: list[Flown] = []
     flights = lanes.fly_all(
-        [job("room_100", seed) for seed in (2, 3)], told.append, fly_or_die, lost
+        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_die, lost
     )
     assert [flown.row["seed"] for flown in flights] == [2, 3]
     assert [flown.row["lost"] for flown in flights] == [True, False]
     assert flights[0].row["ending"] == "lost: its process died"
-    assert len(told) == 2
+    assert len(results) == 2
 
 
 def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
@@ -219,7 +219,7 @@ def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "fly_all", lambda jobs, tell, *_: [fly(job) for job in jobs])
+    monkeypatch.setattr(lanes, "fly_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
     (plans / "a_room.json").unlink()
     out = tmp_path / "out"
     done = CliRunner().invoke(
@@ -240,8 +240,8 @@ def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
 def test_a_campaign_that_is_broken_off_leaves_what_was_flown(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def crash(jobs: list[Job], tell: Callable[[Flown], None], *_: object) -> list[Flown]:
-        tell(lost(jobs[0], "blown away"))
+    def crash(jobs: list[Job], on_result: Callable[[Flown], None], *_: object) -> list[Flown]:
+        on_result(lost(jobs[0], "blown away"))
         raise MemoryError
 
     monkeypatch.setattr(lanes, "fly_all", crash)

@@ -1,4 +1,4 @@
-"""Our world for an autopilot elsewhere: messages in, messages out, no sockets."""
+"""Tests of external autopilots: messages in, messages out, without sockets."""
 
 import math
 import statistics
@@ -26,22 +26,22 @@ from sitl.external.tracker import TruthTracker
 from tests.unit.sitl.autopilot.client import START, as_float
 
 AUTOPILOT_OF = {"ardupilot": mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4": mavlink.MAV_AUTOPILOT_PX4}
-TELLS = {"ardupilot": sim_state, "px4": hil_state_quaternion}
+ENCODERS = {"ardupilot": sim_state, "px4": hil_state_quaternion}
 WORLD_START = replace(START, position_ned_m=(4.0, 6.5, 0.0))
 PERIOD_S = 0.02
 
 
 def on_the_wire(*messages: Message) -> list[Any]:
-    """As the autopilot's component of system 1 says it."""
+    """The messages as the autopilot component of system 1 sends them."""
     autopilot, ours = pipe_pair()
     for message in messages:
         autopilot.send(message)
     return ours.receive()
 
 
-def hears(tracker: TruthTracker, message: Message, now_s: float) -> bool:
+def receives(tracker: TruthTracker, message: Message, now_s: float) -> bool:
     (received,) = on_the_wire(message)
-    return tracker.hear(received, now_s)
+    return tracker.receive(received, now_s)
 
 
 # The clock
@@ -53,44 +53,46 @@ def attitude(boot_s: float) -> Message:
 
 def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
     clock = AutopilotClock()
-    assert clock.hear(attitude(100.0), 3.0) == pytest.approx(3.0)
-    assert clock.hear(attitude(100.02), 3.0) == pytest.approx(3.02)
-    assert clock.hear(attitude(100.5), 3.9) == pytest.approx(3.5)
+    assert clock.receive(attitude(100.0), 3.0) == pytest.approx(3.0)
+    assert clock.receive(attitude(100.02), 3.0) == pytest.approx(3.02)
+    assert clock.receive(attitude(100.5), 3.9) == pytest.approx(3.5)
     assert clock.autopilot_s(3.9) == pytest.approx(3.5)
 
 
 def test_a_restarted_autopilot_does_not_take_our_time_back() -> None:
     clock = AutopilotClock()
-    clock.hear(attitude(100.0), 50.0)
-    assert clock.hear(attitude(0.3), 50.5) == pytest.approx(50.5)
-    assert clock.hear(attitude(0.32), 50.5) == pytest.approx(50.52)
+    clock.receive(attitude(100.0), 50.0)
+    assert clock.receive(attitude(0.3), 50.5) == pytest.approx(50.5)
+    assert clock.receive(attitude(0.32), 50.5) == pytest.approx(50.52)
 
 
 def test_only_its_attitude_tells_its_time() -> None:
-    assert AutopilotClock().hear(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
+    assert (
+        AutopilotClock().receive(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
+    )
 
 
 def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
-    said: list[str] = []
-    silence = Silence(said.append, began_s=0.0)
+    texts: list[str] = []
+    silence = Silence(texts.append, began_s=0.0)
     for now_s in (0.5, 1.5, 2.0):
-        silence.look(now_s)
-    silence.hear(3.0)
+        silence.check(now_s)
+    silence.receive(3.0)
     for now_s in (3.5, 4.5, 5.0):
-        silence.look(now_s)
-    silence.hear(6.0)
-    assert said == [
-        "the autopilot has not been heard yet: our world stands still until it is heard",
-        "the autopilot is heard",
-        "the autopilot has fallen silent: our world stands still until it is heard",
-        "the autopilot is heard again",
+        silence.check(now_s)
+    silence.receive(6.0)
+    assert texts == [
+        "the autopilot has not sent a message yet: the simulation is paused until it sends",
+        "the autopilot is connected",
+        "the autopilot is silent: the simulation is paused until it sends",
+        "the autopilot is connected again",
     ]
 
 
 def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
-    """What is said of a companion that needs so long for a tick."""
-    said: list[str] = []
-    held = HeldSpeed(said.append)
+    """Reports for a companion with this working time per tick."""
+    texts: list[str] = []
+    held = HeldSpeed(texts.append)
     wall_s = time_s = 0.0
     tick = 0
     for _ in range(ticks):
@@ -102,7 +104,7 @@ def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
         wall_s = max(wall_s, time_s / speed)
         tick = max(tick, int(time_s / 0.05))
         held.reached(wall_s, 0.0, time_s)
-    return said
+    return texts
 
 
 def test_it_says_what_speed_this_machine_holds() -> None:
@@ -122,7 +124,7 @@ def test_it_warns_when_the_companion_cannot_keep_up() -> None:
 
 
 def flown(time_s: float) -> TrueState:
-    """Round a circle of 2 m radius at 1 m/s, 1.2 m high, nose along it."""
+    """A circle of 2 m radius at 1 m/s, 1.2 m high, nose along it."""
     angle = 0.5 * time_s
     return TrueState(
         time_s,
@@ -138,12 +140,12 @@ def flown(time_s: float) -> TrueState:
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_a_moving_track_is_smoother_than_the_centimetres_it_is_told_in(firmware: str) -> None:
     tracker = TruthTracker(WORLD_START)
-    tell = TELLS[firmware]
-    hears(tracker, tell(START), now_s=0.0)
+    encode = ENCODERS[firmware]
+    receives(tracker, encode(START), now_s=0.0)
     errors_m = []
     for step in range(1, 300):
         truth = flown(step * PERIOD_S)
-        assert hears(tracker, tell(truth), now_s=truth.time_s)
+        assert receives(tracker, encode(truth), now_s=truth.time_s)
         between = tracker.at(truth.time_s + PERIOD_S / 2).position_ned_m
         expected = flown(truth.time_s + PERIOD_S / 2).position_ned_m
         off = [
@@ -157,54 +159,56 @@ def test_a_moving_track_is_smoother_than_the_centimetres_it_is_told_in(firmware:
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_attitude_and_turning_are_taken_as_told(firmware: str) -> None:
     tracker = TruthTracker(WORLD_START)
-    hears(tracker, TELLS[firmware](flown(3.0)), now_s=9.0)
-    told, state = flown(3.0), tracker.at(9.1)
+    receives(tracker, ENCODERS[firmware](flown(3.0)), now_s=9.0)
+    reported, state = flown(3.0), tracker.at(9.1)
     assert (state.roll_rad, state.pitch_rad) == pytest.approx(
-        (told.roll_rad, told.pitch_rad), abs=1e-5
+        (reported.roll_rad, reported.pitch_rad), abs=1e-5
     )
-    assert state.yaw_rad == pytest.approx(told.yaw_rad + 0.1 * told.yaw_rate_rad_s, abs=1e-5)
+    assert state.yaw_rad == pytest.approx(
+        reported.yaw_rad + 0.1 * reported.yaw_rate_rad_s, abs=1e-5
+    )
     assert tracker.home is not None
 
 
 def test_a_simulation_that_is_moved_is_followed_at_once() -> None:
     tracker = TruthTracker(WORLD_START)
-    hears(tracker, sim_state(START), now_s=0.0)
+    receives(tracker, sim_state(START), now_s=0.0)
     moved = replace(START, position_ned_m=(30.0, -5.0, -1.0))
-    hears(tracker, sim_state(moved), now_s=0.1)
+    receives(tracker, sim_state(moved), now_s=0.1)
     assert tracker.state.position_ned_m == pytest.approx((34.0, 1.5, -1.0), abs=0.02)
 
 
 def test_what_is_no_ground_truth_changes_nothing() -> None:
     tracker = TruthTracker(WORLD_START)
-    assert not hears(tracker, attitude(1.0), now_s=1.0)
+    assert not receives(tracker, attitude(1.0), now_s=1.0)
     assert tracker.home is None
 
 
-# What the autopilot is set up with
+# Configuration of the autopilot
 
 
 class Setup:
-    """An autopilot that answers what the setup asks, as far as a test lets it."""
+    """An autopilot that answers the setup's requests, as far as a test allows."""
 
     def __init__(self, firmware: str) -> None:
         self.firmware = firmware
-        self.said: list[str] = []
+        self.texts: list[str] = []
         self.now_s = 0.0
-        self.setup = ExternalSetup(self.said.append)
-        self.says(
+        self.setup = ExternalSetup(self.texts.append)
+        self.sends(
             mavlink.MAVLink_heartbeat_message(2, AUTOPILOT_OF[firmware], 0, 0, 3, 3),
             mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 3, 3),
         )
 
-    def says(self, *messages: Message) -> None:
+    def sends(self, *messages: Message) -> None:
         for message in on_the_wire(*messages):
-            self.setup.hear(message, self.now_s)
+            self.setup.receive(message, self.now_s)
 
-    def tells(self, name: str, value: float) -> None:
+    def sends_parameter(self, name: str, value: float) -> None:
         kind = load_table(self.firmware)[name].kind
         bytewise = self.firmware == "px4" and kind == mavlink.MAV_PARAM_TYPE_INT32
         wire = as_float("<i", int(value)) if bytewise else value
-        self.says(mavlink.MAVLink_param_value_message(name.encode(), wire, kind, 1, 0))
+        self.sends(mavlink.MAVLink_param_value_message(name.encode(), wire, kind, 1, 0))
 
     def asks(self) -> list[Any]:
         self.now_s += 1.01
@@ -223,19 +227,19 @@ def test_parameters_are_read_first_and_only_those_that_differ_are_set(firmware: 
     assert not of_kind(first, "PARAM_SET")
     wrong, *right = wanted
     for name in right:
-        there.tells(name, wanted[name])
-    there.tells(wrong, wanted[wrong] + 3)
+        there.sends_parameter(name, wanted[name])
+    there.sends_parameter(wrong, wanted[wrong] + 3)
     (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
     assert change.param_id == wrong
-    there.tells(wrong, wanted[wrong])
+    there.sends_parameter(wrong, wanted[wrong])
     there.asks()
-    assert any(line == f"parameters set: {wrong}" for line in there.said)
+    assert any(line == f"parameters set: {wrong}" for line in there.texts)
     assert not of_kind(there.asks(), "PARAM_SET")
 
 
 def test_px4_is_sent_integers_as_their_bytes() -> None:
     there = Setup("px4")
-    there.tells("EKF2_EV_CTRL", 0)
+    there.sends_parameter("EKF2_EV_CTRL", 0)
     (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
     assert change.param_type == mavlink.MAV_PARAM_TYPE_INT32
     assert struct.pack("<f", change.param_value) == struct.pack("<i", 5)
@@ -245,10 +249,10 @@ def test_only_what_is_read_at_the_start_asks_for_a_restart() -> None:
     there, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
     for name, value in wanted.items():
         if name in ("VISO_TYPE", "EK3_SRC1_POSXY"):
-            there.tells(name, 0)
-        there.tells(name, value)
+            there.sends_parameter(name, 0)
+        there.sends_parameter(name, value)
     there.asks()
-    (line,) = [line for line in there.said if "restart" in line]
+    (line,) = [line for line in there.texts if "restart" in line]
     assert "VISO_TYPE" in line
     assert "EK3_SRC1_POSXY" not in line
 
@@ -261,42 +265,42 @@ def test_streams_are_asked_for_until_they_come_and_the_origin_is_not_ours_to_set
         assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
     there.now_s += 1.0
     origin = mavlink.MAVLink_gps_global_origin_message(470000000, 80000000, 400000)
-    there.says(hil_state_quaternion(START), attitude(1.0), origin)
+    there.sends(hil_state_quaternion(START), attitude(1.0), origin)
     there.now_s -= 1.0
     asked = there.asks()
     assert not of_kind(asked, "COMMAND_LONG")
 
 
-@pytest.mark.parametrize(("lat", "is_told"), [(470000000, False), (-353632621, True)])
-def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_told: bool) -> None:
+@pytest.mark.parametrize(("lat", "is_reported"), [(470000000, False), (-353632621, True)])
+def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_reported: bool) -> None:
     there = Setup("ardupilot")
     there.asks()
-    there.says(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
-    told = [line for line in there.said if "origin_lat_deg = 47.0000" in line]
-    assert bool(told) == is_told
+    there.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
+    reported = [line for line in there.texts if "origin_lat_deg = 47.0000" in line]
+    assert bool(reported) == is_reported
 
 
 def test_nothing_is_asked_before_an_autopilot_was_heard() -> None:
     assert ExternalSetup(lambda text: None).requests(5.0, None) == []
 
 
-# What the autopilot is fed
+# Messages to the autopilot
 
 
 def test_ranges_are_told_as_a_sensor_would() -> None:
     truth = replace(flown(0.0), roll_rad=0.0, pitch_rad=0.0)
 
     def room(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
-        """A floor below, a wall 3 m ahead, and else nothing in reach."""
+        """A floor below, a wall 3 m ahead, and nothing else in range."""
         if direction[2] > 0.9:
             return -origin[2]
         return 3.0 if direction[0] > 0.9 else None
 
     random = Random(1)
-    told = [distances(truth, room, random) for _ in range(50)]
-    by_orientation = {m.orientation: m for m in told[0]}
+    reported = [distances(truth, room, random) for _ in range(50)]
+    by_orientation = {m.orientation: m for m in reported[0]}
     assert set(by_orientation) == {0, 2, 6, 24, 25}
-    down_cm = [m.current_distance for sweep in told for m in sweep if m.orientation == 25]
+    down_cm = [m.current_distance for sweep in reported for m in sweep if m.orientation == 25]
     assert statistics.fmean(down_cm) == pytest.approx(100 * (1.2 + GEAR_M), abs=1.5)
     assert 1 < statistics.stdev(down_cm) < 4
     down, right = by_orientation[25], by_orientation[2]
@@ -305,8 +309,8 @@ def test_ranges_are_told_as_a_sensor_would() -> None:
 
 
 def test_on_the_ground_the_down_range_is_what_the_landing_gear_leaves() -> None:
-    told = distances(START, lambda origin, direction, most_m: -origin[2] or None, Random(1))
-    (down,) = [m for m in told if m.orientation == 25]
+    reported = distances(START, lambda origin, direction, most_m: -origin[2] or None, Random(1))
+    (down,) = [m for m in reported if m.orientation == 25]
     assert down.min_distance < down.current_distance < 20
 
 
@@ -319,11 +323,11 @@ def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
         estimator.update(truth)
         estimator.yaw_rad = truth.yaw_rad
         if step % 100 == 0:
-            (told,) = on_the_wire(odometry("px4", estimator, truth))
+            (reported,) = on_the_wire(odometry("px4", estimator, truth))
             at = [t - s for t, s in zip(truth.position_ned_m, start.position_ned_m, strict=True)]
-            errors_m.append(math.dist((told.x, told.y), at[:2]))
-            assert math.hypot(told.vx, told.vy) == pytest.approx(1.0, abs=0.15)
-            assert told.time_usec == round(truth.time_s * 1e6)
+            errors_m.append(math.dist((reported.x, reported.y), at[:2]))
+            assert math.hypot(reported.vx, reported.vy) == pytest.approx(1.0, abs=0.15)
+            assert reported.time_usec == round(truth.time_s * 1e6)
     assert all(error_m > 1e-4 for error_m in errors_m)
     assert max(errors_m) < 2.0
     assert statistics.fmean(errors_m[-10:]) > 0.02
@@ -335,9 +339,9 @@ def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -
     estimator = AutopilotEstimator(tilted, 1, REFERENCE_NOISE)
     estimator.yaw_rad = 2.0
     estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
-    (told,) = on_the_wire(odometry(firmware, estimator, tilted))
+    (reported,) = on_the_wire(odometry(firmware, estimator, tilted))
     outside = Outside(FIRMWARES[firmware]().pose_messages)
-    assert outside.hear(told, 0.0) == ""
+    assert outside.receive(reported, 0.0) == ""
     pose = outside.take_pose()
     assert pose is not None
     assert pose.velocity_ned_m_s == pytest.approx((0.5, 0.25, -0.1), abs=1e-5)

@@ -1,4 +1,4 @@
-"""Several vehicles in one world see each other, and crash when they meet."""
+"""Tests of several vehicles in one world: they detect each other and can collide."""
 
 import math
 from typing import Any
@@ -41,7 +41,7 @@ VELOCITY_AND_YAW_RATE = 0x05C7
 
 
 class Pair:
-    """Two vehicles in the hall, and a link to each."""
+    """Two vehicles in the hall, with a link to each."""
 
     def __init__(self) -> None:
         setup = Setup(parse_world(HALL, "hall"), "hall", 3, SENSORS)
@@ -81,8 +81,8 @@ class Pair:
             self.waits(0.1)
 
     def texts(self, number: int) -> list[str]:
-        heard: list[Any] = self.ends[number].receive()
-        return [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+        messages: list[Any] = self.ends[number].receive()
+        return [m.text for m in messages if m.get_type() == "STATUSTEXT"]
 
 
 def test_each_has_a_system_a_start_and_noise_of_its_own() -> None:

@@ -1,4 +1,4 @@
-"""Nothing that comes in may break us; `python -m benchmarks.fuzz` asks for more."""
+"""Runs a few inputs of each fuzz target; `python -m benchmarks.fuzz` runs more."""
 
 from random import Random
 
@@ -23,6 +23,6 @@ def test_odd_input_is_survived(target: str) -> None:
 def test_foreign_frames_hold_nothing_for_this_vehicle() -> None:
     random, codec = Random(1), make_codec(1, 1)
     frames = (foreign_frame(random) for _ in range(2000))
-    told = [m for frame in frames for m in decode(codec, frame)]
-    assert len(told) > 300
-    assert {m.target_system for m in told} == {OTHER_SYSTEM}
+    decoded = [m for frame in frames for m in decode(codec, frame)]
+    assert len(decoded) > 300
+    assert {m.target_system for m in decoded} == {OTHER_SYSTEM}

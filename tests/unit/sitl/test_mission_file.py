@@ -1,4 +1,4 @@
-"""Missions in files: what is flown and what happens, or one line that says what to mend."""
+"""Tests of mission files: settings and events, or an error of one line."""
 
 from pathlib import Path
 

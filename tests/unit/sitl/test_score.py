@@ -1,4 +1,4 @@
-"""The scores, on maps whose error is known."""
+"""Tests of the scores on maps with known errors."""
 
 import math
 import tracemalloc
@@ -116,7 +116,7 @@ def test_clearance_counts_where_there_is_room_to_keep_it(place: Vector2, clear_m
 
 
 def least_of_all(points: Points, walls: Points) -> tuple[Points, Points]:
-    """Distance and closest point on any wall, from the table of all pairs."""
+    """Distance and closest point on any wall, from a table of all pairs."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
     feet = start + np.clip(share, 0, 1)[..., None] * along
@@ -145,7 +145,7 @@ def test_the_nearest_wall_is_the_one_that_a_look_at_all_of_them_finds(
 
 
 def test_a_point_between_equal_walls_is_as_near_as_to_all_of_them() -> None:
-    """In the middle of many rays all are as near: more than are looked at in the first go."""
+    """In the middle of many rays all walls are equally near, more than are queried at first."""
     bearing = np.arange(40) * math.tau / 40
     ray = np.column_stack([np.cos(bearing), np.sin(bearing)])
     walls = np.stack([ray, 5 * ray], axis=1)
@@ -154,7 +154,7 @@ def test_a_point_between_equal_walls_is_as_near_as_to_all_of_them() -> None:
 
 
 def test_thousands_of_walls_are_scored_without_a_table_of_all_pairs() -> None:
-    """Of 40 000 samples and 4000 walls it would take a gigabyte for each step of the alignment."""
+    """The table for 40 000 samples and 4000 walls would take a gigabyte per alignment step."""
     walls = [
         ((north, east), (north + 0.5, east))
         for north in np.arange(0.0, 40.0)

@@ -1,4 +1,4 @@
-"""The vehicle moves as ArduCopter was measured to move."""
+"""Tests of the vehicle's motion against measurements of ArduCopter."""
 
 import math
 from random import Random
@@ -33,7 +33,7 @@ def test_steps_are_followed_as_the_real_firmware_follows_them(
 @pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
 @pytest.mark.parametrize("heading_deg", [20, 90, 170])
 def test_a_heading_that_is_turned_to_is_kept(response: Response, heading_deg: float) -> None:
-    """The emulated ArduCopter once swung by 40° for ever; the real one comes to rest."""
+    """The emulated ArduCopter once oscillated by 40° without end; the real one comes to rest."""
     vehicle = Vehicle(ON_GROUND, Random(1), response.airframe, STILL_AIR)
     shaper = SetpointShaper(response)
     heading_rad, most_rad_s = math.radians(heading_deg), math.radians(45)

@@ -1,7 +1,7 @@
-"""Readers of mesh files: triangles and where they stand, and nothing else.
+"""Reads mesh files: triangles and their places, and nothing else.
 
-Each reads all of a file as it is meant, or refuses it: a building of which a part is left out
-without a word is worse than none.
+A reader reads all of a file correctly or rejects it: a building that silently lacks a part would be
+wrong.
 """
 
 from collections.abc import Iterable
@@ -15,20 +15,20 @@ Faces = NDArray[np.int64]
 
 
 class MeshError(ValueError):
-    """A file that cannot be read as it is meant; says why, and what to do."""
+    """A file cannot be read correctly; the text has the cause and the remedy."""
 
 
 class Part(NamedTuple):
-    """Triangles of one piece."""
+    """Triangles of one part."""
 
     vertices: Points
     """(n, 3), in the file's axes."""
     faces: Faces
-    """(m, 3): numbers of vertices; those that do not exist are below 0 or beyond the last."""
+    """(m, 3) of vertex numbers; missing vertices have numbers below 0 or beyond the last."""
 
 
 def part(vertices: Iterable[Iterable[float]], faces: Iterable[Iterable[int]]) -> Part:
-    """From lists."""
+    """Build a part from lists."""
     return Part(
         np.array(list(vertices), dtype=float).reshape(-1, 3),
         np.array(list(faces), dtype=np.int64).reshape(-1, 3),
@@ -36,12 +36,12 @@ def part(vertices: Iterable[Iterable[float]], faces: Iterable[Iterable[int]]) ->
 
 
 def strip(numbers: Faces) -> Faces:
-    """Each with the two before it; (n,) to (n - 2, 3)."""
+    """Triangles of a strip: each number with the two before it; (n,) to (n - 2, 3)."""
     return np.column_stack([numbers[:-2], numbers[1:-1], numbers[2:]])
 
 
 def fan(numbers: Faces) -> Faces:
-    """Each pair of neighbours with the first; (n,) to (n - 2, 3)."""
+    """Triangles of a fan: the first number with each pair of neighbours; (n,) to (n - 2, 3)."""
     return np.column_stack([np.full(max(len(numbers) - 2, 0), numbers[:1]), *_pairs(numbers[1:])])
 
 

@@ -1,4 +1,4 @@
-"""glTF 2.0, in text or binary: where its scene puts triangles, with no look at materials.
+"""Reads glTF 2.0, text or binary: the triangles of its scene, without materials.
 
 https://registry.khronos.org/glTF/specs/2.0/glTF-2.0.html
 """
@@ -24,6 +24,7 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 POINTS_AND_LINES = (0, 1, 2, 3)
 TRIANGLES, STRIP, FAN = 4, 5, 6
 MAX_VALUES = 50_000_000
+"""Largest number of values in an accessor. Chosen."""
 
 DRACO = "KHR_draco_mesh_compression"
 MESHOPT = ("EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -36,25 +37,26 @@ HARMLESS = (
     *("ADOBE_materials_", "AGI_", "CESIUM_primitive_outline", "FB_ngon_encoding", "GODOT_"),
     *("MPEG_texture_", "MSFT_lod", "MSFT_packing_", "MSFT_texture_", "NV_materials_"),
 )
-"""How names begin of what changes colours, lights and properties, but no triangle."""
+"""Prefixes of extensions that change colours, lights or properties, but no triangle."""
 WITHOUT = {
     DRACO: " (in Blender: without Compression; with gltf-transform: copy)",
     **dict.fromkeys(MESHOPT, " (with gltfpack: without -c; with gltf-transform: copy)"),
 }
+"""Remedies for unsupported compression, by extension."""
 
 Record = dict[str, Any]
 
 
 def read_gltf(data: bytes, path: Path) -> Iterator[Part]:
-    """The triangles of every node, y up.
+    """Read the triangles of every node, y up.
 
     Raises:
-        MeshError: it is damaged, or needs an extension that is not read.
+        MeshError: the file is damaged, or needs an extension that is not supported.
     """
     text, binary = _chunks(data) if data.startswith(MAGIC) else (data, None)
     document = json.loads(decoded(text))
     if not isinstance(document, dict) or "asset" not in document:
-        raise MeshError("begins like no glTF: it is damaged, or of another format")
+        raise MeshError("does not begin like glTF: it is damaged, or of another format")
     for name in document.get("extensionsRequired", ()):
         if name not in READ and not name.startswith(HARMLESS):
             raise _needs(name)
@@ -63,7 +65,7 @@ def read_gltf(data: bytes, path: Path) -> Iterator[Part]:
 
 def _needs(extension: str) -> MeshError:
     return MeshError(
-        f"needs the extension {extension}, which is not read; "
+        f"needs the extension {extension}, which is not supported; "
         f"export it without{WITHOUT.get(extension, '')}"
     )
 
@@ -74,7 +76,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
     if version != VERSION:
         raise MeshError(f"is glTF of version {version}; export it as version {VERSION}")
     if length > len(data):
-        raise MeshError(f"tells of {length} bytes and holds {len(data)}: it is cut short")
+        raise MeshError(f"declares {length} bytes and holds {len(data)}: it is cut short")
     at, found = 12, dict[int, bytes]()
     while at + 8 <= length:
         size, kind = struct.unpack_from("<II", data, at)
@@ -86,7 +88,7 @@ def _chunks(data: bytes) -> tuple[bytes, bytes | None]:
 
 
 class _Document:
-    """One file, and those beside it."""
+    """One file and the files beside it."""
 
     def __init__(self, document: Record, binary: bytes | None, folder: Path) -> None:
         self._document = document
@@ -96,7 +98,7 @@ class _Document:
         self._meshes: dict[int, list[Part]] = {}
 
     def parts(self) -> Iterator[Part]:
-        """Every mesh where the scene has it."""
+        """Every mesh at its place in the scene."""
         waiting = [(node, np.eye(4)) for node in self._roots()]
         seen = set[int]()
         while waiting:
@@ -123,7 +125,7 @@ class _Document:
     def _placed(self, node: Record, place: Points) -> Iterator[Part]:
         if "skin" in node:
             raise MeshError(
-                f"node {node.get('name', '')!r} is bent by a skin, which is not read; "
+                f"node {node.get('name', '')!r} is deformed by a skin, which is not supported; "
                 "apply it, or leave it out"
             )
         for instance in self._instances(node):
@@ -147,7 +149,7 @@ class _Document:
             return
         counts = {len(values) for values in columns.values()}
         if len(counts) > 1:
-            raise MeshError("has instances with more places than turns or scales")
+            raise MeshError("has instances with different numbers of places, turns and scales")
         for number in range(counts.pop()):
             yield _transform({key: values[number] for key, values in columns.items()})
 
@@ -185,26 +187,26 @@ class _Document:
         if mode == TRIANGLES and len(numbers) % 3:
             raise MeshError(f"has triangles of {len(numbers)} corners in all: it is damaged")
         if mode not in {TRIANGLES, STRIP, FAN}:
-            raise MeshError(f"has a primitive of mode {mode}, which there is not")
+            raise MeshError(f"has a primitive of unknown mode {mode}")
         faces = {STRIP: strip, FAN: fan}.get(mode, lambda n: n.reshape(-1, 3))(numbers)
         return Part(vertices, faces)
 
     def _values(self, number: int) -> Points:
-        """Of an accessor, (count, width), as they are meant."""
+        """Values of an accessor, (count, width), normalized."""
         accessor = self._entry("accessors", number)
         kind = np.dtype(KINDS[accessor["componentType"]])
         shape = _whole(accessor, "count"), WIDTHS[accessor["type"]]
         if shape[0] > MAX_VALUES:
-            raise MeshError(f"accessor {number} tells of {shape[0]} values, which are too many")
+            raise MeshError(f"accessor {number} declares {shape[0]} values, which are too many")
         values = np.zeros(shape, kind)
         if "bufferView" in accessor:
             values = self._array(accessor, kind, shape).copy()
         if "sparse" in accessor:
             sparse = accessor["sparse"]
-            told = _whole(sparse, "count")
+            count = _whole(sparse, "count")
             where = np.dtype(KINDS[sparse["indices"]["componentType"]])
-            places = self._array(sparse["indices"], where, (told, 1))[:, 0]
-            values[places] = self._array(sparse["values"], kind, (told, shape[1]))
+            places = self._array(sparse["indices"], where, (count, 1))[:, 0]
+            values[places] = self._array(sparse["values"], kind, (count, shape[1]))
         if not accessor.get("normalized", False) or kind.kind == "f":
             return values.astype(float)
         share: Points = np.maximum(values / np.iinfo(kind).max, -1.0)
@@ -276,7 +278,7 @@ def _whole(record: Record, key: str) -> int:
 
 
 def _transform(node: Record) -> Points:
-    """Of a node or an instance, (4, 4)."""
+    """Transform of a node or an instance, (4, 4)."""
     if "matrix" in node:
         columns: Points = np.array(node["matrix"], dtype=float).reshape(4, 4)
         return columns.T

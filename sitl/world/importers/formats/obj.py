@@ -1,4 +1,4 @@
-"""Wavefront OBJ: vertices and faces; names, normals, textures and lines are not looked at."""
+"""Reads Wavefront OBJ: vertices and faces; ignores names, normals, textures and lines."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -14,19 +14,20 @@ NOT_READ = {
     "cdp": "free-form surfaces",
     "call": "parts in other files",
 }
-"""Statements that would bring more faces."""
+"""Statements that would add faces."""
 NOWHERE = -1
+"""Number of a vertex that does not exist."""
 
 
 def read_obj(data: bytes, path: Path) -> Iterator[Part]:
-    """The triangles.
+    """Read the triangles.
 
     Raises:
-        MeshError: a line that cannot be read, or one that would bring faces of another kind.
+        MeshError: a line is invalid, or adds faces of a kind that is not supported.
     """
     vertices: list[tuple[float, float, float]] = []
     polygons: list[list[int]] = []
-    # comments and names may be in any encoding, and do not matter
+    # comments and names may have any encoding and are ignored
     text = data.decode(encoding_of(data), "replace").replace("\r\n", "\n").replace("\r", "\n")
     for number, line in enumerate(text.replace("\\\n", " ").split("\n"), start=1):
         keyword, *words = line.partition("#")[0].split() or ("",)
@@ -37,7 +38,9 @@ def read_obj(data: bytes, path: Path) -> Iterator[Part]:
             elif keyword in {"f", "fo"}:
                 polygons.append(_corners(words, len(vertices)))
         except ValueError as error:
-            raise MeshError(f"line {number}: {line.strip()[:40]!r} is no {keyword}") from error
+            raise MeshError(
+                f"line {number}: {line.strip()[:40]!r} is not a valid {keyword}"
+            ) from error
         if keyword in NOT_READ:
             kind = NOT_READ[keyword]
             raise MeshError(f"line {number}: {kind} ({keyword}) are not read; export triangles")
@@ -45,7 +48,7 @@ def read_obj(data: bytes, path: Path) -> Iterator[Part]:
 
 
 def _corners(words: Sequence[str], vertices: int) -> list[int]:
-    """Numbers from 0; the file counts from 1, or back from the latest vertex before the face."""
+    """Vertex numbers from 0. The file counts from 1, or back from the latest vertex."""
     numbers = [int(word.partition("/")[0]) for word in words]
     if not numbers:
         raise ValueError("no corners")

@@ -1,4 +1,4 @@
-"""PLY: vertices, and faces or strips of triangles, as text or binary; all else is passed over."""
+"""Reads PLY, text or binary: vertices, and faces or strips of triangles; ignores the rest."""
 
 import codecs
 import struct
@@ -22,12 +22,12 @@ KINDS = {
     **dict.fromkeys(("float", "float32"), "f"),
     **dict.fromkeys(("double", "float64"), "d"),
 }
-"""Types by both of their names, in the letters of `struct`."""
+"""Types by both of their names, as letters of `struct`."""
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = ("vertex_indices", "vertex_index")
 END_OF_STRIP = -1
 Row = list[list[float]]
-"""The values of each property: one, or those of a list."""
+"""Values of each property: one value, or those of a list."""
 
 
 @dataclass(slots=True)
@@ -35,7 +35,7 @@ class _Element:
     name: str
     count: int
     properties: list[tuple[str, str, str]] = field(default_factory=list)
-    """Name, type, and of a list the type of its length."""
+    """Name, type, and for a list the type of its length."""
 
     @property
     def has_lists(self) -> bool:
@@ -43,10 +43,10 @@ class _Element:
 
 
 def read_ply(data: bytes, path: Path) -> Iterator[Part]:
-    """The triangles.
+    """Read the triangles.
 
     Raises:
-        MeshError: the file holds less, or more, than its header tells.
+        MeshError: the file holds less or more than its header declares, or is invalid.
     """
     order, elements, body = _header(data)
     rows: _Words | _Bytes = _Bytes(body, order) if order else _Words(body)
@@ -66,7 +66,7 @@ def read_ply(data: bytes, path: Path) -> Iterator[Part]:
         else:
             rows.table(element)
     if rows.rest():
-        raise MeshError("holds more than its header tells: it is damaged; export it again")
+        raise MeshError("holds more than its header declares: it is damaged; export it again")
     points = vertices.tolist()
     yield part(
         points, (face for corners in polygons if corners for face in triangles(corners, points))
@@ -81,7 +81,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
     begin, end, body = data.partition(b"end_header")
     begin = begin.removeprefix(codecs.BOM_UTF8)
     if begin[:3] != b"ply" or not end:
-        raise MeshError("begins like no PLY: it is damaged, or of another format")
+        raise MeshError("does not begin like PLY: it is damaged, or of another format")
     lines = [line.split() for line in begin.decode(errors="replace").splitlines()]
     order, elements = None, list[_Element]()
     for words in filter(None, lines[1:]):
@@ -97,9 +97,9 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
             case ["comment" | "obj_info", *_]:
                 pass
             case _:
-                raise MeshError(f"{' '.join(words)[:40]!r} in its header is not understood")
+                raise MeshError(f"{' '.join(words)[:40]!r} in its header is unknown")
     if order is None:
-        raise MeshError("its header tells no format")
+        raise MeshError("its header has no format")
     newline = 2 if body[:2] == b"\r\n" else 1
     return order, elements, body[newline:]
 
@@ -113,7 +113,7 @@ def _xyz(element: _Element, table: Points) -> Points:
 
 
 def _corners(element: _Element) -> int:
-    """Which property names a face's corners."""
+    """Index of the property with a face's corners."""
     lists = [i for i, (_, _, length) in enumerate(element.properties) if length]
     named = [i for i in lists if element.properties[i][0] in CORNERS]
     if not (named or len(lists) == 1):
@@ -124,12 +124,12 @@ def _corners(element: _Element) -> int:
 def _cut_short(element: _Element, read: int | None = None) -> MeshError:
     held = "" if read is None else f" and holds {read}"
     return MeshError(
-        f"tells of {element.count} of {element.name}{held}: it is cut short; export it again"
+        f"declares {element.count} of {element.name}{held}: it is cut short; export it again"
     )
 
 
 class _Words:
-    """Values as text."""
+    """Reads values as text."""
 
     def __init__(self, body: bytes) -> None:
         self._words = body.split()
@@ -139,7 +139,7 @@ class _Words:
         return self._at < len(self._words)
 
     def table(self, element: _Element) -> Points:
-        """Of an element without lists; (count, properties)."""
+        """Values of an element without lists; (count, properties)."""
         size = element.count * len(element.properties)
         words = self._take(size)
         if len(words) < size:
@@ -156,10 +156,10 @@ class _Words:
     def _values(self, length: str) -> Sequence[bytes] | None:
         count = 1
         if length:
-            told = self._take(1)
-            if not told:
+            declared = self._take(1)
+            if not declared:
                 return None
-            count = int(told[0])
+            count = int(declared[0])
         words = self._take(count)
         return words if len(words) == count else None
 
@@ -170,7 +170,7 @@ class _Words:
 
 
 class _Bytes:
-    """Values as a computer has them."""
+    """Reads binary values."""
 
     def __init__(self, body: bytes, order: str) -> None:
         self._body = body
@@ -181,14 +181,14 @@ class _Bytes:
         return bool(self._body[self._at :].strip(b"\r\n\0"))
 
     def table(self, element: _Element) -> Points:
-        """Of an element without lists; (count, properties)."""
+        """Values of an element without lists; (count, properties)."""
         kinds = [self._order + kind for _, kind, _ in element.properties]
         dtype = np.dtype([(str(i), kind) for i, kind in enumerate(kinds)])
         table = self._array(dtype, element)
         return np.column_stack([table[name].astype(float) for name in dtype.names or ()])
 
     def rows(self, element: _Element) -> Iterator[Row]:
-        """Quickly where all lists are of the first one's length, as they mostly are."""
+        """Rows of an element; fast if all lists have the first one's length, the usual case."""
         if not element.properties:
             return
         begin = self._at
@@ -227,8 +227,8 @@ class _Bytes:
             for _, kind, length in element.properties:
                 count = 1
                 if length:
-                    (told,) = self._unpack(length, 1)
-                    count = int(told)
+                    (declared,) = self._unpack(length, 1)
+                    count = int(declared)
                 row.append(list(self._unpack(kind, count)))
         except struct.error as error:
             raise _cut_short(element, number) from error

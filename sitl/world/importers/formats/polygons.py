@@ -1,4 +1,4 @@
-"""Polygons cut into triangles, also hollow ones: a wall round a doorway is often one polygon."""
+"""Triangulates polygons, also hollow ones: a wall around a doorway is often one polygon."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -8,17 +8,17 @@ import numpy as np
 from sitl.world.importers.formats import MeshError, Points
 
 MAX_CORNERS = 500
-"""Of a hollow polygon; cutting one takes the square of it."""
+"""Largest number of corners of a hollow polygon; the time grows with its square. Chosen."""
 
 Vertices = Sequence[Sequence[float]]
 Triangle = tuple[int, int, int]
 
 
 def triangles(corners: Sequence[int], vertices: Vertices) -> Iterator[Triangle]:
-    """The corners' numbers, three by three; of less than three, a triangle without area.
+    """Triangulate one polygon of corner numbers; fewer than three give a triangle without area.
 
     Raises:
-        MeshError: hollow, and too many corners.
+        MeshError: the polygon is hollow and has too many corners.
     """
     if len(corners) <= 3:
         a, b, c = (*corners, *[corners[-1]] * (3 - len(corners)))
@@ -34,14 +34,14 @@ def triangles(corners: Sequence[int], vertices: Vertices) -> Iterator[Triangle]:
 
 
 def _is_fan(points: Points) -> bool:
-    """The triangles from the first corner all turn the same way, so that none covers another."""
+    """All triangles from the first corner turn the same way, so that none overlaps another."""
     off = points[1:] - points[0]
     normals = np.cross(off[:-1], off[1:])
     return bool((normals @ normals.sum(axis=0) >= 0).all())
 
 
 def _cut(corners: Sequence[int], points: Points) -> Iterator[Triangle]:
-    """One ear after the other."""
+    """Triangles by ear clipping."""
     if len(corners) > MAX_CORNERS:
         raise MeshError(f"has a hollow face of {len(corners)} corners; export triangles")
     flat, left = _flat(points), list(range(len(corners)))
@@ -55,7 +55,7 @@ def _cut(corners: Sequence[int], points: Points) -> Iterator[Triangle]:
 
 
 def _flat(points: Points) -> Points:
-    """The polygon seen along its axis of most area, (n, 2), turning left."""
+    """The polygon projected along its axis of largest area, (n, 2), turning left."""
     off = points - points[0]
     normal = np.cross(off, np.roll(off, -1, axis=0)).sum(axis=0)  # Newell
     axis = int(np.abs(normal).argmax())
@@ -65,7 +65,7 @@ def _flat(points: Points) -> Points:
 
 
 def _ear(ring: Points) -> int:
-    """A corner that can be cut off: it sticks out, and no other corner lies in its triangle."""
+    """Number of a corner to clip: convex, with no other corner in its triangle."""
     before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
     turns = _cross(before, ring, after)
     for number in np.flatnonzero(turns > 0):
@@ -75,11 +75,11 @@ def _ear(ring: Points) -> int:
         is_corner = np.any([(ring == corner).all(axis=1) for corner in three], axis=0)
         if not (inside & ~is_corner).any():
             return int(number)
-    return int(np.abs(turns).argmin())  # it crosses itself: the least is lost
+    return int(np.abs(turns).argmin())  # self-intersecting: clip the smallest
 
 
 def _cross(a: Points, b: Points, c: Points) -> Points:
-    """Above zero where a, b, c turn left."""
+    """Positive where a, b, c turn left."""
     (ax, ay), (bx, by), (cx, cy) = a.T, b.T, c.T
     turn: Points = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     return turn

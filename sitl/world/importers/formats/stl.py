@@ -1,4 +1,4 @@
-"""STL: binary if its size is that of the triangles that it tells, else text."""
+"""Reads STL: binary if the file size matches its number of triangles, else text."""
 
 import codecs
 import re
@@ -17,21 +17,21 @@ FACETS = re.compile(rb"(?i)\bfacet\b")
 
 
 def read_stl(data: bytes, path: Path) -> Iterator[Part]:
-    """The triangles.
+    """Read the triangles.
 
     Raises:
-        MeshError: they are not as many as the file tells.
+        MeshError: the number of triangles is not the declared one.
     """
     data = data.removeprefix(codecs.BOM_UTF8)
-    told = int.from_bytes(data[80:HEADER_BYTES], "little")
-    if len(data) >= HEADER_BYTES and len(data) == HEADER_BYTES + told * FACET.itemsize:
+    declared = int.from_bytes(data[80:HEADER_BYTES], "little")
+    if len(data) >= HEADER_BYTES and len(data) == HEADER_BYTES + declared * FACET.itemsize:
         corners = np.frombuffer(data, FACET, offset=HEADER_BYTES)["corners"].astype(float)
     elif data.lstrip()[:5].lower() == b"solid" and b"\0" not in data:
         corners = _text(data)
     else:
         held = max(len(data) - HEADER_BYTES, 0) / FACET.itemsize
         raise MeshError(
-            f"tells of {told} triangles and holds {held:g}: it is cut short or damaged; "
+            f"declares {declared} triangles and holds {held:g}: it is cut short or damaged; "
             "export it again"
         )
     vertices = corners.reshape(-1, 3)
@@ -42,7 +42,7 @@ def _text(data: bytes) -> np.ndarray[tuple[int, ...], np.dtype[np.float64]]:
     *_, last = data.rstrip().splitlines()
     if not last.split()[:1] or last.split()[0].lower() != b"endsolid":
         raise MeshError("ends without endsolid: it is cut short; export it again")
-    body = NAME.sub(b"", data)  # a name may be any words
+    body = NAME.sub(b"", data)  # a name may contain any words
     corners = np.array([[float(x) for x in corner] for corner in CORNER.findall(body)])
     facets = len(FACETS.findall(body))
     if len(corners) != 3 * facets:

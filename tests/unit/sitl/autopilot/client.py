@@ -1,4 +1,4 @@
-"""A ground station for the conformance tests of the emulated autopilot."""
+"""A ground station for the conformance tests of the emulated autopilots."""
 
 import math
 import struct
@@ -16,7 +16,7 @@ START = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.3, 0.0)
 
 
 class Client:
-    """A ground station with the vehicle on the other end of a pipe of bytes."""
+    """A ground station connected to the vehicle by a pipe of bytes."""
 
     def __init__(self, firmware: str = "ardupilot", seed: int = 1, **options: Any) -> None:
         self.autopilot = Autopilot(seed, START, firmware=firmware, **options)
@@ -43,14 +43,14 @@ class Client:
         return self.sends(mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded))
 
     def result(self, command: int, *parameters: float) -> int:
-        """The last acknowledgement's; PX4 acknowledges a mode twice."""
+        """Result of the last acknowledgement; PX4 acknowledges a mode twice."""
         acks = [m for m in self.commands(command, *parameters) if m.get_type() == "COMMAND_ACK"]
         assert {m.command for m in acks} == {command}
         result: int = acks[-1].result
         return result
 
-    def hears_texts(self) -> "Client":
-        """As a ground station: PX4 tells texts to nobody else."""
+    def receives_texts(self) -> "Client":
+        """Send a ground station's HEARTBEAT: PX4 sends texts to nobody else."""
         self.sends(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
         return self
 
@@ -95,6 +95,6 @@ def kinds(messages: list[Any]) -> list[str]:
 
 
 def as_float(code: str, value: int) -> float:
-    """A number's bytes, taken as a float: how PX4's integers travel."""
+    """A number's bytes as a float, the encoding of PX4's integers."""
     (number,) = struct.unpack("<f", struct.pack(code, value))
     return float(number)

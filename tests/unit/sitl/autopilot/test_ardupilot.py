@@ -1,4 +1,4 @@
-"""The emulated autopilot answers as ArduCopter 4.6.3 was seen to answer."""
+"""Tests that the emulated autopilot responds as measured on ArduCopter 4.6.3."""
 
 import math
 
@@ -25,15 +25,17 @@ def client() -> Client:
 
 
 def test_unasked_it_only_beats_once_a_second(client: Client) -> None:
-    heard = client.waits(5)
-    assert kinds(heard) == ["HEARTBEAT"] * 5
-    assert (heard[0].type, heard[0].autopilot, heard[0].base_mode) == (2, 3, 81)
+    received = client.waits(5)
+    assert kinds(received) == ["HEARTBEAT"] * 5
+    assert (received[0].type, received[0].autopilot, received[0].base_mode) == (2, 3, 81)
 
 
 def test_heartbeats_follow_mode_and_arming(client: Client) -> None:
     client.waits(5)
-    heard = client.commands(176, 1, 4)
-    assert [(m.base_mode, m.custom_mode) for m in heard if m.get_type() == "HEARTBEAT"] == [(89, 4)]
+    received = client.commands(176, 1, 4)
+    assert [(m.base_mode, m.custom_mode) for m in received if m.get_type() == "HEARTBEAT"] == [
+        (89, 4)
+    ]
     client.sends(ORIGIN)
     client.result(400, 1)
     assert client.waits(1)[-1].base_mode == 217
@@ -47,18 +49,18 @@ def test_setting_the_mode(client: Client, parameters: tuple[int, int], result: i
 
 
 def test_the_ack_comes_before_the_text_that_explains_it(client: Client) -> None:
-    heard = client.commands(176, 1, 99)
-    assert kinds(heard) == ["COMMAND_ACK", "STATUSTEXT"]
-    assert heard[1].text == "No such mode 99"
+    received = client.commands(176, 1, 99)
+    assert kinds(received) == ["COMMAND_ACK", "STATUSTEXT"]
+    assert received[1].text == "No such mode 99"
 
 
 def test_arming_is_refused_without_origin_even_by_force(client: Client) -> None:
     client.waits(5)
-    heard = client.commands(400, 1)
-    assert heard[0].result == FAILED
-    assert (heard[1].severity, heard[1].text) == (2, "Arm: AHRS: waiting for home")
-    heard = client.commands(400, 1, 2989)
-    assert (heard[0].result, heard[1].text) == (FAILED, "Arm: Need Position Estimate")
+    received = client.commands(400, 1)
+    assert received[0].result == FAILED
+    assert (received[1].severity, received[1].text) == (2, "Arm: AHRS: waiting for home")
+    received = client.commands(400, 1, 2989)
+    assert (received[0].result, received[1].text) == (FAILED, "Arm: Need Position Estimate")
 
 
 def test_the_position_is_silent_until_there_is_one(client: Client) -> None:
@@ -80,15 +82,15 @@ def test_message_intervals(client: Client, message_id: int, interval_us: int, re
 def test_an_interval_can_be_asked_and_stopped(client: Client) -> None:
     client.result(511, 30, 20_000)
     assert kinds(client.waits(1)).count("ATTITUDE") == 50
-    heard = client.commands(510, 30)
-    assert [m.interval_us for m in heard if m.get_type() == "MESSAGE_INTERVAL"] == [20_000]
+    received = client.commands(510, 30)
+    assert [m.interval_us for m in received if m.get_type() == "MESSAGE_INTERVAL"] == [20_000]
     client.result(511, 30, -1)
     assert "ATTITUDE" not in kinds(client.waits(1))
 
 
 def test_requested_messages(client: Client) -> None:
-    heard = client.commands(512, 148)
-    assert {m.capabilities for m in heard if m.get_type() == "AUTOPILOT_VERSION"} == {64495}
+    received = client.commands(512, 148)
+    assert {m.capabilities for m in received if m.get_type() == "AUTOPILOT_VERSION"} == {64495}
     assert client.result(512, 4242) == FAILED
 
 
@@ -216,8 +218,8 @@ def test_the_estimate_drifts_but_stays_near(client: Client) -> None:
     client.result(511, 32, 100_000)
     for _ in range(200):
         client.velocity(frame=8, mask=0x05C7, vx=0.5)
-        heard = client.waits(0.05)
-    estimate = [m for m in heard if m.get_type() == "LOCAL_POSITION_NED"][-1]
+        received = client.waits(0.05)
+    estimate = [m for m in received if m.get_type() == "LOCAL_POSITION_NED"][-1]
     truth = client.autopilot.truth.position_ned_m
     error_m = math.dist((estimate.x, estimate.y), truth[:2])
     assert 0.01 < error_m < 2.0
@@ -226,14 +228,14 @@ def test_the_estimate_drifts_but_stays_near(client: Client) -> None:
 def test_a_crash_is_told_and_final(client: Client) -> None:
     client.flies()
     client.autopilot.crash("hit an obstacle")
-    heard = client.waits(3)
-    assert "Crash: hit an obstacle" in [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+    received = client.waits(3)
+    assert "Crash: hit an obstacle" in [m.text for m in received if m.get_type() == "STATUSTEXT"]
     assert client.autopilot.truth.position_ned_m[2] == 0
     assert client.result(400, 1) == FAILED
 
 
 def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: float) -> float:
-    """How far it turns while such setpoints stream at 20 Hz."""
+    """Change of the heading during such setpoints at 20 Hz, deg."""
     began = client.autopilot.truth.yaw_rad
     turned = 0.0
     for _ in range(round(seconds * 20)):
@@ -251,7 +253,7 @@ def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: fl
 
 def test_a_commanded_yaw_in_ned_is_absolute(client: Client) -> None:
     client.flies()
-    to_go = math.degrees(wrap_rad(2.0 - client.autopilot.believed.yaw_rad))
+    to_go = math.degrees(wrap_rad(2.0 - client.autopilot.estimate.yaw_rad))
     turned = turned_deg(client, 4, frame=1, mask=0x09C7, yaw=2.0)
     assert turned == pytest.approx(to_go, abs=8)
 
@@ -266,7 +268,7 @@ def test_without_any_yaw_it_faces_its_course(client: Client) -> None:
     for _ in range(80):
         client.velocity(frame=1, mask=0x0DC7, vx=-1.0)
         client.waits(0.05)
-    assert abs(client.autopilot.believed.yaw_rad) == pytest.approx(math.pi, abs=0.2)
+    assert abs(client.autopilot.estimate.yaw_rad) == pytest.approx(math.pi, abs=0.2)
 
 
 def test_a_position_setpoint_is_flown_to_nose_first(client: Client) -> None:
@@ -308,8 +310,8 @@ def test_states_from_boot_to_flight(client: Client) -> None:
     client.flies()
     beats = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"]
     assert beats[-1].system_status == mavlink.MAV_STATE_ACTIVE
-    told = client.commands(512, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
-    assert [m.landed_state for m in told if m.get_type() == "EXTENDED_SYS_STATE"] == [2]
+    received = client.commands(512, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE)
+    assert [m.landed_state for m in received if m.get_type() == "EXTENDED_SYS_STATE"] == [2]
 
 
 def test_a_take_off_begins_after_a_second_and_settles_at_its_height(client: Client) -> None:
@@ -327,10 +329,10 @@ def test_a_take_off_begins_after_a_second_and_settles_at_its_height(client: Clie
 
 
 def test_commands_come_as_int_too(client: Client) -> None:
-    heard = client.sends(
+    received = client.sends(
         mavlink.MAVLink_command_int_message(1, 1, 0, 176, 0, 0, 1, 4, 0, 0, 0, 0, 0)
     )
-    assert [m.result for m in heard if m.get_type() == "COMMAND_ACK"] == [ACCEPTED]
+    assert [m.result for m in received if m.get_type() == "COMMAND_ACK"] == [ACCEPTED]
     assert client.autopilot.mode == 4
 
 
@@ -340,8 +342,8 @@ def test_the_old_way_of_asking_for_streams(client: Client) -> None:
 
 
 def test_there_is_no_mission_and_there_are_no_files(client: Client) -> None:
-    heard = client.sends(mavlink.MAVLink_mission_request_list_message(1, 1))
-    assert [m.count for m in heard] == [0]
+    received = client.sends(mavlink.MAVLink_mission_request_list_message(1, 1))
+    assert [m.count for m in received] == [0]
     opened = bytes((5, 0, 0, 4)) + bytes(247)
     (answer,) = client.sends(mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, opened))
     assert (answer.payload[0], answer.payload[3], answer.payload[5]) == (6, 129, 4)

@@ -1,4 +1,4 @@
-"""What both emulated autopilots tell and take: rows of the table in docs/autopilot.md."""
+"""Tests of both emulated autopilots: rows of the table in docs/autopilot.md."""
 
 import math
 import re
@@ -36,17 +36,17 @@ def settled(firmware: str) -> Client:
     return client
 
 
-def told(client: Client, message_id: int) -> Any:
-    """The message that REQUEST_MESSAGE brings; None if it is refused."""
+def requested(client: Client, message_id: int) -> Any:
+    """The message that REQUEST_MESSAGE returns; None if the request is rejected."""
     kind = mavlink.mavlink_map[message_id].msgname
     return next((m for m in client.commands(512, message_id) if m.get_type() == kind), None)
 
 
-def texts(heard: list[Any]) -> list[str]:
-    return [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+def texts(received: list[Any]) -> list[str]:
+    return [m.text for m in received if m.get_type() == "STATUSTEXT"]
 
 
-# Who it is
+# Identity
 
 
 @FIRMWARE
@@ -62,7 +62,7 @@ def test_it_is_component_one_of_its_system(firmware: str) -> None:
 def test_the_version_says_how_parameters_travel(
     firmware: str, version: int, bytewise: bool
 ) -> None:
-    answer = told(Client(firmware), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+    answer = requested(Client(firmware), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
     assert version in (answer.flight_sw_version, answer.flight_sw_version >> 8)
     assert bool(answer.capabilities & 16) is bytewise
     assert Client(firmware).result(520) == ACCEPTED
@@ -109,7 +109,7 @@ def test_px4_in_offboard_is_neither_manual_nor_automatic() -> None:
     assert beat.base_mode == 128 | 17
 
 
-# What it tells
+# Messages sent
 
 
 @FIRMWARE
@@ -119,9 +119,9 @@ def test_landed_states_from_ground_to_ground(firmware: str) -> None:
     if firmware == "ardupilot":
         client.result(176, 1, 4)
     client.result(400, 1)
-    heard = client.waits(1) + client.commands(22, 0, 0, 0, 0, 0, 0, 2.0) + client.waits(9)
-    heard += client.commands(21) + client.waits(12)
-    states = [m.landed_state for m in heard if m.get_type() == "EXTENDED_SYS_STATE"]
+    received = client.waits(1) + client.commands(22, 0, 0, 0, 0, 0, 0, 2.0) + client.waits(9)
+    received += client.commands(21) + client.waits(12)
+    states = [m.landed_state for m in received if m.get_type() == "EXTENDED_SYS_STATE"]
     steps = [s for i, s in enumerate(states) if i == 0 or s != states[i - 1]]
     assert steps == [
         mavlink.MAV_LANDED_STATE_ON_GROUND,
@@ -135,7 +135,7 @@ def test_landed_states_from_ground_to_ground(firmware: str) -> None:
 @FIRMWARE
 def test_the_sensors_bits(firmware: str) -> None:
     client = Client(firmware)
-    status = told(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+    status = requested(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     inertial_and_flow = 1 | 2 | 4 | 0x40
     assert status.onboard_control_sensors_present == inertial_and_flow
     assert not status.onboard_control_sensors_health & 0x1000_0000
@@ -146,7 +146,7 @@ def test_the_sensors_bits(firmware: str) -> None:
     client.waits(1)
     client.sends(mavlink.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0, [0] * 21))
     client.waits(0.1)
-    status = told(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
+    status = requested(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     assert status.onboard_control_sensors_health & 0x1000_0000
     assert status.onboard_control_sensors_present & 0x80
     assert not status.onboard_control_sensors_present & 0x20
@@ -154,7 +154,7 @@ def test_the_sensors_bits(firmware: str) -> None:
 
 @FIRMWARE
 def test_the_battery_has_four_cells(firmware: str) -> None:
-    battery = told(Client(firmware), mavlink.MAVLINK_MSG_ID_BATTERY_STATUS)
+    battery = requested(Client(firmware), mavlink.MAVLINK_MSG_ID_BATTERY_STATUS)
     assert list(battery.voltages) == [4200] * 4 + [65535] * 6
     assert battery.battery_remaining == 100
     assert battery.current_battery == 1200
@@ -170,7 +170,7 @@ def test_home_and_origin_are_told_once_they_are_set(firmware: str) -> None:
     assert client.result(410) == not_yet
     (announced,) = [m for m in client.sends(ORIGIN) if m.get_type() == "GPS_GLOBAL_ORIGIN"]
     assert announced.latitude == ORIGIN.latitude
-    home = told(client, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+    home = requested(client, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
     assert (home.latitude, home.longitude) == (ORIGIN.latitude, ORIGIN.longitude)
     assert client.result(410) == ACCEPTED
 
@@ -178,11 +178,11 @@ def test_home_and_origin_are_told_once_they_are_set(firmware: str) -> None:
 def test_px4s_estimator_flags_with_and_without_a_position() -> None:
     client = Client("px4")
     position = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_VELOCITY_HORIZ
-    assert not told(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & position
+    assert not requested(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & position
     client.waits(5)
-    flags = told(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags
+    flags = requested(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags
     assert flags & position == position
-    assert flags & mavlink.ESTIMATOR_CONST_POS_MODE  # it stands
+    assert flags & mavlink.ESTIMATOR_CONST_POS_MODE  # at rest on the ground
 
 
 def test_the_true_places_floats_are_scaled_as_ardupilots_are() -> None:
@@ -191,7 +191,7 @@ def test_the_true_places_floats_are_scaled_as_ardupilots_are() -> None:
     assert abs(state.lat_int) > 1e7
 
 
-# How it answers
+# Responses
 
 
 @FIRMWARE
@@ -213,9 +213,9 @@ def test_what_is_for_another_system_is_not_answered(firmware: str) -> None:
 
 def test_intervals_that_cannot_be_are_refused_each_in_its_way() -> None:
     ardupilot, px4 = Client(), Client("px4")
-    heard = ardupilot.commands(511, 4242, 20_000)
-    assert heard[0].result == DENIED
-    assert texts(heard) == ["No ap_message for mavlink id (4242)"]
+    received = ardupilot.commands(511, 4242, 20_000)
+    assert received[0].result == DENIED
+    assert texts(received) == ["No ap_message for mavlink id (4242)"]
     assert kinds(px4.commands(511, 4242, 20_000)) == ["COMMAND_ACK"]
     assert px4.result(511, 4242, 20_000) == FAILED
     assert px4.result(511, 30, 1_000) == ACCEPTED
@@ -241,9 +241,9 @@ def test_it_asks_for_the_time_itself(firmware: str) -> None:
 def test_a_check_says_what_arming_would_be_refused_for() -> None:
     client = Client()
     client.waits(5)
-    heard = client.commands(401)
-    assert heard[0].result == ACCEPTED
-    assert texts(heard) == ["PreArm: AHRS: waiting for home"]
+    received = client.commands(401)
+    assert received[0].result == ACCEPTED
+    assert texts(received) == ["PreArm: AHRS: waiting for home"]
 
 
 @FIRMWARE
@@ -254,9 +254,9 @@ def test_disarming_in_the_air_is_refused_without_a_word_but_not_by_force(firmwar
     client.result(400, 1)
     client.result(22, *[math.nan] * 6, 2.0)
     client.waits(6)
-    heard = client.commands(400, 0)
-    assert heard[0].result == (FAILED if firmware == "ardupilot" else REJECTED)
-    assert texts(heard) == []
+    received = client.commands(400, 0)
+    assert received[0].result == (FAILED if firmware == "ardupilot" else REJECTED)
+    assert texts(received) == []
     assert client.result(400, 0, 21196) == ACCEPTED
     client.waits(3)
     assert client.autopilot.truth.position_ned_m[2] == 0
@@ -266,7 +266,7 @@ def test_an_external_source_cannot_be_switched_to_by_command() -> None:
     assert Client().result(42007, 1) == UNSUPPORTED
 
 
-# What it flies
+# Flight
 
 
 def test_a_yaw_rate_is_flown_for_three_seconds_too() -> None:
@@ -276,9 +276,9 @@ def test_a_yaw_rate_is_flown_for_three_seconds_too() -> None:
         client.waits(0.05)
     client.waits(2.8)
     assert client.autopilot.truth.yaw_rate_rad_s == pytest.approx(0.5, abs=0.05)
-    heard = client.waits(1.5)
+    received = client.waits(1.5)
     assert client.autopilot.truth.yaw_rate_rad_s == pytest.approx(0.0, abs=0.05)
-    assert texts(heard) == []
+    assert texts(received) == []
 
 
 def test_the_setpoint_timeout_is_a_tenth_of_a_second_at_least() -> None:
@@ -296,11 +296,11 @@ def test_px4_ignores_all_of_a_velocity_with_one_ignored_axis(mask: int) -> None:
     for _ in range(30):
         client.velocity(frame=8, mask=0x05C7, vx=0.0)
         client.waits(0.05)
-    client.hears_texts().result(176, 1, 6)
+    client.receives_texts().result(176, 1, 6)
     assert any("invalid" in text for text in texts(client.velocity(frame=8, mask=mask)))
 
 
-# What it is told
+# Messages received
 
 
 @pytest.mark.parametrize(("frame", "taken"), [(1, True), (20, True), (4, False), (21, False)])
@@ -317,7 +317,7 @@ def test_px4_takes_odometry_in_two_frames(frame: int, taken: bool) -> None:
             )
         )
         client.waits(0.05)
-    flags = told(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags
+    flags = requested(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags
     assert bool(flags & mavlink.ESTIMATOR_POS_HORIZ_REL) is taken
 
 
@@ -325,7 +325,7 @@ def test_px4_passes_ranges_on_as_they_are_but_for_the_time() -> None:
     client = Client("px4")
     client.waits(2)
     client.sends(mavlink.MAVLink_distance_sensor_message(77, 2, 500, 150, 2, 9, 25, 4))
-    echo = told(client, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
+    echo = requested(client, mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR)
     assert (echo.id, echo.orientation, echo.current_distance, echo.covariance) == (9, 25, 150, 4)
     assert echo.time_boot_ms == pytest.approx(2000, abs=20)
 

@@ -1,4 +1,4 @@
-"""Landings of the emulated autopilots drift as those of the real firmware did."""
+"""Tests that landings drift as far as those of the real firmware."""
 
 import math
 
@@ -10,7 +10,7 @@ LANDINGS = 20
 
 
 def drift_m(firmware: str, seed: int) -> float:
-    """Sideways, from 1 m above the ground down to it."""
+    """Horizontal drift from 1 m above the ground to the ground, m."""
     client = Client(firmware, seed)
     client.waits(5)
     client.sends(ORIGIN)
@@ -36,6 +36,6 @@ def drift_m(firmware: str, seed: int) -> float:
 
 @pytest.mark.parametrize(("firmware", "measured_m"), [("px4", 0.27), ("ardupilot", 0.10)])
 def test_a_landing_drifts_as_far_as_a_real_one(firmware: str, measured_m: float) -> None:
-    """Root mean square of some landings against that of the real firmware's."""
+    """Compares the RMS drift of some landings with that of the real firmware."""
     squares = [drift_m(firmware, seed) ** 2 for seed in range(1, LANDINGS + 1)]
     assert math.sqrt(sum(squares) / LANDINGS) == pytest.approx(measured_m, rel=0.35)

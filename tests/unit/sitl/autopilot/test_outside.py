@@ -1,4 +1,4 @@
-"""Poses, ranges and heartbeats from outside, and what happens when they stop (ArduCopter 4.6.3)."""
+"""Tests of external poses, ranges and heartbeats, and of their loss (ArduCopter 4.6.3)."""
 
 import math
 from collections.abc import Iterator
@@ -30,7 +30,7 @@ FORWARD, DOWN = 0, 25
 
 
 class VisionClient(Client):
-    """A ground station that also feeds pose and ranges at 50 Hz, if it is told to."""
+    """A ground station that can also send poses and ranges at 50 Hz."""
 
     def __init__(self, firmware: str = "ardupilot") -> None:
         super().__init__(firmware)
@@ -43,12 +43,12 @@ class VisionClient(Client):
             self.sets(name, value)
 
     def waits(self, seconds: float) -> list[Any]:
-        heard: list[Any] = []
+        received: list[Any] = []
         for _ in range(round(seconds * 50)):
             for message in self._fed():
-                heard += self.sends(message)
-            heard += super().waits(0.02)
-        return heard
+                received += self.sends(message)
+            received += super().waits(0.02)
+        return received
 
     def _fed(self) -> Iterator[Any]:
         truth = self.autopilot.truth
@@ -87,13 +87,13 @@ def flying(client: VisionClient) -> VisionClient:
 
 
 def flags(client: VisionClient) -> int:
-    told = [m for m in client.commands(512, 193) if m.get_type() == "EKF_STATUS_REPORT"]
-    flags: int = told[0].flags
+    reported = [m for m in client.commands(512, 193) if m.get_type() == "EKF_STATUS_REPORT"]
+    flags: int = reported[0].flags
     return flags
 
 
-def texts(heard: list[Any]) -> list[str]:
-    return [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+def texts(received: list[Any]) -> list[str]:
+    return [m.text for m in received if m.get_type() == "STATUSTEXT"]
 
 
 def test_each_missing_input_is_named_before_arming(client: VisionClient) -> None:
@@ -102,8 +102,8 @@ def test_each_missing_input_is_named_before_arming(client: VisionClient) -> None
         ("rangefinder", "Arm: Rangefinder 1: No Data"),
         ("proximity", "Arm: PRX1: No Data"),
     ):
-        heard = client.commands(400, 1)
-        assert (heard[0].result, heard[1].text) == (FAILED, text)
+        received = client.commands(400, 1)
+        assert (received[0].result, received[1].text) == (FAILED, text)
         client.feeds.add(feed)
         client.waits(0.1)
     assert texts(client.commands(400, 1)) == ["Arm: AHRS: waiting for home"]
@@ -154,17 +154,17 @@ def test_vision_lost_in_hover_ends_in_land_after_eight_seconds(client: VisionCli
     assert flags(client) == 895
     client.waits(2)
     assert flags(client) == 831
-    heard = client.waits(1.5)
+    received = client.waits(1.5)
     assert flags(client) == 37
-    assert [t for t in texts(heard) if "EKF" in t] == [
+    assert [t for t in texts(received) if "EKF" in t] == [
         "EKF variance",
         "EKF Failsafe: changed to LAND Mode",
     ]
-    beat = [m for m in heard if m.get_type() == "HEARTBEAT"][-1]
+    beat = [m for m in received if m.get_type() == "HEARTBEAT"][-1]
     assert (beat.custom_mode, beat.base_mode) == (9, 209)
     client.feeds.add("vision")
-    heard = client.waits(1)
-    assert "EKF Failsafe Cleared" in texts(heard)
+    received = client.waits(1)
+    assert "EKF Failsafe Cleared" in texts(received)
     assert client.autopilot.mode == 9
 
 
@@ -200,8 +200,8 @@ def test_only_odometry_in_local_frd_is_taken(client: VisionClient) -> None:
 def test_ranges_are_passed_on_with_their_instance(client: VisionClient) -> None:
     client.feeds = {"rangefinder", "proximity"}
     client.result(511, 132, 100_000)
-    told = {m.orientation: m.id for m in client.waits(1) if m.get_type() == "DISTANCE_SENSOR"}
-    assert told == {DOWN: 0, FORWARD: 10}
+    reported = {m.orientation: m.id for m in client.waits(1) if m.get_type() == "DISTANCE_SENSOR"}
+    assert reported == {DOWN: 0, FORWARD: 10}
     client.feeds = set()
     last = [m for m in client.waits(2) if m.get_type() == "DISTANCE_SENSOR"]
     assert 2 * 3 <= len(last) <= 2 * 6
@@ -217,8 +217,8 @@ def test_obstacle_distance_counts_as_proximity(client: VisionClient) -> None:
 def test_a_low_battery_lands_where_it_is_set_to(client: VisionClient) -> None:
     flying(client)
     client.sets_all(BATT_LOW_VOLT=16.75, BATT_FS_LOW_ACT=1)
-    heard = client.waits(8)
-    assert "Battery 1 is low" in texts(heard)
+    received = client.waits(8)
+    assert "Battery 1 is low" in texts(received)
     assert client.autopilot.mode == 9
 
 
@@ -228,8 +228,8 @@ def test_a_silent_ground_station_lands_it_where_it_is_set_to(client: VisionClien
     client.sends(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))
     client.waits(4)
     assert client.autopilot.mode == 4
-    heard = client.waits(2)
-    assert "GCS Failsafe" in texts(heard)
+    received = client.waits(2)
+    assert "GCS Failsafe" in texts(received)
     assert client.autopilot.mode == 9
 
 
@@ -240,9 +240,9 @@ def test_px4_warns_when_its_onboard_computer_falls_silent() -> None:
     client.result(400, 1)
     client.result(22, *[math.nan] * 7)
     client.sends(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 0, 3))
-    client.hears_texts().waits(2.4)
-    assert "Connection to mission computer lost\t" not in texts(client.hears_texts().waits(2.1))
-    assert "Connection to mission computer lost\t" in texts(client.hears_texts().waits(1))
+    client.receives_texts().waits(2.4)
+    assert "Connection to mission computer lost\t" not in texts(client.receives_texts().waits(2.1))
+    assert "Connection to mission computer lost\t" in texts(client.receives_texts().waits(1))
 
 
 def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
@@ -256,8 +256,8 @@ def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
     client.result(22, *[math.nan] * 7)
     client.waits(8)
     client.feeds = set()
-    heard = [m for _ in range(3) for m in client.hears_texts().waits(2)]
-    assert any("landing" in text for text in texts(heard))
+    received = [m for _ in range(3) for m in client.receives_texts().waits(2)]
+    assert any("landing" in text for text in texts(received))
     assert "LOCAL_POSITION_NED" not in kinds(client.waits(1))
 
 

@@ -1,4 +1,4 @@
-"""Parameter files are read as ground stations write them, and kept without losing anything."""
+"""Tests that parameter files of ground stations are read, and updated without losses."""
 
 import math
 from pathlib import Path
@@ -102,5 +102,5 @@ def test_wrong_assignments_are_refused(text: str) -> None:
 
 
 def test_values_beyond_the_documented_range_are_told() -> None:
-    (told,) = beyond_range({"GUID_TIMEOUT": 9, "AVOID_MARGIN": 2, "LOG_BITMASK": math.pi}, TABLE)
-    assert told == "GUID_TIMEOUT 9 is outside 0.1 to 5, its documented range"
+    (warning,) = beyond_range({"GUID_TIMEOUT": 9, "AVOID_MARGIN": 2, "LOG_BITMASK": math.pi}, TABLE)
+    assert warning == "GUID_TIMEOUT 9 is outside 0.1 to 5, its documented range"

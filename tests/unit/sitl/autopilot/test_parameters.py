@@ -1,4 +1,4 @@
-"""The parameter protocols, as ArduCopter 4.6.3 was seen to speak it and PX4 1.17's source does."""
+"""Tests of the parameter protocols: ArduCopter 4.6.3 as measured, PX4 1.17 as in its source."""
 
 import math
 import struct
@@ -39,7 +39,7 @@ def px4() -> Client:
     return Client("px4")
 
 
-# What there is
+# Available parameters
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
@@ -62,10 +62,10 @@ def test_px4_has_only_two_types_and_ardupilot_four() -> None:
 def test_the_vehicle_is_configured_to_fly_without_gps(firmware: str) -> None:
     client, configured = Client(firmware), FIRMWARES[firmware]().configured
     client.lists()
-    told = {m.param_id: m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
+    answers = {m.param_id: m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
     for name, value in configured.items():
         bytewise = firmware == "px4"
-        assert told[name].param_value == (as_float("<i", int(value)) if bytewise else value)
+        assert answers[name].param_value == (as_float("<i", int(value)) if bytewise else value)
 
 
 def test_a_vehicle_is_not_started_with_a_parameter_that_it_does_not_have() -> None:
@@ -80,10 +80,10 @@ def test_a_vehicle_is_not_started_with_a_parameter_that_it_does_not_have() -> No
 def test_a_list_is_streamed_and_complete(firmware: str) -> None:
     client = Client(firmware)
     client.lists()
-    told = [m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"]
-    told = [m for m in told if m.param_id != "_HASH_CHECK"]
-    assert [m.param_index for m in told] == list(range(told[0].param_count))
-    assert len({m.param_id for m in told}) == len(told)
+    answers = [m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"]
+    answers = [m for m in answers if m.param_id != "_HASH_CHECK"]
+    assert [m.param_index for m in answers] == list(range(answers[0].param_count))
+    assert len({m.param_id for m in answers}) == len(answers)
 
 
 def test_ardupilot_lists_sixteen_in_ten_milliseconds(ardupilot: Client) -> None:
@@ -126,8 +126,8 @@ def test_reading_by_name_and_by_index(ardupilot: Client) -> None:
 
 
 def test_px4_tells_the_index_even_when_asked_by_name(px4: Client) -> None:
-    (told,) = px4.reads("COM_OF_LOSS_T")
-    assert px4.reads(index=told.param_index)[0].param_id == "COM_OF_LOSS_T"
+    (answers,) = px4.reads("COM_OF_LOSS_T")
+    assert px4.reads(index=answers.param_index)[0].param_id == "COM_OF_LOSS_T"
 
 
 @pytest.mark.parametrize("firmware", list(FIRMWARES))
@@ -144,31 +144,31 @@ def test_names_of_sixteen_characters_are_whole(ardupilot: Client, px4: Client) -
         names = {m.param_id for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
         longest = max(names, key=len)
         assert len(longest) == 16
-        (told,) = client.reads(longest)
-        assert told.param_id == longest
-        assert b"\0" not in told._param_id_raw
+        (answers,) = client.reads(longest)
+        assert answers.param_id == longest
+        assert b"\0" not in answers._param_id_raw
 
 
 def test_px4_tells_a_hash_over_names_and_values(px4: Client) -> None:
-    (told,) = px4.reads("_HASH_CHECK")
-    assert (told.param_type, told.param_index) == (UINT32, 65535)
+    (answers,) = px4.reads("_HASH_CHECK")
+    assert (answers.param_type, answers.param_index) == (UINT32, 65535)
     px4.lists()
     data = b"".join(
         m.param_id.encode() + struct.pack("<f", m.param_value)
         for m in px4.waits(1)
         if m.get_type() == "PARAM_VALUE" and m.param_id != "_HASH_CHECK"
     )
-    assert wire_bits(told) == zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
+    assert wire_bits(answers) == zlib.crc32(data, 0xFFFFFFFF) ^ 0xFFFFFFFF
     px4.sets("COM_OF_LOSS_T", 0.25)
-    assert wire_bits(px4.reads("_HASH_CHECK")[0]) != wire_bits(told)
+    assert wire_bits(px4.reads("_HASH_CHECK")[0]) != wire_bits(answers)
 
 
 # Setting
 
 
 def test_ardupilot_takes_any_type_and_tells_the_true_one(ardupilot: Client) -> None:
-    (told,) = ardupilot.sets("GUID_TIMEOUT", 0.5, INT8)
-    assert (told.param_value, told.param_type, told.param_index) == (0.5, REAL32, 65535)
+    (answers,) = ardupilot.sets("GUID_TIMEOUT", 0.5, INT8)
+    assert (answers.param_value, answers.param_type, answers.param_index) == (0.5, REAL32, 65535)
 
 
 @pytest.mark.parametrize(
@@ -198,8 +198,8 @@ def test_what_is_not_a_number_is_not_answered(firmware: str, value: float) -> No
 
 @pytest.mark.parametrize("value", [4, -1, 2**31 - 1, -(2**31)])
 def test_px4_carries_integers_as_their_bytes(px4: Client, value: int) -> None:
-    (told,) = px4.sets("COM_OBL_RC_ACT", as_float("<i", value), INT32)
-    assert struct.pack("<I", wire_bits(told)) == struct.pack("<i", value)
+    (answers,) = px4.sets("COM_OBL_RC_ACT", as_float("<i", value), INT32)
+    assert struct.pack("<I", wire_bits(answers)) == struct.pack("<i", value)
 
 
 def test_px4_does_not_answer_a_wrong_type(px4: Client) -> None:
@@ -220,15 +220,15 @@ def test_nothing_that_is_set_raises(name: str, bits: int, kind: int) -> None:
     message = mavlink.MAVLink_param_set_message(1, 1, name.encode(), as_float("<I", bits), kind)
     for client in CLIENTS:
         client.sends(message)
-        for told in client.reads(name):
-            assert told.pack(make_codec(1, 1))
+        for answers in client.reads(name):
+            assert answers.pack(make_codec(1, 1))
 
 
 CLIENTS = tuple(Client(firmware) for firmware in FIRMWARES)
-"""Shared: what one message has set, the next finds."""
+"""Shared: values set by one example persist in the next."""
 
 
-# The system
+# System id
 
 
 @pytest.mark.parametrize(
@@ -243,13 +243,13 @@ def test_the_system_changes_only_with_a_restart(firmware: str, name: str) -> Non
     assert client.reads(name)
     restarted = Client(firmware, parameters={name: 9})
     assert restarted.autopilot.system_id == 9
-    assert restarted.reads(name) == []  # it is asked for system 1
+    assert restarted.reads(name) == []  # the request is for system 1
 
 
 def test_a_watch_is_told_what_is_set() -> None:
-    told: dict[str, float] = {}
-    client = Client(watch=told.__setitem__)
+    answers: dict[str, float] = {}
+    client = Client(watch=answers.__setitem__)
     client.sets("GUID_TIMEOUT", 0.5)
     client.sets("AVOID_BEHAVE", 300.0)
     client.sets("NO_SUCH", 1.0)
-    assert told == {"GUID_TIMEOUT": 0.5, "AVOID_BEHAVE": 127}
+    assert answers == {"GUID_TIMEOUT": 0.5, "AVOID_BEHAVE": 127}

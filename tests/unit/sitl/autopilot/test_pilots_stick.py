@@ -1,4 +1,4 @@
-"""What the emulated autopilots do in the pilot's modes, by the throttle stick, as real ones do."""
+"""Tests of the pilot's modes by throttle stick, against the real autopilots."""
 
 from random import Random
 
@@ -56,14 +56,14 @@ def test_it_sinks_as_fast_as_the_real_one(kind: str, mode: str, down_m_s: float)
     while height_m(client) > 0.05:
         client.waits(0.05)
         fastest_m_s = max(fastest_m_s, client.autopilot.truth.velocity_ned_m_s[2])
-    assert 0.6 * down_m_s < fastest_m_s < 1.09 * down_m_s  # it overshoots by 8 %
+    assert 0.6 * down_m_s < fastest_m_s < 1.09 * down_m_s  # overshoot of 8 %
 
 
 def test_px4s_sink_rate_is_its_parameter() -> None:
     client = flying("px4")
     client.sets("MPC_Z_VEL_MAX_DN", 0.5)
     client.autopilot.pilot_mode(NUMBERS["px4"]["ALTCTL"], LOW)
-    client.waits(2.0)  # it still climbed
+    client.waits(2.0)  # still climbing
     was_m = height_m(client)
     client.waits(1.0)
     assert was_m - height_m(client) == pytest.approx(0.5, abs=0.05)
@@ -84,7 +84,7 @@ def test_at_mid_stick_and_in_automatic_modes_it_holds(
     client = flying(kind)
     was_m = height_m(client)
     client.autopilot.pilot_mode(NUMBERS[kind][mode], stick)
-    client.waits(1.5)  # it was climbing, and comes to rest
+    client.waits(1.5)  # comes to rest after the climb
     rests_at_m = height_m(client)
     assert was_m - 0.1 < rests_at_m < was_m + 0.3
     client.waits(5.0)
@@ -129,11 +129,11 @@ def test_the_pilot_of_the_fault_campaign_has_modes_of_both_autopilots() -> None:
     assert all(names <= set(numbers) for numbers in NUMBERS.values())
 
 
-# PX4 that has lost its setpoints
+# PX4 after a setpoint timeout
 
 
 def loses_setpoints(client: Client) -> int:
-    """The mode that it has gone to."""
+    """Stop the setpoints; return the mode that the autopilot enters."""
     client.waits(1.3)
     return client.autopilot.mode
 

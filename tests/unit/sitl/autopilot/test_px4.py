@@ -1,4 +1,4 @@
-"""The emulated autopilot answers as PX4's source says it does."""
+"""Tests that the emulated autopilot responds as in PX4's source."""
 
 import math
 from typing import Any
@@ -36,7 +36,7 @@ def armed(client: Client) -> Client:
 
 
 def offboard(client: Client) -> Client:
-    """Armed, streaming, and climbed to about a metre by setpoint."""
+    """Arm, stream setpoints, and climb to about a metre by setpoint."""
     armed(client)
     stream(client, 1.2)
     assert client.result(176, 1, 6) == ACCEPTED
@@ -53,10 +53,10 @@ def stream(client: Client, seconds: float, **velocity: float) -> None:
 def test_position_and_attitude_stream_unasked(client: Client) -> None:
     client.waits(5)
     client.sends(ORIGIN)
-    heard = kinds(client.waits(1))
-    assert heard.count("ATTITUDE") == 100
-    assert heard.count("LOCAL_POSITION_NED") == pytest.approx(30, abs=4)
-    assert heard.count("SYS_STATUS") == heard.count("EXTENDED_SYS_STATE") == 5
+    received = kinds(client.waits(1))
+    assert received.count("ATTITUDE") == 100
+    assert received.count("LOCAL_POSITION_NED") == pytest.approx(30, abs=4)
+    assert received.count("SYS_STATUS") == received.count("EXTENDED_SYS_STATE") == 5
 
 
 def test_it_says_that_it_is_px4(client: Client) -> None:
@@ -103,8 +103,8 @@ def test_a_mode_is_acknowledged_at_once_and_again_when_it_is_decided(client: Cli
 
 
 def flags(client: Client) -> int:
-    told = [m for m in client.commands(512, 230) if m.get_type() == "ESTIMATOR_STATUS"]
-    flags: int = told[0].flags
+    reported = [m for m in client.commands(512, 230) if m.get_type() == "ESTIMATOR_STATUS"]
+    flags: int = reported[0].flags
     return flags
 
 
@@ -150,21 +150,21 @@ def test_velocity_without_a_pose_is_not_heard(client: Client) -> None:
 def test_odometry_of_some_kinds_of_estimator_is_refused(
     client: Client, estimator_type: int, is_taken: bool
 ) -> None:
-    by_vision(client).hears_texts()
-    heard = texts(client.sends(level(estimator_type)))
+    by_vision(client).receives_texts()
+    received = texts(client.sends(level(estimator_type)))
     client.waits(0.1)
     assert (flags(client) == 495) == is_taken
     refused = f"ODOMETRY: estimator_type {estimator_type} unsupported\t"
-    assert heard == ([] if is_taken else [refused])
+    assert received == ([] if is_taken else [refused])
 
 
-def texts(heard: list[Any]) -> list[str]:
-    return [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+def texts(received: list[Any]) -> list[str]:
+    return [m.text for m in received if m.get_type() == "STATUSTEXT"]
 
 
 def test_texts_go_only_to_a_link_on_which_a_ground_station_is_heard(client: Client) -> None:
     assert texts(client.commands(400, 1)) == []
-    client.hears_texts().waits(2.4)
+    client.receives_texts().waits(2.4)
     assert texts(client.commands(400, 1))[0].startswith("Arming denied")
     client.waits(0.2)
     assert texts(client.commands(400, 1)) == []
@@ -181,10 +181,10 @@ def test_each_link_has_its_own_ground_station() -> None:
 
 
 def test_every_text_has_an_id_and_its_end_is_not_marked(client: Client) -> None:
-    client.hears_texts()
-    said = [m for m in client.commands(400, 1) if m.get_type() == "STATUSTEXT"]
-    assert [(m.id, m.chunk_seq) for m in said] == [(0, 0), (0, 1), (1, 0)]
-    assert [m.text.endswith("\t") for m in said] == [False, True, True]
+    client.receives_texts()
+    received = [m for m in client.commands(400, 1) if m.get_type() == "STATUSTEXT"]
+    assert [(m.id, m.chunk_seq) for m in received] == [(0, 0), (0, 1), (1, 0)]
+    assert [m.text.endswith("\t") for m in received] == [False, True, True]
 
 
 def test_refusals_are_temporary(client: Client) -> None:
@@ -210,19 +210,19 @@ def test_disarming_in_the_air_is_rejected(client: Client) -> None:
 )
 def test_frames(client: Client, frame: int, flies: bool) -> None:
     offboard(client)
-    client.hears_texts()
+    client.receives_texts()
     for _ in range(30):
-        heard = client.velocity(frame=frame, mask=VELOCITY)
+        received = client.velocity(frame=frame, mask=VELOCITY)
         client.waits(0.05)
     assert (client.speed() > 0.5) == flies
-    texts = [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+    texts = [m.text for m in received if m.get_type() == "STATUSTEXT"]
     assert any("unsupported" in text for text in texts) != flies
 
 
 def test_a_setpoint_that_asks_for_nothing_is_told_invalid(client: Client) -> None:
-    offboard(client).hears_texts()
-    heard = client.velocity(frame=1, mask=0x0DFF)
-    texts = [m.text for m in heard if m.get_type() == "STATUSTEXT"]
+    offboard(client).receives_texts()
+    received = client.velocity(frame=1, mask=0x0DFF)
+    texts = [m.text for m in received if m.get_type() == "STATUSTEXT"]
     assert any("invalid" in text for text in texts)
 
 
@@ -249,7 +249,7 @@ def test_velocities_are_cut_to_what_is_set(client: Client) -> None:
     client.sets("MPC_XY_VEL_MAX", 0.5)
     client.sets("MPC_Z_VEL_MAX_UP", 0.25)
     stream(client, 3.0, vx=3.0, vz=-3.0)
-    assert 0.3 < client.speed() < 0.6  # it comes to four fifths of a setpoint in some seconds
+    assert 0.3 < client.speed() < 0.6  # reaches four fifths of a setpoint in some seconds
     assert client.autopilot.truth.velocity_ned_m_s[2] == pytest.approx(-0.25, abs=0.1)
 
 
@@ -279,22 +279,23 @@ def test_landing_disarms(client: Client) -> None:
 
 
 def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
-    """Four real flights: told on true gives one scale over 0.2 s and over 20 s, within 0.5 %.
+    """Compares displacements by reported velocity with true ones, as in four real flights.
 
-    True on told is 1 to 3 % short of it over 0.2 s.
+    Reported on true has one scale over 0.2 s and over 20 s, within 0.5 %. True on reported is 1 to
+    3 % smaller over 0.2 s.
     """
     offboard(client)
-    true_m, told_m = [], []
+    true_m, reported_m = [], []
     for step in range(600):
         stream(client, 0.2, vx=0.8 if step // 40 % 2 else -0.8)
         north, east, _ = client.autopilot.truth.position_ned_m
-        yaw_rad = client.autopilot.believed.yaw_rad - client.autopilot.truth.yaw_rad
+        yaw_rad = client.autopilot.estimate.yaw_rad - client.autopilot.truth.yaw_rad
         true_m.append((north + 1j * east) * np.exp(1j * yaw_rad))
-        north, east, _ = client.autopilot.believed.position_ned_m
-        told_m.append(north + 1j * east)
-    true, told = np.diff(true_m), np.diff(told_m)
-    slow_true, slow_told = (np.subtract(way[50:], way[:-50]) for way in (true_m, told_m))
-    scale = abs(np.vdot(slow_true, slow_told)) / np.vdot(slow_true, slow_true).real
-    at_once = abs(np.vdot(true, told)) / np.vdot(true, true).real
+        north, east, _ = client.autopilot.estimate.position_ned_m
+        reported_m.append(north + 1j * east)
+    true, reported = np.diff(true_m), np.diff(reported_m)
+    slow_true, slow_reported = (np.subtract(way[50:], way[:-50]) for way in (true_m, reported_m))
+    scale = abs(np.vdot(slow_true, slow_reported)) / np.vdot(slow_true, slow_true).real
+    at_once = abs(np.vdot(true, reported)) / np.vdot(true, true).real
     assert at_once == pytest.approx(scale, rel=0.01)
-    assert np.vdot(told, told).real / abs(np.vdot(told, true)) > 1.015 * scale
+    assert np.vdot(reported, reported).real / abs(np.vdot(reported, true)) > 1.015 * scale

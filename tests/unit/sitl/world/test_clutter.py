@@ -1,4 +1,4 @@
-"""Clutter: what it may not take from a world, and what it is made of."""
+"""Tests of clutter: its limits in a world, and its pieces."""
 
 import hashlib
 import math
@@ -27,7 +27,7 @@ from sitl.world.format import Panel, Walls, World, WorldError, parse_world
 from sitl.world.generator import random_world
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world
-from sitl.world.plan import samples, seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, samples, wall_surfaces
 from sitl.world.writing import to_toml
 from tests.worlds import SMALL_ROOM
 
@@ -35,7 +35,7 @@ BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterio
 FLIGHT_M = 1.2
 GRID_M = 0.1
 WIDE_M, PASSABLE_M = 0.45, 0.38
-"""Half of a door that could be entered before, and of what is left of it at least."""
+"""Half width of a door that is passable without clutter, and of its smallest free part after it."""
 LIVED_IN = 0.5
 """Up to this difficulty no door is shut."""
 
@@ -44,7 +44,7 @@ each_world = settings(max_examples=8, deadline=None)
 
 
 def pieces(before: World, after: World) -> list[Panel]:
-    """What has come."""
+    """Panels that clutter has added."""
     added = after.walls[len(before.walls) :]
     return [panel for walls in added for panel in walls.panels(after.height_m)]
 
@@ -97,7 +97,7 @@ def test_starts_stay_free(seed: int, difficulty: float) -> None:
 
 
 def reachable(world: World, half_m: float) -> NDArray[np.bool_]:
-    """Places on a grid that a disc gets to from the first start, at the height of flight."""
+    """Grid places that a disc can reach from the first start at flight height."""
     (south, west), (north, east) = world.bounds
     norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)
     cells = np.stack(np.meshgrid(norths, easts, indexing="ij"), axis=-1)
@@ -173,13 +173,13 @@ def test_beams_meet_what_the_hull_could_touch(kind: object, seed: int) -> None:
     piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
     panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
     touched = [side for p in panels if p.bottom_m < 1.45 and p.top_m > 0.95 for side in p.outline]
-    met = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
+    at_beams = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
     if touched:
-        assert cKDTree(samples(met)).query(samples(touched))[0].max() < 0.4
+        assert cKDTree(samples(at_beams)).query(samples(touched))[0].max() < 0.4
 
 
 def a_doorway(width_m: float) -> World:
-    """Two rooms of 5 × 5 m."""
+    """Two rooms of 5 × 5 m with a doorway of this width."""
     wall = {
         "points": [(0, 5), (5, 5)],
         "thickness_m": 0.1,
@@ -216,7 +216,7 @@ def test_an_open_door_leaves_its_doorway_wide_enough(seed: int, width_m: float) 
 
 
 class TakesAll:
-    """A floor that takes everything."""
+    """A floor that accepts every piece."""
 
     def take(self, piece: object) -> bool:
         return True
@@ -236,7 +236,7 @@ def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
     model, clean = WorldModel(room), WorldModel(world)
     through = 0
     for pane in panes:
-        # where it is looked at from outside, 20 cm before the outer wall, nothing else is near
+        # 20 cm before the outer wall on the outside, nothing else is near
         middle = np.add(pane.start, pane.end) / 2
         out = np.array([middle[0] in {south, north}, middle[1] in {west, east}], dtype=float)
         out *= np.sign(middle - np.array([(south + north) / 2, (west + east) / 2]))
@@ -271,7 +271,7 @@ def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
     monkeypatch.setattr(leaves, "WITH_LEAF_SHARE", 1.0)
     monkeypatch.setattr("sitl.world.clutter.free_floor.MAX_SHUT", 0.9)
     world = cluttered(a_doorway(1.0), 0.51, 1)
-    seen = seeable_points(world, FLIGHT_M, world.starts[0].position)
+    seen = observable_points(world, FLIGHT_M, world.starts[0].position)
     assert (seen[:, 1] < 5.9).all()
     assert len(seen) > 300
 
@@ -285,7 +285,7 @@ def test_windows_get_no_leaves_when_clutter_is_added_again() -> None:
 def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
     world = cluttered(a_doorway(1.0), 1.0, 1)
-    assert (seeable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
+    assert (observable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
 
 
 @each_world

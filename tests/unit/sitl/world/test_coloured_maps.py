@@ -1,4 +1,4 @@
-"""A ROS map that somebody has painted in says what map_server makes of its colours."""
+"""Tests that a coloured ROS map is read with map_server's thresholds."""
 
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def same(world: World, other: World) -> bool:
 
 
 def shade(colour: tuple[int, ...]) -> int:
-    """What map_server says of a colour, as a grey of the same state."""
+    """map_server's state of a colour, as a grey of the same state."""
     occupied = 1 - sum(colour) / len(colour) / 255
     return WALL if occupied > OCCUPIED_THRESH else FREE if occupied < FREE_THRESH else UNKNOWN
 

@@ -1,4 +1,4 @@
-"""Pieces of large worlds: as they were inside, and closed."""
+"""Tests of cropped worlds: the inside unchanged, and closed."""
 
 import math
 
@@ -18,7 +18,7 @@ FAR_M = 200.0
 
 
 def building(**more: object) -> World:
-    """Rooms off a long hall, 60 × 20 m."""
+    """Rooms along a hall, 60 × 20 m."""
     hall = {
         "points": [(10, 0), (10, 60)],
         "thickness_m": 0.2,

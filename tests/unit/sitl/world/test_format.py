@@ -1,4 +1,4 @@
-"""Worlds: their files, and exact ranges and clearances in them."""
+"""Tests of worlds: their files, and exact ranges and clearances."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ from sitl.world.format import World, WorldError
 from sitl.world.geometry.mesh import obstacle_mesh, visible_mesh
 from sitl.world.geometry.model import BODY_RADIUS_M, WorldModel
 from sitl.world.loading import load_world, world_names
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 
 FURNISHED = World.model_validate(
     {
@@ -35,7 +35,7 @@ REACH_M = 12.0
 
 
 def true_range(origin: Vector3, direction: Vector3) -> float | None:
-    """The same by brute force: plane of every triangle, and areas to see whether it is inside."""
+    """The range by brute force: the plane of every triangle, and an area test."""
     mesh = visible_mesh(FURNISHED)
     to_floor = -origin[2] / direction[2] if direction[2] > 0 else None
     best = to_floor if to_floor is not None and to_floor <= REACH_M else None
@@ -67,7 +67,7 @@ def unit(bearing_rad: float, climb_rad: float) -> Vector3:
 def test_ranges_are_exact(origin: Vector3, bearing_rad: float, climb_rad: float) -> None:
     direction = unit(bearing_rad, climb_rad)
     expected = true_range(origin, direction)
-    assert expected is not None  # a closed room: no ray may get lost
+    assert expected is not None  # a closed room: every ray hits a wall
     assert MODEL.range_m(origin, direction, REACH_M) == pytest.approx(expected, abs=1e-9)
 
 
@@ -154,14 +154,14 @@ def test_every_start_is_free(name: str) -> None:
 @pytest.mark.parametrize("name", ["two_room_300", "three_room_450", "complex", "office"])
 def test_every_room_can_be_reached_from_every_start(name: str) -> None:
     world = load_world(name)
-    seen = [len(seeable_points(world, 1.2, start.position)) for start in world.starts]
+    seen = [len(observable_points(world, 1.2, start.position)) for start in world.starts]
     assert max(seen) - min(seen) <= 0.01 * max(seen)
 
 
 def test_a_wall_seen_from_one_side_only_counts_once() -> None:
-    """Inside the building of `exterior` nobody gets: its walls are seen from the yard."""
+    """The inside of the building in `exterior` is unreachable: its walls are seen from the yard."""
     world = load_world("exterior")
-    points = seeable_points(world, 1.2, world.starts[0].position)
+    points = observable_points(world, 1.2, world.starts[0].position)
     around_yard = 2 * (24 + 28)
     around_building = 10 + 14 + 5 + 7 + 5 + 7
     assert len(points) * 0.05 == pytest.approx(around_yard + around_building, rel=0.01)
@@ -174,7 +174,7 @@ def test_from_a_start_outside_a_closed_building_its_outer_walls_are_seen(away_m:
     world = World.model_validate(
         {"name": "hut", "height_m": 2.6, "walls": [square], "starts": [start]}
     )
-    points = seeable_points(world, 1.2, world.starts[0].position)
+    points = observable_points(world, 1.2, world.starts[0].position)
     assert len(points) * 0.05 == pytest.approx(16, rel=0.02)
 
 
@@ -203,7 +203,7 @@ def test_what_lies_behind_a_door_counts_if_it_is_as_wide_as_a_drone_has_to_pass(
     wall = DOOR.walls[1].model_copy(update={"doors": (door,)})
     world = DOOR.model_copy(update={"walls": (DOOR.walls[0], wall)})
     for north_m in (1.9, 1.95, 2.0, 2.05):
-        points = seeable_points(world, 1.2, (north_m, 2.0))
+        points = observable_points(world, 1.2, (north_m, 2.0))
         assert (points[:, 1].max() > 7.9) == beyond
 
 

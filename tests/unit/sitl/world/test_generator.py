@@ -1,4 +1,4 @@
-"""Random buildings: whatever the seed, a drone can fly in them."""
+"""Tests of random buildings: a drone can fly in them for every seed."""
 
 import hashlib
 import math
@@ -22,7 +22,7 @@ from sitl.world.plan import samples, wall_surfaces
 GRID_M = 0.1
 PASSABLE_M = 0.5
 HEIGHTS_M = (0.3, 0.72, 1.2, 1.9)
-"""Each meets other furniture."""
+"""Each height intersects different furniture."""
 BEFORE_DOOR_M = 1.25
 TOUCH_M = 0.001
 
@@ -31,7 +31,7 @@ each_building = settings(max_examples=12, deadline=None)
 
 
 def doors(world: World) -> list[tuple[Segment, Vector2, float, float]]:
-    """The wall, centre, width and height of every door."""
+    """Wall, centre, width and height of every door."""
     return [
         (segment, door.centre, door.width_m, door.height_m)
         for walls in world.walls
@@ -48,7 +48,7 @@ def either_side(wall: Segment, centre: Vector2, off_m: float) -> list[Vector2]:
 
 
 def reachable(world: World) -> NDArray[np.int64]:
-    """A number for every space that is free at all heights for a disc of radius 0.5 m, by cells."""
+    """Labels of the cells by connected area, free at all heights for a disc of radius 0.5 m."""
     north_m, east_m = world.bounds[1]
     norths = GRID_M * np.arange(round(north_m / GRID_M) + 1)
     easts = GRID_M * np.arange(round(east_m / GRID_M) + 1)
@@ -109,7 +109,7 @@ def test_sizes_are_those_of_buildings(seed: int) -> None:
 @each_building
 @given(seeds)
 def test_nothing_stands_before_a_door(seed: int) -> None:
-    """Every beam through any part of a door is free on both sides, at every height of the door."""
+    """A beam through any part of a door is free on both sides, at every height of the door."""
     world = random_world(seed)
     model = WorldModel(world)
     for wall, centre, width_m, _ in doors(world):
@@ -143,7 +143,7 @@ def corners(box: Box) -> list[Vector2]:
 
 
 def overlap(one: list[Vector2], other: list[Vector2]) -> bool:
-    """Two convex outlines share more than a touch: no side of either parts them."""
+    """Two convex outlines share area: no side of either separates them."""
     return not any(
         parts(start, end, one, other)
         for outline in (one, other)
@@ -174,7 +174,7 @@ def is_slanted(walls: Walls) -> bool:
 
 
 def _as_json(world: World) -> str:
-    """What is drawn by chance: such a building has nothing of what a map knows, and no glass."""
+    """JSON of the building's random parts; it has no known area and no glass."""
     return world.model_dump_json(exclude={"known": True, "walls": {"__all__": {"glass"}}})
 
 

@@ -1,4 +1,4 @@
-"""Maps of ROS and meshes: as true as their cells and numbers allow, mended or refused."""
+"""Tests of imported ROS maps and meshes: accuracy, repairs and rejections."""
 
 import io
 import json
@@ -41,7 +41,7 @@ MAP = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One for all examples of hypothesis; each overwrites the files of the last."""
+    """One folder for all examples of hypothesis; each overwrites the files of the last."""
     return tmp_path_factory.mktemp("importers")
 
 
@@ -54,7 +54,7 @@ def write_map(folder: Path, picture: Image.Image, **changes: object) -> str:
 
 
 def distance_m(points: Array, segments: list[Segment]) -> Array:
-    """Of each point to the nearest segment."""
+    """Distance of each point to the nearest segment."""
     walls = np.array(segments, dtype=float)
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
@@ -68,7 +68,7 @@ def sides(corners: Array) -> list[Segment]:
 
 
 def outside(corners: Array) -> Array:
-    """The corners of the wall's outer face; those of the room are right angles, anticlockwise."""
+    """Corners of the wall's outer face; the room's corners are right angles, anticlockwise."""
     along = np.roll(corners, -1, axis=0) - corners
     out = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     outer: Array = corners + WALL_M * (out + np.roll(out, 1, axis=0))
@@ -76,14 +76,14 @@ def outside(corners: Array) -> Array:
 
 
 def is_within(corners: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Of each cell, whether its centre is in the polygon (x, y); rows from the top."""
+    """Cells with their centre in the polygon (x, y); rows from the top."""
     y, x = (np.indices(shape) + 0.5) * CELL_M
     inside = Outline(corners).contains_points(np.column_stack([x.ravel(), y.ravel()]))
     return np.flipud(inside.reshape(shape))
 
 
 def rasterise(corners: Array) -> Picture:
-    """A room with these corners (x, y) and walls around it; the lower left cell is at (0, 0)."""
+    """A map of a room with these corners (x, y) and walls; the lower left cell is at (0, 0)."""
     columns, rows = np.ceil((corners.max(axis=0) + 1) / CELL_M).astype(int).tolist()
     wall, room = (is_within(c, (rows, columns)) for c in (outside(corners), corners))
     return np.where(room, FREE, np.where(wall, WALL, UNKNOWN)).astype(np.uint8)
@@ -98,7 +98,7 @@ def turned(corners: Array, angle_rad: float) -> Array:
 
 @st.composite
 def rooms(draw: st.DrawFn) -> Array:
-    """Corners (x, y) of rectangles and of L-shapes."""
+    """Corners (x, y) of rectangles and L-shapes."""
     width, depth = draw(st.floats(3, 6)), draw(st.floats(3, 6))
     if draw(st.booleans()):
         return np.array([(0, 0), (width, 0), (width, depth), (0, depth)])
@@ -115,7 +115,7 @@ def test_walls_lie_within_about_a_cell_of_the_truth_and_all_are_there(
     world = load_world(write_map(folder, Image.fromarray(rasterise(corners))))
     found = wall_surfaces(world, 1.2)
     truth = sides(corners[:, ::-1]) + sides(outside(corners)[:, ::-1])
-    # where a wall is slanted, its cells themselves are up to 0.7 of a cell off
+    # cells of a slanted wall are themselves up to 0.7 of a cell off
     within_m = 0.51 * CELL_M if angle_rad == 0 else 1.5 * CELL_M
     assert distance_m(samples(found), truth).max() <= within_m
     assert distance_m(samples(truth), found).max() <= within_m
@@ -161,7 +161,7 @@ def test_the_origin_turns_and_moves_the_map(
 
 
 def two_rooms(second: int) -> Picture:
-    """Two rooms side by side; of the eastern one the map says this."""
+    """Two rooms side by side; the eastern one has this value."""
     shades = np.full((80, 160), FREE, dtype=np.uint8)
     shades[:, 80:] = second
     shades[[0, -1]] = shades[:, [0, 79, 80, -1]] = WALL
@@ -290,7 +290,7 @@ SAME_ROOM = World.model_validate(
 def write_mesh(
     folder: Path, suffix: str, what: trimesh.Trimesh | trimesh.Scene = BOX, name: str = "room"
 ) -> Path:
-    """A z-up mesh in the format's own convention."""
+    """Write a z-up mesh in the format's own axes."""
     path = folder / f"{name}{suffix}"
     for beside, data in exported(what, suffix).items():
         (path if beside == "" else folder / beside).write_bytes(data)
@@ -298,7 +298,7 @@ def write_mesh(
 
 
 def exported(what: trimesh.Trimesh | trimesh.Scene, suffix: str) -> dict[str, bytes]:
-    """The files' content by name; the main one's name is empty."""
+    """Content of the files by name; the main file's name is empty."""
     what = what.copy()
     if suffix in {".glb", ".gltf"}:
         what.apply_transform(TURNED_Y_UP)
@@ -311,9 +311,9 @@ def exported(what: trimesh.Trimesh | trimesh.Scene, suffix: str) -> dict[str, by
 @pytest.mark.parametrize("suffix", [*SUFFIXES, ".STL"])
 def test_a_room_is_the_same_in_every_format(tmp_path: Path, suffix: str) -> None:
     path = write_mesh(tmp_path, suffix.lower()).rename(tmp_path / f"room{suffix}")
-    told: list[str] = []
-    world = load_world(str(path), told.append)
-    assert told == []
+    reports: list[str] = []
+    world = load_world(str(path), reports.append)
+    assert reports == []
     assert world.height_m == pytest.approx(2.6)
     assert world.bounds[0] + world.bounds[1] == pytest.approx((1, 1, 5, 6))
     model, truth = WorldModel(world), WorldModel(SAME_ROOM)
@@ -361,9 +361,9 @@ def test_the_floor_is_the_lowest_point_or_the_slab_on_it(tmp_path: Path) -> None
     assert WorldModel(world).range_m((3, 3, -1.2), (0, 0, 1), 5) == pytest.approx(1.2, abs=1e-5)
     shell = trimesh.creation.box((5.4, 4.4, 2.9))
     shell.apply_translation((3.5, 3.0, 1.3))
-    told: list[str] = []
-    world = load_world(str(write_mesh(tmp_path, ".obj", shell + BOX)), told.append)
-    assert told == ["took the floor to be 0.15 m above the lowest point, on its slab"]
+    reports: list[str] = []
+    world = load_world(str(write_mesh(tmp_path, ".obj", shell + BOX)), reports.append)
+    assert reports == ["floor set 0.15 m above the lowest point, on its slab"]
     assert world.height_m == pytest.approx(2.75)
     model = WorldModel(world)
     assert model.range_m((3, 3, -1.2), (0, 0, 1), 5) == pytest.approx(1.2)
@@ -395,9 +395,9 @@ def test_what_is_mended_is_told(tmp_path: Path) -> None:
     bad = [(0, 1, 8), (0, 2, 9), (0, 0, 1), (1, 2, 900), (1, -5, 2), BOX.faces[3][::-1]]
     path = tmp_path / "room.ply"
     path.write_bytes(binary_ply(vertices, np.vstack([BOX.faces, bad])))
-    told: list[str] = []
-    world = load_world(str(path), told.append)
-    assert told == [
+    reports: list[str] = []
+    world = load_world(str(path), reports.append)
+    assert reports == [
         "left out 2 of 18 triangles: corners that do not exist",
         "left out 2 of 16 triangles: not finite",
         "left out 1 of 16 triangles: without area",
@@ -454,7 +454,7 @@ EVIL = [
 
 @st.composite
 def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
-    """Some bytes changed, put in, or cut off; or others altogether."""
+    """Some bytes changed, inserted or removed; or other bytes entirely."""
     if draw(st.integers(0, 9)) == 0:
         return draw(st.binary(max_size=200))
     data = bytearray(whole)

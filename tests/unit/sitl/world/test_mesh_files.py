@@ -1,4 +1,4 @@
-"""Mesh files are read as they are meant, all of them, or refused with the remedy."""
+"""Tests that mesh files are read completely or rejected with a remedy."""
 
 import base64
 import codecs
@@ -24,7 +24,7 @@ from sitl.world.plan import wall_surfaces
 
 Array = NDArray[Any]
 Wall = tuple[float, float, float, float]
-"""From x, y to x, y; east and north."""
+"""A wall from x, y to x, y; east and north, m."""
 
 OUTER: list[Wall] = [(0, 0, 8, 0), (8, 0, 8, 5), (8, 5, 0, 5), (0, 5, 0, 0)]
 PARTITIONS: list[Wall] = [(4, 0, 4, 3), (4, 3, 6, 3)]
@@ -39,7 +39,7 @@ def corners(wall: Wall) -> list[tuple[float, float, float]]:
 
 
 def plan(world: World) -> list[tuple[float, ...]]:
-    """All that stands at 1.2 m, as it is seen from above, in any order."""
+    """All surfaces at 1.2 m, seen from above, in any order."""
     return sorted(
         tuple(round(float(x), 2) + 0.0 for end in sorted(line) for x in end)
         for line in wall_surfaces(world, 1.2)
@@ -62,7 +62,7 @@ def refusal(path: Path) -> str:
 
 
 def obj(groups: Sequence[Sequence[Wall]], *, back: bool, slashes: str = "") -> str:
-    """Groups of walls: the vertices of each, then its faces, which may count back."""
+    """Groups of walls: each group's vertices, then its faces, which may count back."""
     lines, seen = [], 0
     for group in groups:
         lines += [f"v {x} {y} {z}" for wall in group for x, y, z in corners(wall)]
@@ -91,16 +91,16 @@ def test_obj_faces_that_count_back_are_those_that_count_on(data: st.DataObject) 
 def test_obj_walls_that_count_back_all_stand(tmp_path: Path, groups: list[list[Wall]]) -> None:
     path = tmp_path / "room.obj"
     path.write_text(obj(groups, back=True))
-    told: list[str] = []
-    world = load_world(str(path), told.append)
-    assert told == []
+    reports: list[str] = []
+    world = load_world(str(path), reports.append)
+    assert reports == []
     assert world.mesh is not None
     assert len(world.mesh.faces) == 12
     assert length_m(world) == pytest.approx(LENGTH_M)
 
 
 def test_obj_as_other_programs_write_it(tmp_path: Path) -> None:
-    """Continued lines, comments behind statements, Windows' line ends, vertices after faces."""
+    """Continued lines, comments after statements, Windows line ends, vertices after faces."""
     text = "# Küche\r\n" + ABSOLUTE.replace("\n", "  # wall\r\n").replace("f 1 2", "f 1 \\\r\n 2")
     (tmp_path / "room.obj").write_bytes(text.encode("cp1252"))
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
@@ -111,7 +111,7 @@ def test_obj_as_other_programs_write_it(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_obj_as_windows_editors_save_it(tmp_path: Path, encoding: str) -> None:
-    """The first vertex stands behind the mark; without it all faces are of others."""
+    """The first vertex follows the byte order mark; without it all numbers would be off by one."""
     (tmp_path / "room.obj").write_text(ABSOLUTE, encoding=encoding)
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
 
@@ -119,9 +119,9 @@ def test_obj_as_windows_editors_save_it(tmp_path: Path, encoding: str) -> None:
 def test_obj_corners_that_do_not_exist_are_told(tmp_path: Path) -> None:
     path = tmp_path / "room.obj"
     path.write_text(ABSOLUTE + "f 1 2 900\nf 1 2 -900\nf 0 1 2\n")
-    told: list[str] = []
-    load_world(str(path), told.append)
-    assert told == ["left out 3 of 15 triangles: corners that do not exist"]
+    reports: list[str] = []
+    load_world(str(path), reports.append)
+    assert reports == ["left out 3 of 15 triangles: corners that do not exist"]
 
 
 @pytest.mark.parametrize(
@@ -142,7 +142,7 @@ def test_obj_lines_that_cannot_be_read_are_named(
 
 
 def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
-    """A wall with a door cut out of it is hollow; cut as a fan the door is closed."""
+    """A wall with a door cut out is hollow; triangulated as a fan the door would be closed."""
     face = [
         (4, y, z) for y, z in ((0, 0), (2, 0), (2, 2), (3, 2), (3, 0), (5, 0), (5, 2.6), (0, 2.6))
     ]
@@ -156,7 +156,7 @@ def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
 
 @given(st.integers(4, 12), st.randoms(use_true_random=False))
 def test_a_polygon_is_cut_into_triangles_of_its_own_area(count: int, random: Any) -> None:
-    """Of any star shape, in any plane, whichever corner is first."""
+    """Any star shape, in any plane, from any corner."""
     angles = sorted(random.uniform(0, math.tau) for _ in range(count))
     gaps = [b - a for a, b in zip(angles, [*angles[1:], angles[0] + math.tau], strict=True)]
     if max(gaps) > 3 or min(gaps) < 0.05:
@@ -175,7 +175,7 @@ def test_a_polygon_is_cut_into_triangles_of_its_own_area(count: int, random: Any
 
 
 class Gltf:
-    """A glTF file, put together by hand."""
+    """A glTF file built by hand."""
 
     def __init__(self) -> None:
         self.document: dict[str, Any] = {
@@ -192,7 +192,7 @@ class Gltf:
         return len(self.document["bufferViews"]) - 1
 
     def accessor(self, values: Array, kind: int, **more: Any) -> int:
-        """Of (n, width) values, as they are in memory."""
+        """Add an accessor of (n, width) values in their binary form."""
         names = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}
         record = {"componentType": kind, "count": len(values), "type": names[values.shape[1]]}
         self.document["accessors"].append(
@@ -279,7 +279,7 @@ def test_gltf_normalised_integers_are_shares_of_their_largest(
 
 
 def test_gltf_instances_all_stand_where_they_are_put(tmp_path: Path) -> None:
-    """One partition, drawn where it is put, turned and stretched, and nowhere else."""
+    """One partition, drawn at its instances, turned and stretched, and nowhere else."""
     made = gltf(OUTER)
     half = math.sqrt(0.5)
     attributes = {
@@ -342,9 +342,9 @@ def test_gltf_extensions_that_change_triangles_are_refused_by_name(
 ) -> None:
     made = gltf()
     made.needs("KHR_mesh_quantization", extension)
-    told = refusal(made.save(tmp_path / "room.glb"))
-    assert extension in told
-    assert remedy in told
+    reports = refusal(made.save(tmp_path / "room.glb"))
+    assert extension in reports
+    assert remedy in reports
 
 
 @pytest.mark.parametrize(
@@ -360,7 +360,7 @@ def test_gltf_extensions_that_only_change_colours_do_not_matter(
 
 
 def test_gltf_one_compressed_wall_is_not_left_out_of_a_room(tmp_path: Path) -> None:
-    """Also where the file does not say that it needs the extension."""
+    """Also where the file does not list the extension as required."""
     made = gltf()
     primitive = made.document["meshes"][-1]["primitives"][0]
     del made.document["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
@@ -421,7 +421,7 @@ def test_stl_whose_size_is_not_that_of_its_triangles_is_refused(tmp_path: Path) 
     path = tmp_path / "room.stl"
     for data in (stl()[:-50], stl()[:-7], stl() + bytes(50), b"solid" + stl()[5:-50]):
         path.write_bytes(data)
-        assert "tells of 12 triangles and holds" in refusal(path)
+        assert "declares 12 triangles and holds" in refusal(path)
     lines = stl_text().splitlines()
     path.write_text("\n".join(lines[:-8]))
     assert "without endsolid" in refusal(path)
@@ -473,9 +473,9 @@ def test_ply_that_holds_less_or_more_than_it_tells_is_refused(tmp_path: Path, fo
     for polygons in (QUADS, MIXED):
         whole = ply(form, polygons)
         path.write_bytes(whole.rstrip()[:-12])
-        assert f"tells of {len(polygons)} of face and holds" in refusal(path)
+        assert f"declares {len(polygons)} of face and holds" in refusal(path)
         path.write_bytes(whole + b"4 4 4 4 4 4")
-        assert "more than its header tells" in refusal(path)
+        assert "more than its header declares" in refusal(path)
 
 
 def test_ply_strips_are_triangles(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:

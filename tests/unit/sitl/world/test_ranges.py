@@ -1,4 +1,4 @@
-"""Ranges are exact and no ray is lost, in worlds of hundreds and thousands of triangles."""
+"""Tests that ranges are exact and no ray is lost, with hundreds and thousands of triangles."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -27,20 +27,20 @@ BATCH = 200
 
 @dataclass(frozen=True)
 class Range:
-    """A world with its model, and rays to try on it."""
+    """A world with its model, and rays for tests."""
 
     mesh: Mesh
     model: WorldModel
     rng: np.random.Generator
 
     def origins(self, count: int) -> Points:
-        """Anywhere that the floor is in reach all round."""
+        """Places with the floor in range all around."""
         low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
         shrink = np.array((REACH_M, REACH_M, 0))
         return self.rng.uniform(low + shrink, high - shrink, (count, 3))
 
     def found(self, origins: Points, directions: Points) -> Points:
-        """By the model; NaN where it finds nothing."""
+        """Ranges by the model; NaN without a hit."""
         pairs = zip(origins.tolist(), directions.tolist(), strict=True)
         ranges = (self.model.range_m(as_vector(o), as_vector(d), REACH_M) for o, d in pairs)
         return np.array([np.nan if range_m is None else range_m for range_m in ranges])
@@ -58,7 +58,7 @@ def in_world(name: str) -> Range:
 
 
 def with_floor(obstacles: Mesh) -> Mesh:
-    """The floor as two triangles that no ray within reach gets past."""
+    """The mesh with the floor as two triangles that every ray in range hits."""
     count = len(obstacles.vertices)
     south, west, _ = obstacles.vertices.min(axis=0) - REACH_M
     north, east, _ = obstacles.vertices.max(axis=0) + REACH_M
@@ -71,9 +71,9 @@ def with_floor(obstacles: Mesh) -> Mesh:
 
 
 def true_ranges(mesh: Mesh, origins: Points, directions: Points) -> Points:
-    """Every ray with the plane of every triangle; NaN where none is met within reach.
+    """Ranges by every ray and every triangle's plane; NaN without a hit in range.
 
-    With the plane's normal n the distance is (n·a - n·o) / n·d; a point p of the plane is inside
+    With the plane's normal n the distance is (n·a - n·o) / n·d. A point p of the plane is inside
     if its coordinates U·(p - a) and V·(p - a) are, (U, V) being the dual basis of the edges.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
@@ -89,8 +89,8 @@ def true_ranges(mesh: Mesh, origins: Points, directions: Points) -> Points:
             u = o @ along_e1.T + distance * (d @ along_e1.T) - (along_e1 * a).sum(axis=1)
             v = o @ along_e2.T + distance * (d @ along_e2.T) - (along_e2 * a).sum(axis=1)
             inside = (np.minimum(u, v) >= -EDGE_TOLERANCE) & (u + v <= 1 + EDGE_TOLERANCE)
-            met = inside & (distance >= 0) & (distance <= REACH_M)
-        nearest.append(np.where(met, distance, np.inf).min(axis=1))
+            hits = inside & (distance >= 0) & (distance <= REACH_M)
+        nearest.append(np.where(hits, distance, np.inf).min(axis=1))
     ranges = np.concatenate(nearest)
     return np.where(np.isinf(ranges), np.nan, ranges)
 
@@ -112,7 +112,7 @@ def test_random_rays_are_exact(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_level_and_upright_rays_are_exact(name: str) -> None:
-    """Along the walls' own axes, where a drone's beams mostly are."""
+    """Along the walls' axes, the usual directions of a drone's beams."""
     place = in_world(name)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     origins, directions = place.origins(RAYS // 10), place.rng.choice(axes, RAYS // 10)
@@ -121,14 +121,14 @@ def test_level_and_upright_rays_are_exact(name: str) -> None:
 
 
 def aimed_at(place: Range, targets: Points) -> tuple[Points, Points, Points]:
-    """Rays towards points from up to 9/10 of their reach away: origins, directions, distances."""
+    """Rays to points from up to 9/10 of the range away: origins, directions, distances."""
     away = place.rng.uniform(0.3, 0.9 * REACH_M, (len(targets), 1))
     origins = targets + away * unit(place.rng.normal(size=targets.shape))
     return origins, unit(targets - origins), np.linalg.norm(targets - origins, axis=1)
 
 
 def edges_and_vertices(place: Range) -> Points:
-    """Half of them corners of triangles, half of them points on their edges."""
+    """Half of them corners of triangles, half of them points on edges."""
     triangles = place.mesh.vertices[place.rng.choice(place.mesh.faces, AIMED_RAYS)]
     first, second = triangles[:, 0], triangles[:, 1]
     share = place.rng.uniform(0, 1, (AIMED_RAYS, 1))
@@ -143,7 +143,7 @@ def test_no_ray_at_an_edge_or_vertex_is_lost(name: str) -> None:
     origins, directions, aimed_m = aimed_at(place, edges_and_vertices(place))
     found = place.found(origins, directions)
     expected = true_ranges(place.mesh, origins, directions)
-    assert (found <= aimed_m + EXACT_M).all()  # false for NaN: nothing found
+    assert (found <= aimed_m + EXACT_M).all()  # false for NaN: no hit
     np.testing.assert_allclose(found, expected, rtol=0, atol=EXACT_M)
     unobstructed = expected > aimed_m - EXACT_M
     assert unobstructed.sum() > 100
@@ -166,7 +166,7 @@ def test_a_bundle_of_rays_is_as_exact_as_each_of_them(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_an_independent_ray_caster_agrees(name: str) -> None:
-    """Embree, in single precision: 24 bits of tens of metres."""
+    """Embree, in single precision: 24 bits for tens of metres."""
     scenes = pytest.importorskip("embreex.rtcore_scene", reason="embreex is for x86_64 only")
     meshes = pytest.importorskip("embreex.mesh_construction")
     place = in_world(name)
@@ -182,4 +182,4 @@ def test_an_independent_ray_caster_agrees(name: str) -> None:
     both = np.isfinite(found) & (others <= REACH_M)
     assert (np.isfinite(found) == (others <= REACH_M)).mean() > 0.999
     close = np.isclose(found[both], others[both], rtol=1e-4, atol=1e-4)
-    assert close.mean() > 0.999  # single precision may slip past an edge
+    assert close.mean() > 0.999  # single precision may miss at an edge

@@ -1,4 +1,4 @@
-"""Other people's plans: mended or refused, and told so."""
+"""Tests of plans from other sources: repaired or rejected, with a report."""
 
 import json
 from pathlib import Path
@@ -34,13 +34,13 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
 
 
 def test_what_is_mended_is_told(tmp_path: Path) -> None:
-    told: list[str] = []
+    reports: list[str] = []
     no_numbers = [[float("nan"), 0, 1, 1], [10**400, 0, 1, 1], [1, 2], "x"]
     no_walls = [[1, 1, 1, 1], [5, 0, 0, 0], [1e9, 0, 1, 1]]
-    world = load_world(write(tmp_path, SQUARE + no_numbers + no_walls), told.append)
+    world = load_world(write(tmp_path, SQUARE + no_numbers + no_walls), reports.append)
     assert len(world.walls) == 4
-    assert len(told) == 4
-    assert "left out 4 of 11 walls: not four finite numbers" in told
+    assert len(reports) == 4
+    assert "left out 4 of 11 walls: not four finite numbers" in reports
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""Worlds from maps that do not know everything: what is unknown is neither air nor wall."""
+"""Tests of worlds from incomplete maps: the unknown is neither air nor wall."""
 
 import math
 from pathlib import Path
@@ -19,7 +19,7 @@ from sitl.world.cropping import cropped
 from sitl.world.format import Segment, World, WorldError
 from sitl.world.geometry.model import WorldModel
 from sitl.world.loading import load_world
-from sitl.world.plan import seeable_points, wall_surfaces
+from sitl.world.plan import observable_points, wall_surfaces
 from tests.maps import CELL_M, FREE, UNKNOWN, WALL, Shades, cells, fill, nothing, room, write
 
 HEIGHT_M = 1.2
@@ -28,14 +28,14 @@ FAR_M = 60.0
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One for all examples of hypothesis; each overwrites the files of the last."""
+    """One folder for all examples of hypothesis; each overwrites the files of the last."""
     return tmp_path_factory.mktemp("unknown")
 
 
 def loaded(folder: Path, shades: Shades) -> tuple[World, list[str]]:
-    """The world, and what the importer has told."""
-    told: list[str] = []
-    return load_world(write(folder, shades), told.append), told
+    """The world and the importer's reports."""
+    reports: list[str] = []
+    return load_world(write(folder, shades), reports.append), reports
 
 
 def range_m(world: World, place: tuple[float, float], bearing_deg: float) -> float | None:
@@ -50,7 +50,7 @@ def border_m(world: World) -> float:
 
 
 def window_room() -> Shades:
-    """5 × 5 m; of the wall in the east, 2.5 m gave no returns."""
+    """A room of 5 × 5 m; 2.5 m of its east wall gave no returns."""
     shades = nothing(8, 8)
     room(shades, 1, 1, 6, 6)
     fill(shades, 2, 6, 4.5, 6.1, UNKNOWN)
@@ -58,7 +58,7 @@ def window_room() -> Shades:
 
 
 def fan_room() -> Shades:
-    """9 × 2.6 m, and what was seen of a corridor through its doorway in the east, 1 m wide."""
+    """A room of 9 × 2.6 m, and a fan of a corridor seen through its east doorway, 1 m wide."""
     shades = nothing(12, 12)
     room(shades, 1, 1, 10, 3.6)
     fill(shades, 5, 3.6, 6, 3.7, FREE)
@@ -82,9 +82,9 @@ def test_nobody_leaves_through_a_window_that_gave_no_returns(tmp_path: Path) -> 
 def test_a_closed_building_has_no_border_whatever_is_unknown_around_it(tmp_path: Path) -> None:
     shades = nothing(8, 8)
     room(shades, 1, 1, 6, 6)
-    world, told = loaded(tmp_path, shades)
+    world, reports = loaded(tmp_path, shades)
     assert world.closed_border == ()
-    assert told == []
+    assert reports == []
     assert world.known is not None
     assert world.known.unknown_share == 0
     assert world.known.free_m2 == pytest.approx(25)
@@ -107,7 +107,7 @@ def test_the_edge_of_the_picture_is_a_border_too(tmp_path: Path) -> None:
 def test_no_beam_finds_a_way_out(
     folder: Path, angle_rad: float, openings: list[tuple[float, float]], seed: int
 ) -> None:
-    """A square room, turned, with pieces of its walls missing, and some cells never seen."""
+    """A square room, rotated, with pieces of its walls and some cells missing."""
     north, east = (np.indices((cells(9), cells(9))) + 0.5) * CELL_M - 4.5
     along = math.cos(angle_rad) * north + math.sin(angle_rad) * east
     across = math.cos(angle_rad) * east - math.sin(angle_rad) * north
@@ -120,7 +120,7 @@ def test_no_beam_finds_a_way_out(
     shades[unseen & (away > 1) & (away < 2.5)] = UNKNOWN
     try:
         world, _ = loaded(folder, shades)
-    except WorldError:  # too much is missing: no enclosed place
+    except WorldError:  # no enclosed place: too many cells are missing
         return
     model = WorldModel(world)
     place = world.starts[0].position
@@ -156,7 +156,7 @@ def test_gaps_between_beams_are_no_walls_but_a_patch_that_nobody_saw_is(tmp_path
     assert range_m(gaps, (3.0, 3.03), 0) == pytest.approx(5.0)
     fill(shades, 5.0, 4.0, 5.5, 4.5, UNKNOWN)
     patch, _ = loaded(tmp_path, shades)
-    assert 1.5 < border_m(patch) <= 2.0  # its corners are as narrow as gaps
+    assert 1.5 < border_m(patch) <= 2.0  # the patch's corners are as narrow as gaps
     assert range_m(patch, (3.0, 4.25), 0) == pytest.approx(2.0, abs=CELL_M)
     for start in gaps.starts:
         away_m = math.hypot(max(6.0 - start.position[0], start.position[0] - 6.2, 0.0))
@@ -188,25 +188,25 @@ def test_a_piece_of_the_world_keeps_its_border(tmp_path: Path) -> None:
 
 
 def test_starts_are_in_the_room_and_not_in_the_fan_seen_through_its_door(tmp_path: Path) -> None:
-    world, told = loaded(tmp_path, fan_room())
+    world, reports = loaded(tmp_path, fan_room())
     assert all(1 < start.position[1] < 3.6 for start in world.starts)
-    assert any("fan" in line and line.startswith("no start on") for line in told)
+    assert any("fan" in line and line.startswith("no start on") for line in reports)
 
 
 def test_the_largest_room_comes_first_and_a_small_one_has_no_starts(tmp_path: Path) -> None:
     shades = nothing(8, 14)
     room(shades, 1, 1, 3.4, 3.4)
     room(shades, 1, 4, 7, 12)
-    world, told = loaded(tmp_path, shades)
+    world, reports = loaded(tmp_path, shades)
     assert all(start.position[1] > 4 for start in world.starts)
-    assert any("no way leads there" in line for line in told)
+    assert any("no way leads there" in line for line in reports)
 
 
 def test_a_map_of_nothing_but_fans_is_refused_with_the_reason(tmp_path: Path) -> None:
     shades = nothing(10, 10)
     fill(shades, 2, 2, 8, 8, FREE)
     fill(shades, 2, 8, 8, 8.1, WALL)
-    with pytest.raises(WorldError, match="look out on unknown cells") as refused:
+    with pytest.raises(WorldError, match="border on unknown cells") as refused:
         loaded(tmp_path, shades)
     assert "\n" not in str(refused.value)
 
@@ -232,9 +232,9 @@ def scored(world: World, walls: list[Segment]) -> MapScore:
         return point[0] - start[0], point[1] - start[1]
 
     plan = FloorPlan(tuple(WallSegment(local(a), local(b), 0.01, 10) for a, b in walls))
-    seeable = seeable_points(world, HEIGHT_M, start)
+    observable = observable_points(world, HEIGHT_M, start)
     surfaces = wall_surfaces(world, HEIGHT_M)
-    return score_map(plan, surfaces, seeable, take_off, world.closed_border)
+    return score_map(plan, surfaces, observable, take_off, world.closed_border)
 
 
 def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Path) -> None:
@@ -258,11 +258,11 @@ def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Pat
 
 
 def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None:
-    """A wall was seen through the window, but only as echoes: what lies between is unknown."""
+    """A wall seen through the window is only echoes: the space between is unknown."""
     shades = window_room()
     fill(shades, 2, 7, 4.5, 7.1, WALL)
     world, _ = loaded(tmp_path, shades)
-    points = seeable_points(world, HEIGHT_M, world.starts[0].position)
+    points = observable_points(world, HEIGHT_M, world.starts[0].position)
     assert points[:, 1].max() < 6.2
 
 
@@ -276,9 +276,9 @@ def test_labels_in_the_unknown_and_on_white_paper_are_left_out_and_told(tmp_path
         for east_m in (2.0, 2.6, 3.2):  # letters above the building
             fill(shades, 8.0, east_m, 8.6, east_m + 0.1, WALL)
             fill(shades, 8.0, east_m, 8.1, east_m + 0.4, WALL)
-        world, told = loaded(tmp_path, shades)
+        world, reports = loaded(tmp_path, shades)
         assert world.bounds[1][0] == pytest.approx(6.1)
-        assert any("left out 3 marks" in line for line in told)
+        assert any("left out 3 marks" in line for line in reports)
 
 
 def test_the_walls_of_another_house_are_no_label(tmp_path: Path) -> None:
@@ -294,16 +294,16 @@ def test_legs_of_chairs_stay_as_pillars_and_are_told(tmp_path: Path) -> None:
     room(shades, 1, 1, 7, 7)
     for north_m, east_m in ((3.0, 3.0), (3.0, 3.4), (3.4, 3.0), (3.4, 3.4)):
         fill(shades, north_m, east_m, north_m + 0.05, east_m + 0.05, WALL)
-    world, told = loaded(tmp_path, shades)
-    assert any("kept 4 specks" in line and "ceiling at 2.6 m" in line for line in told)
+    world, reports = loaded(tmp_path, shades)
+    assert any("kept 4 specks" in line and "ceiling at 2.6 m" in line for line in reports)
     assert WorldModel(world).clearance_m((3.02, 2.5, -2.4)) == pytest.approx(0.2, abs=0.06)
     assert range_m(world, (3.02, 2.0), 90) == pytest.approx(1.0, abs=CELL_M)
 
 
-# What the commands say
+# Output of the commands
 
 
-def says(path: str, command: str = "check", *more: str) -> str:
+def output_of(path: str, command: str = "check", *more: str) -> str:
     result = CliRunner().invoke(commands, [command, path, *more])
     if result.exception is not None:
         raise result.exception
@@ -314,7 +314,7 @@ def says(path: str, command: str = "check", *more: str) -> str:
 def test_check_tells_size_and_what_is_known(tmp_path: Path) -> None:
     shades = nothing(8, 9)
     room(shades, 1, 1, 6, 7)
-    output = says(write(tmp_path, shades))
+    output = output_of(write(tmp_path, shades))
     assert "house: 5.2 × 6.2 m, 2.6 m high" in output
     assert "no heights" in output
     assert "known to be free: 30.0 m²" in output
@@ -325,10 +325,10 @@ def test_check_tells_size_and_what_is_known(tmp_path: Path) -> None:
 
 
 def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: Path) -> None:
-    output = says(write(tmp_path, fan_room()))
+    output = output_of(write(tmp_path, fan_room()))
     assert "border to the unknown closed: " in output
     assert "warning: " in output
-    assert "of what could be reached is unknown" in output
+    assert "of the reachable area is unknown" in output
     assert output.rstrip().endswith("see the warnings")
 
 
@@ -338,7 +338,7 @@ def test_a_flight_there_begins_with_the_same_warning(tmp_path: Path) -> None:
     world = write(tmp_path, fan_room())
     flown = CliRunner().invoke(flying, ["fly", world, "--mission", str(mission)])
     assert flown.output.startswith("warning: ")
-    assert "of what could be reached is unknown" in flown.output
+    assert "of the reachable area is unknown" in flown.output
 
 
 def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path: Path) -> None:
@@ -346,28 +346,28 @@ def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path
     room(shades, 1, 1, 6, 5)
     room(shades, 1, 5.1, 6, 9)
     room(shades, 1, 9.1, 6, 13)
-    output = says(write(tmp_path, shades))
+    output = output_of(write(tmp_path, shades))
     assert "warning: only 19.8 of 59.0 m² that are known to be free can be reached" in output
 
 
 def test_check_of_a_world_without_a_map_tells_of_no_unknown() -> None:
-    output = says("room_100")
+    output = output_of("room_100")
     assert "room_100: 10 × 10 m, 2.6 m high" in output
     assert "unknown" not in output
     assert "good" in output
 
 
 def shaded(path: Path) -> int:
-    """Pixels of a picture in the colour of the unknown."""
+    """Pixels of an image in the colour of the unknown."""
     pixels = np.asarray(Image.open(path).convert("RGB"))
     return int(np.count_nonzero((pixels == (0xD9, 0xD5, 0xCB)).all(axis=2)))
 
 
 def test_show_shades_what_is_unknown(tmp_path: Path) -> None:
     picture = tmp_path / "plan.png"
-    says("room_100", "show", "--out", str(picture))
+    output_of("room_100", "show", "--out", str(picture))
     assert shaded(picture) == 0
-    says(write(tmp_path, window_room()), "show", "--out", str(picture))
+    output_of(write(tmp_path, window_room()), "show", "--out", str(picture))
     assert shaded(picture) > 10_000
-    says(write(tmp_path, window_room(), 0.5), "show", "--out", str(picture))
+    output_of(write(tmp_path, window_room(), 0.5), "show", "--out", str(picture))
     assert shaded(picture) > 10_000

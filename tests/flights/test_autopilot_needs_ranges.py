@@ -1,4 +1,4 @@
-"""An autopilot that waits for our ranges before it arms."""
+"""Tests an autopilot that waits for the companion's ranges before it arms."""
 
 import pytest
 
