@@ -75,7 +75,7 @@ def innovations(seed: int) -> list[float]:
             if facing % 4 in walls:
                 innovation_rad, sigma_rad = heading.innovation(walls[facing % 4], seen)
                 found.append(innovation_rad / sigma_rad)
-                heading.see_wall(walls[facing % 4], seen)
+                heading.correct_by_wall(walls[facing % 4], seen)
             else:
                 walls[facing % 4] = heading.add_wall(seen)
     return found

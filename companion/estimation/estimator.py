@@ -1,4 +1,4 @@
-"""The order in which the estimator's parts are called, once a tick."""
+"""Estimates pose and walls: calls the filters and the smoother in order, once a tick."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,43 +26,48 @@ from companion.estimation.filters.heading_filter import HeadingFilter, WallBeari
 from companion.estimation.filters.height_filter import Height
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
-from companion.estimation.hypotheses.search import Doubt
+from companion.estimation.hypotheses.search import HypothesisSearch
 from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.smoothing.flight_record import FlightRecord, HitColumn
 from companion.estimation.smoothing.odometry_noise import OdometryNoise
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
-from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
 from companion.estimation.smoothing.state import Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 
 MAX_PLAUSIBLE_SPEED_M_S = 5.0
-"""An odometry step faster than this is a jump of the autopilot's estimate, not motion."""
+"""Faster odometry steps are jumps of the autopilot's estimate, not motion, m/s. Chosen."""
 MAX_OBLIQUE_RAD = math.radians(30)
+"""Largest incidence at which a wall counts as lying along a bearing, rad. Chosen."""
 REACH_M = 1.0
-"""A wall may go on this far beyond where it has been seen."""
+"""A wall may extend this far beyond its last hit, m. Chosen."""
 AUTOPILOT_YAW_LASTS_S = 0.15
-"""Three messages of odometry."""
-TOLD_STEP_RAD = math.radians(3)
-"""When the autopilot's heading parts from the gyro's by more in one message, its compass set it."""
-LIFTED_M = 0.1
-"""Not on the ground any more."""
-TRUSTED_SIGMA_M = 0.12
+"""An autopilot heading older than this is not used, s: three odometry messages at 20 Hz."""
+COMPASS_STEP_RAD = math.radians(3)
+"""A larger step between autopilot and gyro heading in one message is a compass reset, rad.
+Chosen."""
+AIRBORNE_M = 0.1
+"""Above this height the drone is in the air, m. Chosen."""
+MAX_DIRECTION_SIGMA_M = 0.12
+"""Only readings with at most this sigma determine wall directions, m. Chosen."""
 SQUARE_WITHIN_RAD = math.radians(5)
-"""Walls this near to a right angle are taken to be built so."""
+"""Walls within this angle of a right angle are assumed to be perpendicular, rad. Chosen."""
 
 
 class Estimator:
-    """Pose and walls from gyro, odometry and ranges; origin and heading are those at the start."""
+    """Estimates pose and walls. Origin and heading are those at the start."""
 
     def __init__(self, rest_bias_rad_s: float, units: Mapping[Beam, RangeUnit]) -> None:
-        """`units` are the sensors that look level."""
+        """`units`: the horizontal range sensors."""
         self._units = units
         self.models = Models(RangeUnits(units), rest_bias_rad_s)
         self.heading = HeadingFilter(rest_bias_rad_s)
         self.slam = LineSlam(self.heading, self.models.odometry)
         self._noise = OdometryNoise(self.models.odometry)
-        self._trusted_m = {beam: _trusted_m(unit.model) for beam, unit in units.items()}
+        self._max_direction_range_m = {
+            beam: _max_direction_range_m(unit.model) for beam, unit in units.items()
+        }
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._yaw_rate_rad_s = 0.0
         self._turned_until_s = 0.0
@@ -75,13 +80,14 @@ class Estimator:
         self._height_m = 0.0
         self._over_floor = Height()
         self._raw = DeadReckoning()
-        """Neither scales nor bias corrected."""
+        """Dead reckoning by uncorrected gyro and odometry."""
         self._autopilot_ahead_rad, self._odometry_s = 0.0, -math.inf
-        """How far the autopilot's heading was ahead of the raw one when it was told last,"""
+        """Autopilot heading less raw heading at the last odometry message, rad; time of that
+        message."""
         self._autopilot_on_ground_rad = 0.0
-        """and what it was before take-off."""
+        """Autopilot turn before take-off, rad."""
         self._drifting = DeadReckoning()
-        """Corrected as well as they were known at the time."""
+        """Dead reckoning by gyro and odometry with the corrections known at the time."""
 
     def pose(self, time_s: float) -> Pose:
         return Pose(
@@ -96,21 +102,27 @@ class Estimator:
 
     @property
     def turned_rad(self) -> float:
-        """Heading by the gyro alone, its bias and scale corrected: it never makes a step."""
+        """Heading by the corrected gyro alone, rad. It contains no steps."""
         return self._drifting.yaw_rad
 
     @property
     def height_m(self) -> float:
-        """Above the take-off point, by the autopilot, which flies by it."""
+        """Height above the take-off point by the autopilot's estimate, m.
+
+        The autopilot flies by it.
+        """
         return self._height_m
 
     @property
     def over_floor_m(self) -> float:
-        """The same held to the floor by the down beam: what heights are mapped by."""
+        """Height above the take-off point, corrected by the down beam, m.
+
+        Height maps use this value.
+        """
         return self._over_floor.metres
 
     def turn(self, samples: Sequence[GyroSample]) -> None:
-        """Take in the gyro."""
+        """Integrate gyro samples."""
         corrected_rad, raw_rad = self.heading.predict(samples)
         self.record.bridge(sum(sample.turn_variance_rad2 for sample in samples))
         if samples:
@@ -120,7 +132,7 @@ class Estimator:
         self._raw.turn(raw_rad)
 
     def move(self, odometry: Odometry) -> None:
-        """Take in the autopilot's odometry: only how far the body moved, not where to."""
+        """Integrate the autopilot's odometry. Only the displacement of the body is used."""
         last, self._odometry = self._odometry, odometry
         if last is None or odometry.time_s <= last.time_s:
             return
@@ -137,30 +149,33 @@ class Estimator:
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
         self._raw.move(body_m, half_turn_rad)
         if not odometry.follows_us:
-            self._hear(odometry)
+            self._update_autopilot_heading(odometry)
         scale = 1 + self.slam.scale_error
         self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
 
-    def _hear(self, odometry: Odometry) -> None:
-        """How much farther than ours the autopilot has turned, in whole turns nearest to before."""
+    def _update_autopilot_heading(self, odometry: Odometry) -> None:
+        """Update the difference between autopilot and raw heading, unwrapped to the last value."""
         ahead_s = odometry.time_s - self._turned_until_s
         raw_rad = self._raw.yaw_rad + ahead_s * self._yaw_rate_rad_s
-        parted_rad = wrap_rad(odometry.turned_rad - raw_rad - self._autopilot_ahead_rad)
-        self._autopilot_ahead_rad += parted_rad
+        change_rad = wrap_rad(odometry.turned_rad - raw_rad - self._autopilot_ahead_rad)
+        self._autopilot_ahead_rad += change_rad
         self._odometry_s = odometry.time_s
-        if self._height_m < LIFTED_M:
+        if self._height_m < AIRBORNE_M:
             self._autopilot_on_ground_rad = raw_rad + self._autopilot_ahead_rad
-        elif abs(parted_rad) > TOLD_STEP_RAD:
-            self._autopilot_on_ground_rad += parted_rad
+        elif abs(change_rad) > COMPASS_STEP_RAD:
+            self._autopilot_on_ground_rad += change_rad
 
     def _autopilot_yaw_rad(self, now_s: float) -> float:
-        """Turned since take-off by the autopilot; not a number when it has not told lately."""
-        if self._height_m < LIFTED_M or now_s - self._odometry_s > AUTOPILOT_YAW_LASTS_S:
+        """The autopilot's turn since take-off, rad.
+
+        NaN on the ground or without recent odometry.
+        """
+        if self._height_m < AIRBORNE_M or now_s - self._odometry_s > AUTOPILOT_YAW_LASTS_S:
             return math.nan
         return self._raw.yaw_rad + self._autopilot_ahead_rad - self._autopilot_on_ground_rad
 
     def see(self, scan: RangeScan) -> None:
-        """Take in one sweep of the horizontal beams."""
+        """Process one scan of the horizontal beams."""
         pose = self.pose(scan.time_s)
         self.record.advance(
             pose, self._raw.ne_m, self._raw.yaw_rad, self._autopilot_yaw_rad(scan.time_s)
@@ -170,52 +185,52 @@ class Estimator:
             if reading is None:
                 continue
             if not reading.is_distance:
-                self._learn(self._runs[beam].end(), scan.time_s)
+                self._add_run(self._runs[beam].end(), scan.time_s)
                 continue
             late_s = self._late_s(scan.time_s - unit.model.mean_age_s)
-            back_m, ahead_rad = self._since_measured(scan.time_s, unit.model.mean_age_s)
+            shift_m, ahead_rad = self._since_measured(scan.time_s, unit.model.mean_age_s)
             range_m = reading.distance_m + unit.offset_m
             yaw_rad = self.heading.yaw_rad
-            eye_ne_m = moved(self.slam.position_ne_m, back_m, yaw_rad)
+            centre_ne_m = moved(self.slam.position_ne_m, shift_m, yaw_rad)
             bearing_frd_rad = ahead_rad + unit.bearing_frd_rad
-            wall = self.slam.see_range(eye_ne_m, yaw_rad + bearing_frd_rad, range_m, unit)
-            measured_at = back_m, bearing_frd_rad
+            wall = self.slam.correct_by_range(centre_ne_m, yaw_rad + bearing_frd_rad, range_m, unit)
+            measured_at = shift_m, bearing_frd_rad
             number = BEAMS.index(beam)
             self.record.add_hit(pose, number, reading.distance_m, measured_at, wall, late_s=late_s)
-            if reading.distance_m > self._trusted_m[beam]:
+            if reading.distance_m > self._max_direction_range_m[beam]:
                 continue
             yaw_rad = self._drifting.yaw_rad + ahead_rad
-            eye = moved(self._drifting.ne_m, back_m, self._drifting.yaw_rad)
-            there = along(eye, yaw_rad + unit.bearing_frd_rad, range_m)
-            self._learn_noise(beam, wall, scan.time_s, (there, reading.variance_m2))
+            drifting_ne_m = moved(self._drifting.ne_m, shift_m, self._drifting.yaw_rad)
+            hit_ne_m = along(drifting_ne_m, yaw_rad + unit.bearing_frd_rad, range_m)
+            self._learn_odometry_noise(beam, wall, scan.time_s, (hit_ne_m, reading.variance_m2))
             drifting_hit = RunHit(
                 scan.time_s,
-                there,
+                hit_ne_m,
                 reading.variance_m2,
-                eye,
+                drifting_ne_m,
                 yaw_rad,
                 self.models.odometry.wander_m,
             )
-            self._learn(self._runs[beam].add(drifting_hit), scan.time_s)
+            self._add_run(self._runs[beam].add(drifting_hit), scan.time_s)
 
-    def _learn_noise(
+    def _learn_odometry_noise(
         self, beam: Beam, wall: int | None, time_s: float, hit: tuple[Vector2, float]
     ) -> None:
-        """What a hit, in the drifting frame and with its variance, tells of the odometry."""
-        (there, variance_m2), normal_rad = hit, 0.0
+        """Estimate the odometry noise from a hit in the drifting frame, with its variance."""
+        (hit_ne_m, variance_m2), normal_rad = hit, 0.0
         if wall is not None:
             turn_rad = self.heading.yaw_rad - self._drifting.yaw_rad
             normal_rad = self.heading.normal_rad(wall) - turn_rad
-        self._noise.see(BEAMS.index(beam), wall, time_s, (there, normal_rad, variance_m2))
+        self._noise.add_hit(BEAMS.index(beam), wall, time_s, (hit_ne_m, normal_rad, variance_m2))
 
     def see_floor(self, reading: RangeReading, offset_m: float) -> None:
-        """Take in the down beam, whose sensor sits `offset_m` below the centre."""
+        """Correct the height by the down beam, whose sensor sits `offset_m` below the centre."""
         self._over_floor.see_floor(reading, offset_m)
 
     def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
-        """From the last odometry (forward, right) to where the range read now was measured.
+        """Motion between the latest odometry and the moment of the range measurement.
 
-        And the turn, from the gyro's latest sample to the heading at that moment.
+        Returns (forward, right), m, and the turn since the latest gyro sample, rad.
         """
         measured_s = now_s - age_s
         moved_s = self._late_s(measured_s)
@@ -224,11 +239,11 @@ class Estimator:
         return (moved_s * forward_m_s, moved_s * right_m_s), turned_rad
 
     def _late_s(self, measured_s: float) -> float:
-        """From the last odometry to when a range was measured; below zero if that was before."""
+        """Time from the last odometry to a measurement, s; negative if that was before it."""
         return measured_s - self._odometry.time_s if self._odometry else 0.0
 
     def smoothed(self) -> SolvedFlight | None:
-        """The whole flight set right by all that was seen; None before anything was."""
+        """Smooth the whole flight; None if there are fewer than two keyframes."""
         if len(self.record.frames) < 2:
             return None
         smoother = self._smoother
@@ -240,7 +255,7 @@ class Estimator:
         start = smoother.from_start(np.zeros(3))
         try:
             done = smoother.smooth(x, m, start, FINAL_GATES)
-            done = at_once(Doubt(smoother, m, start, FINAL_GATES).searching(done))
+            done = run_to_end(HypothesisSearch(smoother, m, start, FINAL_GATES).final_search(done))
         except np.linalg.LinAlgError:
             return self.so_far()
         return SolvedFlight.of(
@@ -248,7 +263,7 @@ class Estimator:
         )
 
     def so_far(self) -> SolvedFlight:
-        """The flight as it is known by now."""
+        """The flight by the current estimate, without a new smoothing."""
         wall_of = self.record.hits[:, HitColumn.WALL].astype(np.int64)
         return SolvedFlight.of(
             self.record, self._as_flown(), self.wall_lines(), wall_of, self.models.ranges
@@ -260,9 +275,11 @@ class Estimator:
         return x
 
     def improve(self, now_s: float) -> None:
-        """Smooth the flight so far, a piece at each call; then go on from what came out.
+        """Do one piece of the in-flight smoothing.
 
-        The pose and the walls make a step at the end.
+        When the last piece completes, restart the filters from the result.
+
+        Pose and walls make a step then.
         """
         done = self._in_flight.step(now_s, self.record, self._walls)
         if done is None:
@@ -280,22 +297,22 @@ class Estimator:
         self.heading.turn(turned_rad, self._turned_until_s - done.time_s, gap_rad2)
         self._resets += 1
 
-    def _learn(self, run: Line | None, now_s: float) -> None:
-        """A finished run tells the heading, and perhaps a new wall."""
+    def _add_run(self, run: Line | None, now_s: float) -> None:
+        """Correct the heading by a finished run. A run on no known wall adds a wall."""
         if run is None:
             return
-        seen = self._wall_bearing(run, now_s)
+        bearing = self._wall_bearing(run, now_s)
         line = self._to_local(run)
         known = self.slam.find(line)
         if known is not None:
-            self.heading.see_wall(known.index, seen)
+            self.heading.correct_by_wall(known.index, bearing)
             return
-        index = self.heading.add_wall(seen)
-        self._square_up(index)
+        index = self.heading.add_wall(bearing)
+        self._align_to_right_angle(index)
         self.slam.add(line, index)
 
     def _wall_bearing(self, run: Line, now_s: float) -> WallBearing:
-        """The run's normal as it was seen off the nose in the middle of the run."""
+        """The bearing of the run's normal in the body frame, in the middle of the run."""
         age_s = now_s - run.mean_time_s
         corrected_rad = self._drifting.yaw_rad - run.mean_yaw_rad
         raw_rad = corrected_rad + self.heading.bias_rad_s * age_s
@@ -303,18 +320,18 @@ class Estimator:
         bearing_frd_rad = run.normal_rad - run.mean_yaw_rad
         return WallBearing(bearing_frd_rad, run.normal_sigma_rad, raw_rad, age_s)
 
-    def _square_up(self, wall: int) -> None:
-        """If a new wall is nearly square to the surest one, take it to be square."""
+    def _align_to_right_angle(self, wall: int) -> None:
+        """Constrain a new wall that is nearly square to the most certain wall to a right angle."""
         if wall == 0:
             return
-        surest = min(range(wall), key=self.heading.normal_sigma_rad)
-        angle_rad = self.heading.normal_rad(wall) - self.heading.normal_rad(surest)
+        most_certain = min(range(wall), key=self.heading.normal_sigma_rad)
+        angle_rad = self.heading.normal_rad(wall) - self.heading.normal_rad(most_certain)
         off_square_rad = wrap_rad(4 * angle_rad) / 4
         if abs(off_square_rad) < SQUARE_WITHIN_RAD:
-            self.heading.square_up(wall, surest, SQUARE_SIGMA_RAD)
+            self.heading.align_to_right_angle(wall, most_certain, SQUARE_SIGMA_RAD)
 
     def _to_local(self, run: Line) -> Line:
-        """From the drifting frame to local NED, by the two poses of this moment."""
+        """Transform a run from the drifting frame to local NED by the two current poses."""
         turn_rad = wrap_rad(self.heading.yaw_rad - self._drifting.yaw_rad)
         ahead_m = run.centre[0] - self._drifting.ne_m[0]
         aside_m = run.centre[1] - self._drifting.ne_m[1]
@@ -326,7 +343,7 @@ class Estimator:
         return replace(run, normal_rad=normal_rad, offset_m=offset_m, centre=(north_m, east_m))
 
     def wall_ahead(self, bearing_rad: float) -> tuple[float, float] | None:
-        """(normal_rad, distance_m along it) of the nearest known wall along a bearing."""
+        """(normal_rad, distance_m along the normal) of the nearest known wall along a bearing."""
         north_m, east_m = self.slam.position_ne_m
         nearest: tuple[float, float] | None = None
         for wall in self.slam.walls:
@@ -337,14 +354,14 @@ class Estimator:
             cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
             distance_m = offset_m - north_m * cos_n - east_m * sin_n
             north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]
-            met_m = cos_n * east - sin_n * north + distance_m * math.tan(incidence_rad)
-            met = distance_m > 0 and wall.reaches(met_m, REACH_M)
+            along_m = cos_n * east - sin_n * north + distance_m * math.tan(incidence_rad)
+            met = distance_m > 0 and wall.reaches(along_m, REACH_M)
             if met and (nearest is None or distance_m < nearest[1]):
                 nearest = normal_rad, distance_m
         return nearest
 
     def known_walls(self) -> KnownWalls:
-        """All walls, for the flight."""
+        """All walls, for the missions."""
         walls = self._walls()
         normals = np.column_stack([np.cos(walls.lines[:, 0]), np.sin(walls.lines[:, 0])])
         covariance_m2 = self.slam.offsets_covariance_m2
@@ -366,9 +383,9 @@ class Estimator:
         return Walls(lines, reach_m + (anchors * tangents).sum(axis=1)[:, None])
 
 
-def _trusted_m(sensor: RangeModel) -> float:
-    """How far a reading may be to tell a wall's direction: exact enough, and not near the end."""
+def _max_direction_range_m(sensor: RangeModel) -> float:
+    """Longest range that determines wall directions, m: low sigma, not near the end of range."""
     distance_m = sensor.max_m - LineSlam.END_SIGMAS * sensor.sigma_m(sensor.max_m)
-    while sensor.sigma_m(distance_m) > TRUSTED_SIGMA_M:
+    while sensor.sigma_m(distance_m) > MAX_DIRECTION_SIGMA_M:
         distance_m -= 0.1
     return distance_m

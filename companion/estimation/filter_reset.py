@@ -1,8 +1,8 @@
-"""The filters go on from what the smoother knows, with its covariance.
+"""Restarts the filters from the smoother's result, with its covariance.
 
-The heading filter takes heading, bias, gyro scale and directions; the position filter takes
-position, odometry scale, wander, and the walls' offsets from anchors in the middle of what has been
-seen of each, where direction and offset depend on each other least.
+The heading filter takes heading, bias, gyro scale and wall directions. The position filter takes
+position, odometry scale, wander and wall offsets. Each wall's anchor is the middle of its hits,
+where direction and offset are least correlated.
 """
 
 import numpy as np
@@ -27,7 +27,7 @@ _WALLS = POSE_SIZE + factors.WALLS
 
 
 def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
-    """Set both filters to the last keyframe."""
+    """Set both filters to the state of the last keyframe."""
     x = estimate.x
     covariance = estimate.solution.covariance_of_last(POSE_SIZE)
     pose = x.poses[-1]

@@ -1,4 +1,4 @@
-"""What the estimator hands on to the map: walls, where the beams ended, and the path."""
+"""The estimator's result for the map: walls, hits and path."""
 
 from dataclasses import dataclass
 
@@ -13,15 +13,15 @@ from companion.estimation.smoothing.state import Array, Indices, Measured, Unkno
 
 @dataclass(frozen=True, slots=True)
 class SolvedFlight:
-    """A flight so far, local NED: k poses and n hits."""
+    """A flight in local NED: k poses and n hits."""
 
     walls: tuple[WallLine, ...]
     points_ne_m: Array
-    """(n, 2): where each beam ended."""
+    """(n, 2): end of each beam."""
     wall_of: Indices
-    """(n,): the wall that it is on, or NO_WALL."""
+    """(n,): wall of each hit, or NO_WALL."""
     sigma_m: Array
-    """(n,): of its range."""
+    """(n,): sigma of each range."""
     poses: Array
     """(k, 3): north, east, yaw."""
     record: FlightRecord
@@ -35,13 +35,13 @@ class SolvedFlight:
         wall_of: Indices,
         units: RangeUnits,
     ) -> "SolvedFlight":
-        """The record as the unknowns place it."""
+        """Place the record by the solved unknowns."""
         m = Measured.of(record, units)
         points, sigma_m = project(x, m).points, units.sigma_m(m.beam, m.distance_m)
         return cls(walls, points, wall_of, sigma_m, x.poses[:, :3], record)
 
     def hits(self) -> tuple[Hit, ...]:
-        """As values."""
+        """Hits as values."""
         columns = [HitColumn.TIME_S, HitColumn.BEAM, HitColumn.DOWN_M]
         points = self.points_ne_m.tolist()
         walls = [wall if wall >= 0 else None for wall in self.wall_of.tolist()]
@@ -54,7 +54,7 @@ class SolvedFlight:
         )
 
     def thinned(self, most: int) -> tuple[tuple[Vector3, ...], tuple[Vector3, ...]]:
-        """At most so many of the points where beams ended, and of the places flown through; NED."""
+        """At most `most` hit points and `most` path points, NED."""
         ended_down_m = self.record.hits[:, [HitColumn.DOWN_M]]
         flown_down_m = self.record.frames[:, [FrameColumn.DOWN_M]]
         return (
@@ -63,7 +63,7 @@ class SolvedFlight:
         )
 
     def path(self) -> tuple[Pose, ...]:
-        """As values."""
+        """Keyframe poses as values."""
         columns = [
             FrameColumn.TIME_S,
             FrameColumn.DOWN_M,

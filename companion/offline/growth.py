@@ -45,16 +45,16 @@ GROWN_BY = 1.2
 DETECTION_KEYFRAMES = 80
 """Over which dead reckoning is straight enough for hits to show a wall."""
 STAGE_GATES = (
-    Gate(0.3, 2.0, looks=DETECTION_KEYFRAMES),
+    Gate(0.3, 2.0, detect_keyframes=DETECTION_KEYFRAMES),
     Gate(0.15, 1.5),
     Gate(0.08, 1.0),
 )
 WHOLE_GATES = (
-    *(Gate(0.3, 1.5, looks=DETECTION_KEYFRAMES),) * 2,
-    *(Gate(0.15, 1.0, looks=DETECTION_KEYFRAMES),) * 2,
-    *(Gate(0.05, 0.6, refutes=True),) * 4,
+    *(Gate(0.3, 1.5, detect_keyframes=DETECTION_KEYFRAMES),) * 2,
+    *(Gate(0.15, 1.0, detect_keyframes=DETECTION_KEYFRAMES),) * 2,
+    *(Gate(0.05, 0.6, prunes_see_through=True),) * 4,
 )
-ANEW_GATES = Gate(0.05, 0.6, looks=WHOLE), *WHOLE_GATES[3:]
+ANEW_GATES = Gate(0.05, 0.6, detect_keyframes=WHOLE), *WHOLE_GATES[3:]
 STEPS_WITHOUT = 2
 """Of Gauss-Newton, from what all hits made it; chosen."""
 NO_SCALE_SIGMA = 1e-3
@@ -167,7 +167,7 @@ class Growth:
         """Go on from an estimate from the past's key frame on, and perhaps from a later past."""
         frame = len(found.x.poses) - WINDOW_KEYFRAMES
         if frame > 0:
-            self._past, found = self.smoother.past_before(frame, found, m, past)
+            self._past, found = self.smoother.marginalize_before(frame, found, m, past)
         self._keep(found, past.frame)
 
     def _keep(self, found: Estimate, since: int = 0) -> None:

@@ -71,15 +71,15 @@ def _folds(m: Measured) -> Iterator[Indices]:
 def _first_wall_m(x: Unknowns, m: Measured, hits: Indices) -> Array:
     """(h,): from the sensor to the first wall in each beam's way; inf if there is none."""
     seen = project(x, m)
-    eyes, beams = seen.eyes[hits], seen.beams[hits]
+    origins, beams = seen.origins[hits], seen.beams[hits]
     first_m = np.full(len(hits), np.inf)
     for (_, offset_m), normal, tangent, (low_m, high_m) in zip(
         x.walls, x.normals, x.tangents, x.reach_m, strict=True
     ):
         cos = beams @ normal
         faces = cos > MIN_COS
-        ahead_m = (offset_m - eyes @ normal) / np.where(faces, cos, 1.0)
-        along_m = (eyes + ahead_m[:, None] * beams) @ tangent
+        ahead_m = (offset_m - origins @ normal) / np.where(faces, cos, 1.0)
+        along_m = (origins + ahead_m[:, None] * beams) @ tangent
         met = faces & (ahead_m > 0)
         met &= (along_m > low_m - REACH_M) & (along_m < high_m + REACH_M)
         first_m[met] = np.minimum(first_m[met], ahead_m[met])

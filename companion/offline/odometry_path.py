@@ -21,7 +21,7 @@ class OdometryPath(Smoother):
         """All equations; of the poses there is one, which stays for all of them."""
         system = _OnlyShared(POSE_SIZE, factors.WALLS + x.walls.size, 2 * POSE_SIZE)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
-        self.believe(system, x, past)
+        self.add_prior(system, x, past)
         return system
 
 

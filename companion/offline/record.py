@@ -70,7 +70,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
         turned_rad=moved[:, 2],
         autopilot_yaw_rad=np.full(len(rows), np.nan),
         bias_moved_rad_s=np.zeros_like(dt_s),
-        is_steadied=np.zeros_like(dt_s, dtype=bool),
+        is_aided=np.zeros_like(dt_s, dtype=bool),
         frame=frame_of[hit_row],
         beam=beam_of,
         offset_frd_m=since[hit_row, :2],

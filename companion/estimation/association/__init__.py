@@ -1,1 +1,1 @@
-"""Which hit belongs to which wall, and which walls there are."""
+"""Assigns hits to walls, and detects, merges and prunes walls."""

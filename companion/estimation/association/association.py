@@ -1,9 +1,8 @@
-"""Which hit belongs to which wall, and which walls there are.
+"""Assigns each hit to a wall, in every round of the smoother with a narrower gate.
 
-Decided anew in every round of the smoother, with an ever narrower gate. A wall stays if it is
-worth its two unknowns: if the hits would fit clearly worse without it. Walls that are one, and
-rows of noise beside a real wall, are not; nor are pieces of wall through which beams went. What a
-beam met beyond a step is on another wall (`steps.py`).
+A wall stays if it is worth its two unknowns: if the hits would fit clearly worse without it.
+Duplicates are merged. Rows of noise beside a real wall are pruned, as are pieces of wall that beams
+passed through. Hits beyond a step belong to another wall (`steps.py`).
 """
 
 from dataclasses import dataclass
@@ -14,13 +13,13 @@ from companion.estimation.association.gating import GATE_SIGMAS, Gate, candidate
 from companion.estimation.association.merging import merge
 from companion.estimation.association.pruning import (
     Support,
-    one_wall_a_stretch,
+    one_wall_per_stretch,
     without_bends,
-    without_glimpses,
-    without_strays,
-    worthy,
+    without_distant_rows,
+    without_isolated_hits,
+    without_weak_walls,
 )
-from companion.estimation.association.see_through import refuted
+from companion.estimation.association.see_through import passed_through
 from companion.estimation.association.steps import Steps
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.range_noise import RangeUnits
@@ -29,38 +28,38 @@ from companion.estimation.smoothing.state import Indices, Measured, Unknowns, pr
 
 @dataclass(frozen=True, slots=True)
 class Association:
-    """Gives hits to walls, by what is known of the sensors and what speaks for a wall."""
+    """Associates hits with walls by the sensors' noise and the minimum support of a wall."""
 
     units: RangeUnits
     odometry: OdometryModel
     support: Support
 
     def associate(self, x: Unknowns, m: Measured, gate: Gate, known: int = 0) -> Indices:
-        """(n,): each hit's wall or NO_WALL, after walls without worth were taken out of `x`.
+        """(n,): each hit's wall or NO_WALL. Walls without sufficient support are removed from `x`.
 
-        The first `known` walls are there whatever these hits say. The reach of all is told anew.
+        The first `known` walls always stay. The reach of all walls in `x` is updated.
         """
-        seen = project(x, m)
-        pairs = candidates(x, m, seen, self.units, gate)
+        rays = project(x, m)
+        pairs = candidates(x, m, rays, self.units, gate)
         sigma_m = self.units.sigma_m(m.beam, m.distance_m)
-        steps = Steps.of(x, m, seen, sigma_m, self.odometry)
+        steps = Steps.of(x, m, rays, sigma_m, self.odometry)
         wide_m = sigma_m + gate.across_m / GATE_SIGMAS
-        if merge(x, seen, wide_m, pairs.best(), steps, known=known):
-            pairs = candidates(x, m, seen, self.units, gate)
-        pairs = one_wall_a_stretch(x, seen, pairs)
+        if merge(x, rays, wide_m, pairs.best(), steps, known=known):
+            pairs = candidates(x, m, rays, self.units, gate)
+        pairs = one_wall_per_stretch(x, rays, pairs)
         wall_of = pairs.best()
-        pairs = pairs.without(steps.beside(wall_of, x.walls), wall_of)
-        pairs = without_strays(x, seen, pairs, self.support)
-        pairs = without_glimpses(m, pairs)
-        if gate.refutes:
-            pairs = without_bends(x, seen, sigma_m, pairs, known)
+        pairs = pairs.without(steps.off_surface(wall_of, x.walls), wall_of)
+        pairs = without_distant_rows(x, rays, pairs, self.support)
+        pairs = without_isolated_hits(m, pairs)
+        if gate.prunes_see_through:
+            pairs = without_bends(x, rays, sigma_m, pairs, known)
             wall_of = pairs.best()
-            wrong = refuted(x, seen, sigma_m, wall_of, self.support.opening_m)
+            wrong = passed_through(x, rays, sigma_m, wall_of, self.support.opening_m)
             pairs = pairs.without(wrong, wall_of)
-        pairs, kept = worthy(x, seen, sigma_m, pairs, self.support, known=known)
-        past = x.reach_m[:known]
+        pairs, kept = without_weak_walls(x, rays, sigma_m, pairs, self.support, known=known)
+        past_reach_m = x.reach_m[:known]
         wall_of = x.keep_walls(kept, pairs.best())
-        x.reach_m = reach_m(x, seen.points, wall_of)
-        x.reach_m[:known, 0] = np.minimum(x.reach_m[:known, 0], past[:, 0])
-        x.reach_m[:known, 1] = np.maximum(x.reach_m[:known, 1], past[:, 1])
+        x.reach_m = reach_m(x, rays.points, wall_of)
+        x.reach_m[:known, 0] = np.minimum(x.reach_m[:known, 0], past_reach_m[:, 0])
+        x.reach_m[:known, 1] = np.maximum(x.reach_m[:known, 1], past_reach_m[:, 1])
         return wall_of

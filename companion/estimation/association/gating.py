@@ -1,4 +1,4 @@
-"""Which walls each hit may be on, by where its beam went and how noisy it is."""
+"""Finds the candidate walls of each hit, by beam geometry and range noise."""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,69 +8,76 @@ from numpy.typing import NDArray
 
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Array, Indices, Measured, Sightings, Unknowns
+from companion.estimation.smoothing.state import Array, Indices, Measured, Rays, Unknowns
 
 Mask = NDArray[np.bool_]
 
 GATE_SIGMAS = 3.0
+"""Largest residual of a hit on its wall, in sigmas. Chosen."""
 UNEXPLAINED = GATE_SIGMAS**2
 """χ² of a hit that fits no wall."""
 MIN_COS_INCIDENCE = math.cos(math.radians(70))
+"""Cosine of the largest incidence of a hit on its wall. Chosen: 70°."""
 NEAR_END_SIGMAS = 2.0
+"""Expected ranges within this many sigmas of the maximum range are not used. Chosen."""
 NEIGHBOURS = 3
-"""So many hits of a beam before and after one have a say in which wall it is on."""
+"""This many hits of a beam before and after a hit influence its association. Chosen."""
 CELLS_AT_ONCE = 1_000_000
-"""Hits times walls looked at together, which bounds the memory."""
+"""Hits times walls processed together; bounds the memory. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Gate:
-    """How far from a wall a hit may be to be one of its hits."""
+    """Largest distance of a hit from a wall to be associated with it."""
 
     across_m: float
-    """Off its line, besides three sigmas of the range: what the poses may be off."""
+    """Across the wall's line, in addition to three sigmas of the range: the error of the poses,
+    m."""
     along_m: float = math.inf
-    """Beyond its ends."""
-    looks: int = 0
-    """New walls are looked for among the hits of so many keyframes at a time; not at all if 0."""
-    refutes: bool = False
-    """The poses are exact enough to tell that beams went through a wall, or that it bends."""
+    """Beyond the wall's ends, m."""
+    detect_keyframes: int = 0
+    """New walls are detected among the hits of this many keyframes at a time; 0: no detection."""
+    prunes_see_through: bool = False
+    """The poses are exact enough to find beams through walls, and bends."""
 
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Pairs of a hit and a wall that it may be on, by hits, the best wall first."""
+    """Pairs of a hit and a wall that it may be on, ordered by hits, the best wall first."""
 
     hits: int
-    """How many there are, those without any wall included."""
+    """Number of hits, including those without any wall."""
     hit: Indices
     wall: Indices
     misfit: Array
-    """In widened sigmas, below `GATE_SIGMAS`."""
+    """Residual in widened sigmas, below `GATE_SIGMAS`."""
 
     def only(self, kept: Mask) -> "Candidates":
-        """Those of the pairs for which the mask (pairs,) holds."""
+        """The pairs selected by the mask (pairs,)."""
         return replace(self, hit=self.hit[kept], wall=self.wall[kept], misfit=self.misfit[kept])
 
     def without(self, wrong: Mask, wall_of: Indices) -> "Candidates":
-        """Without pairs of hits of the mask (n,) and their walls (n,); they may be on others."""
+        """Without the pairs of masked hits (n,) and their walls (n,).
+
+        Other walls of these hits stay.
+        """
         return self.only(~(wrong[self.hit] & (wall_of[self.hit] == self.wall)))
 
     @property
     def is_best(self) -> Mask:
-        """(pairs,): the first of each hit."""
+        """(pairs,): the first pair of each hit."""
         first: Mask = np.diff(self.hit, prepend=-1) > 0
         return first
 
     def best(self) -> Indices:
-        """(n,): the wall that each hit fits best, or NO_WALL."""
+        """(n,): the best wall of each hit, or NO_WALL."""
         first = self.is_best
         wall_of = np.full(self.hits, NO_WALL)
         wall_of[self.hit[first]] = self.wall[first]
         return wall_of
 
     def worths(self) -> tuple[Indices, Indices, Array]:
-        """Of hits that have a wall: the hit, its wall, and how much more it would cost without."""
+        """For hits with a wall: the hit, its wall, and the χ² that the wall saves."""
         first = np.flatnonzero(self.is_best)
         second = np.append(self.misfit[1:], 0.0)[first] ** 2
         has_second = np.append(self.hit[1:], -1)[first] == self.hit[first]
@@ -78,19 +85,17 @@ class Candidates:
         return self.hit[first], self.wall[first], without - self.misfit[first] ** 2
 
 
-def candidates(
-    x: Unknowns, m: Measured, seen: Sightings, units: RangeUnits, gate: Gate
-) -> Candidates:
+def candidates(x: Unknowns, m: Measured, rays: Rays, units: RangeUnits, gate: Gate) -> Candidates:
     """All pairs within the gate.
 
-    First by geometry alone, for all hits and walls; then by the noise, for the few left.
+    Geometry selects pairs of all hits and walls first; the noise is evaluated for these only.
     """
-    hit, wall, cos_incidence = _facing(x, seen, gate.along_m)
+    hit, wall, cos_incidence = _facing(x, rays, gate.along_m)
     beam = m.beam[hit]
-    distance_m = x.walls[wall, 1] - (seen.eyes[hit] * x.normals[wall]).sum(axis=1)
+    distance_m = x.walls[wall, 1] - (rays.origins[hit] * x.normals[wall]).sum(axis=1)
     expected_m = distance_m / cos_incidence - m.mount_m[hit]
     sigma_m = units.sigma_m(beam, expected_m)
-    # Near the end of the range long readings are missing, which would pull walls closer.
+    # Long readings are missing near the end of the range, which would bias walls closer.
     inside = expected_m > units.min_m[beam]
     inside &= expected_m < units.max_m[beam] - NEAR_END_SIGMAS * sigma_m
     unbiased_m = (1 - x.range_gain[beam]) * m.distance_m[hit]
@@ -103,10 +108,10 @@ def candidates(
 
 
 def _agreement(m: Measured, hit: Indices, wall: Indices, gain: Array) -> Array:
-    """(p,): what each pair explains together with the beam's hits just before and after.
+    """(p,): χ² that each pair explains together with the beam's preceding and following hits.
 
-    What a beam sweeps over from one moment to the next is mostly the same wall; one hit by itself
-    may lie nearer to another that passes by.
+    Successive hits of a beam are mostly on the same wall. A single hit may be nearer to another
+    wall that crosses there.
     """
     by_beam = np.lexsort((np.arange(len(m.beam)), m.beam))
     apart = np.diff(m.beam[by_beam], prepend=-1) != 0
@@ -123,18 +128,18 @@ def _agreement(m: Measured, hit: Indices, wall: Indices, gain: Array) -> Array:
     return total
 
 
-def _facing(x: Unknowns, seen: Sightings, along_m: float) -> tuple[Indices, Indices, Array]:
-    """Pairs of a hit and a wall whose front the beam met, so far beyond its ends: (p,), (p,).
+def _facing(x: Unknowns, rays: Rays, along_m: float) -> tuple[Indices, Indices, Array]:
+    """Pairs of a hit and a wall whose front the beam reached, at most `along_m` beyond its ends.
 
-    And the cosines of the beams' incidence, (p,).
+    Returns hits (p,), walls (p,) and the cosines of the incidence (p,).
     """
     step = max(1, CELLS_AT_ONCE // max(len(x.walls), 1))
     hits, walls, cosines = [], [], []
-    for low in range(0, len(seen.beams), step):
-        cos_incidence = seen.beams[low : low + step] @ x.normals.T
+    for low in range(0, len(rays.beams), step):
+        cos_incidence = rays.beams[low : low + step] @ x.normals.T
         usable = cos_incidence > MIN_COS_INCIDENCE
         if math.isfinite(along_m):
-            along = seen.points[low : low + step] @ x.tangents.T
+            along = rays.points[low : low + step] @ x.tangents.T
             usable &= along > x.reach_m[:, 0] - along_m
             usable &= along < x.reach_m[:, 1] + along_m
         hit, wall = np.nonzero(usable)

@@ -1,8 +1,8 @@
-"""Straight walls in a cloud of hits: a Hough transform, each peak refined by least squares.
+"""Detects straight walls in hits: a Hough transform with a least-squares fit of each peak.
 
-Directions are of the normal from the drone to the wall, all round, so that the two sides of a
-partition stay two walls. Hits that crowd at one place share one vote: a hovering drone would
-otherwise make a wall of any direction out of the one spot it looks at.
+Directions are those of the normal from the drone to the wall, over 360°, so the two sides of a
+partition stay two walls. Hits that crowd in one cell share one vote. Otherwise a hovering drone
+would make a wall of any direction from one spot.
 """
 
 import math
@@ -19,30 +19,38 @@ from companion.estimation.association.straightness import bend, longer_side
 Array = NDArray[np.float64]
 
 STEP_RAD = math.radians(3)
+"""Directions are binned by this, rad. Chosen."""
 BIN_M = 0.12
+"""Offsets are binned by this, m. Chosen."""
 CROWD_M = 0.15
+"""Hits in a cell of this size share one vote, m. Chosen."""
 SIGMAS = 2.5
+"""Hits within this many sigmas of a line, plus its slack, are on it. Chosen."""
 REFINEMENTS = 4
+"""Least-squares fits of each peak. Chosen."""
 MAX_PEAKS = 40
+"""Most peaks evaluated in one cloud. Chosen."""
 MAX_CUTS = 8
-"""A row of hits that bends is cut where it does, so often."""
+"""Most cuts of a row of hits at its bends. Chosen."""
 MAX_NORMAL_SIGMA_RAD = math.radians(4)
+"""Largest sigma of a detected wall's direction, rad. Chosen."""
 MAX_MISFIT = 2.0
+"""Largest χ² per degree of freedom of a detected wall. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Cloud:
-    """Hits (n, 2) with their sigmas (n,), and the bearings (n,) of their beams."""
+    """Hits (n, 2) with their sigmas (n,) and the bearings (n,) of their beams."""
 
     points: Array
     sigma_m: Array
     bearing_rad: Array
 
 
-def detect_walls(cloud: Cloud, look: Support) -> tuple[Array, Array]:
-    """Walls (w, 2), direction of the normal and offset, and their reach (w, 2); surest first.
+def detect_walls(cloud: Cloud, support: Support) -> tuple[Array, Array]:
+    """Walls (w, 2), direction of the normal and offset, and their reach (w, 2); best first.
 
-    The reach is from where to where along (-sin, cos)(normal) there are hits.
+    The reach is the interval of hits along (-sin, cos)(normal).
     """
     votes = _votes(cloud)
     free = np.ones(len(cloud.points), dtype=bool)
@@ -51,38 +59,38 @@ def detect_walls(cloud: Cloud, look: Support) -> tuple[Array, Array]:
     for _ in range(MAX_PEAKS):
         weight = np.where(free, votes.weight, 0.0)
         accumulator = np.bincount(
-            votes.cell, (weight[:, None] * votes.faced).ravel(), minlength=votes.size
+            votes.cell, (weight[:, None] * votes.is_facing).ravel(), minlength=votes.size
         )
-        # A wall may lie astride two bins.
+        # A wall may span two bins.
         accumulator = accumulator[:-1] + accumulator[1:]
         peak = int(accumulator.argmax())
-        if accumulator[peak] < min(look.hits, 4):
+        if accumulator[peak] < min(support.hits, 4):
             break
-        found = _refine(cloud, free, votes.line(peak), look)
+        found = _refine(cloud, free, votes.line(peak), support)
         if found is None:
             free &= ~votes.in_bins(peak)
             continue
-        line, mine = found
+        line, on_line = found
         walls.append(line)
-        along = _along(cloud.points[mine], line)
+        along = _along(cloud.points[on_line], line)
         reach.append((along.min(), along.max()))
-        free &= ~mine
+        free &= ~on_line
     return np.array(walls).reshape(-1, 2), np.array(reach).reshape(-1, 2)
 
 
 @dataclass(frozen=True, slots=True)
 class _Votes:
     cell: NDArray[np.int64]
-    """(n · a,): the bin of each hit at each direction."""
-    faced: NDArray[np.bool_]
-    """(n, a)"""
+    """(n · a,): bin of each hit at each direction."""
+    is_facing: NDArray[np.bool_]
+    """(n, a): the beam could meet the front of such a wall."""
     weight: Array
     low_m: float
     bins: int
 
     @property
     def size(self) -> int:
-        return self.bins * int(self.faced.shape[1])
+        return self.bins * int(self.is_facing.shape[1])
 
     def line(self, peak: int) -> Array:
         direction, offset = divmod(peak, self.bins)
@@ -90,8 +98,10 @@ class _Votes:
 
     def in_bins(self, peak: int) -> NDArray[np.bool_]:
         direction = peak // self.bins
-        cell = self.cell.reshape(self.faced.shape)[:, direction]
-        inside: NDArray[np.bool_] = ((cell == peak) | (cell == peak + 1)) & self.faced[:, direction]
+        cell = self.cell.reshape(self.is_facing.shape)[:, direction]
+        inside: NDArray[np.bool_] = ((cell == peak) | (cell == peak + 1)) & self.is_facing[
+            :, direction
+        ]
         return inside
 
 
@@ -106,7 +116,7 @@ def _votes(cloud: Cloud) -> _Votes:
     )
     return _Votes(
         cell=(number + bins * np.arange(len(angle))).ravel(),
-        faced=np.cos(cloud.bearing_rad[:, None] - angle) > MIN_COS_INCIDENCE,
+        is_facing=np.cos(cloud.bearing_rad[:, None] - angle) > MIN_COS_INCIDENCE,
         weight=1 / size[crowd.ravel()],
         low_m=low_m,
         bins=bins,
@@ -114,55 +124,58 @@ def _votes(cloud: Cloud) -> _Votes:
 
 
 def _refine(
-    cloud: Cloud, free: NDArray[np.bool_], line: Array, look: Support
+    cloud: Cloud, free: NDArray[np.bool_], line: Array, support: Support
 ) -> tuple[Array, NDArray[np.bool_]] | None:
-    """The line through the hits near a peak, and which they are; None if it is no wall."""
+    """Fit a line to the hits near a peak; returns it with the mask of its hits.
+
+    None if it is no wall.
+    """
     slack_m = BIN_M
-    mine = free
+    on_line = free
     sigma_rad = misfit = math.inf
     for _ in range(REFINEMENTS):
         _, across = _coordinates(cloud.points, line)
-        faced = np.cos(cloud.bearing_rad - line[0]) > MIN_COS_INCIDENCE
-        mine = free & faced & (np.abs(across) < slack_m + SIGMAS * cloud.sigma_m)
-        mine = _longest_row(cloud.points, mine, line, look.gap_m)
-        if mine.sum() < look.hits:
+        is_facing = np.cos(cloud.bearing_rad - line[0]) > MIN_COS_INCIDENCE
+        on_line = free & is_facing & (np.abs(across) < slack_m + SIGMAS * cloud.sigma_m)
+        on_line = _longest_row(cloud.points, on_line, line, support.gap_m)
+        if on_line.sum() < support.hits:
             return None
-        line, sigma_rad, misfit = _fit(cloud, mine, line)
+        line, sigma_rad, misfit = _fit(cloud, on_line, line)
         slack_m *= 0.3
     for _ in range(MAX_CUTS):
-        along, across = _coordinates(cloud.points[mine], line)
-        bent = bend(along, across, cloud.sigma_m[mine])
+        along, across = _coordinates(cloud.points[on_line], line)
+        bent = bend(along, across, cloud.sigma_m[on_line])
         if bent.is_straight:
             break
-        mine[np.flatnonzero(mine)[~longer_side(along, bent.at_m)]] = False
-        if mine.sum() < look.hits:
+        on_line[np.flatnonzero(on_line)[~longer_side(along, bent.at_m)]] = False
+        if on_line.sum() < support.hits:
             return None
-        line, sigma_rad, misfit = _fit(cloud, mine, line)
-    along = _along(cloud.points[mine], line)
-    sure = sigma_rad < MAX_NORMAL_SIGMA_RAD and misfit < MAX_MISFIT
-    return (line, mine) if sure and np.ptp(along) >= look.extent_m else None
+        line, sigma_rad, misfit = _fit(cloud, on_line, line)
+    along = _along(cloud.points[on_line], line)
+    is_certain = sigma_rad < MAX_NORMAL_SIGMA_RAD and misfit < MAX_MISFIT
+    return (line, on_line) if is_certain and np.ptp(along) >= support.extent_m else None
 
 
 def _longest_row(
-    points: Array, mine: NDArray[np.bool_], line: Array, gap_m: float
+    points: Array, on_line: NDArray[np.bool_], line: Array, gap_m: float
 ) -> NDArray[np.bool_]:
-    """Of the hits on a line those without a gap between them, where most of them are."""
-    number = np.flatnonzero(mine)
+    """The hits on a line without a gap between them, in the row with the most hits."""
+    number = np.flatnonzero(on_line)
     if not len(number):
-        return mine
+        return on_line
     along = _along(points[number], line)
     order = np.argsort(along, kind="stable")
     row = np.concatenate([[0], np.cumsum(np.diff(along[order]) > gap_m)])
     most = np.bincount(row).argmax()
-    kept = np.zeros_like(mine)
+    kept = np.zeros_like(on_line)
     kept[number[order[row == most]]] = True
     return kept
 
 
-def _fit(cloud: Cloud, mine: NDArray[np.bool_], line: Array) -> tuple[Array, float, float]:
-    """Total least squares: the line, the sigma of its direction, and χ² by degrees of freedom."""
-    weight = 1 / cloud.sigma_m[mine] ** 2
-    points = cloud.points[mine]
+def _fit(cloud: Cloud, on_line: NDArray[np.bool_], line: Array) -> tuple[Array, float, float]:
+    """Total least squares: the line, sigma of its direction, and χ² per degree of freedom."""
+    weight = 1 / cloud.sigma_m[on_line] ** 2
+    points = cloud.points[on_line]
     centre = weight @ points / weight.sum()
     arm = points - centre
     spread, axes = np.linalg.eigh((weight[:, None] * arm).T @ arm)
@@ -175,7 +188,7 @@ def _fit(cloud: Cloud, mine: NDArray[np.bool_], line: Array) -> tuple[Array, flo
 
 
 def _coordinates(points: Array, line: Array) -> tuple[Array, Array]:
-    """Along the line and across it."""
+    """Coordinates along the line and across it."""
     across: Array = points @ np.array([math.cos(line[0]), math.sin(line[0])]) - line[1]
     return _along(points, line), across
 

@@ -1,4 +1,4 @@
-"""Walls that are one, made one."""
+"""Merges walls that are one surface."""
 
 import math
 
@@ -8,29 +8,31 @@ from companion.core.frames import wrap_rad
 from companion.estimation.association.gating import UNEXPLAINED
 from companion.estimation.association.steps import Steps
 from companion.estimation.association.straightness import bend
-from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Sightings, Unknowns
+from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Rays, Unknowns
 
 SAME_DIRECTION_RAD = math.radians(15)
+"""Walls whose directions differ by more are not merged, rad. Chosen."""
 LARGEST_GAP_M = 1.5
-"""Walls farther apart than this are two, however well they are in line."""
+"""Walls with a larger gap between them are not merged, m. Chosen."""
 MAX_MEAN_COST = 1.8
+"""Largest mean χ² of each wall's hits about the common line. Chosen."""
 
 
 def merge(
     x: Unknowns,
-    seen: Sightings,
+    rays: Rays,
     sigma_m: Array,
     wall_of: Indices,
     steps: Steps,
     *,
     known: int,
 ) -> bool:
-    """Make one of walls that are one; keep none without hits. Whether that changed any.
+    """Merge walls of one surface and drop walls without hits; True if the number of walls changed.
 
-    Two are one if they go on where the other ends, or nearly, and a common line fits the hits of
-    each as well as their noise allows: rooms in a row often have walls that are nearly in line. A
-    known wall stays where it is; a new one that is the same goes. Two with a step between them are
-    not one, however well a line fits both.
+    Two walls are merged if they overlap or nearly do, and a common line fits the hits of each
+    within their noise. Rooms in a row often have walls that are nearly in line. A known wall keeps
+    its line; a new wall of the same surface is dropped. Two walls with a step between them are not
+    merged.
     """
     support = np.bincount(wall_of[wall_of >= 0], minlength=len(x.walls))
     order = [*range(known), *(known + np.argsort(-support[known:], kind="stable"))]
@@ -38,27 +40,27 @@ def merge(
     members: list[Indices] = []
     reaches: list[Array] = []
     for wall in order:
-        mine = np.flatnonzero(wall_of == wall)
+        own_hits = np.flatnonzero(wall_of == wall)
         own, own_reach = x.walls[wall], x.reach_m[wall]
         if wall < known:
             lines.append(own)
-            members.append(mine)
+            members.append(own_hits)
             reaches.append(own_reach)
             continue
-        if not len(mine):
+        if not len(own_hits):
             continue
         for i, line in enumerate(lines):
             if abs(wrap_rad(float(line[0] - own[0]))) > SAME_DIRECTION_RAD:
                 continue
             if max(own_reach[0] - reaches[i][1], reaches[i][0] - own_reach[1]) > LARGEST_GAP_M:
                 continue
-            both = np.concatenate([members[i], mine])
-            common = line if i < known else fitted(line, seen.points[both], sigma_m[both])
-            sets = [mine] if i < known else [members[i], mine]
-            costs = [_mean_cost(common, seen.points[hits], sigma_m[hits]) for hits in sets]
+            both = np.concatenate([members[i], own_hits])
+            common = line if i < known else fitted(line, rays.points[both], sigma_m[both])
+            sets = [own_hits] if i < known else [members[i], own_hits]
+            costs = [_mean_cost(common, rays.points[hits], sigma_m[hits]) for hits in sets]
             is_one = max(costs) < MAX_MEAN_COST
-            is_one = is_one and _is_straight(common, seen.points[both], sigma_m[both])
-            if is_one and not steps.part(members[i], mine, float(common[0])):
+            is_one = is_one and _is_straight(common, rays.points[both], sigma_m[both])
+            if is_one and not steps.separates(members[i], own_hits, float(common[0])):
                 lines[i], members[i] = common, both
                 wider = (
                     min(reaches[i][0], own_reach[0]),
@@ -68,7 +70,7 @@ def merge(
                 break
         else:
             lines.append(own)
-            members.append(mine)
+            members.append(own_hits)
             reaches.append(own_reach)
     if len(lines) == len(x.walls):
         return False
@@ -78,7 +80,7 @@ def merge(
 
 
 def fitted(line: Array, points: Array, sigma_m: Array) -> Array:
-    """The line moved and turned to fit the points best; it is nearly there already."""
+    """The line refitted to the points; it must be nearly aligned already."""
     normal = np.array([math.cos(line[0]), math.sin(line[0])])
     along = points @ (-normal[1], normal[0])
     slope, across_m = np.polyfit(along, points @ normal, 1, w=1 / sigma_m)
@@ -93,7 +95,7 @@ def _is_straight(line: Array, points: Array, sigma_m: Array) -> bool:
 
 
 def _mean_cost(line: Array, points: Array, sigma_m: Array) -> float:
-    """χ² of points about a line by their number, each at most that of an unexplained one."""
+    """Mean χ² of points about a line, each limited to `UNEXPLAINED`."""
     if not len(points):
         return 0.0
     across_m = points @ (math.cos(line[0]), math.sin(line[0])) - line[1]

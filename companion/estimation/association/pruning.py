@@ -1,4 +1,4 @@
-"""What speaks for a wall, and what does not."""
+"""Prunes associations and walls that lack support."""
 
 import math
 from dataclasses import dataclass
@@ -15,51 +15,55 @@ from companion.estimation.smoothing.state import (
     Array,
     Indices,
     Measured,
-    Sightings,
+    Rays,
     Unknowns,
     in_rows,
     reach_m,
 )
 
 MAX_WALLS = 400
-"""Those worth most; more come only of odometry that drifts without end."""
+"""Most walls kept. More occur only if odometry drifts without bound. Chosen."""
 STRETCH_M = 0.5
+"""Length of the stretches in which near walls compete for hits, m. Chosen."""
 MAX_CUTS = 8
-HIDES_M, MIN_HIDING, MAX_THROUGH_SHARE = 0.15, 3, 0.1
-"""What hides a wall stands so far before it, and hardly a beam goes on behind the wall."""
-GLIMPSE_KEYFRAMES, MIN_TOGETHER = 5, 4
-"""A second to either side; a turning beam meets a metre of a wall so often in passing."""
+"""Most cuts of one wall at its bends. Chosen."""
+OCCLUDER_M, MIN_OCCLUDING, MAX_THROUGH_SHARE = 0.15, 3, 0.1
+"""An occluder is at least this far before a wall, m; at least this many beams end on it; and at
+most this share of as many beams passes. Chosen."""
+NEIGHBOUR_KEYFRAMES, MIN_NEIGHBOURS = 5, 4
+"""Keyframes to either side (one second), and least hits on a wall among them. A turning beam passes
+a metre of wall in this many hits. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Support:
-    """The least that speaks for a wall."""
+    """Minimum support of a wall."""
 
     hits: int = 12
     extent_m: float = 0.35
-    """From the first to the last of them along the wall."""
+    """Extent of the hits along the wall, m."""
     worth: float = 60.0
-    worth_a_hit: float = 2.0
-    """By how much it lowers the χ² of all hits. Two lines through the noise of one wall lower it
-    by about 1 for each hit."""
+    worth_per_hit: float = 2.0
+    """χ² that the wall saves over all hits, in total and per hit. Two lines through the noise of
+    one wall save about 1 per hit."""
     normal_sigma_rad: float = math.radians(4)
-    """How exactly they tell its direction, at worst: or it might turn anywhere."""
+    """Largest sigma of the direction, rad. Without this limit a wall could have any direction."""
     gap_m: float = 1.2
-    """Hits farther apart along a line than this do not show a new wall together."""
+    """Hits with a larger gap along a line do not support a new wall together, m."""
     opening_m: float = 0.4
-    """There may be an opening where hits along a wall are farther apart than this."""
+    """A larger gap between hits along a wall may be an opening, m."""
 
     def needed(self, hits: Array | Indices) -> Array:
-        """The least worth of walls or pieces with so many hits each."""
-        needed: Array = np.maximum(self.worth, self.worth_a_hit * hits)
+        """Least χ² saved by walls or pieces with this many hits each."""
+        needed: Array = np.maximum(self.worth, self.worth_per_hit * hits)
         return needed
 
 
-def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candidates:
-    """Where two walls lie so close that a hit may be on either, it is on that which has more there.
+def one_wall_per_stretch(x: Unknowns, rays: Rays, pairs: Candidates) -> Candidates:
+    """Where two walls compete for hits, assign each stretch to the wall with more hits there.
 
-    One of them would hide the other. A line that is nearly that of a wall takes a share of its hits
-    wherever they come near to each other, and may live on those alone.
+    One of the two would hide the other. A line that nearly coincides with a wall takes a share of
+    its hits where both are near, and could exist by those alone.
     """
     wall_of = pairs.best()
     may_be = np.zeros((pairs.hits, len(x.walls)), dtype=bool)
@@ -70,7 +74,7 @@ def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candi
         either = np.flatnonzero(may_be[:, one] & may_be[:, other])
         if not len(either):
             continue
-        stretch = np.floor(seen.points @ x.tangents[one] / STRETCH_M).astype(np.int64)
+        stretch = np.floor(rays.points @ x.tangents[one] / STRETCH_M).astype(np.int64)
         stretch -= stretch.min()
         size = int(stretch.max()) + 1
         mine = np.bincount(stretch[wall_of == one], minlength=size)
@@ -81,16 +85,18 @@ def one_wall_a_stretch(x: Unknowns, seen: Sightings, pairs: Candidates) -> Candi
     return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
-def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Support) -> Candidates:
-    """Without hits far from the row of hits that a wall is worth most for.
+def without_distant_rows(
+    x: Unknowns, rays: Rays, pairs: Candidates, support: Support
+) -> Candidates:
+    """Remove hits far from the row of hits that supports a wall most.
 
-    Another row must be worth it by itself, and the wall must go on to it behind what hides it, as
-    behind a cupboard. Otherwise it is another wall: through two short pieces, as the returns of two
-    corners, there is always a line, and not far from where a wall ends there often begins another;
-    with a lever of metres that would turn the whole flight.
+    Another row must have sufficient support of its own, and something must occlude the wall between
+    both rows, such as a cupboard. Otherwise it is another wall. A line through two short pieces
+    always exists, and near the end of a wall another often begins. With a lever of metres such a
+    line would turn the whole trajectory.
     """
     hit, wall, worth = pairs.worths()
-    order, along, is_first = in_rows(x, seen.points[hit], wall, LARGEST_GAP_M)
+    order, along, is_first = in_rows(x, rays.points[hit], wall, LARGEST_GAP_M)
     hit, wall, worth = hit[order], wall[order], worth[order]
     row = np.cumsum(is_first) - 1
     first = np.flatnonzero(is_first)
@@ -101,56 +107,56 @@ def without_strays(x: Unknowns, seen: Sightings, pairs: Candidates, support: Sup
     main = np.full(len(x.walls), -1)
     upwards = np.argsort(worths, kind="stable")
     main[of_row[upwards]] = upwards
-    stray = worths < support.needed(hits)
-    for number in np.flatnonzero(~stray & (main[of_row] != np.arange(len(first)))):
+    is_distant = worths < support.needed(hits)
+    for number in np.flatnonzero(~is_distant & (main[of_row] != np.arange(len(first)))):
         on = main[of_row[number]]
         gap_m = sorted((low_m[number], high_m[number], low_m[on], high_m[on]))[1:3]
-        stray[number] = not _is_hidden(x, seen, int(of_row[number]), *gap_m)
-    stray[main[main >= 0]] = False
-    strayed = np.full(len(seen.points), NO_WALL)
-    strayed[hit[stray[row]]] = wall[stray[row]]
-    return pairs.only(strayed[pairs.hit] != pairs.wall)
+        is_distant[number] = not _is_occluded(x, rays, int(of_row[number]), *gap_m)
+    is_distant[main[main >= 0]] = False
+    removed_from = np.full(len(rays.points), NO_WALL)
+    removed_from[hit[is_distant[row]]] = wall[is_distant[row]]
+    return pairs.only(removed_from[pairs.hit] != pairs.wall)
 
 
-def _is_hidden(x: Unknowns, seen: Sightings, wall: int, low_m: float, high_m: float) -> bool:
-    """A stretch of a wall's line, from there to there along it: beams ended before it, not behind.
+def _is_occluded(x: Unknowns, rays: Rays, wall: int, low_m: float, high_m: float) -> bool:
+    """True if an occluder hides a stretch of a wall's line: beams ended before it, not behind.
 
-    Not if it has not been looked at.
+    False if no beam crossed the stretch.
     """
-    cos = seen.beams @ x.normals[wall]
-    before_m = x.walls[wall, 1] - seen.eyes @ x.normals[wall]
+    cos = rays.beams @ x.normals[wall]
+    before_m = x.walls[wall, 1] - rays.origins @ x.normals[wall]
     towards = (before_m > 0) & (cos > MIN_COS_INCIDENCE)
     ahead_m = before_m[towards] / cos[towards]
-    eyes, beams = seen.eyes[towards], seen.beams[towards]
-    met_m = (eyes + ahead_m[:, None] * beams) @ x.tangents[wall]
-    range_m = ((seen.points[towards] - eyes) * beams).sum(axis=1)
+    origins, beams = rays.origins[towards], rays.beams[towards]
+    met_m = (origins + ahead_m[:, None] * beams) @ x.tangents[wall]
+    range_m = ((rays.points[towards] - origins) * beams).sum(axis=1)
     inside = (met_m > low_m) & (met_m < high_m)
-    ended = int((inside & (range_m < ahead_m - HIDES_M)).sum())
-    went_on = int((inside & (range_m > ahead_m + HIDES_M)).sum())
-    return ended >= MIN_HIDING and went_on <= MAX_THROUGH_SHARE * ended
+    ended = int((inside & (range_m < ahead_m - OCCLUDER_M)).sum())
+    passed = int((inside & (range_m > ahead_m + OCCLUDER_M)).sum())
+    return ended >= MIN_OCCLUDING and passed <= MAX_THROUGH_SHARE * ended
 
 
-def without_glimpses(m: Measured, pairs: Candidates) -> Candidates:
-    """Without the hits that are nearly alone on their wall at their time.
+def without_isolated_hits(m: Measured, pairs: Candidates) -> Candidates:
+    """Remove hits that are nearly alone on their wall at their time.
 
-    A wall that is in sight is met again and again. One hit that met something else, as at the
-    corner behind which a wall begins, would tell where the drone is when nothing else does.
+    A wall in range returns many hits. A single hit on something else, as at a corner, would
+    determine the position where nothing else does.
     """
     wall_of = pairs.best()
     hit = np.flatnonzero(wall_of != NO_WALL)
-    key = wall_of[hit] * (int(m.frame.max(initial=0)) + 3 * GLIMPSE_KEYFRAMES) + m.frame[hit]
+    key = wall_of[hit] * (int(m.frame.max(initial=0)) + 3 * NEIGHBOUR_KEYFRAMES) + m.frame[hit]
     in_order = np.sort(key)
-    together = np.searchsorted(in_order, key + GLIMPSE_KEYFRAMES, side="right")
-    together -= np.searchsorted(in_order, key - GLIMPSE_KEYFRAMES)
-    alone = np.zeros(len(wall_of), dtype=bool)
-    alone[hit[together < MIN_TOGETHER]] = True
-    return pairs.only(~alone[pairs.hit])
+    neighbours = np.searchsorted(in_order, key + NEIGHBOUR_KEYFRAMES, side="right")
+    neighbours -= np.searchsorted(in_order, key - NEIGHBOUR_KEYFRAMES)
+    is_isolated = np.zeros(len(wall_of), dtype=bool)
+    is_isolated[hit[neighbours < MIN_NEIGHBOURS]] = True
+    return pairs.only(~is_isolated[pairs.hit])
 
 
 def without_bends(
-    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, known: int
+    x: Unknowns, rays: Rays, sigma_m: Array, pairs: Candidates, known: int
 ) -> Candidates:
-    """Walls cut where the hits on them bend away; what is cut off may show another wall."""
+    """Cut walls where their hits bend. The hits cut off may form another wall."""
     wall_of = pairs.best()
     cut_off = np.full(len(wall_of), NO_WALL)
     for wall in range(known, len(x.walls)):
@@ -158,9 +164,9 @@ def without_bends(
         for _ in range(MAX_CUTS):
             if len(mine) < 2:
                 break
-            along = seen.points[mine] @ x.tangents[wall]
-            line = fitted(x.walls[wall], seen.points[mine], sigma_m[mine])
-            across = seen.points[mine] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
+            along = rays.points[mine] @ x.tangents[wall]
+            line = fitted(x.walls[wall], rays.points[mine], sigma_m[mine])
+            across = rays.points[mine] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
             bent = bend(along, across, sigma_m[mine])
             if bent.is_straight:
                 break
@@ -170,34 +176,38 @@ def without_bends(
     return pairs.only(cut_off[pairs.hit] != pairs.wall)
 
 
-def worthy(
-    x: Unknowns, seen: Sightings, sigma_m: Array, pairs: Candidates, support: Support, *, known: int
+def without_weak_walls(
+    x: Unknowns, rays: Rays, sigma_m: Array, pairs: Candidates, support: Support, *, known: int
 ) -> tuple[Candidates, Indices]:
-    """The walls that are worth having; the least worthy is taken out first, then all is redone."""
+    """Remove the walls with the least support one by one. Returns the pairs and walls that stay."""
     kept = np.arange(len(x.walls))
     while len(kept) > known:
         _, wall, worth = pairs.worths()
         hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
         worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
         wall_of = pairs.best()
-        low_m, high_m = reach_m(x, seen.points, wall_of).T
-        vague = _normal_sigma_rad(x, seen, sigma_m, wall_of) > support.normal_sigma_rad
-        worths[(hits < support.hits) | (high_m - low_m < support.extent_m) | vague] = 0.0
-        judged = kept[kept >= known]
-        least = judged[int(worths[judged].argmin())]
+        low_m, high_m = reach_m(x, rays.points, wall_of).T
+        is_uncertain = _normal_sigma_rad(x, rays, sigma_m, wall_of) > support.normal_sigma_rad
+        worths[(hits < support.hits) | (high_m - low_m < support.extent_m) | is_uncertain] = 0.0
+        candidate_walls = kept[kept >= known]
+        least = candidate_walls[int(worths[candidate_walls].argmin())]
         if worths[least] >= 1 and len(kept) <= MAX_WALLS:
             break
-        gone = judged[worths[judged] <= 0] if worths[least] <= 0 else np.array([least])
+        gone = (
+            candidate_walls[worths[candidate_walls] <= 0]
+            if worths[least] <= 0
+            else np.array([least])
+        )
         kept = np.setdiff1d(kept, gone)
         pairs = pairs.only(~np.isin(pairs.wall, gone))
     return pairs, kept
 
 
-def _normal_sigma_rad(x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices) -> Array:
-    """(w,): how exactly the hits on each wall tell its direction, where they are right."""
+def _normal_sigma_rad(x: Unknowns, rays: Rays, sigma_m: Array, wall_of: Indices) -> Array:
+    """(w,): sigma of each wall's direction by its hits, assuming that they are correct."""
     hit = np.flatnonzero(wall_of != NO_WALL)
     wall, weight = wall_of[hit], sigma_m[hit] ** -2.0
-    along_m = (seen.points[hit] * x.tangents[wall]).sum(axis=1)
+    along_m = (rays.points[hit] * x.tangents[wall]).sum(axis=1)
     count = len(x.walls)
     total = np.maximum(np.bincount(wall, weight, count), 1e-9)
     arm_m = along_m - (np.bincount(wall, weight * along_m, count) / total)[wall]

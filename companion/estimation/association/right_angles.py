@@ -1,8 +1,8 @@
-"""Which walls seem to be meant square.
+"""Selects pairs of walls to constrain to right angles.
 
-Half a minute round a corner or two a direction is known to two degrees. So many buildings are
-square that even then it is likelier that a wall is than that it is askew by as much. What is
-known better and is still askew is let be.
+After half a minute or a few corners a direction has a sigma of two degrees. Most buildings have
+right angles, so a wall that is this close to one most likely has it. A wall that is known more
+exactly and is still oblique is not constrained.
 """
 
 import math
@@ -14,20 +14,23 @@ from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, off_square_
 from companion.estimation.smoothing.state import Array
 
 WITHIN_SIGMAS = 3.0
+"""Largest deviation from a right angle, in sigmas. Chosen."""
 WITHIN_RAD = math.radians(8)
+"""Largest deviation from a right angle, rad. Chosen."""
 
 
 def square_pairs(directions_rad: Sequence[Array], covariance: Array) -> tuple[tuple[int, int], ...]:
-    """Walls that seem to be at a multiple of 90° to another, and that: the likeliest of the surer.
+    """Pairs of a wall and the more certain wall to which it most likely is at a multiple of 90°.
 
-    Not all to one: the wings of a building may be askew. `directions_rad`, (w,) each, are as they
-    were and as they are, whose covariance is (w, w). By any of them: what was square does not turn
-    away because of hits that may be on something else.
+    The walls are not all paired with one: wings of a building may be oblique. `directions_rad`,
+    (w,) each, are the directions before and after a step, with covariance (w, w) of the latter. The
+    smaller deviation counts, so hits on something else cannot turn a wall away from its right
+    angle.
     """
     own = np.diag(covariance)
     variance = own[:, None] + own - 2 * covariance
     sigma_rad = np.sqrt(np.maximum(variance, 0.0) + SQUARE_SIGMA_RAD**2)
-    off_rad = [off_square_rad(told[:, None] - told) for told in directions_rad]
+    off_rad = [off_square_rad(angles_rad[:, None] - angles_rad) for angles_rad in directions_rad]
     least_off_rad = np.abs(off_rad).min(axis=0)
     may_be = least_off_rad < np.minimum(WITHIN_RAD, WITHIN_SIGMAS * sigma_rad)
     may_be &= own < own[:, None]

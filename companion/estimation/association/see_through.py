@@ -1,4 +1,4 @@
-"""Against a wall: beams that went through it, and walls that stand before it."""
+"""Finds hits on pieces of wall that beams passed through, and hits behind firm pieces of wall."""
 
 from dataclasses import dataclass
 
@@ -6,58 +6,61 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.state import Array, Indices, Sightings, Unknowns, in_rows
+from companion.estimation.smoothing.state import Array, Indices, Rays, Unknowns, in_rows
 
 Mask = NDArray[np.bool_]
 
 THROUGH_M = 0.08
-"""A beam went through a wall if its hit lies this far behind it, besides two sigmas."""
+"""A beam passed through a wall if its hit is this far behind it, plus the sigmas below, m.
+Chosen."""
 THROUGH_SIGMAS = 2.0
+"""Sigmas of the range added to `THROUGH_M`. Chosen."""
 MAX_PASSED_SHARE = 0.5
 MIN_PASSED = 3
-"""A piece of wall through which so many beams went, and more than that share of those that it
-stopped, is none."""
+"""A piece of wall is refuted if at least this many beams passed through it, and more than this
+share of the number that it stopped. Chosen."""
 FIRM_PASSED_SHARE, FIRM_STOPPED = 0.1, 6
-"""One that stopped so many and let hardly any through is there; what was met behind it was not."""
+"""A piece is firm if it stopped this many beams and passed at most this share of their number. Hits
+behind a firm piece are wrong. Chosen."""
 STRETCH_M = 0.5
-"""Pieces are no longer than this: a wall may end where beams begin to go through."""
+"""Largest length of a piece, m. Chosen: a wall may end where beams begin to pass."""
 CELLS_AT_ONCE = 1_000_000
-"""Beams times walls looked at together, which bounds the memory."""
+"""Beams times walls processed together; bounds the memory. Chosen."""
 FAR_M = 1e6
-"""Longer than any wall."""
+"""Longer than any wall, m."""
 
 
-def refuted(
-    x: Unknowns, seen: Sightings, sigma_m: Array, wall_of: Indices, opening_m: float
+def passed_through(
+    x: Unknowns, rays: Rays, sigma_m: Array, wall_of: Indices, opening_m: float
 ) -> Mask:
-    """(n,): whether each hit is on a piece of wall that beams went through.
+    """(n,): True for hits on pieces of wall that beams passed through.
 
-    Or its own beam would have had to go through one that is there for sure. A piece
-    is a short row of hits on one wall with no more than `opening_m` between them.
+    Also True for hits whose beam would have passed through a firm piece. A piece is a short row of
+    hits on one wall with no gap above `opening_m`.
     """
-    hit, piece, pieces = _pieces(x, seen.points, wall_of, opening_m)
-    beam, gone_through = _went_through(x, seen, sigma_m, pieces)
-    passed = np.bincount(gone_through, minlength=len(pieces.wall))
+    hit, piece, pieces = _pieces(x, rays.points, wall_of, opening_m)
+    beam, passed_piece = _passages(x, rays, sigma_m, pieces)
+    passed = np.bincount(passed_piece, minlength=len(pieces.wall))
     stopped = np.bincount(piece, minlength=len(pieces.wall))
-    against = (passed > MAX_PASSED_SHARE * stopped) & (passed >= MIN_PASSED)
+    is_refuted = (passed > MAX_PASSED_SHARE * stopped) & (passed >= MIN_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
-    wrong[hit] = against[piece]
-    firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
-    wrong[beam[firm[gone_through]]] = True
+    wrong[hit] = is_refuted[piece]
+    is_firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
+    wrong[beam[is_firm[passed_piece]]] = True
     return wrong
 
 
 @dataclass(frozen=True, slots=True)
 class _Pieces:
-    """Straight pieces of wall in order of wall and place, (p,)."""
+    """Straight pieces of wall, ordered by wall and position, (p,)."""
 
     wall: Indices
     low_m: Array
-    """Along the wall."""
+    """Position along the wall, m."""
     high_m: Array
 
     def at(self, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
-        """The pieces at places on walls (n,), and whether there is one."""
+        """The pieces at positions on walls (n,), and a mask of the positions that have one."""
         before = np.searchsorted(FAR_M * self.wall + self.low_m, FAR_M * wall + along_m) - 1
         piece = np.maximum(before, 0)
         inside = (before >= 0) & (self.wall[piece] == wall) & (along_m < self.high_m[piece])
@@ -78,23 +81,21 @@ def _pieces(
     return hit, np.cumsum(is_first) - 1, pieces
 
 
-def _went_through(
-    x: Unknowns, seen: Sightings, sigma_m: Array, pieces: _Pieces
-) -> tuple[Indices, Indices]:
-    """Beams that went through pieces of wall: of each such pair the beam and the piece."""
+def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: _Pieces) -> tuple[Indices, Indices]:
+    """Pairs of a beam and a piece of wall that it passed through: beams and pieces."""
     if not len(pieces.wall):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
     margin_m = THROUGH_M + THROUGH_SIGMAS * sigma_m
     step = max(1, CELLS_AT_ONCE // len(x.walls))
     beams, passed = [], []
-    for low in range(0, len(seen.points), step):
-        eyes, points = seen.eyes[low : low + step], seen.points[low : low + step]
-        from_m, to_m = (ends @ x.normals.T - x.walls[:, 1] for ends in (eyes, points))
+    for low in range(0, len(rays.points), step):
+        origins, points = rays.origins[low : low + step], rays.points[low : low + step]
+        from_m, to_m = (ends @ x.normals.T - x.walls[:, 1] for ends in (origins, points))
         crosses = (from_m < 0) != (to_m < 0)
         crosses &= np.abs(to_m) > margin_m[low : low + step, None]
         beam, wall = np.nonzero(crosses)
         share = from_m[beam, wall] / (from_m[beam, wall] - to_m[beam, wall])
-        met = eyes[beam] + share[:, None] * (points[beam] - eyes[beam])
+        met = origins[beam] + share[:, None] * (points[beam] - origins[beam])
         piece, inside = pieces.at(wall, (met * x.tangents[wall]).sum(axis=1))
         beams.append(low + beam[inside])
         passed.append(piece[inside])

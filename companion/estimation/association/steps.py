@@ -1,15 +1,15 @@
-"""Steps in what one beam meets, as at a pilaster: two surfaces, however near to each other.
+"""Detects steps in the hits of one beam, as at a pilaster, which separate two near surfaces.
 
-From one reading to the next the drone moves by what odometry tells, to some millimetres. Where the
-hits of a beam on one wall jump across it by more than that and the noise of the range allow, the
-beam has gone over to another surface:
+From one reading to the next the drone moves by the odometry's displacement, known to millimetres.
+Where the hits of a beam on one wall jump across it by more than that and the range noise allow, the
+beam has reached another surface:
 
     hits     . ' . ' .                 . ' . '
                        ' . ' . ' . '
              on the wall, before it, and on the wall again
 
-A line through both would fit each hit within what the poses may be off, and turn the heading by
-degrees.
+A line through both surfaces would fit each hit within the error of the poses, and would turn the
+heading by degrees.
 """
 
 import math
@@ -25,7 +25,7 @@ from companion.estimation.smoothing.state import (
     Array,
     Indices,
     Measured,
-    Sightings,
+    Rays,
     Unknowns,
     to_ned,
 )
@@ -33,94 +33,95 @@ from companion.estimation.smoothing.state import (
 Mask = NDArray[np.bool_]
 
 SIDE_HITS = 5
-"""So many hits before a step are compared with as many after it: a quarter of a second at 20 Hz.
-Chosen: of fewer the mean is too noisy, more are too far from the step."""
+"""Hits compared before and after a step: a quarter of a second at 20 Hz. Chosen: the mean of fewer
+hits is too noisy, more hits are too far from the step."""
 MIN_SIDE_HITS = 3
-"""On either side, or one stray hit would make a step. Chosen."""
+"""Least hits on either side. Chosen: one outlier must not make a step."""
 MAX_APART_KEYFRAMES = 5
-"""Hits more than a second apart do not follow each other. Chosen: odometry walks by 16 mm in it."""
+"""Hits with a longer pause are not successive, keyframes (one second). Chosen: odometry walks by 16
+mm in this time."""
 STEP_SIGMAS = 4.0
-"""Noise alone makes one such step in some thousand hits, and some hits are lost to it. One of 15 cm
-stands out by 7 sigmas at 2 m; a missed one costs degrees. Chosen: `benchmarks/pilasters.py` prints
-3.8, 4.1 and 5.0 deg in the mean with 4, 4.5 and 5."""
+"""Threshold in sigmas. Noise alone exceeds it once in some thousand hits. A step of 15 cm at 2 m
+has 7 sigmas. A missed step costs degrees. Chosen: `benchmarks/pilasters.py` prints a mean heading
+error of 3.8, 4.1 and 5.0 deg with 4, 4.5 and 5."""
 MIN_STEP_M = 0.06
-"""Chosen: plaster, skirting and rough walls stand out by less."""
+"""Least step, m. Chosen: plaster, skirting and rough walls have smaller ones."""
 ACCELERATION_M_S2 = 1.0
-"""Unknown acceleration while odometry is late: what extrapolates by the last velocity is off by
+"""Unknown acceleration while odometry is late. Extrapolation by the last velocity has an error of
 ½·a·t². Chosen: as hard as the autopilots brake (docs/autopilot.md)."""
 NORMAL_SIGMA_RAD = math.radians(2)
-"""Sigma of a wall's direction in flight; chosen. Along a wall whose direction is taken wrongly hits
-climb across it, which is no step."""
+"""Sigma of a wall's direction in flight, rad. Chosen. Along a wall with a wrong direction hits
+drift across it, which is not a step."""
 
 
 @dataclass(frozen=True, slots=True)
 class Steps:
-    """Looks for steps in the hits (n,) as odometry alone places them."""
+    """Detects steps in hits (n,) placed by odometry alone."""
 
     beam: Indices
-    """(n,)."""
+    """(n,): index in `BEAMS`."""
     frame: Indices
-    """(n,): the keyframe of each."""
+    """(n,): keyframe of each hit."""
     time_s: Array
-    """(n,): when that was, since the first keyframe."""
+    """(n,): time of each hit's keyframe since the first, s."""
     points: Array
-    """(n, 2): in a frame that drifts as odometry does, turned as local NED."""
+    """(n, 2): position in a frame that drifts with the odometry and has the axes of local NED."""
     sigma_m: Array
-    """(n,): of the ranges."""
+    """(n,): sigma of each range."""
     late_m: Array
-    """(n,): of what is extrapolated since the last odometry; the same for hits that follow."""
+    """(n,): error of the extrapolation since the last odometry, common to successive hits."""
     odometry: OdometryModel
 
     @classmethod
     def of(
-        cls, x: Unknowns, m: Measured, seen: Sightings, sigma_m: Array, odometry: OdometryModel
+        cls, x: Unknowns, m: Measured, rays: Rays, sigma_m: Array, odometry: OdometryModel
     ) -> "Steps":
-        """Headings and scales as the unknowns have them."""
+        """Place the hits with the headings and scales of the unknowns."""
         moved_m = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
         track = np.concatenate([np.zeros((1, 2)), np.cumsum(moved_m, axis=0)])
-        points = (track - x.poses[:, :2])[m.frame] + seen.points
+        points = (track - x.poses[:, :2])[m.frame] + rays.points
         late_s = np.zeros(len(points)) if m.late_s is None else m.late_s
         late_m = 0.5 * ACCELERATION_M_S2 * late_s**2
         return cls(m.beam, m.frame, m.time_s[m.frame], points, sigma_m, late_m, odometry)
 
-    def beside(self, wall_of: Indices, walls: Array) -> Mask:
-        """(n,): hits on their walls (w, 2) that lie a step beside most of their stream."""
+    def off_surface(self, wall_of: Indices, walls: Array) -> Mask:
+        """(n,): True for hits on walls (w, 2) that are a step away from most of their stream."""
         streams = _Streams.of(self.beam, self.frame, wall_of)
         step_m = self._steps(streams, walls[wall_of[streams.hit], 0])
-        beside = np.zeros(len(wall_of), dtype=bool)
+        off_surface = np.zeros(len(wall_of), dtype=bool)
         total_m = np.cumsum(step_m)
         for first in np.unique(streams.first[step_m != 0]):
             stream = slice(first, streams.end[first])
             level_m = total_m[stream]
-            near = np.abs(level_m[:, None] - np.unique(level_m)) < MIN_STEP_M
-            beside[streams.hit[stream]] = ~near[:, near.sum(axis=0).argmax()]
-        return beside
+            is_near = np.abs(level_m[:, None] - np.unique(level_m)) < MIN_STEP_M
+            off_surface[streams.hit[stream]] = ~is_near[:, is_near.sum(axis=0).argmax()]
+        return off_surface
 
-    def part(self, one: Indices, other: Indices, normal_rad: float) -> bool:
-        """Whether a beam goes over a step from these hits to the others."""
+    def separates(self, one: Indices, other: Indices, normal_rad: float) -> bool:
+        """True if a beam crosses a step between these hits and the others."""
         side = np.full(len(self.beam), NO_WALL)
         side[one] = side[other] = 0
         streams = _Streams.of(self.beam, self.frame, side)
         step_m = self._steps(streams, np.full(len(streams.hit), normal_rad))
         side[other] = 1
-        change = streams.apart(side[streams.hit].astype(float))
+        change = streams.mean_change(side[streams.hit].astype(float))
         return bool((np.abs(change[step_m != 0]) > 0.5).any())
 
     def _steps(self, streams: "_Streams", normal_rad: Array) -> Array:
-        """(h,): by how much the stream goes on farther out from each hit on; 0 where it does not.
+        """(h,): height of the step at each hit, away from the drone, m; 0 without a step.
 
-        `normal_rad` (h,) are the directions of the walls.
+        `normal_rad` (h,): directions of the walls.
         """
         cos, sin = np.cos(normal_rad), np.sin(normal_rad)
         north_m, east_m = self.points[streams.hit].T
-        step_m = streams.apart(cos * north_m + sin * east_m)
-        climbed_m = NORMAL_SIGMA_RAD * streams.apart(cos * east_m - sin * north_m)
-        lasted_s = np.abs(streams.apart(self.time_s[streams.hit]))
+        step_m = streams.mean_change(cos * north_m + sin * east_m)
+        slant_m = NORMAL_SIGMA_RAD * streams.mean_change(cos * east_m - sin * north_m)
+        dt_s = np.abs(streams.mean_change(self.time_s[streams.hit]))
         noise_m2 = self.sigma_m[streams.hit] ** 2 * streams.shares
-        walked_m2 = self.odometry.step_variance_m2_per_s * lasted_s
-        wandered_m2 = 2 * self.odometry.wander_m**2 * (1 - wander_kept(lasted_s))
-        late_m = streams.around(self.late_m[streams.hit])
-        sigma_m = np.sqrt(noise_m2 + walked_m2 + wandered_m2 + climbed_m**2 + late_m**2)
+        walked_m2 = self.odometry.step_variance_m2_per_s * dt_s
+        wandered_m2 = 2 * self.odometry.wander_m**2 * (1 - wander_kept(dt_s))
+        late_m = streams.mean_sum(self.late_m[streams.hit])
+        sigma_m = np.sqrt(noise_m2 + walked_m2 + wandered_m2 + slant_m**2 + late_m**2)
         sigmas = np.where(streams.is_inside, np.abs(step_m) / sigma_m, 0.0)
         is_step = (sigmas > STEP_SIGMAS) & (np.abs(step_m) > MIN_STEP_M)
         is_step &= sigmas >= maximum_filter1d(sigmas, 2 * SIDE_HITS + 1)
@@ -129,18 +130,18 @@ class Steps:
 
 @dataclass(frozen=True, slots=True)
 class _Streams:
-    """Hits that follow each other in one beam and on one wall, stream after stream."""
+    """Streams of successive hits of one beam on one wall, one after the other."""
 
     hit: Indices
-    """(h,)."""
+    """(h,): index of each hit."""
     first: Indices
-    """(h,): where in this order the stream of each begins,"""
+    """(h,): position in this order of the first hit of the same stream."""
     end: Indices
-    """(h,): and where the next one does."""
+    """(h,): position of the first hit of the next stream."""
     before: Indices
-    """(h,): so many hits just before each are compared,"""
+    """(h,): number of hits compared before each hit."""
     after: Indices
-    """(h,): with so many from it on."""
+    """(h,): number of hits compared from each hit on."""
 
     @classmethod
     def of(cls, beam: Indices, frame: Indices, wall_of: Indices) -> "_Streams":
@@ -156,28 +157,28 @@ class _Streams:
 
     @property
     def is_inside(self) -> Mask:
-        """(h,): there are enough hits on both sides."""
+        """(h,): True with enough hits on both sides."""
         inside: Mask = np.minimum(self.before, self.after) >= MIN_SIDE_HITS
         return inside
 
     @property
     def shares(self) -> Array:
-        """(h,): variance of the difference of both means, of hits with variance 1."""
+        """(h,): variance of the difference of both means for hits with variance 1."""
         shares: Array = 1 / np.maximum(self.before, 1) + 1 / self.after
         return shares
 
-    def apart(self, value: Array) -> Array:
-        """(h,): mean of the values (h,) from each hit on less the mean of those before it."""
+    def mean_change(self, value: Array) -> Array:
+        """(h,): mean of the values (h,) from each hit on, less the mean of those before it."""
         before, after = self._means(value)
         return after - before
 
-    def around(self, value: Array) -> Array:
-        """(h,): the same means added up."""
+    def mean_sum(self, value: Array) -> Array:
+        """(h,): sum of the same means."""
         before, after = self._means(value)
         return before + after
 
     def _means(self, value: Array) -> tuple[Array, Array]:
-        """(h,) each: of the values (h,) before each hit, and from it on."""
+        """(h,) each: means of the values (h,) before each hit, and from it on."""
         here = np.arange(len(self.hit))
         total = np.concatenate([[0.0], np.cumsum(value)])
         after = (total[here + self.after] - total[here]) / self.after

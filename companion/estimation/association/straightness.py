@@ -1,14 +1,13 @@
-"""Whether hits lie along a straight line, or along something that bends.
+"""Tests whether hits lie on a straight line or on a line with a bend.
 
-A line can be put through hits on two walls of a bay, and each hit by itself fits it within its
-noise. Two lines, one for the hits before a place and one for those after it, fit them far better:
+A single line can fit hits on two walls of a bay, each hit within its noise. Two lines, one for the
+hits before a place and one for those after it, fit them far better:
 
     one      ───────────────────
                    . ' ' .
     hits     . . '         ' . .
 
-The means over a quarter of a metre are compared, for the many hits at one place share the error of
-the pose.
+Means over a quarter of a metre are compared, because hits at one place share the error of the pose.
 """
 
 from dataclasses import dataclass
@@ -20,25 +19,26 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 BIN_M = 0.25
+"""Hits are averaged over this length, m. Chosen."""
 FLOOR_M = 0.03
-"""Means are not taken to be more exact than this: walls have skirting and poses have errors."""
+"""Least sigma of a mean, m. Chosen: skirting and pose errors limit it."""
 MAX_SIGMAS = 3.0
-"""A single hit counts as no farther off than this."""
+"""The residual of a single hit is limited to this, in sigmas. Chosen."""
 MIN_BINS = 2
-"""On either side of a bend."""
+"""Least bins on either side of a bend. Chosen."""
 MAX_GAIN = 15.0
-"""χ² by which two lines fit better than one, with the best of all bends: of a straight wall less
-than 10, nearly always."""
+"""χ² that two lines save over one at the best bend. Chosen: below 10 for nearly all straight
+walls."""
 
 
 @dataclass(frozen=True, slots=True)
 class Bend:
-    """Of hits along a line."""
+    """The most likely bend of hits along a line."""
 
     gain: float
-    """χ² by which two lines fit better than one."""
+    """χ² that two lines save over one."""
     at_m: float
-    """Where along the line the first of them ends."""
+    """Position along the line where the first of them ends, m."""
 
     @property
     def is_straight(self) -> bool:
@@ -46,7 +46,7 @@ class Bend:
 
 
 def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
-    """Of hits (n,) along a line and across it, with the sigmas of the latter."""
+    """Find the best bend of hits (n,) with coordinates along and across a line and their sigmas."""
     number = np.floor((along_m - along_m.min(initial=0.0)) / BIN_M).astype(np.int64)
     weight = 1 / sigma_m**2
     within_m = np.clip(across_m, -MAX_SIGMAS * sigma_m, MAX_SIGMAS * sigma_m)
@@ -67,7 +67,7 @@ def bend(along_m: Array, across_m: Array, sigma_m: Array) -> Bend:
 
 
 def _square_to(x: Array, y: Array, weight: Array) -> Array:
-    """χ² (n,) of the first 1, 2, ... n values about the line that fits them best."""
+    """χ² (n,) of the first 1, 2, ... n values about their best line."""
     w, wx, wy = weight.cumsum(), (weight * x).cumsum(), (weight * y).cumsum()
     xx = (weight * x * x).cumsum() - wx * wx / w
     xy = (weight * x * y).cumsum() - wx * wy / w
@@ -77,6 +77,6 @@ def _square_to(x: Array, y: Array, weight: Array) -> Array:
 
 
 def longer_side(along_m: Array, cut_m: float) -> Mask:
-    """(n,): the hits before or after a cut, where there are more."""
+    """(n,): mask of the hits on the side of a cut with more hits."""
     before: Mask = along_m < cut_m
     return before if 2 * before.sum() >= len(before) else ~before

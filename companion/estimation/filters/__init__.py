@@ -1,1 +1,1 @@
-"""Estimates that are updated at every tick: heading, position, height."""
+"""Estimates that are updated at every tick: heading, position, height, velocity lag."""

@@ -1,4 +1,4 @@
-"""The ceiling's height above the take-off point, from the up beam."""
+"""Estimates the ceiling's height above the take-off point from the up beam."""
 
 import statistics
 
@@ -6,7 +6,7 @@ from companion.core.messages import Beam, RangeScan
 
 
 class Ceiling:
-    """The median of what the up beam has met, at the drone's height above its start."""
+    """Median of the ceiling heights measured by the up beam."""
 
     def __init__(self, mount_offset_m: float) -> None:
         self._mount_offset_m = mount_offset_m

@@ -1,4 +1,4 @@
-"""Where the drone would be by odometry and gyro alone: it drifts slowly, and never jumps."""
+"""Dead reckoning by odometry and gyro alone: it drifts slowly and never jumps."""
 
 import math
 
@@ -6,7 +6,7 @@ from companion.core.frames import Vector2, frd_to_ned
 
 
 class DeadReckoning:
-    """A place and a heading that are only ever moved on."""
+    """A position and a heading that only integrate motion."""
 
     def __init__(self) -> None:
         self.ne_m: Vector2 = (0.0, 0.0)
@@ -16,12 +16,15 @@ class DeadReckoning:
         self.yaw_rad += turned_rad
 
     def move(self, body_m: Vector2, half_turn_rad: float) -> None:
-        """Move by what the body moved, while it made a turn of which half counts."""
+        """Move by the body displacement (forward, right).
+
+        `half_turn_rad` is half the turn in that time.
+        """
         self.ne_m = moved(self.ne_m, body_m, self.yaw_rad - half_turn_rad)
 
 
 def moved(ne_m: Vector2, body_m: Vector2, yaw_rad: float) -> Vector2:
-    """A place moved by (forward, right) at a heading."""
+    """A position moved by (forward, right) at a heading."""
     north_m, east_m = frd_to_ned(*body_m, yaw_rad)
     return ne_m[0] + north_m, ne_m[1] + east_m
 

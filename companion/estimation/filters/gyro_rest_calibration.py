@@ -1,4 +1,4 @@
-"""The gyro's bias, averaged while the drone stands still before take-off."""
+"""Estimates the gyro's bias as its mean rate while the drone stands still before take-off."""
 
 import math
 from collections.abc import Sequence
@@ -6,12 +6,13 @@ from collections.abc import Sequence
 from companion.core.messages import GyroSample
 
 MAX_RATE_SPREAD_RAD_S = math.radians(3.0)
-"""A sample this far from the mean means that somebody is moving the drone."""
+"""A sample this far from the mean indicates that the drone is being moved, rad/s. Chosen."""
 MIN_SAMPLES = 20
+"""Least samples of one calibration. Chosen."""
 
 
 class RestCalibration:
-    """Averages over `rest_s` of stillness, again and again; any movement starts it afresh."""
+    """Averages over periods of `rest_s` at rest, repeatedly. Motion restarts the period."""
 
     def __init__(self, rest_s: float) -> None:
         self._rest_s = rest_s
@@ -19,10 +20,10 @@ class RestCalibration:
         self._sum_rad_s = 0.0
         self._count = 0
         self.bias_rad_s: float | None = None
-        """Of the last such time, once known."""
+        """Bias of the last complete period, rad/s; None before the first."""
 
     def add(self, samples: Sequence[GyroSample]) -> bool:
-        """Whether a time of stillness has come to its end."""
+        """Add samples; True if a period of rest was completed."""
         return sum(map(self._add, samples)) > 0
 
     def _add(self, sample: GyroSample) -> bool:

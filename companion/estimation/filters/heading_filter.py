@@ -1,18 +1,18 @@
-"""Heading from a cheap gyro, put right by the direction of walls.
+"""Estimates heading from a low-cost gyro, corrected by wall directions.
 
 A linear Kalman filter over heading ψ, gyro bias b, gyro scale error s and the directions α_i of
-the normals of all walls seen so far:
+the normals of all walls:
 
     ψ' = ψ + (1 - s)·G - b·dt,   G = ∫ω dt        b, s, α_i constant
 
-G is known, so the scale enters linearly. A wall whose normal was seen at the angle β off the nose,
-a turn G and a time τ ago, tells
+G is known, so the scale enters linearly. A wall whose normal was measured at the bearing β in the
+body frame, a turn G and a time τ ago, gives
 
     β = α_i - ψ + (1 - s)·G - b·τ
 
-which is linear too. A wall seen again after a turn therefore measures the gyro's scale, one seen
-again later its bias, and all walls keep their place relative to the first heading, ψ = 0 at the
-start. Prediction and correction are filterpy's; it updates the covariance in Joseph form.
+which is linear too. A wall observed again after a turn therefore measures the gyro's scale, one
+observed again later its bias. All directions are relative to the first heading, ψ = 0 at the start.
+`filterpy` does prediction and correction; it updates the covariance in Joseph form.
 """
 
 import math
@@ -30,40 +30,41 @@ from companion.core.values import value
 Array = NDArray[np.float64]
 
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
+"""Indices of the state."""
 _UNKNOWN_SIGMA_RAD = 10.0
-"""Prior of a wall's direction: none to speak of."""
+"""Prior sigma of a wall's direction, rad: no information."""
 
 
 @dataclass(frozen=True, slots=True)
 class GyroModel:
-    """How far the gyro may be trusted (LSM9DS1; priors until an Allan analysis replaces them)."""
+    """Noise of the gyro (LSM9DS1). Priors until an Allan analysis replaces them."""
 
     rate_noise_rad_s_sqrt_hz: float = math.radians(0.02)
     bias_sigma_rad_s: float = math.radians(0.02)
-    """What calibration at rest leaves."""
+    """Sigma of the bias after calibration at rest."""
     settling_sigma_rad_s: float = math.radians(0.1)
-    """What take-off adds, by warming up and vibration, and how quickly."""
+    """Sigma and time constant of the bias change after take-off by warm-up and vibration."""
     settling_s: float = 8.0
     bias_walk_rad_s_sqrt_s: float = math.radians(0.008)
-    """And ever after."""
+    """Random walk of the bias in flight."""
     scale_sigma: float = 0.02
 
     def turn_sigma_rad(self, dt_s: Array, gap_rad2: Array | None) -> Array:
-        """(k,): of what was turned in each of these times, with gaps in them of that variance."""
+        """(k,): sigma of the turn in each interval `dt_s` with gyro gaps of variance `gap_rad2`."""
         sigma: Array = self.rate_noise_rad_s_sqrt_hz * np.sqrt(dt_s)
         return sigma if gap_rad2 is None else np.sqrt(sigma**2 + gap_rad2)
 
     def bias_variance_per_s(self, age_s: Array) -> Array:
-        """How quickly the bias wanders so long after the calibration, (rad/s)²/s.
+        """Rate of the bias variance at `age_s` after the calibration, (rad/s)²/s.
 
-        What settling adds comes to its sigma in the end: ∫ 2σ²/τ exp(-2t/τ) dt = σ².
+        The settling part integrates to its variance: ∫ 2σ²/τ exp(-2t/τ) dt = σ².
         """
         settling = 2 / self.settling_s * self.settling_variance(age_s)
         variance: Array = settling + self.bias_walk_rad_s_sqrt_s**2
         return variance
 
     def settling_variance(self, age_s: Array) -> Array:
-        """What settling still adds from then on, (rad/s)²."""
+        """Variance that settling still adds after `age_s`, (rad/s)²."""
         fading = np.exp(-2 * np.asarray(age_s) / self.settling_s)
         variance: Array = self.settling_sigma_rad_s**2 * fading
         return variance
@@ -71,9 +72,9 @@ class GyroModel:
 
 @value
 class WallBearing:
-    """A wall's normal, seen `bearing_frd_rad` off the nose some time ago.
+    """A measured bearing of a wall's normal in the body frame, `age_s` ago.
 
-    Since then the gyro has turned by `turned_rad`, uncorrected, in `age_s`.
+    Since then the gyro has turned by `turned_rad`, uncorrected.
     """
 
     bearing_frd_rad: float
@@ -86,6 +87,7 @@ class HeadingFilter:
     """Heading relative to the first heading, clockwise positive, and the walls' directions."""
 
     GATE_SIGMAS = 4.0
+    """Innovations beyond this many sigmas are rejected. Chosen."""
 
     def __init__(self, rest_bias_rad_s: float, model: GyroModel = GyroModel()) -> None:
         self._model = model
@@ -95,7 +97,7 @@ class HeadingFilter:
             np.array([0.0, rest_bias_rad_s, 0.0]),
             np.diag([0.0, model.bias_sigma_rad_s**2, model.scale_sigma**2]),
         )
-        self._note()
+        self._cache_state()
 
     @staticmethod
     def _grown(x: Array, p: Array) -> KalmanFilter:
@@ -105,12 +107,12 @@ class HeadingFilter:
         return kalman
 
     def restart(self, state: Array, covariance: Array) -> None:
-        """Go on from heading, bias, scale and all walls' directions (n,) as told, (n, n)."""
+        """Restart from heading, bias, scale and wall directions (n,) with covariance (n, n)."""
         self._filter = self._grown(state, covariance)
-        self._note()
+        self._cache_state()
 
-    def _note(self) -> None:
-        """The state as plain floats, which are asked for many times a tick."""
+    def _cache_state(self) -> None:
+        """Cache the state as plain floats, for reads many times a tick."""
         self._values: list[float] = self._filter.x[:, 0].tolist()
 
     def _sigma(self, index: int) -> float:
@@ -140,7 +142,7 @@ class HeadingFilter:
         return self._sigma(_WALLS + wall)
 
     def relative_sigma_rad(self, wall: int) -> float:
-        """Sigma of the angle between the nose and a wall's normal."""
+        """Sigma of the angle between the heading and a wall's normal."""
         at, covariance = _WALLS + wall, self._filter.P.item
         variance = covariance(at, at) + covariance(_YAW, _YAW) - 2 * covariance(at, _YAW)
         return math.sqrt(max(variance, 0.0))
@@ -148,7 +150,7 @@ class HeadingFilter:
     def predict(self, samples: Sequence[GyroSample]) -> tuple[float, float]:
         """Integrate the samples since the last call.
 
-        Returns how far the heading moved, corrected for bias and scale, and uncorrected; rad.
+        Returns the change of heading, corrected for bias and scale, and the uncorrected turn; rad.
         """
         turned_rad, duration_s, variance_rad2 = self._integrate(samples)
         self._age_s += duration_s
@@ -157,7 +159,10 @@ class HeadingFilter:
     def turn(
         self, turned_rad: float, duration_s: float, variance_rad2: float = 0.0
     ) -> tuple[float, float]:
-        """The same, for what the gyro has turned by, uncorrected, and the variance of its gaps."""
+        """Predict by an uncorrected gyro turn and the variance of its gaps.
+
+        Returns as `predict`.
+        """
         if duration_s <= 0:
             return 0.0, 0.0
         kalman, model = self._filter, self._model
@@ -168,7 +173,7 @@ class HeadingFilter:
         kalman.Q[_YAW, _YAW] = model.rate_noise_rad_s_sqrt_hz**2 * duration_s + variance_rad2
         kalman.Q[_BIAS, _BIAS] = model.bias_variance_per_s(np.array(self._age_s)) * duration_s
         kalman.predict()
-        self._note()
+        self._cache_state()
         return self._values[_YAW] - before, turned_rad
 
     def _integrate(self, samples: Sequence[GyroSample]) -> tuple[float, float, float]:
@@ -182,38 +187,38 @@ class HeadingFilter:
             self._last_s = sample.time_s
         return turned_rad, duration_s, variance_rad2
 
-    def add_wall(self, seen: WallBearing) -> int:
-        """A wall not seen before; its number."""
+    def add_wall(self, observed: WallBearing) -> int:
+        """Add a wall; returns its number."""
         size = len(self._filter.x)
         covariance = np.zeros((size + 1, size + 1))
         covariance[:size, :size] = self._filter.P
         covariance[size, size] = _UNKNOWN_SIGMA_RAD**2
-        direction = seen.bearing_frd_rad - seen.turned_rad + self._values[_YAW]
+        direction = observed.bearing_frd_rad - observed.turned_rad + self._values[_YAW]
         self._filter = self._grown(np.append(self._filter.x, direction), covariance)
-        self._note()
+        self._cache_state()
         wall = size - _WALLS
-        self.see_wall(wall, seen)
+        self.correct_by_wall(wall, observed)
         return wall
 
-    def see_wall(self, wall: int, seen: WallBearing) -> bool:
-        """Correct by a wall seen again; False if that is not believable."""
-        innovation_rad, _ = self.innovation(wall, seen)
-        return self._correct(self._gradient(wall, seen), innovation_rad, seen.sigma_rad)
+    def correct_by_wall(self, wall: int, observed: WallBearing) -> bool:
+        """Correct by a known wall's bearing; False if the gate rejects it."""
+        innovation_rad, _ = self.innovation(wall, observed)
+        return self._correct(self._gradient(wall, observed), innovation_rad, observed.sigma_rad)
 
-    def innovation(self, wall: int, seen: WallBearing) -> tuple[float, float]:
-        """How far off its expected direction a wall is seen, and the sigma of that; rad."""
-        h = self._gradient(wall, seen)
-        expected = float(h @ self._filter.x[:, 0]) + seen.turned_rad
-        spread = math.sqrt(float(h @ self._filter.P @ h) + seen.sigma_rad**2)
-        return wrap_rad(seen.bearing_frd_rad - expected), spread
+    def innovation(self, wall: int, observed: WallBearing) -> tuple[float, float]:
+        """Innovation of a wall's bearing and its sigma, rad."""
+        h = self._gradient(wall, observed)
+        expected = float(h @ self._filter.x[:, 0]) + observed.turned_rad
+        spread = math.sqrt(float(h @ self._filter.P @ h) + observed.sigma_rad**2)
+        return wrap_rad(observed.bearing_frd_rad - expected), spread
 
-    def _gradient(self, wall: int, seen: WallBearing) -> Array:
+    def _gradient(self, wall: int, observed: WallBearing) -> Array:
         h = self._difference(_WALLS + wall, _YAW)
-        h[_BIAS], h[_SCALE] = -seen.age_s, -seen.turned_rad
+        h[_BIAS], h[_SCALE] = -observed.age_s, -observed.turned_rad
         return h
 
-    def square_up(self, wall: int, other: int, sigma_rad: float) -> bool:
-        """Let two walls be at a multiple of 90°, as far as `sigma_rad` says."""
+    def align_to_right_angle(self, wall: int, other: int, sigma_rad: float) -> bool:
+        """Constrain the angle between two walls to a multiple of 90°, with sigma `sigma_rad`."""
         h = self._difference(_WALLS + wall, _WALLS + other)
         angle = float(h @ self._filter.x[:, 0])
         quarter = math.pi / 2
@@ -231,5 +236,5 @@ class HeadingFilter:
             return False
         measured = float(h @ kalman.x[:, 0]) + innovation
         kalman.update(np.array([[measured]]), R=np.array([[sigma**2]]), H=h.reshape(1, -1))
-        self._note()
+        self._cache_state()
         return True

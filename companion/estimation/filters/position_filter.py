@@ -1,14 +1,14 @@
-"""Position, odometry scale and the offsets of walls, estimated together.
+"""Estimates position, odometry scale and wall offsets together.
 
 A Kalman filter over
 
     x = (north, east, scale error, wander north, wander east, d_1, d_2, ...)
 
-Wall i has the direction α_i of its normal from the heading filter, an anchor a_i where it was
-first seen, and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. Turning α_i turns the wall
-about its anchor. Odometry moves the position by (1 + scale)·displacement, so that ranges to a wall
-flown towards tell the scale, and by what the wander fades (`odometry_model.py`). A range r along
-bearing β from position p meets wall i where
+Wall i has the direction α_i of its normal from the heading filter, an anchor a_i at its first hits,
+and its offset d_i: the line {p : (p - a_i)·n_i = d_i}. A change of α_i turns the wall about its
+anchor. Odometry moves the position by (1 + scale)·displacement, so ranges to a wall ahead measure
+the scale. It also moves the position by the decay of the wander (`odometry_model.py`). A range r
+along bearing β from position p meets wall i where
 
     r = (d_i - (p - a_i)·n_i) / cos(β - α_i)
 """
@@ -28,13 +28,13 @@ from companion.estimation.smoothing.odometry_model import WANDER_S, OdometryMode
 
 _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
 WALLS = 5
-"""Place of the first wall in x."""
+"""Index of the first wall in x."""
 Matrix = NDArray[np.float64]
 
 
 @dataclass(slots=True)
 class Wall:
-    """What the filters' states do not hold: the anchor, and where along the line there is wall.
+    """Anchor of a wall, and the interval along its line that has hits.
 
     Along is measured from the anchor in the direction t = (-sin, cos)(normal), metres.
     """
@@ -58,25 +58,29 @@ class _Match:
     along_m: float
     innovation_m: float
     gradient: Vector3
-    """Of the range, by north, east and the wall's offset."""
+    """Derivatives of the range by north, east and the wall's offset."""
     spread_m2: float
     """Variance of the innovation, gᵀ P g + r."""
-    tells: bool
-    """Not near the end of the sensor's range, where long readings are missing."""
+    is_informative: bool
+    """False near the end of the sensor's range, where long readings are missing."""
 
 
 class LineSlam:
     """The joint filter; angles are local NED bearings in radians."""
 
     GATE_SIGMAS = 3.5
+    """Ranges beyond this many sigmas of a wall's innovation do not match it. Chosen."""
     EXTENT_MARGIN_M = 1.2
-    """A hit this far beyond the known end of a wall may still belong to it."""
+    """A hit this far beyond the known end of a wall may still belong to it, m. Chosen."""
     END_SIGMAS = 2.0
-    SURPRISE_M = 0.25
-    """A range that is off by so much counts half, and less the more it is: where the position is
-    not known well, one that met something else would pull it aside at once."""
+    """Predicted ranges within this many sigmas of the maximum range are not used. Chosen."""
+    HALF_WEIGHT_M = 0.25
+    """A range with this innovation has half the weight, a larger one less, m. Chosen: where the
+    position is uncertain, one range on an unmapped obstacle must not shift it."""
     MIN_COS_INCIDENCE = math.cos(math.radians(65))
+    """Cosine of the largest incidence of a range on a wall. Chosen: 65°."""
     SAME_NORMAL_RAD = math.radians(12)
+    """Lines whose normals differ by more are not the same wall, rad. Chosen."""
 
     def __init__(self, heading: HeadingFilter, odometry: OdometryModel) -> None:
         self._heading = heading
@@ -99,10 +103,7 @@ class LineSlam:
         return self._x[_SCALE]
 
     def restart(self, state: Matrix, covariance: Matrix, walls: list[Wall]) -> None:
-        """Go on from position, scale, wander, and the walls' offsets from their anchors.
-
-        As they stand in x above: (n,), (n, n).
-        """
+        """Restart from the state x (n,) of the module's docstring and its covariance (n, n)."""
         self._x, self._p, self._f = state.tolist(), covariance, np.eye(len(state))
         self.walls = walls
 
@@ -115,7 +116,7 @@ class LineSlam:
 
     @property
     def offsets_covariance_m2(self) -> Matrix:
-        """(w, w): of the walls' distances from their anchors, in their order."""
+        """(w, w): covariance of the walls' offsets from their anchors, in their order."""
         return self._p[WALLS:, WALLS:].copy()
 
     def offset_sigma_m(self, wall: Wall) -> float:
@@ -123,7 +124,7 @@ class LineSlam:
         return math.sqrt(self._p.item(at, at))
 
     def move(self, displacement_ne_m: Vector2, dt_s: float) -> None:
-        """Predict: the odometry's displacement, turned into local NED, scale not yet applied."""
+        """Predict by the odometry's displacement in local NED, its scale not yet applied."""
         scale = 1 + self._x[_SCALE]
         north, east = displacement_ne_m
         kept = math.exp(-dt_s / WANDER_S)
@@ -147,23 +148,23 @@ class LineSlam:
             p[place, wander] -= wanders
             p[wander, place] -= wanders
 
-    def see_range(
-        self, eye_ne_m: Vector2, bearing_rad: float, range_m: float, unit: RangeUnit
+    def correct_by_range(
+        self, centre_ne_m: Vector2, bearing_rad: float, range_m: float, unit: RangeUnit
     ) -> int | None:
-        """Correct by one range from the drone's centre, which was at `eye_ne_m`; its wall.
+        """Correct by one range from the drone's centre at `centre_ne_m`; returns its wall's index.
 
-        None if it has none, or one that the range is too near its end to tell anything of: it
-        must not be given to another wall then.
+        None if no wall matches, or if the best match is too near the end of the sensor's range to
+        carry information. Then the range must not correct another wall.
         """
         best: tuple[float, _Match] | None = None
         for wall in self.walls:
-            match = self._match(wall, eye_ne_m, bearing_rad, range_m, unit)
+            match = self._match(wall, centre_ne_m, bearing_rad, range_m, unit)
             if match is None:
                 continue
             misfit = abs(match.innovation_m) / math.sqrt(match.spread_m2)
             if misfit < self.GATE_SIGMAS and (best is None or misfit < best[0]):
                 best = misfit, match
-        if best is None or not best[1].tells:
+        if best is None or not best[1].is_informative:
             return None
         self._correct(best[1])
         best[1].wall.extend(best[1].along_m)
@@ -172,15 +173,15 @@ class LineSlam:
     def _match(
         self,
         wall: Wall,
-        eye_ne_m: Vector2,
+        centre_ne_m: Vector2,
         bearing_rad: float,
         range_m: float,
         unit: RangeUnit,
     ) -> _Match | None:
-        """What the range says if it met this wall; None if it cannot have.
+        """Innovation of the range for this wall; None if the beam cannot have met the wall.
 
-        Noise is taken at the predicted distance, not at the measured one: short readings would
-        else count for more than long ones.
+        The noise is taken at the predicted distance, not at the measured one. Otherwise short
+        readings would count for more than long ones.
         """
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
@@ -188,7 +189,7 @@ class LineSlam:
         if cos_incidence < self.MIN_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
-        north, east = eye_ne_m[0] - wall.anchor_ne_m[0], eye_ne_m[1] - wall.anchor_ne_m[1]
+        north, east = centre_ne_m[0] - wall.anchor_ne_m[0], centre_ne_m[1] - wall.anchor_ne_m[1]
         along_m = cos_n * east - sin_n * north + range_m * math.sin(incidence_rad)
         distance_m = self._x[WALLS + wall.index] - north * cos_n - east * sin_n
         if distance_m <= 0 or not wall.reaches(along_m, self.EXTENT_MARGIN_M):
@@ -196,17 +197,17 @@ class LineSlam:
         predicted_m = distance_m / cos_incidence
         model, from_unit_m = unit.model, predicted_m - unit.offset_m
         sigma_m = model.sigma_m(max(from_unit_m, model.min_m))
-        tells = from_unit_m < model.max_m - self.END_SIGMAS * sigma_m
+        is_informative = from_unit_m < model.max_m - self.END_SIGMAS * sigma_m
         # d r / d(bearing - normal) = r·tan; turning the wall about its anchor adds its lever.
         lever_m = math.hypot(predicted_m * math.tan(incidence_rad), along_m / cos_incidence)
         gradient = -cos_n / cos_incidence, -sin_n / cos_incidence, 1 / cos_incidence
         angle_sigma_rad = self._heading.relative_sigma_rad(wall.index)
         spread_m2 = self._variance(WALLS + wall.index, gradient)
         spread_m2 += sigma_m**2 + (lever_m * angle_sigma_rad) ** 2
-        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2, tells)
+        return _Match(wall, along_m, range_m - predicted_m, gradient, spread_m2, is_informative)
 
     def _variance(self, at: int, gradient: Vector3) -> float:
-        """gᵀ P g of a gradient that is zero but for north, east and the offset at `at`."""
+        """gᵀ P g of a gradient that is zero except for north, east and the offset at index `at`."""
         north, east, offset = gradient
         p = self._p.item
         squares = north**2 * p(_NORTH, _NORTH) + east**2 * p(_EAST, _EAST) + offset**2 * p(at, at)
@@ -219,14 +220,14 @@ class LineSlam:
         north, east, offset = match.gradient
         p = self._p
         ph = north * p[_NORTH] + east * p[_EAST] + offset * p[WALLS + match.wall.index]
-        spread_m2 = match.spread_m2 * (1 + (match.innovation_m / self.SURPRISE_M) ** 2)
+        spread_m2 = match.spread_m2 * (1 + (match.innovation_m / self.HALF_WEIGHT_M) ** 2)
         gain = ph / spread_m2
         self._x = [x + k * match.innovation_m for x, k in zip(self._x, gain.tolist(), strict=True)]
-        told = gain[:, None] * ph
-        p += spread_m2 * gain[:, None] * gain - told - told.T
+        reduction = gain[:, None] * ph
+        p += spread_m2 * gain[:, None] * gain - reduction - reduction.T
 
     def find(self, line: Line) -> Wall | None:
-        """The known wall of the same direction whose line passes through a run's centre."""
+        """The known wall with the same direction whose line passes through the run's centre."""
         best: tuple[float, Wall] | None = None
         for wall in self.walls:
             normal_rad = self._heading.normal_rad(wall.index)
@@ -247,7 +248,7 @@ class LineSlam:
         return best[1] if best else None
 
     def add(self, line: Line, index: int) -> Wall:
-        """A new wall through the run's centre, known as well as position and run are."""
+        """Add a wall through the run's centre, with the sigmas of position and run."""
         normal_rad = self._heading.normal_rad(index)
         half_m = line.length_m / 2
         wall = Wall(index, line.centre, -half_m, half_m)

@@ -1,9 +1,9 @@
-"""How late the drone follows a velocity, learnt in flight: how far it goes on after it was stopped.
+"""Estimates the lag of the drone's velocity response in flight.
 
-    asked velocity ─► first-order lags, a bank of them ─► predicted velocities ◄─► told velocity
+    commanded velocity ─► bank of first-order lags ─► predicted velocities ◄─► reported velocity
 
-The lag that has predicted the told velocity best is taken. Only changes of the velocity tell of it.
-A first-order lag τ lets a drone that is stopped at v come to rest after v·τ.
+The lag with the least squared prediction error is used. Only changes of the velocity carry
+information. With a first-order lag τ, a drone that is stopped at speed v travels a further v·τ.
 """
 
 import math
@@ -17,23 +17,25 @@ from companion.core.messages import FIRST_LAG_S, Odometry, Setpoint
 Array = NDArray[np.float64]
 
 _LAGS_S: Array = np.array([0.3, 0.45, 0.6, 0.75, 0.9, 1.1, 1.3])
+"""Candidate lags, s. Chosen."""
 _MEMORY_S = 30.0
-"""Of changing velocity, after which what was seen counts a third."""
+"""Time constant of the error average, in seconds of changing velocity. Chosen."""
 _FIRST_COST = 0.05
-"""m²/s: as much as five seconds of a wrong lag cost when the velocity changes by 0.3 m/s."""
-_TELLS_M_S = 0.05
-"""The quickest and the slowest lag must differ by so much."""
+"""Prior cost, m²/s: equals five seconds of a wrong lag when the velocity changes by 0.3 m/s.
+Chosen."""
+_MIN_SPREAD_M_S = 0.05
+"""Least difference between the predictions of the shortest and the longest lag, m/s. Chosen."""
 _GAP_S = 0.5
-"""Farther apart, setpoints are no stream."""
+"""A longer gap between setpoints or messages restarts the prediction, s. Chosen."""
 
 
 class VelocityLag:
-    """Of one drone; time is an argument."""
+    """Velocity lag of one drone. Time is an argument."""
 
     def __init__(self) -> None:
         self._predicted: Array = np.zeros((len(_LAGS_S), 2))
         self._costs = _FIRST_COST * np.log(_LAGS_S / FIRST_LAG_S) ** 2
-        self._asked_s = -math.inf
+        self._commanded_s = -math.inf
         self._odometry_s = -math.inf
         self._yaw_rad = 0.0
 
@@ -42,24 +44,24 @@ class VelocityLag:
         return float(_LAGS_S[self._costs.argmin()])
 
     def ask(self, now_s: float, setpoint: Setpoint | None) -> None:
-        """What goes out at this tick; None: nothing, the autopilot flies as it sees fit."""
-        dt_s, self._asked_s = now_s - self._asked_s, now_s
+        """The setpoint sent at this tick; None if none is sent."""
+        dt_s, self._commanded_s = now_s - self._commanded_s, now_s
         if setpoint is None or dt_s > _GAP_S:
             self._odometry_s = -math.inf
-            self._asked_s = -math.inf if setpoint is None else now_s
+            self._commanded_s = -math.inf if setpoint is None else now_s
             return
-        asked = np.array(frd_to_ned(setpoint.forward_m_s, setpoint.right_m_s, self._yaw_rad))
-        answered = 1 - np.exp(-dt_s / _LAGS_S)
-        self._predicted += answered[:, None] * (asked - self._predicted)
+        commanded = np.array(frd_to_ned(setpoint.forward_m_s, setpoint.right_m_s, self._yaw_rad))
+        response = 1 - np.exp(-dt_s / _LAGS_S)
+        self._predicted += response[:, None] * (commanded - self._predicted)
 
     def take(self, odometry: Odometry) -> None:
-        """What the autopilot tells of its velocity."""
+        """Compare the predictions with the autopilot's reported velocity."""
         velocity_m_s, self._yaw_rad = np.array(odometry.velocity_ned_m_s[:2]), odometry.yaw_rad
         dt_s, self._odometry_s = odometry.time_s - self._odometry_s, odometry.time_s
         if not 0 < dt_s < _GAP_S:
             self._predicted[:] = velocity_m_s
             return
-        if np.hypot(*(self._predicted[0] - self._predicted[-1])) < _TELLS_M_S:
+        if np.hypot(*(self._predicted[0] - self._predicted[-1])) < _MIN_SPREAD_M_S:
             return
-        off = ((velocity_m_s - self._predicted) ** 2).sum(axis=1)
-        self._costs += dt_s * (off - self._costs / _MEMORY_S)
+        error_m2_s2 = ((velocity_m_s - self._predicted) ** 2).sum(axis=1)
+        self._costs += dt_s * (error_m2_s2 - self._costs / _MEMORY_S)

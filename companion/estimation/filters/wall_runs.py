@@ -1,9 +1,9 @@
-"""Straight pieces of wall in the stream of one beam's hits.
+"""Detects straight pieces of wall in the stream of one beam's hits.
 
-As the drone moves or turns, the hits of one beam wander along a wall. A run collects them for as
-long as they lie on one line; when they leave it, or the run is long enough to tell the wall's
-direction, the line is handed on. Hits are kept in the dead-reckoned frame, which drifts slowly
-but never jumps, so that a correction of the pose cannot bend a run.
+As the drone moves or turns, the hits of one beam move along a wall. A run collects hits as long as
+they fit one line. The line is returned when hits leave it, or when it is long enough to determine
+the wall's direction. Hits are stored in the dead-reckoned frame, which drifts slowly and never
+jumps, so a correction of the pose cannot bend a run.
 """
 
 import math
@@ -18,8 +18,9 @@ from companion.estimation.smoothing.odometry_model import WANDER_S
 class Line:
     """A straight piece of wall: {p : p·n = offset}, n = (cos, sin) of `normal_rad`.
 
-    `normal_rad` points from the drone to the wall; the sigmas are those of the fit alone, the
-    offset's at the hits' centre. `length_m` is that of a uniform row of hits of the same spread.
+    `normal_rad` points from the drone to the wall. The sigmas are those of the fit alone; the
+    offset's applies at the hits' centre. `length_m` is that of a uniform row of hits with the same
+    variance.
     """
 
     normal_rad: float
@@ -29,15 +30,15 @@ class Line:
     centre: Vector2
     length_m: float
     misfit: float
-    """χ² of the hits about the line by its degrees of freedom; about 1 for a wall."""
+    """χ² of the hits about the line per degree of freedom; about 1 for a wall."""
     mean_time_s: float
     mean_yaw_rad: float
-    """Heading of the drone, in the frame of the hits, when it saw the middle of the run."""
+    """Heading of the drone in the middle of the run, in the frame of the hits."""
 
 
 @value
 class RunHit:
-    """One hit of a beam, and from where and with which heading it was seen; one frame for all."""
+    """One hit of a beam with the drone's position and heading at that moment, in one frame."""
 
     time_s: float
     position: Vector2
@@ -45,12 +46,12 @@ class RunHit:
     viewpoint: Vector2
     yaw_rad: float
     wander_m: float = 0.0
-    """Sigma of what the odometry, by which it was placed, wanders (`odometry_model.py`)."""
+    """Sigma of the odometry's wander (`odometry_model.py`)."""
 
 
 @value
 class _Moments:
-    """Weighted sums over hits; adding one hit costs the same however long the run."""
+    """Weighted sums over hits. Adding a hit costs the same for any length of run."""
 
     weight: float = 0.0
     x: float = 0.0
@@ -81,7 +82,7 @@ NO_HITS = _Moments()
 
 
 def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
-    """Total least squares; None while the hits are a blob rather than a line."""
+    """Fit a line by total least squares; None if the hits have no direction."""
     weight = moments.weight
     x, y = moments.x / weight, moments.y / weight
     var_xx = moments.xx / weight - x * x
@@ -111,10 +112,10 @@ def fit_line(moments: _Moments, viewpoint: Vector2) -> Line | None:
 
 
 def _wandering(line: Line, wander_m: float, lasted_s: float) -> Line:
-    """The line's sigmas with what the odometry wandered meanwhile.
+    """The line with the odometry's wander added to its sigmas.
 
-    Of a short run the wander tilts the line as a random walk does (6/5·q/T, its slope's variance
-    over time T), of a long one as independent errors every 2·τ (12·σ²·2τ/T³).
+    In a short run the wander tilts the line like a random walk: variance of the slope 6/5·q/T over
+    time T. In a long run it acts like independent errors every 2·τ: 12·σ²·2τ/T³.
     """
     tilt = min(2.4 * lasted_s / WANDER_S, 24 * WANDER_S / max(lasted_s, WANDER_S))
     shift = min(1.0, 2 * WANDER_S / max(lasted_s, WANDER_S))
@@ -131,14 +132,21 @@ class WallRun:
     """The growing run of one beam."""
 
     MIN_HITS = 8
+    """Least hits of a line. Chosen."""
     MIN_LENGTH_M = 0.8
+    """Least length of a finished line, m. Chosen."""
     FULL_LENGTH_M = 2.5
+    """A run of this length is finished, m. Chosen."""
     MAX_NORMAL_SIGMA_RAD = math.radians(4)
+    """Largest sigma of the direction of a finished line, rad. Chosen."""
     MAX_INCIDENCE_RAD = math.radians(65)
+    """Largest incidence of the beam on a finished line, rad. Chosen."""
     MAX_MISFIT = 1.8
-    """A run round a corner lies about its line more loosely than its noise allows."""
+    """Largest χ² per degree of freedom. A run around a corner exceeds it. Chosen."""
     MISFIT_SIGMAS = 3.0
+    """A hit this many sigmas off the line does not fit it. Chosen."""
     MISFITS_TO_END = 2
+    """Consecutive hits off the line that end the run. Chosen."""
 
     def __init__(self) -> None:
         self._moments = NO_HITS
@@ -149,7 +157,7 @@ class WallRun:
         self._misfits: list[RunHit] = []
 
     def add(self, hit: RunHit) -> Line | None:
-        """Add a hit; the finished line, when this hit finishes one."""
+        """Add a hit; returns the line if this hit finishes one."""
         if self._line is not None and not self._fits(self._line, hit):
             self._misfits.append(hit)
             return self._restart() if len(self._misfits) >= self.MISFITS_TO_END else None
@@ -160,7 +168,7 @@ class WallRun:
         return None
 
     def end(self) -> Line | None:
-        """Give up the run, as when the beam returns nothing: its line, if it is worth one."""
+        """End the run, as when the beam has no return; returns its line if it passes the limits."""
         line, self._line, self._moments = self._line, None, NO_HITS
         self._misfits.clear()
         if line is None or line.length_m < self.MIN_LENGTH_M:
@@ -171,7 +179,7 @@ class WallRun:
         return line if sure and straight and self._is_faced(line) else None
 
     def _is_faced(self, line: Line) -> bool:
-        """False for a row of hits along the beam itself: that is noise of the range, not a wall."""
+        """False for a row of hits along the beam: that is range noise, not a wall."""
         north, east = (c - v for c, v in zip(line.centre, self._viewpoint, strict=True))
         bearing_rad = math.atan2(east, north)
         return abs(wrap_rad(bearing_rad - line.normal_rad)) < self.MAX_INCIDENCE_RAD

@@ -1,1 +1,1 @@
-"""Other associations of a whole flight, searched for and compared by likelihood."""
+"""Searches other associations where the measurements contradict the solution."""

@@ -1,4 +1,4 @@
-"""How well a flight and its walls explain everything that was measured."""
+"""Computes the χ² of a solution over all measurements and walls."""
 
 import numpy as np
 
@@ -11,40 +11,42 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
 
 WALL_COST = 60.0
-"""χ² that a wall must save to be part of the likelier of two maps: it has two unknowns and two
-ends, ln n each, and must hold against all lines that could have been put there."""
+"""χ² that a wall must save to be kept in the likelier of two maps. Chosen: it has two unknowns and
+two ends, ln n each, and competes with all other possible lines."""
 MIN_COS = 0.15
+"""Cosine of the largest incidence at which a wall can explain a hit. Chosen."""
 REACH_M = 0.2
-"""A wall is there so far beyond its outermost hits."""
+"""A wall explains hits this far beyond its outermost hits, m. Chosen."""
 
 
-def cost(smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior) -> float:
-    """χ² of all that was measured, robust against hits that fit nothing, and of its walls."""
+def cost(smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPrior) -> float:
+    """χ² of all measurements, robust against outliers, plus a cost per wall."""
     x, wall_of, units = estimate.x, estimate.wall_of, smoother.models.ranges
     on_walls = np.minimum(hit_residuals(x, m, wall_of, units) ** 2, UNEXPLAINED).sum()
     on_none = _explained(x, m, np.flatnonzero(wall_of == NO_WALL), units).sum()
-    believed = past.belief.cost(past.beside(x))
+    prior_cost = prior.gaussian.cost(prior.difference(x))
     motion = smoother.motion(x, m).squares
-    return motion + float(on_walls + on_none) + believed + WALL_COST * len(x.walls)
+    return motion + float(on_walls + on_none) + prior_cost + WALL_COST * len(x.walls)
 
 
 def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Array:
-    """(h,): χ² of hits that are on no wall, each by the wall that explains it best.
+    """(h,): χ² of hits without a wall, each by the wall that explains it best.
 
-    Many of them did meet one, but so far or on such a slant that they must not pull at it.
+    Many of these hits are on a wall, but at a range or incidence at which they must not influence
+    it.
     """
-    seen = project(x, m)
-    eyes, beams, beam = seen.eyes[hits], seen.beams[hits], m.beam[hits]
+    rays = project(x, m)
+    origins, beams, beam = rays.origins[hits], rays.beams[hits], m.beam[hits]
     distance_m = (1 - x.range_gain[beam]) * m.distance_m[hits]
-    least = np.full(len(hits), UNEXPLAINED)
+    lowest = np.full(len(hits), UNEXPLAINED)
     for line, normal, tangent, reach_m in zip(
         x.walls, x.normals, x.tangents, x.reach_m, strict=True
     ):
         cos = beams @ normal
-        ahead_m = (line[1] - eyes @ normal) / np.where(cos > MIN_COS, cos, np.inf)
-        along_m = (eyes + ahead_m[:, None] * beams) @ tangent
+        ahead_m = (line[1] - origins @ normal) / np.where(cos > MIN_COS, cos, np.inf)
+        along_m = (origins + ahead_m[:, None] * beams) @ tangent
         met = (ahead_m > 0) & (along_m > reach_m[0] - REACH_M) & (along_m < reach_m[1] + REACH_M)
         expected_m = np.minimum(ahead_m - m.mount_m[hits], units.max_m[beam])[met]
         misfit = units.signal(beam[met], distance_m[met]) - units.signal(beam[met], expected_m)
-        least[met] = np.minimum(least[met], misfit**2)
-    return least
+        lowest[met] = np.minimum(lowest[met], misfit**2)
+    return lowest

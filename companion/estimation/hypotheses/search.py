@@ -1,19 +1,18 @@
-"""Where odometry or the gyro speak against what the walls made of the flight.
+"""Searches alternative associations where odometry or gyro residuals contradict the solution.
 
-Hits on a wrong wall pull the trajectory aside, and then fit well. But from one moment to another
-the drone has not moved like that, nor has the bias of its gyro. So what the beams met in a doubtful
-stretch is forgotten, the trajectory bridged by odometry, and the hits given to walls from there, by
-narrow gates:
+Hits on a wrong wall shift the trajectory and then have small residuals. But the shift contradicts
+the odometry or the gyro's bias. Therefore the hits of a contradicted stretch are removed, odometry
+bridges the stretch, and the hits are associated again with narrow gates:
 
-    as the walls have it       ●──●╮        ╭●──●
+    by the walls               ●──●╮        ╭●──●
                                     ●──●──●
     bridged by odometry        ●──●──●──●──●──●──●
 
-And what pulls at a wall that was met again may have met another (`split_revisits.py`): it is given
-a wall of its own for once. Whole stretches may lie beside the map (`shift_stretches.py`): they are
-shifted.
+A repeated visit to a wall may belong to another wall (`split_revisits.py`): it gets its own wall. A
+whole stretch may be offset from the map (`shift_stretches.py`): it is shifted.
 
-Whichever explains all measurements better is kept: it may be odometry that was wrong.
+Each alternative is solved and kept only if it explains all measurements better. The odometry may be
+the wrong one.
 """
 
 import itertools
@@ -26,7 +25,7 @@ from numpy.typing import NDArray
 from companion.estimation.association.gating import Gate
 from companion.estimation.hypotheses.chi_square import cost
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
-from companion.estimation.hypotheses.split_revisits import apart, doubting
+from companion.estimation.hypotheses.split_revisits import split, split_candidates
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models, wander_steps_m
 from companion.estimation.smoothing.flight_record import NO_WALL
@@ -45,71 +44,80 @@ from companion.estimation.smoothing.state import (
 Mask = NDArray[np.bool_]
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
-"""Of long ones only those in which no shorter one shows where it was."""
-SIGMAS = 3.0
-TOGETHER_S = 30.0
-"""What lies between two such moments no farther apart was pulled aside by the first and let go at
-the second."""
-MAX_RECONSIDERED = 3
-MAX_SHIFTED = 8
+"""Time spans over which residuals are summed, s. Longer spans count only where no shorter span
+shows a contradiction. Chosen."""
+MAX_SIGMAS = 3.0
+"""Largest consistent residual over a span, in sigmas. Chosen."""
+MAX_PAUSE_S = 30.0
+"""Contradictions with a shorter pause form one stretch, s: the trajectory leaves its place at the
+first and returns at the second. Chosen."""
+MAX_ROUNDS = 3
+"""Most rounds of each kind of search. Chosen."""
+MAX_SHIFTS = 8
+"""Most shifts in one search. Chosen."""
 MAX_TRIED = 4
+"""Most alternatives solved in one round. Chosen."""
 BRIDGING_STEPS = 2
-BRIDGED_GATES = (Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 3
+"""Gauss-Newton steps without the removed hits. Chosen."""
+BRIDGED_GATES = (Gate(0.05, 0.4, detect_keyframes=WHOLE, prunes_see_through=True),) * 3
+"""Gates of the association after a change. Chosen: odometry is this exact over some seconds."""
 STRETCHES_S = (180.0, 90.0, 45.0)
-"""The long ones first: a short one, all else as it was, is led back to where it was."""
+"""Lengths of the stretches tried after the flight, s. Chosen. Long ones come first: a short stretch
+between wrong neighbours returns to its old place."""
 MAX_STRETCHES = 4
-"""The most strained ones are tried; each needs about as long as smoothing the flight."""
+"""Stretches of one length that are tried, the most strained first. Chosen: each takes about as long
+as one smoothing of the flight."""
 MIN_GAIN = 40.0
-"""χ² by which another flight must be likelier to be worth looking further from there."""
+"""χ² that an alternative must save to continue the search from it. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
-class Doubt:
-    """Looks for a likelier flight, in pieces of some milliseconds."""
+class HypothesisSearch:
+    """Searches for a likelier solution, in pieces of some milliseconds."""
 
     smoother: Smoother
     m: Measured
-    past: MarginalPrior
+    prior: MarginalPrior
     gates: Sequence[Gate]
 
-    def reconsidering(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """Where odometry or the gyro contradict this one, and in walls that were met again."""
-        for _ in range(MAX_RECONSIDERED):
-            doubted = contradicted(estimate.x, self.m, self.smoother.models)
-            if not doubted.any():
+    def in_flight_search(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Search contradicted stretches and repeated visits."""
+        for _ in range(MAX_ROUNDS):
+            suspect = contradicted(estimate.x, self.m, self.smoother.models)
+            if not suspect.any():
                 break
-            other = yield from self._without(doubted, estimate)
-            if self._cost(other) >= self._cost(estimate):
+            alternative = yield from self._without(suspect, estimate)
+            if self._cost(alternative) >= self._cost(estimate):
                 break
-            estimate = other
-        return (yield from self._revisiting(estimate))
+            estimate = alternative
+        return (yield from self._search_revisits(estimate))
 
-    def searching(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """In stretches beside the map, walls that were met again, and what strains odometry most.
+    def final_search(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Search offset stretches, repeated visits, and the stretches that strain odometry most.
 
-        For when the flight is over, and there is time.
+        It runs after the flight.
         """
-        estimate = yield from self._shifting(estimate)
-        estimate = yield from self._revisiting(estimate)
+        estimate = yield from self._search_shifts(estimate)
+        estimate = yield from self._search_revisits(estimate)
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
-            estimate = yield from self._straining(length_s, estimate, tried)
+            estimate = yield from self._search_strained(length_s, estimate, tried)
         return estimate
 
-    def _straining(
+    def _search_strained(
         self, length_s: float, estimate: Estimate, tried: set[bytes]
     ) -> Generator[None, None, Estimate]:
-        """In the stretches of one length that strain odometry most.
+        """Search the stretches of one length that strain odometry most.
 
-        `tried` are those without which this estimate is no likelier: in a short flight stretches of
-        several lengths are the same.
+        `tried`: stretches whose alternatives were not likelier. In a short flight stretches of
+        several lengths coincide.
         """
-        for _ in range(MAX_RECONSIDERED):
+        for _ in range(MAX_ROUNDS):
             odometry = self.smoother.models.odometry
             worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
-            others = (self._without(doubted, estimate) for doubted in stretches.values())
-            likelier = yield from self._likelier(others, estimate, MIN_GAIN)
+            alternatives = (self._without(suspect, estimate) for suspect in stretches.values())
+            likelier = yield from self._likelier(alternatives, estimate, MIN_GAIN)
             if likelier is None:
                 tried |= stretches.keys()
                 break
@@ -117,23 +125,23 @@ class Doubt:
             tried.clear()
         return estimate
 
-    def _shifting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """Where a stretch would lie on what was met before and after it."""
-        for _ in range(MAX_SHIFTED):
+    def _search_shifts(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Search stretches that would fit the hits before and after them better elsewhere."""
+        for _ in range(MAX_SHIFTS):
             found = yield from shifts(estimate, self.m, self.smoother.models.ranges)
-            others = (self._shifted(shift, estimate) for shift in found[:MAX_TRIED])
-            likelier = yield from self._likelier(others, estimate)
+            alternatives = (self._shifted(shift, estimate) for shift in found[:MAX_TRIED])
+            likelier = yield from self._likelier(alternatives, estimate)
             if likelier is None:
                 break
             estimate = likelier
         return estimate
 
-    def _revisiting(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """Where what was met again may have been another wall."""
-        for _ in range(MAX_RECONSIDERED):
-            visits = yield from doubting(self.smoother, estimate, self.m, self.past)
-            others = (self._apart(hits, estimate) for hits in visits[:MAX_TRIED])
-            likelier = yield from self._likelier(others, estimate)
+    def _search_revisits(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """Search repeated visits that may belong to another wall."""
+        for _ in range(MAX_ROUNDS):
+            visits = yield from split_candidates(self.smoother, estimate, self.m, self.prior)
+            alternatives = (self._split(hits, estimate) for hits in visits[:MAX_TRIED])
+            likelier = yield from self._likelier(alternatives, estimate)
             if likelier is None:
                 break
             estimate = likelier
@@ -141,49 +149,49 @@ class Doubt:
 
     def _likelier(
         self,
-        others: Iterable[Generator[None, None, Estimate]],
+        alternatives: Iterable[Generator[None, None, Estimate]],
         estimate: Estimate,
         gain: float = 0.0,
     ) -> Generator[None, None, Estimate | None]:
-        """The first of other flights that is likelier, by more χ² than that; None if none is."""
+        """The first alternative whose χ² is lower by more than `gain`; None if there is none."""
         likely = self._cost(estimate) - gain
-        for work in others:
-            other = yield from work
-            if self._cost(other) < likely:
-                return other
+        for work in alternatives:
+            alternative = yield from work
+            if self._cost(alternative) < likely:
+                return alternative
         return None
 
     def _cost(self, estimate: Estimate) -> float:
-        return cost(self.smoother, estimate, self.m, self.past)
+        return cost(self.smoother, estimate, self.m, self.prior)
 
-    def _without(self, doubted: Mask, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The flight with what was met at some keyframes (k,) given to walls anew."""
-        x, wall_of = estimate.x.since(0), np.where(doubted[self.m.frame], NO_WALL, estimate.wall_of)
+    def _without(self, suspect: Mask, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The solution with the hits of masked keyframes (k,) associated again."""
+        x, wall_of = estimate.x.since(0), np.where(suspect[self.m.frame], NO_WALL, estimate.wall_of)
         for _ in range(BRIDGING_STEPS):
-            self.smoother.step(x, self.m, wall_of, self.past)
+            self.smoother.step(x, self.m, wall_of, self.prior)
             yield
-        return (yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES))
+        return (yield from self.smoother.smoothing(x, self.m, self.prior, BRIDGED_GATES))
 
     def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The flight with a stretch where it would fit better."""
+        """The solution with one stretch shifted."""
         x = shifted(estimate.x, self.m, shift)
-        return (yield from self.smoother.smoothing(x, self.m, self.past, BRIDGED_GATES))
+        return (yield from self.smoother.smoothing(x, self.m, self.prior, BRIDGED_GATES))
 
-    def _apart(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The flight with some hits of a wall on one of their own."""
-        other = apart(estimate, [hits])
+    def _split(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The solution with some hits of a wall moved to a wall of their own."""
+        alternative = split(estimate, [hits])
         for _ in range(BRIDGING_STEPS):
-            self.smoother.step(other.x, self.m, other.wall_of, self.past)
+            self.smoother.step(alternative.x, self.m, alternative.wall_of, self.prior)
             yield
-        narrow = [gate for gate in self.gates if gate.refutes]
-        return (yield from self.smoother.smoothing(other.x, self.m, self.past, narrow))
+        narrow = [gate for gate in self.gates if gate.prunes_see_through]
+        return (yield from self.smoother.smoothing(alternative.x, self.m, self.prior, narrow))
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:
-    """The stretches (k,) so long that strain odometry most, the worst first.
+    """Masks (k,) of the stretches of this length that strain odometry most, the worst first.
 
-    By the χ² of its steps: what walls that are right do to it is about the same everywhere. Each
-    half overlaps the next.
+    The measure is the χ² of the odometry steps, which is nearly uniform with correct associations.
+    Stretches overlap by half.
     """
     time_s = m.time_s
     walk_m = np.diff(x.tracks, axis=0) - _by_odometry_m(x, m)
@@ -199,10 +207,10 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
 
 
 def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
-    """(k,): the keyframes about which odometry or the gyro say something else.
+    """(k,): keyframes at which odometry or gyro residuals contradict the trajectory.
 
-    Along a wall that steps back by the depth of a pilaster the heading would turn, and odometry
-    hardly notice; but a bias does not move like that.
+    Along a wall with pilasters taken for one surface the heading turns with small odometry
+    residuals. The gyro's bias cannot change like that.
     """
     time_s = m.time_s
     strain_m = np.zeros((len(time_s), 2))
@@ -211,27 +219,27 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     walk_m2 = _from_first(models.odometry.step_sigma_m(m.dt_s) ** 2)
     variance = np.column_stack([walk_m2, walk_m2, _from_first(models.bias_variance(m))])
     wandered_m2 = 2 * models.odometry.wander_m**2
-    against = np.zeros(len(time_s), dtype=bool)
+    is_contradicted = np.zeros(len(time_s), dtype=bool)
     for span_s in SPANS_S:
         begin = np.arange(np.searchsorted(time_s, time_s[-1] - span_s, side="right"))
         end = np.searchsorted(time_s, time_s[begin] + span_s)
         strained = np.abs(strain[end] - strain[begin])
         sigma = np.sqrt(variance[end] - variance[begin] + (wandered_m2, wandered_m2, 0.0))
-        known = against.copy()
-        for wrong in np.flatnonzero((strained > SIGMAS * sigma).any(axis=1)):
+        known = is_contradicted.copy()
+        for wrong in np.flatnonzero((strained > MAX_SIGMAS * sigma).any(axis=1)):
             span = slice(begin[wrong], end[wrong] + 1)
-            against[span] |= not known[span].any()
-    at = np.flatnonzero(against)
+            is_contradicted[span] |= not known[span].any()
+    at = np.flatnonzero(is_contradicted)
     for before, after in itertools.pairwise(at):
-        against[before:after] |= time_s[after] - time_s[before] < TOGETHER_S
-    return against
+        is_contradicted[before:after] |= time_s[after] - time_s[before] < MAX_PAUSE_S
+    return is_contradicted
 
 
 def _by_odometry_m(x: Unknowns, m: Measured) -> Array:
-    """(k - 1, 2): north and east from keyframe to keyframe as odometry tells."""
+    """(k - 1, 2): displacement north and east between keyframes by odometry."""
     return to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, YAW])
 
 
 def _from_first(steps: Array) -> Array:
-    """(k,): the steps (k - 1,) added up from the first keyframe to each."""
+    """(k,): sum of the steps (k - 1,) from the first keyframe to each."""
     return np.concatenate([[0.0], np.cumsum(steps)])

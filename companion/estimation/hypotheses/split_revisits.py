@@ -1,21 +1,21 @@
-"""Whether what was met again is the wall that it was taken for.
+"""Tests whether a repeated visit to a wall belongs to another wall.
 
-Rooms side by side often have walls that are nearly in line. Taken for one, they pull the flight
-aside by what lies between them, and then everything fits well:
+Adjacent rooms often have walls that are nearly in line. Taken for one wall, they shift the
+trajectory by their offset, and then all residuals are small:
 
-    as they are         ─────────                   taken for one     ─────────  ─────────
+    true                ─────────                   taken for one     ─────────  ─────────
                                     ─────────
     the flight           ●──●──●──●──●──●──●                          ●──●──●╮
                                                                              ╰●──●──●──●
 
-But what holds the flight where it was goes on pulling. For each visit, the hits on a wall without a
-long pause between them, a wall of its own is added to the equations, tied to the wall for now; with
-poses and all else free to follow, one step of that wall alone would lower χ² by
+The other measurements still pull the trajectory back. A visit is a sequence of hits on a wall
+without a long pause. For each visit a wall of its own, tied to the wall for now, is added to the
+equations. With poses and all else free to follow, one step of that wall alone would lower χ² by
 
     gᵀ (C - Bᵀ A⁻¹ B)⁻¹ g        g: gradient by its own two unknowns, C: their information,
-                                 A: that of all else, B: between them
+                                 A: information of all else, B: between them
 
-as in a score test (Rao 1948): the equations are solved once for many visits.
+as in a score test (Rao 1948). The equations are solved once for many visits.
 """
 
 from collections.abc import Generator
@@ -28,31 +28,34 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Measured
 
 PAUSE_S = 5.0
-"""A wall that has not been met for so long is visited again."""
+"""A visit begins after a pause of this length without hits on the wall, s. Chosen."""
 MIN_HITS = 8
-MAX_VISITS, AT_ONCE = 100, 25
-"""Those with most hits; and so many for one solution of the equations: time and memory."""
+"""Least hits of a visit. Chosen."""
+MAX_VISITS, BATCH = 100, 25
+"""Most visits tested, those with most hits; and visits per solution of the equations, which bounds
+time and memory. Chosen."""
 MIN_GAIN = 25.0
-"""χ² that a visit's own wall has to save; where all walls are right, the best of them save 15."""
+"""χ² that a visit's own wall has to save. Chosen: with correct associations the best visit saves
+less than 15."""
 
 
-def doubting(
-    smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior
+def split_candidates(
+    smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPrior
 ) -> Generator[None, None, list[Indices]]:
-    """The hits of visits to walls that must have been others, those that save most first.
+    """Hits of the visits that belong to another wall, the largest χ² gain first.
 
-    In pieces of some milliseconds: it yields after each.
+    It yields after each piece of some milliseconds.
     """
-    visits, gains = _visits(estimate, m, past.walls), np.empty(0)
-    for first in range(0, len(visits), AT_ONCE):
-        some = _gains(smoother, estimate, m, past, visits[first : first + AT_ONCE])
-        gains = np.append(gains, some)
+    visits, gains = _visits(estimate, m, prior.walls), np.empty(0)
+    for first in range(0, len(visits), BATCH):
+        batch_gains = _gains(smoother, estimate, m, prior, visits[first : first + BATCH])
+        gains = np.append(gains, batch_gains)
         yield
     return [visits[i] for i in np.argsort(-gains, kind="stable") if gains[i] >= MIN_GAIN]
 
 
-def apart(estimate: Estimate, visits: list[Indices]) -> Estimate:
-    """With a wall for each of the visits, where its wall is."""
+def split(estimate: Estimate, visits: list[Indices]) -> Estimate:
+    """Give each visit a wall of its own, at the place of its present wall."""
     x, wall_of = estimate.x.since(0), estimate.wall_of.copy()
     walls = wall_of[[hits[0] for hits in visits]]
     for number, hits in enumerate(visits):
@@ -62,23 +65,23 @@ def apart(estimate: Estimate, visits: list[Indices]) -> Estimate:
 
 
 def _visits(estimate: Estimate, m: Measured, known: int) -> list[Indices]:
-    """The first `known` walls had been met before the first of these hits."""
+    """All visits worth testing. The first `known` walls have hits before the first of these."""
     time_s = m.time_s[m.frame]
     found: list[Indices] = []
     for wall in range(len(estimate.x.walls)):
-        mine: Indices = np.flatnonzero(estimate.wall_of == wall)
-        visits = np.split(mine, np.flatnonzero(np.diff(time_s[mine]) > PAUSE_S) + 1)
+        on_wall: Indices = np.flatnonzero(estimate.wall_of == wall)
+        visits = np.split(on_wall, np.flatnonzero(np.diff(time_s[on_wall]) > PAUSE_S) + 1)
         if len(visits) > 1 or wall < known:
             found += [hits for hits in visits if len(hits) >= MIN_HITS]
     return sorted(found, key=len, reverse=True)[:MAX_VISITS]
 
 
 def _gains(
-    smoother: Smoother, estimate: Estimate, m: Measured, past: MarginalPrior, visits: list[Indices]
+    smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPrior, visits: list[Indices]
 ) -> Array:
-    """(v,): the χ² that a wall of its own would save each of them."""
-    each = apart(estimate, visits)
-    information, gradient = smoother.system(each.x, m, each.wall_of, past).of_shared()
+    """(v,): χ² that a wall of its own would save for each visit."""
+    each = split(estimate, visits)
+    information, gradient = smoother.system(each.x, m, each.wall_of, prior).of_shared()
     count = len(gradient) - WALL_SIZE * len(visits)
     tied = np.eye(len(gradient), count)
     for number, hits in enumerate(visits):
@@ -86,10 +89,10 @@ def _gains(
         for i in range(WALL_SIZE):
             tied[count + own + i, wall + i] = 1.0
     between = information @ tied
-    followed = between @ np.linalg.inv(tied.T @ between)
-    left = (information - followed @ between.T)[count:, count:]
-    pull = (gradient - followed @ (tied.T @ gradient))[count:]
+    response = between @ np.linalg.inv(tied.T @ between)
+    reduced = (information - response @ between.T)[count:, count:]
+    reduced_gradient = (gradient - response @ (tied.T @ gradient))[count:]
     at = WALL_SIZE * np.arange(len(visits))[:, None] + np.arange(WALL_SIZE)
-    blocks, pulls = left[at[:, :, None], at[:, None, :]], pull[at]
-    gains: Array = (pulls * np.linalg.solve(blocks, pulls[..., None])[..., 0]).sum(axis=1)
+    blocks, gradients = reduced[at[:, :, None], at[:, None, :]], reduced_gradient[at]
+    gains: Array = (gradients * np.linalg.solve(blocks, gradients[..., None])[..., 0]).sum(axis=1)
     return gains

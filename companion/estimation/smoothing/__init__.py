@@ -1,1 +1,1 @@
-"""The whole flight as one least-squares problem: its state, factors and solver."""
+"""Solves the whole flight as one least-squares problem: state, factors and solver."""

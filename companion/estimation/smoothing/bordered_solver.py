@@ -1,14 +1,14 @@
-"""Least squares over a chain of poses and a few unknowns that everything shares.
+"""Solves least squares over a chain of poses and a few unknowns shared by all residuals.
 
-A residual touches one pose or two neighbours, and some of the shared unknowns; so the normal
-equations are a narrow band with a border,
+A residual depends on one pose or two adjacent poses, and on some of the shared unknowns. So the
+normal equations are a narrow band with a border,
 
     [ A   B ] [ x ]     [ a ]        A: band, poses        x: step of the poses
     [ Bᵀ  C ] [ y ] = - [ b ]        C: small and full     y: step of the shared unknowns
 
 With the Cholesky factor of A, the Schur complement S = C - Bᵀ A⁻¹ B gives y, and y gives x. S⁻¹ is
-the covariance of the shared unknowns with the poses integrated out. Time and memory grow with the
-length of the chain, not with its square.
+the covariance of the shared unknowns with the poses integrated out. Time and memory are linear in
+the length of the chain.
 """
 
 from collections.abc import Sequence
@@ -21,39 +21,41 @@ from scipy.linalg import cho_solve_banded, cholesky_banded
 Array = NDArray[np.float64]
 Columns = NDArray[np.int64]
 Gradient = Sequence[tuple[Columns | int, Array]]
-"""Of n residuals: columns, (n,) or one for all, and the derivatives by those unknowns, (n,)."""
+"""Gradient of n residuals: columns, (n,) or one for all, and the derivatives by those unknowns,
+(n,)."""
 
 
 CAUCHY_SIGMAS = 2.0
+"""Scale of the Cauchy loss, in sigmas. Chosen."""
 
 
 def cauchy(residual: Array) -> Array:
-    """By how much the sigma of each residual grows that far from fitting, in sigmas."""
+    """Factor on the sigma of each residual (in sigmas) by the Cauchy loss."""
     growth: Array = np.sqrt(1 + (residual / CAUCHY_SIGMAS) ** 2)
     return growth
 
 
 class Sums:
-    """Numbers added up by place, many at a time."""
+    """Sums values by index, many at a time."""
 
-    AT_ONCE = 200_000
-    """Kept until there are so many, which bounds the memory."""
+    BATCH = 200_000
+    """Values are summed after this many, which bounds the memory. Chosen."""
 
     def __init__(self, size: int) -> None:
         self._total = np.zeros(size)
         self._places: list[Columns] = []
         self._values: list[Array] = []
-        self._waiting = 0
+        self._pending = 0
 
     def add(self, place: Columns | int, value: Array) -> None:
         self._places.append(np.broadcast_to(place, value.shape))
         self._values.append(value)
-        self._waiting += value.size
-        if self._waiting > self.AT_ONCE:
+        self._pending += value.size
+        if self._pending > self.BATCH:
             self._add_up()
 
     def total(self) -> Array:
-        """(size,)."""
+        """The sums, (size,)."""
         if self._places:
             self._add_up()
         return self._total
@@ -61,39 +63,39 @@ class Sums:
     def _add_up(self) -> None:
         places, values = np.concatenate(self._places), np.concatenate(self._values)
         self._total += np.bincount(places, values, len(self._total))
-        self._places, self._values, self._waiting = [], [], 0
+        self._places, self._values, self._pending = [], [], 0
 
 
 @dataclass(frozen=True, slots=True)
-class Belief:
-    """What is known of one pose and the shared unknowns: ½ δᵀ·information·δ + gradientᵀ·δ."""
+class Gaussian:
+    """A Gaussian of one pose and the shared unknowns: ½ δᵀ·information·δ + gradientᵀ·δ."""
 
     information: Array
     """(pose + shared, pose + shared)."""
     gradient: Array
     """(pose + shared,)."""
 
-    def moved(self, delta: Array) -> "Belief":
-        """The same about a point that lies `delta` further."""
-        return Belief(self.information, self.gradient + self.information @ delta)
+    def moved(self, delta: Array) -> "Gaussian":
+        """The same Gaussian about a point that is `delta` further."""
+        return Gaussian(self.information, self.gradient + self.information @ delta)
 
     def cost(self, delta: Array) -> float:
-        """χ² of a point that lies `delta` from the one that the belief is about."""
+        """χ² of a point at `delta` from the reference point."""
         return float(delta @ self.information @ delta + 2 * self.gradient @ delta)
 
-    def grown(self, size: int) -> "Belief":
-        """With unknowns appended, of which nothing is known, to be `size` in all."""
+    def grown(self, size: int) -> "Gaussian":
+        """Append unknowns without information, to `size` in total."""
         more = size - len(self.gradient)
-        return Belief(
+        return Gaussian(
             np.pad(self.information, ((0, more), (0, more))), np.pad(self.gradient, (0, more))
         )
 
 
 class BorderedSystem:
-    """Normal equations being collected, row by row of the Jacobian."""
+    """Collects the normal equations, row by row of the Jacobian."""
 
     def __init__(self, chained: int, shared: int, bandwidth: int) -> None:
-        """Of so many unknowns in the chain, of which those within `bandwidth` may be coupled."""
+        """`bandwidth`: largest distance of coupled unknowns in the chain."""
         self._chained, self._shared, self._band = chained, shared, bandwidth
         self._a = Sums(bandwidth * chained)
         self._b = Sums(chained * shared)
@@ -101,12 +103,12 @@ class BorderedSystem:
         self._chain_gradient = Sums(chained)
         self._shared_gradient = Sums(shared)
         self.squares, self.rows = 0.0, 0
-        """Sum of the squares of the residuals added so far, in their sigmas, and how many."""
+        """Sum of squares of all residuals in their sigmas, and number of residuals."""
 
     def add(
         self, residual: Array, sigma: Array | float, chained: Gradient, shared: Gradient = ()
     ) -> None:
-        """Residuals (n,), their sigmas, and their gradients."""
+        """Add residuals (n,), their sigmas and their gradients."""
         weight = np.broadcast_to(1 / np.square(sigma), residual.shape)
         self.squares += float((weight * residual**2).sum())
         self.rows += len(residual)
@@ -124,22 +126,22 @@ class BorderedSystem:
             for column, by_column in shared:
                 self._c.add(row * self._shared + column, weighted * by_column)
 
-    def believe(self, belief: Belief) -> None:
-        """Of the chain's first unknowns and all shared ones."""
-        count = len(belief.gradient) - self._shared
+    def add_prior(self, prior: Gaussian) -> None:
+        """Add a prior on the first unknowns of the chain and all shared ones."""
+        count = len(prior.gradient) - self._shared
         first, shared = np.arange(count), np.arange(self._shared)
         row, column = np.tril_indices(count)
-        self._a.add((row - column) * self._chained + column, belief.information[row, column])
+        self._a.add((row - column) * self._chained + column, prior.information[row, column])
         self._b.add(
             (first[:, None] * self._shared + shared).ravel(),
-            belief.information[:count, count:].ravel(),
+            prior.information[:count, count:].ravel(),
         )
-        self._c.add(np.arange(self._shared**2), belief.information[count:, count:].ravel())
-        self._chain_gradient.add(first, belief.gradient[:count])
-        self._shared_gradient.add(shared, belief.gradient[count:])
+        self._c.add(np.arange(self._shared**2), prior.information[count:, count:].ravel())
+        self._chain_gradient.add(first, prior.gradient[:count])
+        self._shared_gradient.add(shared, prior.gradient[count:])
 
     def solve(self) -> "Solution":
-        """The Gauss-Newton step, and what is known of its exactness."""
+        """The Gauss-Newton step with its covariance."""
         a, b, c, a_gradient, b_gradient = self._totals()
         factor = cholesky_banded(a, lower=True)
         solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
@@ -156,8 +158,8 @@ class BorderedSystem:
         solved = cho_solve_banded((factor, True), np.column_stack([b, a_gradient]))
         return c - b.T @ solved[:, :-1], b_gradient - b.T @ solved[:, -1]
 
-    def belief_of_last(self, count: int) -> Belief:
-        """Of the chain's last unknowns and the shared ones, with all before integrated out."""
+    def marginal_of_last(self, count: int) -> Gaussian:
+        """Gaussian of the chain's last unknowns and all shared ones, the others integrated out."""
         a, b, c, a_gradient, b_gradient = self._totals()
         before = self._chained - count
         factor = cholesky_banded(a[:, :before], lower=True)
@@ -176,7 +178,7 @@ class BorderedSystem:
         gradient = np.concatenate([a_gradient[before:], b_gradient])
         right = np.column_stack([coupling, a_gradient[:before]])
         solved = cho_solve_banded((factor, True), right)
-        return Belief(corner - coupling.T @ solved[:, :-1], gradient - coupling.T @ solved[:, -1])
+        return Gaussian(corner - coupling.T @ solved[:, :-1], gradient - coupling.T @ solved[:, -1])
 
     def _totals(self) -> tuple[Array, Array, Array, Array, Array]:
         """A (band, chained), B (chained, shared), C (shared, shared), a and b."""
@@ -194,18 +196,19 @@ class Solution:
     """One step and its covariance."""
 
     chained: Array
-    """(chained,): x above."""
+    """(chained,): x in the module's docstring."""
     shared: Array
-    """(shared,): y above."""
+    """(shared,): y in the module's docstring."""
     shared_covariance: Array
     """S⁻¹, (shared, shared)."""
     _a_factor: Array
     _a_inverse_b: Array
 
     def covariance_of_last(self, count: int) -> Array:
-        """Of the last `count` unknowns of the chain, then all shared ones: (count + shared)².
+        """Covariance of the last `count` unknowns of the chain and all shared ones.
 
-        By the inverse of a block matrix: A⁻¹ + F S⁻¹ Fᵀ, and -F S⁻¹ beside it, F = A⁻¹ B.
+        Shape (count + shared, count + shared). By the inverse of a block matrix: A⁻¹ + F S⁻¹ Fᵀ,
+        and -F S⁻¹ beside it, F = A⁻¹ B.
         """
         units = np.zeros((len(self.chained), count))
         units[-count:] = np.eye(count)

@@ -1,4 +1,4 @@
-"""What the smoother gives, and what it is given of what came before."""
+"""Result of the smoother, and its prior from the part of the flight before."""
 
 import math
 from dataclasses import dataclass
@@ -8,26 +8,26 @@ import numpy as np
 from companion.core.frames import wrap_rad
 from companion.core.messages import WallLine
 from companion.estimation.smoothing import factors
-from companion.estimation.smoothing.bordered_solver import Belief, Solution
+from companion.estimation.smoothing.bordered_solver import Gaussian, Solution
 from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Array, Indices, Unknowns
 
 
 @dataclass(frozen=True, slots=True)
 class MarginalPrior:
-    """What the keyframes before one tell of it and of all that is shared."""
+    """The measurements before one keyframe as a prior on it and on all shared unknowns."""
 
     frame: int
     at: Array
-    """(pose + shared,): the point that the belief is about."""
-    belief: Belief
+    """(pose + shared,): the prior's reference point."""
+    gaussian: Gaussian
 
     @property
     def walls(self) -> int:
-        """How many were known."""
+        """Number of walls in the prior."""
         return (len(self.at) - POSE_SIZE - factors.WALLS) // WALL_SIZE
 
-    def beside(self, x: Unknowns) -> Array:
-        """(pose + shared,): how far `x` is from what the belief is about."""
+    def difference(self, x: Unknowns) -> Array:
+        """(pose + shared,): difference of `x` from the reference point."""
         delta: Array = values(x, 0)[: len(self.at)] - self.at
         angles = np.array([YAW, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
         delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
@@ -36,7 +36,7 @@ class MarginalPrior:
 
 @dataclass(slots=True)
 class Estimate:
-    """The likeliest flight from some keyframe on."""
+    """The most likely solution from some keyframe on."""
 
     x: Unknowns
     wall_of: Indices
@@ -44,7 +44,10 @@ class Estimate:
 
     @property
     def wall_lines(self) -> tuple[WallLine, ...]:
-        """With their sigmas where direction and offset are independent: at cov(α, ρ) / var(α)."""
+        """Walls with their sigmas at the anchor.
+
+        Direction and offset are independent at cov(α, ρ) / var(α) along the wall.
+        """
         lines = []
         for i, (normal_rad, offset_m) in enumerate(self.x.walls):
             at = factors.WALLS + WALL_SIZE * i
@@ -63,6 +66,6 @@ class Estimate:
 
 
 def values(x: Unknowns, frame: int) -> Array:
-    """(pose + shared,): a keyframe's and what is shared, in the order of the equations."""
+    """(pose + shared,): one keyframe and the shared unknowns, in the order of the equations."""
     shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
     return np.array([*x.poses[frame], *shared])

@@ -3,11 +3,11 @@
 odometry   R(ψ_k)ᵀ(p_{k+1} + w_{k+1} - p_k - w_k) - (1 + s)·d_k
 wander     w_{k+1} - w_k·exp(-dt/τ)
 gyro       ψ_{k+1} - ψ_k - (1 - g)·G_k + b_k·dt
-bias       b_{k+1} - b_k - m_k, m: how it has moved, where two gyros tell (`two_gyro_bias.py`)
+bias       b_{k+1} - b_k - m_k, m: change of the bias by the two gyros (`two_gyro_bias.py`)
 hit        ς((1 - γ)·d) - ς(d_i),  d_i = (ρ_i - p·n_i) / cos(β - α_i) - mount
-square     (α_i - α_j) - the nearest multiple of 90°, between walls that seem to be square
+square     (α_i - α_j) - the nearest multiple of 90°, between walls at apparent right angles
 
-The gradient by s is -mean(d)_k, of the motion averaged over the time around (`odometry_model.py`).
+The gradient by s is -mean(d)_k: the displacement averaged over some seconds (`odometry_model.py`).
 """
 
 import math
@@ -31,40 +31,42 @@ from companion.estimation.smoothing.state import (
     Unknowns,
     project,
 )
-from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, steadied
+from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, aided
 
 GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
 WALLS = GAINS + len(BEAMS)
-"""Places of the shared unknowns."""
+"""Indices of the shared unknowns."""
 MIN_SIGMA = 1e-4
+"""Sigma of unknowns that are fixed by definition. Chosen: small, and the equations stay
+solvable."""
 SQUARE_SIGMA_RAD = math.radians(0.5)
-"""How exactly rooms are built."""
+"""Sigma of right angles in buildings, rad. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Models:
-    """How far the sensors may be trusted."""
+    """Noise models of the sensors."""
 
     ranges: RangeUnits
     rest_bias_rad_s: float = 0.0
-    """The gyro's, as averaged before take-off."""
+    """Bias of the gyro, averaged before take-off, rad/s."""
     gyro: GyroModel = field(default_factory=GyroModel)
     odometry: OdometryModel = field(default_factory=OdometryModel)
-    told: AutopilotGyroModel = field(default_factory=AutopilotGyroModel)
+    autopilot_gyro: AutopilotGyroModel = field(default_factory=AutopilotGyroModel)
 
     def measured(self, record: FlightRecord) -> Measured:
-        """All that was recorded so far, and what two gyros tell that one does not."""
-        return steadied(Measured.of(record, self.ranges), self.gyro, self.told)
+        """All measurements so far, with the bias change from both gyros."""
+        return aided(Measured.of(record, self.ranges), self.gyro, self.autopilot_gyro)
 
     def bias_variance(self, m: Measured) -> Array:
-        """(k - 1,): of how much the gyro's bias moves from one keyframe to the next, (rad/s)².
+        """(k - 1,): variance of the change of the gyro's bias between keyframes, (rad/s)².
 
-        Where two gyros tell, that is only what the other one's moves; but at take-off, before they
-        do, motors shake ours at once.
+        With the autopilot's gyro as reference it is the variance of that gyro's bias. At take-off
+        motor vibration adds the settling variance at once.
         """
         alone = self.gyro.bias_variance_per_s(m.age_s)
-        per_s = np.where(m.is_steadied, self.told.bias_walk_rad_s_sqrt_s**2, alone)
-        takes_off = m.is_steadied & np.diff(m.is_steadied, prepend=False)
+        per_s = np.where(m.is_aided, self.autopilot_gyro.bias_walk_rad_s_sqrt_s**2, alone)
+        takes_off = m.is_aided & np.diff(m.is_aided, prepend=False)
         variance: Array = per_s * m.dt_s
         variance += np.where(takes_off, self.gyro.settling_variance(m.age_s), 0.0)
         return variance
@@ -81,14 +83,14 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
     cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
     north, east = np.diff(x.tracks, axis=0).T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    told, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
+    autopilot_gyro, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
     walk_m = model.step_sigma_m(m.dt_s)
     for by_pose, axis, to_north, to_east, by_yaw in (
         (forward, 0, cos_yaw, sin_yaw, right),
         (right, 1, -sin_yaw, cos_yaw, -forward),
     ):
         system.add(
-            by_pose - told[:, axis],
+            by_pose - autopilot_gyro[:, axis],
             walk_m,
             [
                 *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
@@ -101,7 +103,7 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
 
 
 def wander_steps_m(x: Unknowns, m: Measured) -> Array:
-    """(k - 1, 2): by how much the wander, north and east, has done more than fade."""
+    """(k - 1, 2): innovation of the wander, north and east."""
     wander_m = x.poses[:, WANDER_NORTH:]
     steps_m: Array = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
     return steps_m
@@ -137,22 +139,22 @@ def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, models: Models) -
 
 
 def hit_residuals(x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits) -> Array:
-    """(hits on walls,): how far off their walls they are, in sigmas of their ranges."""
+    """(hits on walls,): residuals of the hits, in sigmas of their ranges."""
     return _hits_on_walls(x, m, wall_of, units)[1]
 
 
 def _hits_on_walls(
     x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
 ) -> tuple[Indices, Array, Array, Array, Array]:
-    """Which hits are on walls, their residuals, expected distances, cos(incidence), and points."""
+    """Indices of hits on walls, their residuals, expected distances, cos(incidence) and points."""
     used: Indices = np.flatnonzero(wall_of >= 0)
-    seen = project(x, m)
-    eyes, beams = seen.eyes[used], seen.beams[used]
+    rays = project(x, m)
+    origins, beams = rays.origins[used], rays.beams[used]
     wall, beam = wall_of[used], m.beam[used]
     normals = x.normals[wall]
     cos_incidence = (beams * normals).sum(axis=1)
-    expected_m = (x.walls[wall, 1] - (eyes * normals).sum(axis=1)) / cos_incidence
-    met = eyes + expected_m[:, None] * beams
+    expected_m = (x.walls[wall, 1] - (origins * normals).sum(axis=1)) / cos_incidence
+    met = origins + expected_m[:, None] * beams
     distance_m = np.clip(expected_m - m.mount_m[used], units.min_m[beam], units.max_m[beam])
     measured_m = (1 - x.range_gain[beam]) * m.distance_m[used]
     residual = units.signal(beam, measured_m) - units.signal(beam, distance_m)
@@ -162,7 +164,7 @@ def _hits_on_walls(
 def add_hits(
     system: BorderedSystem, x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits
 ) -> None:
-    """Where the wall's line moves, the expected range moves by 1 / cos(incidence) of it."""
+    """A shift of the wall's line changes the expected range by the shift over cos(incidence)."""
     used, residual, distance_m, cos_incidence, met = _hits_on_walls(x, m, wall_of, units)
     wall, frame, beam = wall_of[used], m.frame[used], m.beam[used]
     per_sigma = 1 / (units.sigma_m(beam, distance_m) * cos_incidence)
@@ -186,13 +188,13 @@ def add_hits(
 
 
 def off_square_rad(between_rad: Array) -> Array:
-    """How far angles between walls are from the nearest multiple of 90°."""
+    """Deviation of angles between walls from the nearest multiple of 90°."""
     off_rad: Array = (between_rad + math.pi / 4) % (math.pi / 2) - math.pi / 4
     return off_rad
 
 
 def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> None:
-    """Softly, and softer the farther off it is: not every room is built so."""
+    """Robust constraint: its weight falls with the deviation, as not every corner is square."""
     between_rad = x.walls[[wall], 0] - x.walls[[other], 0]
     residual = off_square_rad(between_rad) / SQUARE_SIGMA_RAD
     per_sigma = np.array([1 / SQUARE_SIGMA_RAD])

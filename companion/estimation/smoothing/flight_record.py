@@ -1,8 +1,8 @@
-"""What the smoother needs of the flight: a pose every 0.2 s, what was measured between, and hits.
+"""Records the flight for the smoother: a keyframe every 0.2 s, the motion between, and all hits.
 
-All in frames that nothing estimated has touched: displacements and hits are relative to the
-keyframe before them, by raw odometry and gyro. Kept as columns of numbers, which an hour of flight
-fills with some tens of megabytes, and which the smoother takes as they are.
+The record contains no estimates: displacements and hits are relative to the preceding keyframe, by
+raw odometry and gyro. It is stored as columns of numbers. An hour of flight needs tens of
+megabytes, and the smoother uses them without conversion.
 """
 
 import math
@@ -20,59 +20,63 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 PERIOD_S = 0.2
+"""Interval of the keyframes, s. Chosen."""
 NO_WALL = -1
+"""Wall index of hits without a wall."""
 MAX_HITS = 60_000
-"""Twelve minutes of all beams. Of a longer flight only every second, fourth, ... sweep is kept,"""
+"""Most hits stored: twelve minutes of all beams. A longer flight keeps every second, fourth, ...
+sweep. Chosen."""
 FRESH_S = 60.0
-"""but all of the last minute."""
+"""All hits of this last period are kept, s. Chosen."""
 SWEEP_S = 0.05
+"""Interval of the sweeps, s."""
 
 
 class FrameColumn(IntEnum):
-    """Of a keyframe: its motion since the one before, in that one's body frame, and its pose."""
+    """Columns of a keyframe: motion since the last one in its body frame, and the present pose."""
 
     TIME_S = 0
     FORWARD_M = 1
-    """By odometry, its scale not corrected."""
+    """Displacement by odometry without scale correction."""
     RIGHT_M = 2
     TURNED_RAD = 3
-    """By the gyro, neither bias nor scale corrected."""
+    """Turn by the gyro without bias and scale correction."""
     NORTH_M = 4
-    """The pose as it is known so far."""
+    """Present estimate of the pose."""
     EAST_M = 5
     YAW_RAD = 6
     DOWN_M = 7
     POSITION_SIGMA_M = 8
     YAW_SIGMA_RAD = 9
     AUTOPILOT_YAW_RAD = 10
-    """Turned since take-off by the autopilot, not wrapped; not a number while it tells nothing."""
+    """Autopilot's turn since take-off, not wrapped; NaN without recent messages."""
     GAP_RAD2 = 11
-    """Variance of what was turned while the gyro was silent."""
+    """Variance of the turn during gyro gaps."""
 
 
 class HitColumn(IntEnum):
-    """Of one return of a beam, relative to its keyframe's position and heading."""
+    """Columns of a hit, relative to its keyframe's position and heading."""
 
     TIME_S = 0
     BEAM = 1
-    """Its place in `BEAMS`."""
+    """Index in `BEAMS`."""
     FRAME = 2
     FORWARD_M = 3
-    """Where the drone was."""
+    """Position of the drone."""
     RIGHT_M = 4
     BEARING_RAD = 5
-    """Where the beam pointed, off the keyframe's heading."""
+    """Bearing of the beam relative to the keyframe's heading."""
     DISTANCE_M = 6
-    """From the sensor."""
+    """Distance from the sensor."""
     DOWN_M = 7
     WALL = 8
-    """The wall it is on as far as known, or `NO_WALL`."""
+    """The hit's wall by the present estimate, or `NO_WALL`."""
     LATE_S = 9
-    """How long after the last odometry it was measured: for so long its place is extrapolated."""
+    """Time from the last odometry to the measurement: for so long the position is extrapolated."""
 
 
 class Table:
-    """Rows of numbers, to which more are appended."""
+    """A growing table of numbers."""
 
     def __init__(self, columns: int) -> None:
         self._rows = np.empty((256, columns))
@@ -89,18 +93,18 @@ class Table:
 
     @property
     def rows(self) -> Array:
-        """(n, columns): a view, which is valid until the next change."""
+        """(n, columns): a view, valid until the next change."""
         return self._rows[: self._count]
 
     def keep(self, kept: NDArray[np.bool_]) -> None:
-        """Forget all rows but those of the mask (n,)."""
+        """Keep only the rows of the mask (n,)."""
         left = self.rows[kept]
         self._count = len(left)
         self._rows[: self._count] = left
 
 
 class FlightRecord:
-    """Keyframes and hits from the first moment on."""
+    """All keyframes and hits of the flight."""
 
     def __init__(self) -> None:
         self._frames = Table(len(FrameColumn))
@@ -120,7 +124,7 @@ class FlightRecord:
 
     @property
     def poses(self) -> Array:
-        """(k, 3): north, east, yaw of the keyframes, as known so far; a view."""
+        """(k, 3): present estimate of the keyframes, north, east, yaw; a view."""
         return self.frames[:, FrameColumn.NORTH_M : FrameColumn.YAW_RAD + 1]
 
     @property
@@ -130,22 +134,25 @@ class FlightRecord:
 
     @property
     def raw(self) -> tuple[Vector2, float]:
-        """Raw dead-reckoned place and yaw of the last keyframe."""
+        """Raw dead-reckoned position and yaw at the last keyframe."""
         return self._raw_ne_m, self._raw_yaw_rad
 
     def bridge(self, variance_rad2: float) -> None:
-        """The gyro was silent: what was turned meanwhile is known no better than this."""
+        """Add the variance of the turn during a gyro gap."""
         self._gap_rad2 += variance_rad2
 
     def bridged_since_rad2(self, time_s: float) -> float:
-        """The same of all silences since then."""
+        """Sum of these variances after `time_s`."""
         is_since = self.frames[:, FrameColumn.TIME_S] > time_s
         return float(self.frames[is_since, FrameColumn.GAP_RAD2].sum()) + self._gap_rad2
 
     def advance(
         self, pose: Pose, raw_ne_m: Vector2, raw_yaw_rad: float, autopilot_yaw_rad: float = math.nan
     ) -> None:
-        """The drone is here by now, there by uncorrected dead reckoning, turned as it is told."""
+        """Update the motion since the last keyframe; add a keyframe when one is due.
+
+        `raw_ne_m` and `raw_yaw_rad` are uncorrected dead reckoning.
+        """
         north_m, east_m = raw_ne_m[0] - self._raw_ne_m[0], raw_ne_m[1] - self._raw_ne_m[1]
         self._moved_frd_m = ned_to_frd(north_m, east_m, self._raw_yaw_rad)
         self._turned_rad = raw_yaw_rad - self._raw_yaw_rad
@@ -171,10 +178,10 @@ class FlightRecord:
         *,
         late_s: float = 0.0,
     ) -> None:
-        """A hit read now.
+        """Add a hit that was read now.
 
-        `measured_at` is the motion from the last odometry, forward and right, to where it was
-        measured, `late_s` later, and the bearing of the beam then, off the nose now.
+        `measured_at`: displacement (forward, right) from the last odometry to the moment of
+        measurement, `late_s` later, and the bearing of the beam then, relative to the heading now.
         """
         back_m, bearing_frd_rad = measured_at
         forward_m, right_m = moved(self._moved_frd_m, back_m, self._turned_rad)
@@ -194,17 +201,18 @@ class FlightRecord:
         )
 
     def thin(self) -> None:
-        """Keep no more hits than there is room for; those of the whole flight equally."""
+        """Thin the hits to at most `MAX_HITS`, uniformly over the flight."""
         while len(self._hits) > MAX_HITS:
             self._stride *= 2
             time_s = self.hits[:, HitColumn.TIME_S]
-            fresh = time_s > time_s[-1] - FRESH_S
-            self._hits.keep(fresh | (np.rint(time_s / SWEEP_S) % self._stride == 0))
+            is_fresh = time_s > time_s[-1] - FRESH_S
+            self._hits.keep(is_fresh | (np.rint(time_s / SWEEP_S) % self._stride == 0))
 
     def correct(self, first: int, poses: Array, first_hit: int, wall_of: Indices) -> None:
-        """Better poses (k, 3), north, east, yaw, from keyframe `first` on; hits' walls likewise.
+        """Store corrected poses and walls of hits.
 
-        Hits that came later belong to walls by numbers that are no longer theirs: to none.
+        `poses` (k, 3): north, east, yaw from keyframe `first` on. Later hits get no wall, because
+        the walls' indices have changed.
         """
         self.poses[first : first + len(poses)] = poses
         walls = self.hits[first_hit:, HitColumn.WALL]

@@ -1,8 +1,8 @@
-"""How far the odometry wanders, as the ranges to known walls tell it in flight.
+"""Estimates the odometry's wander in flight, from ranges to known walls.
 
-Beside a wall that stands still, the foot of the perpendicular from the dead-reckoned frame's origin
-stays where it is. By how much it moves within a second, beyond the noise of the ranges and the walk
-of the odometry, is its wander across that wall (`odometry_model.py`):
+Beside a wall, the foot of the perpendicular from the origin of the dead-reckoned frame is constant.
+Its motion within a second, less range noise and odometry walk, is the wander across that wall
+(`odometry_model.py`):
 
     D = mean(c over the last 0.2 s) - mean(c over 0.2 s a second before),   c = hit · normal
     E[D²] = 2·σ_w²·(1 - exp(-1 s / τ)) + σ_walk²·1 s + 2·σ_range² / n
@@ -15,19 +15,20 @@ from companion.core.frames import Vector2
 from companion.estimation.smoothing.odometry_model import WANDER_S, OdometryModel
 
 BASE_S = 1.0
-"""Between the two means: about the correlation time of an autopilot's error."""
+"""Time between the two means, s: about the correlation time of an autopilot's position error.
+Chosen."""
 MEAN_HITS = 4
-"""In each mean: 0.2 s of one beam."""
+"""Hits in each mean: 0.2 s of one beam. Chosen."""
 MEMORY = 100.0
-"""Comparisons after which an old one counts a third: with three beams about ten seconds."""
+"""Time constant of the average, in comparisons: about ten seconds with three beams. Chosen."""
 MAX_STEP_M = 0.5
-"""More than that in a second is another wall, not an error of the odometry."""
+"""A larger change in a second is another wall, not an odometry error, m. Chosen."""
 PER_WANDER = 2 * (1 - math.exp(-BASE_S / WANDER_S))
 """E[D²] / σ_w² of the wander alone."""
 
 
 class OdometryNoise:
-    """Of one flight; it keeps the model's `wander_m`, never less than that was at first."""
+    """Estimator of one flight. It updates the model's `wander_m`, never below its initial value."""
 
     def __init__(self, model: OdometryModel) -> None:
         self._model = model
@@ -35,13 +36,13 @@ class OdometryNoise:
         self._wander_m2 = 0.0
         self._tracks: dict[int, _Track] = {}
 
-    def see(
+    def add_hit(
         self, beam: int, wall: int | None, time_s: float, place: tuple[Vector2, float, float]
     ) -> None:
-        """A hit of a beam.
+        """Process a hit of a beam.
 
-        `place` is where it lies in the dead-reckoned frame, the direction of its wall's normal
-        there, and the variance of its range.
+        `place`: position in the dead-reckoned frame, direction of the wall's normal there, and
+        variance of the range.
         """
         track = self._tracks.get(beam)
         if wall is None or track is None or track.wall != wall or track.is_stale(time_s):
@@ -49,9 +50,9 @@ class OdometryNoise:
             if wall is None:
                 return
             track = self._tracks[beam] = _Track(wall, place[1])
-        told = track.add(time_s, place)
-        if told is not None:
-            self._learn(told - self._model.step_variance_m2_per_s * BASE_S)
+        error_m2 = track.add(time_s, place)
+        if error_m2 is not None:
+            self._learn(error_m2 - self._model.step_variance_m2_per_s * BASE_S)
 
     def _learn(self, wandered_m2: float) -> None:
         self._wander_m2 += (wandered_m2 / PER_WANDER - self._wander_m2) / MEMORY
@@ -59,7 +60,7 @@ class OdometryNoise:
 
 
 class _Track:
-    """Hits of one beam on one wall, one after the other."""
+    """Successive hits of one beam on one wall."""
 
     def __init__(self, wall: int, normal_rad: float) -> None:
         self.wall = wall
@@ -71,7 +72,7 @@ class _Track:
         return bool(self._hits) and time_s - self._hits[-1][0] > BASE_S / 4
 
     def add(self, time_s: float, place: tuple[Vector2, float, float]) -> float | None:
-        """The square of the odometry's error over `BASE_S`, as this hit tells it."""
+        """Square of the odometry's error over `BASE_S` at this hit; None without enough hits."""
         (north_m, east_m), _, variance_m2 = place
         along_m = north_m * self._normal[0] + east_m * self._normal[1]
         hits = self._hits

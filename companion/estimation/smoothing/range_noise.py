@@ -1,4 +1,4 @@
-"""What is known of each range unit, as tables for many readings at once."""
+"""Noise and mounting of the range units as tables, for many readings at once."""
 
 from collections.abc import Mapping
 
@@ -11,23 +11,26 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 BEAMS = tuple(Beam)
+"""Order of the beams in all tables."""
 MIN_SIGMA_M = 1e-3
+"""Least sigma of a range, m. Chosen."""
 MIN_STEP_M = 1e-9
-"""A sensor that only ever told one distance has a range of no length."""
+"""Least table step, m, for a sensor that reported only one distance."""
 
 
 class RangeUnits:
-    """The noise of all units, without what their gains add.
+    """Noise of all units, without the gain errors.
 
-    Distances are compared as signals ς(d) = ∫ dd / σ(d), whose noise is 1 at any distance: for a
-    Sharp sensor that is its voltage by its noise. There the noise is Gaussian, while distances
-    computed from it are skewed, and a robust weight would pull towards the shorter ones.
+    Distances are compared as signals ς(d) = ∫ dd / σ(d), whose noise is 1 at any distance. For a
+    Sharp sensor the signal is its voltage over the voltage noise, which is Gaussian. Distances
+    computed from the voltage have a skewed noise, and a robust weight would bias them short.
 
-    Everywhere `beam` is a unit's place in `BEAMS`, (n,) or (n, 1), and distances are from the
-    sensor, (n,) or (n, w).
+    `beam` is a unit's index in `BEAMS`, (n,) or (n, 1). Distances are from the sensor, (n,) or (n,
+    w).
     """
 
     STEPS = 900
+    """Table steps over the range of a sensor. Chosen."""
 
     def __init__(self, units: Mapping[Beam, RangeUnit], noise_factor: float = 1.0) -> None:
         self.units = units
@@ -51,17 +54,17 @@ class RangeUnits:
         self._signal[:, 1:] = np.cumsum(per_step, axis=1)
 
     def noisier(self, factor: float) -> "RangeUnits":
-        """The same units with so much more noise."""
+        """The same units with their noise multiplied by `factor`."""
         return RangeUnits(self.units, factor)
 
     def sigma_m(self, beam: Indices, distance_m: Array) -> Array:
-        """Beyond the range, that at its end."""
+        """Sigma at a distance; outside the range the sigma at its end."""
         place = np.rint(self._place(beam, distance_m)).astype(np.int64)
         sigma: Array = self._sigma_m[beam, place]
         return sigma
 
     def signal(self, beam: Indices, distance_m: Array) -> Array:
-        """ς above."""
+        """The signal ς of the class's docstring."""
         place = self._place(beam, distance_m)
         low = np.minimum(place.astype(np.int64), self.STEPS - 1)
         before = self._signal[beam, low]
@@ -69,7 +72,7 @@ class RangeUnits:
         return signal
 
     def _place(self, beam: Indices, distance_m: Array) -> Array:
-        """In the tables; np.interp would search for it."""
+        """Fractional table index, faster than `np.interp`."""
         inside = np.clip(distance_m, self.min_m[beam], self.max_m[beam])
         place: Array = (inside - self.min_m[beam]) / self._step_m[beam]
         return place

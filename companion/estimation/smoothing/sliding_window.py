@@ -1,15 +1,15 @@
-"""Smoothing while it flies: a piece of some milliseconds a tick, again every few seconds.
+"""Smooths in flight, in pieces of some milliseconds a tick, repeated every few seconds.
 
-The whole flight is solved each time it has become a quarter longer, its last part alone in
-between, with the rest as a belief:
+The whole flight is solved each time it has grown by a quarter. In between only its last part is
+solved, with the rest as a marginal prior:
 
     |---------------- whole -----------------|
-                                    |past ends here
+                                    |prior ends here
                                     |-- part --|
                                     |----- part -----|
     |------------------------- whole ------------------------|
 
-So what a second of flight costs does not grow with the flight.
+So the cost per second of flight is bounded.
 """
 
 from collections.abc import Callable, Generator
@@ -19,7 +19,7 @@ import numpy as np
 
 from companion.core.frames import Vector2
 from companion.estimation.association.pruning import Support
-from companion.estimation.hypotheses.search import Doubt
+from companion.estimation.hypotheses.search import HypothesisSearch
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
@@ -28,33 +28,36 @@ from companion.estimation.smoothing.smoother import FLYING_GATES, Smoother
 from companion.estimation.smoothing.state import BIAS, POSE_SIZE, YAW, Array, Unknowns
 
 PERIOD_S = 4.0
+"""Interval of the solutions, s. Chosen."""
 GROWN_BY = 1.25
+"""Growth of the flight after which the whole is solved again. Chosen."""
 SHORT_KEYFRAMES = 150
-"""A flight this short is solved as a whole every time."""
+"""A shorter flight is always solved as a whole, keyframes. Chosen."""
 FLYING_SUPPORT = Support(extent_m=0.6)
-"""Of something short only one side may have been seen by now, and a line through it that is wrong
-would pull at the pose."""
+"""Minimum support of walls in flight. Chosen: of a short obstacle possibly only one side has been
+measured, and a wrong line would bias the pose."""
 OVERLAP_KEYFRAMES = 100
-"""The last part reaches so far back into what was solved as a whole."""
+"""The last part overlaps the whole by this many keyframes. Chosen."""
 MAX_WHOLE_KEYFRAMES = 1800
-"""Six minutes. Later the whole would take too long for one tick, and only parts are solved."""
+"""Longest flight solved as a whole, keyframes: six minutes. Chosen: later only parts are fast
+enough."""
 
 
 @dataclass(frozen=True, slots=True)
 class Walls:
-    """Where the filters believe walls to be: lines and reaches (w, 2), as in `Unknowns`."""
+    """Walls of the filters: lines and reaches (w, 2), as in `Unknowns`."""
 
     lines: Array
     reach_m: Array
 
 
 @dataclass(frozen=True, slots=True)
-class Improved:
-    """What came out, and the moment of which it tells: that of its last keyframe."""
+class WindowResult:
+    """Result of one in-flight smoothing, valid at its last keyframe."""
 
     estimate: Estimate
     first: int
-    """Its first keyframe,"""
+    """Index of its first keyframe in the flight."""
     first_hit: int
     time_s: float
     raw_ne_m: Vector2
@@ -62,19 +65,19 @@ class Improved:
 
 
 class InFlightSmoothing:
-    """The one under way, if any."""
+    """Runs one smoothing after the other, in pieces."""
 
     def __init__(self, models: Models) -> None:
         self._smoother = Smoother(models, FLYING_SUPPORT)
-        self._work: Generator[None, None, Improved] | None = None
+        self._work: Generator[None, None, WindowResult] | None = None
         self._due_s = PERIOD_S
-        self._past: MarginalPrior | None = None
+        self._prior: MarginalPrior | None = None
         self._whole_keyframes = 0
 
     def step(
         self, now_s: float, record: FlightRecord, walls: Callable[[], Walls]
-    ) -> Improved | None:
-        """Do one piece; what came out, when it was the last one."""
+    ) -> WindowResult | None:
+        """Do one piece; returns the result with the last piece."""
         if self._work is None:
             if now_s >= self._due_s and len(record.frames) > 1:
                 self._begin(record, walls())
@@ -84,10 +87,10 @@ class InFlightSmoothing:
             next(self._work)
         except StopIteration as end:
             self._work = None
-            improved: Improved = end.value
-            return improved
+            result: WindowResult = end.value
+            return result
         except np.linalg.LinAlgError:
-            self._work = None  # the filters go on as they are, and the next one may do better
+            self._work = None  # the filters continue; the next one may succeed
         return None
 
     def _begin(self, record: FlightRecord, walls: Walls) -> None:
@@ -95,40 +98,42 @@ class InFlightSmoothing:
             return
         record.thin()
         count = len(record.frames)
-        is_whole = self._past is None or count < SHORT_KEYFRAMES
+        is_whole = self._prior is None or count < SHORT_KEYFRAMES
         is_whole |= GROWN_BY * self._whole_keyframes < count < MAX_WHOLE_KEYFRAMES
         self._work = self._smoothing(record, walls, is_whole)
 
     def _smoothing(
         self, record: FlightRecord, walls: Walls, is_whole: bool
-    ) -> Generator[None, None, Improved]:
+    ) -> Generator[None, None, WindowResult]:
         smoother = self._smoother
         m = smoother.models.measured(record)
         poses = record.poses.copy()
         time_s = float(record.frames[-1, FrameColumn.TIME_S])
         raw_ne_m, raw_yaw_rad = record.raw
-        past = smoother.from_start(np.zeros(3)) if is_whole else self._past
-        assert past is not None
-        first = past.frame
+        prior = smoother.from_start(np.zeros(3)) if is_whole else self._prior
+        assert prior is not None
+        first = prior.frame
         part, first_hit = m.between(first, len(poses)), m.first_hit(first)
         x = Unknowns.at(poses[first:], smoother.models.rest_bias_rad_s)
         x.add_walls(walls.lines, walls.reach_m)
-        begin_at(x, past)
-        estimate = yield from smoother.smoothing(x, part, past, FLYING_GATES)
-        estimate = yield from Doubt(smoother, part, past, FLYING_GATES).reconsidering(estimate)
+        initialize_from(x, prior)
+        estimate = yield from smoother.smoothing(x, part, prior, FLYING_GATES)
+        estimate = yield from HypothesisSearch(
+            smoother, part, prior, FLYING_GATES
+        ).in_flight_search(estimate)
         length = len(x.poses)
         if length > OVERLAP_KEYFRAMES and (is_whole or length > 3 * OVERLAP_KEYFRAMES):
             yield
-            self._past, estimate = smoother.past_before(
-                length - OVERLAP_KEYFRAMES, estimate, part, past
+            self._prior, estimate = smoother.marginalize_before(
+                length - OVERLAP_KEYFRAMES, estimate, part, prior
             )
             self._whole_keyframes = len(poses) if is_whole else self._whole_keyframes
-        return Improved(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
+        return WindowResult(estimate, first, first_hit, time_s, raw_ne_m, raw_yaw_rad)
 
 
-def begin_at(x: Unknowns, past: MarginalPrior) -> None:
-    """Scales, gains and bias as the past has them; headings without whole turns off."""
-    pose, shared = past.at[:POSE_SIZE], past.at[POSE_SIZE:]
+def initialize_from(x: Unknowns, prior: MarginalPrior) -> None:
+    """Take scales, gains and bias from the prior, and shift headings by whole turns to match it."""
+    pose, shared = prior.at[:POSE_SIZE], prior.at[POSE_SIZE:]
     turns = np.round((pose[YAW] - x.poses[0, YAW]) / (2 * np.pi))
     x.poses[:, YAW] += 2 * np.pi * turns
     x.poses[:, BIAS] = pose[BIAS]

@@ -1,16 +1,15 @@
-"""The whole flight at once: the trajectory and walls that all measurements together make likeliest.
+"""Solves the whole flight at once: the most likely trajectory and walls by all measurements.
 
-The filters must decide at every moment; a wall seen early can be set right by what was seen late.
-Unknowns (`state.py`), solved together by Gauss-Newton (`factors.py`, `bordered_solver.py`):
+The filters decide at every moment; the smoother corrects early walls by later measurements. The
+unknowns (`state.py`) are solved by Gauss-Newton (`factors.py`, `bordered_solver.py`):
 
     keyframes k: position p_k, heading ψ_k, gyro bias b_k, wander of the odometry w_k
     gyro scale g, odometry scale s, gain error γ of each range unit
     walls i: direction of the normal α_i, offset ρ_i           wall i: {p : p·n(α_i) = ρ_i}
 
-Which hit belongs to which wall is decided anew in every round, with an ever narrower gate
-(`association.py`). A Cauchy weight keeps what still does not fit from pulling. Of a long flight
-its last part can be solved alone, with what came before as a belief about its first pose and all
-that is shared.
+Hits are associated with walls again in every round, with a narrower gate (`association.py`). A
+Cauchy loss limits the influence of outliers. The last part of a long flight can be solved alone.
+The measurements before are then a prior on its first pose and the shared unknowns.
 """
 
 from collections.abc import Generator, Sequence
@@ -23,7 +22,7 @@ from companion.estimation.association.hough import Cloud, detect_walls
 from companion.estimation.association.pruning import Support
 from companion.estimation.association.right_angles import square_pairs
 from companion.estimation.smoothing import factors
-from companion.estimation.smoothing.bordered_solver import Belief, BorderedSystem, Solution
+from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gaussian, Solution
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import (
@@ -37,36 +36,41 @@ from companion.estimation.smoothing.state import (
 )
 
 UNKNOWN_SIGMA = 100.0
-"""Of a wall, metres and radians: nothing is known, but the equations stay solvable."""
+"""Sigma of a wall without information, m and rad. Chosen: it keeps the equations solvable."""
 WHOLE = 1_000_000
+"""Keyframes of a whole flight, for `Gate.detect_keyframes`."""
 FINAL_GATES = (
-    Gate(0.2, 1.5, looks=WHOLE),
-    *(Gate(0.1, 1.0, looks=WHOLE),) * 2,
-    *(Gate(0.05, 0.4, looks=WHOLE, refutes=True),) * 4,
+    Gate(0.2, 1.5, detect_keyframes=WHOLE),
+    *(Gate(0.1, 1.0, detect_keyframes=WHOLE),) * 2,
+    *(Gate(0.05, 0.4, detect_keyframes=WHOLE, prunes_see_through=True),) * 4,
 )
-"""Of the rounds after the flight. It begins from what was smoothed in flight: wider gates would
-only bring together walls that are not one."""
-FLYING_GATES = Gate(0.2, 1.5, looks=WHOLE), Gate(0.05, 0.4, looks=WHOLE, refutes=True)
-"""While it flies the filters start from the last smoothing and are not far off.
+"""Gates of the rounds after the flight. Chosen: they start from the in-flight solution, and wider
+gates would merge different walls."""
+FLYING_GATES = (
+    Gate(0.2, 1.5, detect_keyframes=WHOLE),
+    Gate(0.05, 0.4, detect_keyframes=WHOLE, prunes_see_through=True),
+)
+"""Gates of the rounds in flight. Chosen: the filters start from the last solution and are accurate.
 
-Without the beams that go through them walls would grow beyond their ends, through rooms, and pull
-at what is met beside them there."""
+Without see-through pruning walls would extend through rooms and attract hits there."""
 HITS_AT_ONCE = 3_000
-"""Walls are looked for in so many hits at a time, which bounds memory and time."""
+"""Hits per call of the wall detection; bounds memory and time. Chosen."""
 SQUARE_GATE_M = 0.2
+"""Rounds with at most this gate constrain walls to right angles, m. Chosen."""
 
 
 class Smoother:
-    """Gauss-Newton over one flight; the result does not depend on anything but the record."""
+    """Gauss-Newton over one flight. The result depends on the record alone."""
 
     def __init__(self, models: factors.Models, support: Support) -> None:
         self.models, self.support = models, support
         self._association = Association(models.ranges, models.odometry, support)
 
     def from_start(self, start: Array) -> MarginalPrior:
-        """Before anything was seen: the first pose is `start` (3,), by definition of the frame.
+        """The prior without measurements.
 
-        Odometry begins to wander when the drone lifts off.
+        The first pose is `start` (3,) by definition of the frame. The odometry starts to wander at
+        take-off.
         """
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
         at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(factors.WALLS)])
@@ -80,53 +84,56 @@ class Smoother:
                 *(ranges.gain_sigma + factors.MIN_SIGMA),
             ]
         )
-        return MarginalPrior(0, at, Belief(np.diag(sigma**-2.0), np.zeros(len(sigma))))
+        return MarginalPrior(0, at, Gaussian(np.diag(sigma**-2.0), np.zeros(len(sigma))))
 
     def smooth(
-        self, x: Unknowns, m: Measured, past: MarginalPrior, gates: Sequence[Gate]
+        self, x: Unknowns, m: Measured, prior: MarginalPrior, gates: Sequence[Gate]
     ) -> Estimate:
-        """The likeliest flight; `x` is where to begin from, and is set to it."""
-        return at_once(self.smoothing(x, m, past, gates))
+        """The most likely solution. `x` is the initial value and is set to the result."""
+        return run_to_end(self.smoothing(x, m, prior, gates))
 
     def smoothing(
-        self, x: Unknowns, m: Measured, past: MarginalPrior, gates: Sequence[Gate]
+        self, x: Unknowns, m: Measured, prior: MarginalPrior, gates: Sequence[Gate]
     ) -> Generator[None, None, Estimate]:
         """The same in pieces of some milliseconds: it yields after each.
 
-        The first walls of `x` are those of the past, in their order.
+        The first walls of `x` are those of the prior, in their order.
         """
-        known = past.walls
+        known = prior.walls
         for gate in gates:
             wall_of = self._association.associate(x, m, gate, known)
             yield
-            if self.look_for_walls(x, m, wall_of, gate.looks):
+            if self.detect_new_walls(x, m, wall_of, gate.detect_keyframes):
                 yield
                 wall_of = self._association.associate(x, m, gate, known)
                 yield
             before_rad = x.walls[:, 0].copy()
-            solution = self.step(x, m, wall_of, past)
+            solution = self.step(x, m, wall_of, prior)
             yield
             square: tuple[tuple[int, int], ...] = ()
             if gate.across_m <= SQUARE_GATE_M:
                 at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
                 covariance = solution.shared_covariance[np.ix_(at, at)]
                 square = square_pairs((before_rad, x.walls[:, 0]), covariance)
-            solution = self.step(x, m, wall_of, past, square)
+            solution = self.step(x, m, wall_of, prior, square)
             yield
         return Estimate(x, wall_of, solution)
 
-    def look_for_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
-        """New walls in the hits of so many keyframes at a time that are on none; whether any."""
+    def detect_new_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
+        """Detect walls in hits without a wall, `keyframes` at a time.
+
+        True if there are new ones.
+        """
         known = len(x.walls)
-        seen = project(x, m)
+        rays = project(x, m)
         sigma_m = self.models.ranges.sigma_m(m.beam, m.distance_m)
-        loose: Indices = np.flatnonzero(wall_of == NO_WALL)
-        chunk = m.frame[loose] // keyframes if keyframes else np.empty(0)
+        unassigned: Indices = np.flatnonzero(wall_of == NO_WALL)
+        chunk = m.frame[unassigned] // keyframes if keyframes else np.empty(0)
         for number in np.unique(chunk):
-            some = loose[chunk == number]
-            for low in range(0, len(some), HITS_AT_ONCE):
-                part = some[low : low + HITS_AT_ONCE]
-                cloud = Cloud(seen.points[part], sigma_m[part], seen.bearing_rad[part])
+            chunk_hits = unassigned[chunk == number]
+            for low in range(0, len(chunk_hits), HITS_AT_ONCE):
+                part = chunk_hits[low : low + HITS_AT_ONCE]
+                cloud = Cloud(rays.points[part], sigma_m[part], rays.bearing_rad[part])
                 x.add_walls(*detect_walls(cloud, self.support))
         return len(x.walls) > known
 
@@ -135,11 +142,11 @@ class Smoother:
         x: Unknowns,
         m: Measured,
         wall_of: Indices,
-        past: MarginalPrior,
+        prior: MarginalPrior,
         square: Sequence[tuple[int, int]] = (),
     ) -> Solution:
-        """One Gauss-Newton step of `x`, with the hits' walls as they are."""
-        system = self.system(x, m, wall_of, past)
+        """One Gauss-Newton step of `x` with the present associations."""
+        system = self.system(x, m, wall_of, prior)
         for pair in square:
             factors.add_square(system, x, *pair)
         solution = system.solve()
@@ -151,34 +158,34 @@ class Smoother:
         x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
         return solution
 
-    def past_before(
-        self, frame: int, estimate: Estimate, m: Measured, past: MarginalPrior
+    def marginalize_before(
+        self, frame: int, estimate: Estimate, m: Measured, prior: MarginalPrior
     ) -> tuple[MarginalPrior, Estimate]:
-        """What was measured before a later keyframe tells of it and of what is shared.
+        """Marginalize all measurements before a keyframe into a prior.
 
-        And the estimate with the walls that were seen before it put first.
+        Returns the prior and the estimate, whose walls with hits before the keyframe come first.
         """
         end, hits = frame + 1, m.first_hit(frame)
-        seen = np.bincount(
+        rays = np.bincount(
             estimate.wall_of[:hits][estimate.wall_of[:hits] >= 0], minlength=len(estimate.x.walls)
         ).astype(bool)
-        seen[: past.walls] = True
-        order = np.argsort(~seen, kind="stable")
+        rays[: prior.walls] = True
+        order = np.argsort(~rays, kind="stable")
         x = estimate.x.since(0)
         wall_of = x.keep_walls(order, estimate.wall_of)
-        solution = self.step(x, m, wall_of, past)
+        solution = self.step(x, m, wall_of, prior)
         before = x.since(0)
         before.poses = x.poses[:end]
-        before.keep_walls(np.arange(int(seen.sum())), wall_of)
+        before.keep_walls(np.arange(int(rays.sum())), wall_of)
         part = m.between(0, end)
         wall_of_part = wall_of[: len(part.frame)].copy()
         wall_of_part[hits:] = NO_WALL
-        belief = self.system(before, part, wall_of_part, past).belief_of_last(POSE_SIZE)
-        now = MarginalPrior(past.frame + frame, values(before, frame), belief)
+        gaussian = self.system(before, part, wall_of_part, prior).marginal_of_last(POSE_SIZE)
+        now = MarginalPrior(prior.frame + frame, values(before, frame), gaussian)
         return now, Estimate(x, wall_of, solution)
 
     def motion(self, x: Unknowns, m: Measured) -> BorderedSystem:
-        """What odometry and the gyro say, without any wall."""
+        """Odometry and gyro factors alone."""
         system = factors.new_system(x)
         factors.add_odometry(system, x, m, self.models.odometry)
         factors.add_wander(system, x, m, self.models.odometry)
@@ -186,24 +193,24 @@ class Smoother:
         return system
 
     def system(
-        self, x: Unknowns, m: Measured, wall_of: Indices, past: MarginalPrior
+        self, x: Unknowns, m: Measured, wall_of: Indices, prior: MarginalPrior
     ) -> BorderedSystem:
-        """All equations, about `x` and with the hits' walls as they are."""
+        """All factors, linearized about `x` with the present associations."""
         system = self.motion(x, m)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
-        self.believe(system, x, past)
+        self.add_prior(system, x, prior)
         return system
 
-    def believe(self, system: BorderedSystem, x: Unknowns, past: MarginalPrior) -> None:
-        """What the past tells; of walls that it did not know next to nothing."""
-        belief = past.belief.moved(past.beside(x))
-        system.believe(belief.grown(POSE_SIZE + factors.WALLS + x.walls.size))
+    def add_prior(self, system: BorderedSystem, x: Unknowns, prior: MarginalPrior) -> None:
+        """Add the prior; walls that it does not contain get `UNKNOWN_SIGMA`."""
+        gaussian = prior.gaussian.moved(prior.difference(x))
+        system.add_prior(gaussian.grown(POSE_SIZE + factors.WALLS + x.walls.size))
         walls = factors.WALLS + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
 
 
-def at_once(work: Generator[None, None, Estimate]) -> Estimate:
-    """What comes out of work that is otherwise done in pieces."""
+def run_to_end(work: Generator[None, None, Estimate]) -> Estimate:
+    """Run a generator to its end; returns its result."""
     while True:
         try:
             next(work)

@@ -1,4 +1,4 @@
-"""What the smoother solves for, and the record of the flight as it takes it."""
+"""State of the smoother, and the flight record as its measurements."""
 
 from dataclasses import dataclass, replace
 
@@ -18,29 +18,31 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
 
 NORTH, EAST, YAW, BIAS, WANDER_NORTH, WANDER_EAST = range(6)
-"""Places in a pose."""
+"""Indices in a pose."""
 POSE_SIZE = 6
+"""Unknowns of a pose."""
 WALL_SIZE = 2
+"""Unknowns of a wall."""
 
 
 @dataclass(slots=True)
 class Unknowns:
-    """Everything that is not known exactly; angles in rad, local NED."""
+    """All unknowns; angles in rad, local NED."""
 
     poses: Array
     """(k, 6): north, east, yaw (not wrapped), gyro bias, wander of the odometry north and east."""
     walls: Array
     """(w, 2): direction of the normal, offset."""
     reach_m: Array
-    """(w, 2): from where to where along (-sin, cos)(normal) each wall has been seen."""
+    """(w, 2): interval of each wall's hits along (-sin, cos)(normal)."""
     gyro_scale: float
     odometry_scale: float
     range_gain: Array
-    """(beams,): how much too far each unit reads, relative."""
+    """(beams,): relative gain error of each unit; positive if it reads too far."""
 
     @classmethod
     def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
-        """Poses (k, 3), no walls yet, scales and gains as if the sensors were perfect."""
+        """Poses (k, 3), no walls, scales and gains of perfect sensors."""
         count = len(poses)
         x = np.column_stack([poses, np.full(count, bias_rad_s), np.zeros((count, 2))])
         x[:, YAW] = np.unwrap(x[:, YAW])
@@ -48,18 +50,18 @@ class Unknowns:
 
     @property
     def tracks(self) -> Array:
-        """(k, 2): where the odometry has the drone, north and east."""
+        """(k, 2): position by the odometry's estimate, north and east."""
         tracks: Array = self.poses[:, :YAW] + self.poses[:, WANDER_NORTH:]
         return tracks
 
     @property
     def normals(self) -> Array:
-        """(w, 2): unit vectors to the walls."""
+        """(w, 2): unit normals, towards the walls."""
         return np.column_stack([np.cos(self.walls[:, 0]), np.sin(self.walls[:, 0])])
 
     @property
     def tangents(self) -> Array:
-        """(w, 2): along each wall, its normal turned clockwise by a right angle."""
+        """(w, 2): unit vectors along the walls, the normal turned clockwise by 90°."""
         return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
 
     def since(self, frame: int) -> "Unknowns":
@@ -73,12 +75,12 @@ class Unknowns:
         )
 
     def add_walls(self, walls: Array, reach_m: Array) -> None:
-        """Append (w, 2) and (w, 2)."""
+        """Append walls (w, 2) and their reach (w, 2)."""
         self.walls = np.vstack([self.walls, walls])
         self.reach_m = np.vstack([self.reach_m, reach_m])
 
     def keep_walls(self, kept: Indices, wall_of: Indices) -> Indices:
-        """Forget all others; the walls of the hits (n,), or NO_WALL, as they are numbered then."""
+        """Keep only these walls. Returns the hits' walls (n,) with new indices, or NO_WALL."""
         number = np.full(len(self.walls) + 1, NO_WALL)
         number[kept] = np.arange(len(kept))
         self.walls, self.reach_m = self.walls[kept], self.reach_m[kept]
@@ -90,41 +92,42 @@ class Measured:
     """The record of k keyframes and n hits, as in `flight_record`; hits in order of keyframes."""
 
     dt_s: Array
-    """(k - 1,)."""
+    """(k - 1,): time between keyframes, s."""
     age_s: Array
-    """(k - 1,): since the gyro's calibration."""
+    """(k - 1,): time since the gyro's calibration, s."""
     moved_frd_m: Array
-    """(k - 1, 2)."""
+    """(k - 1, 2): displacement by odometry."""
     turned_rad: Array
-    """(k - 1,)."""
+    """(k - 1,): turn by the gyro."""
     autopilot_yaw_rad: Array
-    """(k,): turned since take-off by the autopilot; not a number where it did not tell."""
+    """(k,): the autopilot's turn since take-off; NaN without a recent message."""
     bias_moved_rad_s: Array
-    """(k - 1,): by how much the gyro's bias has moved, where that is known,"""
-    is_steadied: NDArray[np.bool_]
-    """(k - 1,): and where that is."""
+    """(k - 1,): change of the gyro's bias where the autopilot's gyro determines it."""
+    is_aided: NDArray[np.bool_]
+    """(k - 1,): True where it does."""
     frame: Indices
-    """(n,): of each hit its keyframe."""
+    """(n,): keyframe of each hit."""
     beam: Indices
-    """(n,): its place in `BEAMS`."""
+    """(n,): index in `BEAMS`."""
     offset_frd_m: Array
-    """(n, 2)."""
+    """(n, 2): position of the drone relative to the keyframe."""
     bearing_rad: Array
-    """(n,): off the keyframe's heading."""
+    """(n,): bearing relative to the keyframe's heading."""
     distance_m: Array
-    """(n,): from the sensor."""
+    """(n,): distance from the sensor."""
     mount_m: Array
-    """(n,): from the drone's centre to the sensor, along its beam."""
+    """(n,): distance from the drone's centre to the sensor, along its beam."""
     averaged_frd_m: Array
-    """(k - 1, 2): displacements averaged over the time around, by which the scale is asked for."""
+    """(k - 1, 2): displacements averaged over some seconds, the instrument of the odometry
+    scale."""
     gap_rad2: Array | None = None
-    """(k - 1,): variance of what was turned while the gyro was silent; None if it never was."""
+    """(k - 1,): variance of the turn during gyro gaps; None without any."""
     late_s: Array | None = None
-    """(n,): how long after the last odometry each was measured; None: at its time."""
+    """(n,): time from the last odometry to the measurement, s; None: zero for all hits."""
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
-        """All that was recorded so far."""
+        """All measurements recorded so far."""
         frames, hits = record.frames.copy(), record.hits.copy()
         time_s = frames[:, FrameColumn.TIME_S]
         dt_s = np.diff(time_s)
@@ -138,7 +141,7 @@ class Measured:
             turned_rad=turned_rad,
             autopilot_yaw_rad=frames[:, FrameColumn.AUTOPILOT_YAW_RAD],
             bias_moved_rad_s=np.zeros_like(dt_s),
-            is_steadied=np.zeros_like(dt_s, dtype=bool),
+            is_aided=np.zeros_like(dt_s, dtype=bool),
             frame=hits[:, HitColumn.FRAME].astype(np.int64),
             beam=beam,
             offset_frd_m=hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1],
@@ -152,11 +155,11 @@ class Measured:
 
     @property
     def time_s(self) -> Array:
-        """(k,): of the keyframes, since the first."""
+        """(k,): time of the keyframes since the first, s."""
         return np.concatenate([[0.0], np.cumsum(self.dt_s)])
 
     def first_hit(self, frame: int) -> int:
-        """Of a keyframe or those after it."""
+        """Index of the first hit of a keyframe or a later one."""
         return int(np.searchsorted(self.frame, frame))
 
     def between(self, first: int, end: int) -> "Measured":
@@ -170,7 +173,7 @@ class Measured:
             self.turned_rad[motion],
             self.autopilot_yaw_rad[first:end],
             self.bias_moved_rad_s[motion],
-            self.is_steadied[motion],
+            self.is_aided[motion],
             self.frame[hits] - first,
             self.beam[hits],
             self.offset_frd_m[hits],
@@ -184,56 +187,56 @@ class Measured:
 
 
 @dataclass(frozen=True, slots=True)
-class Sightings:
-    """The hits as the unknowns place them, local NED."""
+class Rays:
+    """The hits placed by the unknowns, local NED."""
 
-    eyes: Array
-    """(n, 2): where the drone was."""
+    origins: Array
+    """(n, 2): position of the drone."""
     beams: Array
     """(n, 2): unit vectors along the beams."""
     points: Array
-    """(n, 2): where the beams ended."""
+    """(n, 2): ends of the beams."""
 
     @property
     def bearing_rad(self) -> Array:
-        """(n,): of the beams."""
+        """(n,): bearings of the beams."""
         bearing: Array = np.arctan2(self.beams[:, 1], self.beams[:, 0])
         return bearing
 
 
 def to_ned(frd_m: Array, yaw_rad: Array) -> Array:
-    """(n, 2): forward and right turned into north and east, each by its own heading (n,)."""
+    """(n, 2): forward and right rotated to north and east, each by its heading (n,)."""
     (forward, right), cos, sin = frd_m.T, np.cos(yaw_rad), np.sin(yaw_rad)
     return np.column_stack([cos * forward - sin * right, sin * forward + cos * right])
 
 
-def project(x: Unknowns, m: Measured) -> Sightings:
+def project(x: Unknowns, m: Measured) -> Rays:
     """p_hit = p_k + R(ψ_k)·(1 + s)·q + (mount + (1 - γ_beam)·distance)·u(bearing)."""
     yaw = x.poses[m.frame, 2]
-    eyes = x.poses[m.frame, :2] + to_ned((1 + x.odometry_scale) * m.offset_frd_m, yaw)
+    origins = x.poses[m.frame, :2] + to_ned((1 + x.odometry_scale) * m.offset_frd_m, yaw)
     bearing = yaw + m.bearing_rad
     range_m = m.mount_m + (1 - x.range_gain[m.beam]) * m.distance_m
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    return Sightings(eyes, beams, eyes + range_m[:, None] * beams)
+    return Rays(origins, beams, origins + range_m[:, None] * beams)
 
 
 def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
-    """(w, 2): the first and last along each wall of its hits (n, 2); (inf, -inf) if it has none."""
+    """(w, 2): interval of each wall's hits (n, 2) along it; (inf, -inf) without hits."""
     ends = np.tile([np.inf, -np.inf], (len(x.walls), 1))
-    mine = wall_of >= 0
-    along = (points[mine] * x.tangents[wall_of[mine]]).sum(axis=1)
-    np.minimum.at(ends[:, 0], wall_of[mine], along)
-    np.maximum.at(ends[:, 1], wall_of[mine], along)
+    on_wall = wall_of >= 0
+    along = (points[on_wall] * x.tangents[wall_of[on_wall]]).sum(axis=1)
+    np.minimum.at(ends[:, 0], wall_of[on_wall], along)
+    np.maximum.at(ends[:, 1], wall_of[on_wall], along)
     return ends
 
 
 def in_rows(
     x: Unknowns, points: Array, wall: Indices, largest_gap_m: float
 ) -> tuple[Indices, Array, NDArray[np.bool_]]:
-    """Hits (h, 2) on walls (h,) put in rows without a larger gap between neighbours.
+    """Sort hits (h, 2) on walls (h,) into rows without a larger gap.
 
-    The order by wall and along it, (h,); where along it they are, in that order; and which begin
-    a row, likewise.
+    Returns the order by wall and position, (h,); the positions along the walls in that order; and a
+    mask of the first hits of the rows.
     """
     along = (points * x.tangents[wall]).sum(axis=1)
     order = np.lexsort((along, wall))

@@ -1,4 +1,4 @@
-"""Hits given to walls: in rooms made of a few segments, flown past with known poses."""
+"""Association of hits with walls, in rooms of a few segments flown past with known poses."""
 
 import math
 from collections.abc import Sequence
@@ -26,8 +26,8 @@ Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 
 
-def met_m(eye: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
-    """How far a beam goes."""
+def met_m(origin_ne_m: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
+    """Range of a beam to the nearest segment, m."""
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
     nearest = math.inf
     for (na, ea), (nb, eb) in segments:
@@ -35,18 +35,18 @@ def met_m(eye: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> floa
         cross = cos * de - sin * dn
         if abs(cross) < 1e-9:
             continue
-        along = ((na - eye[0]) * de - (ea - eye[1]) * dn) / cross
-        share = ((na - eye[0]) * sin - (ea - eye[1]) * cos) / cross
+        along = ((na - origin_ne_m[0]) * de - (ea - origin_ne_m[1]) * dn) / cross
+        share = ((na - origin_ne_m[0]) * sin - (ea - origin_ne_m[1]) * cos) / cross
         if along > 0 and 0 <= share <= 1:
             nearest = min(nearest, along)
     return nearest
 
 
 def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> FlightRecord:
-    """Along a path at 1 m/s, looking north, and once round at each of its points."""
+    """Fly along a path at 1 m/s facing north, with one full turn at each of its points."""
     random, record, time_s = Random(seed), FlightRecord(), 0.0
 
-    def see(place: Vector2, yaw_rad: float) -> None:
+    def record_sweep(place: Vector2, yaw_rad: float) -> None:
         nonlocal time_s
         time_s += 0.05
         pose = Pose(time_s, *place, -1.2, yaw_rad)
@@ -55,17 +55,17 @@ def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> Flig
             true_m = met_m(place, yaw_rad + bearing_rad, segments)
             if not 1.0 < true_m < 5.5:
                 continue
-            told_m = true_m + random.gauss(0, GP2Y0A710K0F.sigma_m(true_m))
-            if 1.0 < told_m < 5.5:
-                record.add_hit(pose, BEAMS.index(beam), told_m, ((0.0, 0.0), bearing_rad), None)
+            reading_m = true_m + random.gauss(0, GP2Y0A710K0F.sigma_m(true_m))
+            if 1.0 < reading_m < 5.5:
+                record.add_hit(pose, BEAMS.index(beam), reading_m, ((0.0, 0.0), bearing_rad), None)
 
     for turns, (start, end) in enumerate(pairwise(path)):
         for degrees in range(0, 360, 3):
-            see(start, turns * math.tau + math.radians(degrees))
+            record_sweep(start, turns * math.tau + math.radians(degrees))
         steps = max(1, round(math.dist(start, end) / 0.05))
         for i in range(steps):
             share = i / steps
-            see(
+            record_sweep(
                 (start[0] + share * (end[0] - start[0]), start[1] + share * (end[1] - start[1])),
                 (turns + 1) * math.tau,
             )
@@ -73,7 +73,7 @@ def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> Flig
 
 
 def mapped(record: FlightRecord) -> Estimate:
-    """What comes out if it begins at the true poses, without any walls."""
+    """Solution that starts from the true poses, without walls."""
     smoother = Smoother(Models(UNITS), Support())
     x = Unknowns.at(record.poses.copy(), 0.0)
     start = smoother.from_start(record.poses[0].copy())
@@ -90,7 +90,7 @@ def closed(*corners: Vector2) -> list[Segment]:
 
 
 def off_m(walls: Sequence[WallSegment], segments: Sequence[Segment]) -> Array:
-    """Of points every 5 cm along the mapped walls from the nearest true wall."""
+    """Distances of points every 5 cm along the mapped walls from the nearest true wall, m."""
     return np.array(
         [
             min(_distance_m(point, segment) for segment in segments)
@@ -140,7 +140,7 @@ def test_walls_are_found_where_they_are_and_no_others(
 
 
 def test_walls_of_two_rooms_that_are_nearly_in_line_stay_two() -> None:
-    """0.4 m out of line, with a passage of 2 m between the rooms."""
+    """Walls 0.4 m out of line, with a passage of 2 m between the rooms."""
     upper = [((1.0, -3.0), (1.0, 3.0)), ((1.0, 3.0), (7.0, 3.0)), ((1.0, -3.0), (7.0, -3.0))]
     lower = [((-1.0, -3.0), (-1.0, 3.4)), ((-1.0, 3.4), (-7.0, 3.4)), ((-1.0, -3.0), (-7.0, -3.0))]
     opened = [((1.0, -3.0), (1.0, -0.6)), ((1.0, 0.6), (1.0, 3.0))]
@@ -157,7 +157,7 @@ def test_walls_of_two_rooms_that_are_nearly_in_line_stay_two() -> None:
 
 
 def test_people_are_no_walls_and_pull_at_nothing() -> None:
-    """A fifth of all ranges end early, anywhere."""
+    """A fifth of all ranges end early, at a random distance."""
     record, random = fly(ROOM, [(0.0, 0.0), (1.0, -1.5), (1.0, 1.5), (0.0, 0.0)], 4), Random(4)
     for row in record.hits:
         if random.random() < 0.2:
@@ -168,8 +168,8 @@ def test_people_are_no_walls_and_pull_at_nothing() -> None:
     assert np.abs(estimate.x.poses[:, :2] - record.poses[:, :2]).max() < 0.1
 
 
-@pytest.mark.parametrize(("hits", "belong"), [(1, False), (3, False), (12, True)])
-def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None:
+@pytest.mark.parametrize(("hits", "are_on_wall"), [(1, False), (3, False), (12, True)])
+def test_a_wall_in_sight_is_met_again_and_again(hits: int, are_on_wall: bool) -> None:
     record = fly([((3.0, -3.0), (3.0, 3.0))], [(0.0, -2.0), (0.0, 2.0)], seed=1)
     for i in range(-100, hits):
         pose = Pose(60.0 + 0.05 * i, 0.0, 2.0, -1.2, math.tau)
@@ -179,7 +179,7 @@ def test_a_wall_in_sight_is_met_again_and_again(hits: int, belong: bool) -> None
         record.add_hit(pose, BEAMS.index(Beam.FRONT), 3.02, ((0.0, 0.0), 0.0), None)
     wall_of = mapped(record).wall_of
     assert (wall_of[:-hits] != NO_WALL).mean() > 0.9
-    assert (wall_of[-hits:] != NO_WALL).all() == belong
+    assert (wall_of[-hits:] != NO_WALL).all() == are_on_wall
 
 
 CUPBOARD = closed((2.4, -1.9), (3.0, -1.9), (3.0, 1.9), (2.4, 1.9))
@@ -191,7 +191,7 @@ CUPBOARD = closed((2.4, -1.9), (3.0, -1.9), (3.0, 1.9), (2.4, 1.9))
 def test_pieces_of_wall_that_are_far_apart_are_two_unless_something_hides_the_rest(
     between_m: float, before: list[Segment], one: bool
 ) -> None:
-    """Through two short pieces there is always a line, which may be that of no wall."""
+    """A line fits any two short pieces, also without a wall."""
     end = 0.5 * between_m
     pieces = [((3.0, -end - 1.0), (3.0, -end)), ((3.0, end), (3.0, end + 1.0))]
     record = fly([*pieces, *before], [(0.0, -end - 1.2), (0.0, end + 1.2)], seed=2)

@@ -1,4 +1,4 @@
-"""Heading, wall runs, position: in metres and degrees, on made-up motions with known truth."""
+"""Heading, wall runs and position in metres and degrees, on synthetic motions with ground truth."""
 
 import math
 from random import Random
@@ -29,7 +29,7 @@ from companion.estimation.smoothing.odometry_model import OdometryModel
 
 
 def units_of(model: RangeModel) -> dict[Beam, RangeUnit]:
-    """Four level sensors of a kind in the drone's middle."""
+    """Four level sensors of one model at the drone's centre."""
     return {beam: RangeUnit(model, bearing, 0.0) for beam, bearing in BEARING_FRD_RAD.items()}
 
 
@@ -49,13 +49,13 @@ def test_heading_integrates_the_gyro_without_its_rest_bias() -> None:
 @settings(deadline=None)
 @given(st.floats(-0.05, 0.05), st.floats(-0.3, 0.3))
 def test_a_wall_seen_again_after_a_turn_tells_the_gyros_scale(scale: float, bias: float) -> None:
-    """A full turn takes 8 s; the wall is where it was, whatever the gyro says."""
+    """A full turn takes 8 s and the wall does not move."""
     model = GyroModel(bias_sigma_rad_s=math.radians(0.01))
     heading = HeadingFilter(math.radians(bias), model)
     wall = heading.add_wall(WallBearing(0.2, math.radians(0.3), 0.0, 0.0))
     heading.predict(gyro(45.0 * (1 + scale) + bias, 8.0))
-    seen = WallBearing(0.2 - math.tau, math.radians(0.3), 0.0, 0.0)
-    heading.see_wall(wall, seen)
+    observed = WallBearing(0.2 - math.tau, math.radians(0.3), 0.0, 0.0)
+    heading.correct_by_wall(wall, observed)
     assert math.degrees(heading.yaw_rad) == pytest.approx(0, abs=1.0)
     assert heading.scale_error == pytest.approx(scale / (1 + scale), abs=0.004)
 
@@ -63,7 +63,7 @@ def test_a_wall_seen_again_after_a_turn_tells_the_gyros_scale(scale: float, bias
 def test_an_unbelievable_wall_direction_is_refused() -> None:
     heading = HeadingFilter(0.0)
     wall = heading.add_wall(WallBearing(0.0, math.radians(0.5), 0.0, 0.0))
-    assert not heading.see_wall(wall, WallBearing(math.radians(20), 0.01, 0.0, 0.0))
+    assert not heading.correct_by_wall(wall, WallBearing(math.radians(20), 0.01, 0.0, 0.0))
     assert heading.yaw_rad == pytest.approx(0, abs=1e-6)
 
 
@@ -85,7 +85,7 @@ def test_rest_calibration_waits_for_stillness() -> None:
 
 
 def test_rest_calibration_begins_anew_for_as_long_as_the_drone_stands() -> None:
-    """The bias that counts is that of the last seconds: a gyro that warms up drifts."""
+    """The bias of the last seconds counts: a gyro drifts while it warms up."""
     rest = RestCalibration(2.0)
     assert not rest.add(gyro(0.5, 1.5))
     assert rest.add(gyro(0.5, 1.0, start_s=1.5))
@@ -94,16 +94,19 @@ def test_rest_calibration_begins_anew_for_as_long_as_the_drone_stands() -> None:
 
 
 def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, float]:
-    """Hits along a wall 1.5 m away; direction error and claimed sigma, degrees."""
+    """Hits along a wall 1.5 m away; returns direction error and estimated sigma, degrees."""
     random = Random(seed)
     run = WallRun()
     normal = math.radians(normal_deg)
     for i in range(400):
         along = 0.05 * i
-        eye = (-along * math.sin(normal), along * math.cos(normal))
+        origin_ne_m = (-along * math.sin(normal), along * math.cos(normal))
         range_m = 1.5 + random.gauss(0, sigma_m)
-        hit = (eye[0] + range_m * math.cos(normal), eye[1] + range_m * math.sin(normal))
-        line = run.add(RunHit(0.05 * i, hit, sigma_m**2, eye, 0.0))
+        hit = (
+            origin_ne_m[0] + range_m * math.cos(normal),
+            origin_ne_m[1] + range_m * math.sin(normal),
+        )
+        line = run.add(RunHit(0.05 * i, hit, sigma_m**2, origin_ne_m, 0.0))
         if line:
             error = math.degrees(math.remainder(line.normal_rad - normal, math.tau))
             return error, math.degrees(line.normal_sigma_rad)
@@ -130,7 +133,10 @@ def test_noise_along_the_beam_is_no_wall() -> None:
 
 
 def corridor(estimator: Estimator, scale: float, noise: Random, sigma_m: float) -> float:
-    """Fly 4 m east towards a wall at 6 m, facing a wall 1.5 m north; the true east at the end."""
+    """Fly 4 m east towards a wall at 6 m, facing a wall 1.5 m north.
+
+    Returns the final true east.
+    """
     estimator.turn([GyroSample(0.0, 0.0)])
     east = 0.0
     for tick in range(1, 81):
@@ -197,7 +203,7 @@ NORTH = 0.0
 
 
 def before_walls(*offsets_m: float, position_sigma_m: float = 0.16) -> LineSlam:
-    """At the origin, looking north at walls that far ahead, each known to a centimetre."""
+    """A filter at the origin, facing walls at these distances, each with a sigma of 1 cm."""
     heading = HeadingFilter(0.0)
     for _ in offsets_m:
         heading.add_wall(WallBearing(NORTH, math.radians(0.5), 0.0, 0.0))
@@ -208,24 +214,26 @@ def before_walls(*offsets_m: float, position_sigma_m: float = 0.16) -> LineSlam:
     return slam
 
 
-def told_north_m(slam: LineSlam, range_m: float, times: int = 1) -> float:
-    """Where it believes to be after so many ranges straight ahead."""
+def estimated_north_m(slam: LineSlam, range_m: float, times: int = 1) -> float:
+    """Estimated north after `times` ranges straight ahead, m."""
     unit = RangeUnit(GP2Y0A710K0F, NORTH, 0.0)
     for _ in range(times):
-        slam.see_range(slam.position_ne_m, NORTH, range_m, unit)
+        slam.correct_by_range(slam.position_ne_m, NORTH, range_m, unit)
     return slam.position_ne_m[0]
 
 
 @given(st.floats(0.3, 0.45))
 def test_one_range_that_met_something_else_moves_the_drone_by_less_than_half(off_m: float) -> None:
-    assert abs(told_north_m(before_walls(3.0), 3.0 - off_m)) < 0.45 * off_m
+    assert abs(estimated_north_m(before_walls(3.0), 3.0 - off_m)) < 0.45 * off_m
 
 
 @given(st.floats(-0.3, 0.3))
 def test_ranges_that_agree_set_the_drone_right(off_m: float) -> None:
-    assert told_north_m(before_walls(3.0), 3.0 - off_m, times=20) == pytest.approx(off_m, abs=0.05)
+    assert estimated_north_m(before_walls(3.0), 3.0 - off_m, times=20) == pytest.approx(
+        off_m, abs=0.05
+    )
 
 
 def test_a_range_of_what_is_too_far_to_tell_anything_is_given_to_no_nearer_wall() -> None:
-    assert told_north_m(before_walls(4.5), 5.05) != 0
-    assert told_north_m(before_walls(4.5, 5.2), 5.05) == 0
+    assert estimated_north_m(before_walls(4.5), 5.05) != 0
+    assert estimated_north_m(before_walls(4.5, 5.2), 5.05) == 0

@@ -1,4 +1,4 @@
-"""What turned the drone while its gyro was silent, told by an autopilot that turned as it did."""
+"""Turns during gyro gaps, recovered from the autopilot's reported heading."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,7 +20,7 @@ RateOf = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Turn:
-    """Of the nose: one rate, and from a moment on another, by a first-order lag."""
+    """A turn with one rate, and from a moment on another, by a first-order lag."""
 
     before_rad_s: float
     after_rad_s: float
@@ -41,14 +41,14 @@ class Turn:
 
 
 class Flown:
-    """A gyro and an autopilot, and what the watch makes of them."""
+    """A gyro, an autopilot and a `GyroWatch`."""
 
     def __init__(self, turn: Turn, phase_s: float, *, bias_rad_s: float = 0.0) -> None:
         self.watch, self._turn, self._bias_rad_s = GyroWatch(), turn, bias_rad_s
         self._phase_s = phase_s
         self._next = 0
         self._last_s: float | None = None
-        self.handed_on: list[GyroSample] = []
+        self.passed_on: list[GyroSample] = []
         self.pulled_rad = 0.0
         self.complaints: set[str] = set()
 
@@ -61,12 +61,16 @@ class Flown:
             taken.append(GyroSample(time_s, turned_rad / PERIOD_S + self._bias_rad_s))
         return taken
 
-    def tick(self, now_s: float, samples: Sequence[GyroSample], *, tells: bool = True) -> None:
+    def tick(
+        self, now_s: float, samples: Sequence[GyroSample], *, has_odometry: bool = True
+    ) -> None:
         yaw_rad = math.remainder(self._turn.angle_rad(now_s) + self.pulled_rad, math.tau)
-        told = Odometry(
+        odometry = Odometry(
             now_s, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), yaw_rad, pulled_rad=self.pulled_rad
         )
-        self.handed_on += self.watch.take(now_s, samples, told if tells else None, self._bias_rad_s)
+        self.passed_on += self.watch.take(
+            now_s, samples, odometry if has_odometry else None, self._bias_rad_s
+        )
         self.complaints.add(self.watch.complaint)
 
     def fly(self, from_s: float, until_s: float) -> float:
@@ -78,9 +82,9 @@ class Flown:
 
     @property
     def error_rad(self) -> float:
-        """Of all that was handed on."""
-        first, last = self.handed_on[0].time_s, self.handed_on[-1].time_s
-        rates = pairwise(self.handed_on)
+        """Error of the turn by all samples that were passed on, rad."""
+        first, last = self.passed_on[0].time_s, self.passed_on[-1].time_s
+        rates = pairwise(self.passed_on)
         turned_rad = sum(
             (after.yaw_rate_rad_s - self._bias_rad_s) * (after.time_s - before.time_s)
             for before, after in rates
@@ -89,9 +93,9 @@ class Flown:
 
     @property
     def sigma_rad(self) -> float:
-        """Of the heading, by what was bridged, if the gyro's scale is known."""
+        """Sigma of the heading by the gaps, with a known scale of the gyro."""
         heading = HeadingFilter(self._bias_rad_s, GyroModel(scale_sigma=0.0))
-        heading.predict(self.handed_on)
+        heading.predict(self.passed_on)
         return heading.yaw_sigma_rad
 
 
@@ -120,7 +124,7 @@ def test_what_is_handed_on_is_the_true_turn(
     waits: int,
     bias_deg_s: float,
 ) -> None:
-    """A paused process: of the samples meanwhile the chip has kept the latest."""
+    """After a pause of the process the chip has kept only the latest samples."""
     turn = Turn(before_rad_s, after_rad_s, BEGINS_S + changes * gap_s)
     missed_s = gap_s - kept * PERIOD_S
     unexpected_rad = (
@@ -129,12 +133,12 @@ def test_what_is_handed_on_is_the_true_turn(
         - 0.5 * (before_rad_s + turn.rate_rad_s(BEGINS_S + gap_s)) * gap_s
     )
     assume(missed_s > 0.02)
-    assume(abs(unexpected_rad) < 0.8 * math.pi)  # else the autopilot's heading is a riddle, too
+    assume(abs(unexpected_rad) < 0.8 * math.pi)  # otherwise the autopilot's heading is ambiguous
     flown = Flown(turn, phase_s, bias_rad_s=math.radians(bias_deg_s))
     now_s = flown.fly(0.0, BEGINS_S)
     now_s += gap_s
     for wait in range(waits + 1):
-        flown.tick(now_s, flown.waiting(now_s)[-kept:], tells=wait == waits)
+        flown.tick(now_s, flown.waiting(now_s)[-kept:], has_odometry=wait == waits)
         now_s += TICK_S
     assert abs(flown.error_rad) < math.radians(0.7)
     flown.fly(now_s - TICK_S, now_s + 2.0)
@@ -158,21 +162,21 @@ def test_a_gap_of_which_nobody_tells_is_bridged_by_the_rates_beside_it_and_is_a_
     flown = Flown(Turn(math.radians(20), math.radians(20), 0.0), 0.0)
     now_s = flown.fly(0.0, BEGINS_S) + 0.5
     for _ in range(12):
-        flown.tick(now_s, flown.waiting(now_s)[-6:], tells=False)
+        flown.tick(now_s, flown.waiting(now_s)[-6:], has_odometry=False)
         now_s += TICK_S
     assert abs(flown.error_rad) < math.radians(0.1)
     assert flown.sigma_rad > math.radians(10)
 
 
 def test_a_clock_of_ours_that_stood_still_hides_a_gap() -> None:
-    """The chip went on for a second; its samples lie within one tick of ours."""
+    """The chip ran for another second; its samples are within one tick of our clock."""
     rate_rad_s = math.radians(45)
     flown = Flown(Turn(rate_rad_s, rate_rad_s, 0.0), 0.0)
     now_s = flown.fly(0.0, BEGINS_S) + TICK_S
     crowded = [GyroSample(now_s - 0.0015 * (FIFO - i), rate_rad_s) for i in range(1, FIFO + 1)]
     yaw_rad = math.remainder(rate_rad_s * (now_s + 1.0), math.tau)
     odometry = Odometry(now_s, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), yaw_rad)
-    last_s, turned_rad = flown.handed_on[-1].time_s, 0.0
+    last_s, turned_rad = flown.passed_on[-1].time_s, 0.0
     for sample in flown.watch.take(now_s, crowded, odometry, 0.0):
         turned_rad += sample.yaw_rate_rad_s * (sample.time_s - last_s)
         last_s = sample.time_s
@@ -184,7 +188,7 @@ def test_a_clock_of_ours_that_stood_still_hides_a_gap() -> None:
 def test_a_heading_that_its_estimator_pulls_is_no_turn(
     pull_deg: float, lasts_s: float, rate_rad_s: float
 ) -> None:
-    """PX4's by 14° at take-off; ArduPilot's at once when it aligns in flight."""
+    """PX4 shifts its heading by 14° at take-off; ArduPilot steps when it aligns in flight."""
     flown = Flown(Turn(rate_rad_s, rate_rad_s, 0.0), 0.0)
     now_s = flown.fly(0.0, BEGINS_S)
     while now_s < BEGINS_S + lasts_s + 1.0:

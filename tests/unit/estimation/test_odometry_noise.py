@@ -1,4 +1,4 @@
-"""How far the odometry wanders is learnt from the ranges to known walls."""
+"""Estimation of the odometry's wander from the ranges to known walls."""
 
 import math
 from random import Random
@@ -23,14 +23,14 @@ TICK_S, WALL_M, RANGE_SIGMA_M = 0.05, 2.0, 0.02
 
 
 def learnt(wander_m: float, wall: int | None = 0) -> float:
-    """Sigma of the wander, beside a wall to the north for two minutes."""
+    """Estimated sigma of the wander after two minutes beside a wall to the north."""
     model, random = OdometryModel(), Random(1)
     noise, wander = OdometryNoise(model), 0.0
     kept = math.exp(-TICK_S / WANDER_S)
     for tick in range(2400):
         wander = kept * wander + random.gauss(0, wander_m * math.sqrt(1 - kept**2))
         north_m = WALL_M + wander + random.gauss(0, RANGE_SIGMA_M)
-        noise.see(0, wall, tick * TICK_S, ((north_m, 0.0), 0.0, RANGE_SIGMA_M**2))
+        noise.add_hit(0, wall, tick * TICK_S, ((north_m, 0.0), 0.0, RANGE_SIGMA_M**2))
     return model.wander_m
 
 
@@ -58,7 +58,7 @@ def test_what_wanders_does_not_drift_away(minutes: float) -> None:
 
 
 def test_the_position_error_that_autopilots_make_is_of_the_size_that_is_learnt() -> None:
-    """The emulated error swings, the model only fades: within a second they must agree."""
+    """The emulated error oscillates, the model only decays; over a second they must agree."""
     wobble, random = Wobble(Random(2), 0.1, 1.0, 1.5), Random(3)
     model = OdometryModel()
     noise, offs_m = OdometryNoise(model), []
@@ -69,14 +69,14 @@ def test_the_position_error_that_autopilots_make_is_of_the_size_that_is_learnt()
         if step % 5 == 0:
             offs_m.append(wobble.position_m)
             north_m = WALL_M + wobble.position_m + random.gauss(0, RANGE_SIGMA_M)
-            noise.see(0, 0, step * 0.01, ((north_m, 0.0), 0.0, RANGE_SIGMA_M**2))
+            noise.add_hit(0, 0, step * 0.01, ((north_m, 0.0), 0.0, RANGE_SIGMA_M**2))
     assert model.wander_m == pytest.approx(float(np.std(offs_m)), rel=0.35)
 
 
 @pytest.mark.parametrize("speed_m_s", [0.4, 2.0])
 @pytest.mark.parametrize("wander_m", [0.02, 0.07])
 def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_m: float) -> None:
-    """Errors that hits have in common do not average out."""
+    """Errors that all hits share do not average out."""
     kept, random = math.exp(-TICK_S / WANDER_S), Random(4)
     sigmas_off = []
     for _ in range(120):
@@ -94,9 +94,10 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
 
 
 def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
-    """Steps of 0.2 s, true and told, (n, 2) in metres: legs of 8 s and stops, ten minutes.
+    """Steps of 0.2 s, true and reported, (n, 2), m: legs of 8 s and stops for ten minutes.
 
-    It is flown by its estimate, so that what that errs moves it the other way, a moment late.
+    The drone is flown by its estimate, so an error of the estimate moves it the other way, with a
+    lag.
     """
     wobble, random = Wobble(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
     steps_m, yields_m_s = [], 0.0
@@ -109,27 +110,31 @@ def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
         yields_m_s += (wobble.velocity_m_s - yields_m_s) * 0.01 / 0.3
         true_m_s = (flown_m_s - yields_m_s) / scale
         steps_m.append((0.01 * true_m_s, 0.01 * (scale * true_m_s + wobble.velocity_m_s)))
-    true_m, told_m = np.array(steps_m).reshape(-1, 20, 2).sum(axis=1).T
-    noise_m = np.array([random.gauss(0, 0.007) for _ in told_m])
-    return np.column_stack([true_m, 0 * true_m]), np.column_stack([told_m + noise_m, 0 * told_m])
+    true_m, reported_m = np.array(steps_m).reshape(-1, 20, 2).sum(axis=1).T
+    noise_m = np.array([random.gauss(0, 0.007) for _ in reported_m])
+    return np.column_stack([true_m, 0 * true_m]), np.column_stack(
+        [reported_m + noise_m, 0 * reported_m]
+    )
 
 
 @pytest.mark.parametrize("wobble_m_s", [0.0, 0.05, 0.1])
 def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
     wobble_m_s: float,
 ) -> None:
-    """Beside the told motion of the moment it would be some per cent off."""
-    true_m, told_m = to_and_fro(wobble_m_s, scale=1.03)
-    still = np.zeros(len(told_m))
-    mean_m = averaged(np.full(len(told_m), 0.2), told_m, still)
-    assert (mean_m * true_m).sum() / (mean_m * told_m).sum() == pytest.approx(1 / 1.03, rel=0.004)
+    """With the reported motion of the moment the scale would be some per cent off."""
+    true_m, reported_m = to_and_fro(wobble_m_s, scale=1.03)
+    still = np.zeros(len(reported_m))
+    mean_m = averaged(np.full(len(reported_m), 0.2), reported_m, still)
+    assert (mean_m * true_m).sum() / (mean_m * reported_m).sum() == pytest.approx(
+        1 / 1.03, rel=0.004
+    )
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.05, -0.4])
 def test_averaged_motion_is_that_of_the_time_around_in_the_frames_of_the_steps(
     turn_rad: float,
 ) -> None:
-    """A drone that turns while it flies straight on: its mean motion is that of each step."""
+    """A drone that turns while it flies straight: its mean motion is that of each step."""
     steps = 60
     yaw_rad = turn_rad * np.arange(steps)
     straight_m = 0.1 * np.column_stack([np.cos(yaw_rad), -np.sin(yaw_rad)])

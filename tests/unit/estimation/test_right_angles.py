@@ -1,4 +1,4 @@
-"""Which walls are held to be square."""
+"""Selection of walls to constrain to right angles."""
 
 import math
 
@@ -15,8 +15,10 @@ FIRST_DEG = 0.1
 def pairs(
     directions_deg: list[float], sigmas_deg: list[float], before_deg: list[float] | None = None
 ) -> tuple[tuple[int, int], ...]:
-    told_rad = [np.radians(told) for told in (before_deg or directions_deg, directions_deg)]
-    return square_pairs(told_rad, np.diag(np.radians(sigmas_deg) ** 2))
+    angles_rad = [
+        np.radians(angles_deg) for angles_deg in (before_deg or directions_deg, directions_deg)
+    ]
+    return square_pairs(angles_rad, np.diag(np.radians(sigmas_deg) ** 2))
 
 
 @given(st.floats(-5.0, 5.0), st.sampled_from([0, 90, 180, 270]))

@@ -1,4 +1,4 @@
-"""What odometry says against the walls, and what the autopilot's heading is worth."""
+"""Alternative associations where odometry contradicts the walls, and the autopilot's heading."""
 
 import math
 from collections.abc import Callable, Generator
@@ -25,27 +25,32 @@ from companion.drivers.chips.sharp import PAPER
 from companion.estimation.association.gating import Gate
 from companion.estimation.association.pruning import Support
 from companion.estimation.estimator import Estimator
-from companion.estimation.hypotheses.search import STRETCHES_S, Doubt, contradicted, strained
+from companion.estimation.hypotheses.search import (
+    STRETCHES_S,
+    HypothesisSearch,
+    contradicted,
+    strained,
+)
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
-from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
 from companion.estimation.smoothing.state import Array, Measured, Unknowns
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
-Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]
+Search = Callable[[HypothesisSearch, Estimate], Generator[None, None, Estimate]]
 KEYFRAMES = 151
 STEP_M = 0.1
 CABINET_M = 6.0, 9.0
 UNSEEN_M = 0.3
-"""Before and after its ends."""
+"""Distance before and after its ends that has no hits, m."""
 
 
 def flight_past_a_cabinet(seed: int, *, its_ends_are_seen: bool = True) -> tuple[Measured, Array]:
-    """15 m east along a wall 1.5 m north, before which a cabinet stands from 6 to 9 m.
+    """15 m east along a wall 1.5 m north, with a cabinet before it from 6 to 9 m.
 
-    And where it went by odometry, (k, 3).
+    Returns the measurements and the positions by odometry, (k, 3).
     """
     random, record = Random(seed), FlightRecord()
     front = BEAMS.index(Beam.FRONT)
@@ -74,7 +79,7 @@ def test_what_odometry_measured_is_not_doubted(seed: int) -> None:
 
 @given(st.integers(0, 1000), st.floats(0.25, 1.0), st.floats(0.4, 3.0))
 def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: float) -> None:
-    """Pulled aside between the keyframes 50 and 100, gradually at both ends."""
+    """Shifted between the keyframes 50 and 100, with ramps at both ends."""
     m, poses = flight_past_a_cabinet(seed)
     k = np.arange(KEYFRAMES)
     ramp = np.minimum(k - 50, 100 - k) * 0.2 / within_s
@@ -90,7 +95,7 @@ def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: 
 def test_what_odometry_speaks_against_most_is_looked_at_first(
     length_s: float, seed: int, moved_at: int
 ) -> None:
-    """Aside by 0.3 m within 1 s, for good."""
+    """A permanent shift of 0.3 m within 1 s."""
     m, poses = flight_past_a_cabinet(seed)
     poses[:, 0] += 0.3 * np.clip((np.arange(KEYFRAMES) - moved_at) / 5, 0, 1)
     first, *_ = strained(Unknowns.at(poses, 0.0), m, Models(UNITS).odometry, length_s)
@@ -100,7 +105,7 @@ def test_what_odometry_speaks_against_most_is_looked_at_first(
 
 @given(st.integers(0, 1000))
 def test_a_heading_that_was_turned_by_a_bias_that_no_gyro_has_is_doubted(seed: int) -> None:
-    """By 3° within the last 15 s, as along a wall that steps back and was taken for one."""
+    """A change of 3° within the last 15 s, as along a wall with a step taken for one surface."""
     m, poses = flight_past_a_cabinet(seed)
     x = Unknowns.at(poses, 0.0)
     x.poses[75:, 3] = math.radians(0.4) * np.linspace(0, 1, KEYFRAMES - 75)
@@ -109,11 +114,13 @@ def test_a_heading_that_was_turned_by_a_bias_that_no_gyro_has_is_doubted(seed: i
     assert not doubted[:50].any()
 
 
-@pytest.mark.parametrize("looking", [Doubt.reconsidering, Doubt.searching])
-def test_hits_given_to_a_wrong_wall_are_given_back(looking: Looking) -> None:
-    """The cabinet's hits were taken for the wall's, and the drone for half a metre off its way.
+@pytest.mark.parametrize(
+    "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
+)
+def test_hits_given_to_a_wrong_wall_are_given_back(search: Search) -> None:
+    """The cabinet's hits were associated with the wall, which shifted the path by half a metre.
 
-    No beam went over its ends, where the step would show.
+    No beam crossed its ends, where the step would be detected.
     """
     m, poses = flight_past_a_cabinet(1, its_ends_are_seen=False)
     k = np.arange(KEYFRAMES)
@@ -124,23 +131,23 @@ def test_hits_given_to_a_wrong_wall_are_given_back(looking: Looking) -> None:
     start = smoother.from_start(np.zeros(3))
     pulled = smoother.smooth(x, m, start, (Gate(0.2), Gate(0.1)))
     assert wall_distance_m(pulled.x).min() < 1.2
-    likelier = at_once(looking(Doubt(smoother, m, start, FINAL_GATES), pulled))
+    likelier = run_to_end(search(HypothesisSearch(smoother, m, start, FINAL_GATES), pulled))
     assert wall_distance_m(likelier.x) == pytest.approx(1.5, abs=0.1)
     assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.0, 1.5], abs=0.05)
 
 
 def wall_distance_m(x: Unknowns) -> Array:
-    """(k,): how far the keyframes are from the wall that reaches farthest."""
+    """(k,): distance of the keyframes from the wall with the largest reach."""
     longest = int(np.ptp(x.reach_m, axis=1).argmax())
     distance_m: Array = x.walls[longest, 1] - x.poses[:, :2] @ x.normals[longest]
     return distance_m
 
 
 def wall_turned_deg(compass_deg: float, *, follows_us: bool = False) -> float:
-    """Hovers for 6 s where nothing is in range, then flies 40 m east past a wall.
+    """Hover for 6 s with nothing in range, then fly 40 m east past a wall.
 
-    In the hover our gyro drifts by 0.2 deg/s, of which nothing is left later: the wall would seem
-    turned by a degree. The autopilot's drifts by 0.1 deg/s, and its compass sets it in flight.
+    In the hover our gyro drifts by 0.2 deg/s, of which nothing is left later: the wall would appear
+    turned by a degree. The autopilot's gyro drifts by 0.1 deg/s, and a compass resets its heading.
     """
     estimator, random = Estimator(0.0, UNITS.units), Random(1)
     north_m = east_m = 0.0
@@ -149,12 +156,12 @@ def wall_turned_deg(compass_deg: float, *, follows_us: bool = False) -> float:
         time_s = 0.05 * tick
         drift_rad_s = math.radians(0.2) if time_s < 6 else 0.0
         estimator.turn([GyroSample(time_s, drift_rad_s)])
-        told_rad = math.radians(0.1 * time_s + (compass_deg if time_s > 3 else 0.0))
-        moved_m = frd_to_ned(0.0, 0.05 if time_s > 6 else 0.0, told_rad)
+        autopilot_rad = math.radians(0.1 * time_s + (compass_deg if time_s > 3 else 0.0))
+        moved_m = frd_to_ned(0.0, 0.05 if time_s > 6 else 0.0, autopilot_rad)
         north_m, east_m = north_m + moved_m[0], east_m + moved_m[1]
         down_m = -min(time_s, 1.2)
         place = north_m, east_m, down_m
-        estimator.move(Odometry(time_s, place, (0.0, 0.0, 0.0), told_rad, follows_us))
+        estimator.move(Odometry(time_s, place, (0.0, 0.0, 0.0), autopilot_rad, follows_us))
         wall = RangeReading(RangeState.DISTANCE, 1.5 + random.gauss(0, 0.05), 0.0025)
         seen = wall if time_s > 6 else RangeReading(RangeState.NOTHING)
         estimator.see(RangeScan(time_s, {Beam.FRONT: seen}))

@@ -1,4 +1,4 @@
-"""Stretches of a flight that lie beside the map, and flights that do not."""
+"""Stretches of a flight that are offset from the map, and flights without any."""
 
 import math
 from random import Random
@@ -29,10 +29,10 @@ BESIDE_S, RAMP_S = (100.0, 200.0), 60.0
 
 
 def flight_in_a_room(seed: int, beside_m: float) -> tuple[Measured, Array, Estimate]:
-    """Five minutes about a room, of which three walls are met; its true places (k, 2).
+    """Five minutes in a room with hits on three walls; returns the true positions (k, 2).
 
-    And what is made of it where from `BESIDE_S` it was taken to be so far south of itself, with a
-    wall of its own for that time.
+    Also returns a solution in which the stretch `BESIDE_S` is offset to the south, with a wall of
+    its own.
     """
     random, record = Random(seed), FlightRecord()
     places = []

@@ -1,4 +1,4 @@
-"""The smoother's parts: the equations, the noise, the walls, and the filters that go on from it."""
+"""Parts of the smoother: equations, noise, walls, and the restart of the filters."""
 
 import math
 from random import Random
@@ -39,7 +39,7 @@ from companion.estimation.smoothing.state import Measured, Unknowns
 @settings(deadline=None)
 @given(st.integers(0, 10_000))
 def test_the_bordered_system_solves_least_squares(seed: int) -> None:
-    """Twelve unknowns in a chain, three shared ones: step and covariance as by dense algebra."""
+    """Twelve unknowns in a chain, three shared: step and covariance as by dense algebra."""
     random = np.random.default_rng(seed)
     chained, shared, rows = 12, 3, 40
     system = BorderedSystem(chained, shared, bandwidth=4)
@@ -64,9 +64,9 @@ def test_the_bordered_system_solves_least_squares(seed: int) -> None:
     last = [chained - 2, chained - 1, *range(chained, chained + shared)]
     expected = np.linalg.inv(information)[np.ix_(last, last)]
     assert solution.covariance_of_last(2) == pytest.approx(expected, abs=1e-6)
-    belief = system.belief_of_last(2)
-    assert belief.information @ expected == pytest.approx(np.eye(len(last)), abs=1e-6)
-    mean = -np.linalg.solve(belief.information, belief.gradient)
+    marginal = system.marginal_of_last(2)
+    assert marginal.information @ expected == pytest.approx(np.eye(len(last)), abs=1e-6)
+    mean = -np.linalg.solve(marginal.information, marginal.gradient)
     assert mean == pytest.approx(step[last], abs=1e-6)
 
 
@@ -85,7 +85,7 @@ def level(model: RangeModel) -> RangeUnits:
 
 
 def hits_on_a_wall(seed: int, sigma_m: float = 0.05) -> Measured:
-    """Flown 4 m east along a wall 1.5 m north, eight hits a keyframe."""
+    """A flight 4 m east along a wall 1.5 m north, eight hits a keyframe."""
     random, record = Random(seed), FlightRecord()
     front = BEAMS.index(Beam.FRONT)
     for k in range(21):
@@ -129,7 +129,7 @@ def test_gyro_samples_are_stamped_when_they_were_taken(clock_error: float, phase
 
 
 def fly_east(estimator: Estimator, seconds: float, seed: int) -> None:
-    """Past a wall 1.5 m north towards one at 9 m, 1 m/s, with noise."""
+    """Fly past a wall 1.5 m north towards one at 9 m, 1 m/s, with noise."""
     random = Random(seed)
     walk_m = 0.005 * math.sqrt(0.05 / 0.1)
     north_error_m = east_error_m = 0.0
@@ -162,7 +162,7 @@ def test_the_filters_go_on_where_the_smoother_ends() -> None:
 
 
 def test_a_wall_is_as_exact_as_it_claims() -> None:
-    """Error in sigmas over seeds, odometry and ranges being as noisy as modelled."""
+    """Errors in sigmas over seeds, with odometry and range noise as modelled."""
     errors = []
     for seed in range(20):
         estimator = Estimator(0.0, level(PAPER).units)
@@ -181,17 +181,17 @@ def test_the_heading_is_as_exact_as_it_claims() -> None:
 
 
 def test_a_part_with_what_came_before_as_a_belief_says_what_the_whole_says() -> None:
-    """Past a wall, then as if the first half had been forgotten but for what it told."""
+    """Past a wall, with the first half of the flight marginalized."""
     estimator = Estimator(0.0, level(PAPER).units)
     fly_east(estimator, 8.0, seed=3)
     smoother = Smoother(estimator.models, Support())
     whole = Measured.of(estimator.record, estimator.models.ranges)
     x = Unknowns.at(estimator.record.frames[:, 4:7], 0.0)
     start = smoother.from_start(np.zeros(3))
-    gates = Gate(0.2, looks=100), Gate(0.1)
+    gates = Gate(0.2, detect_keyframes=100), Gate(0.1)
     estimate = smoother.smooth(x, whole, start, gates)
-    past, _ = smoother.past_before(20, estimate, whole, start)
-    again = smoother.smooth(x.since(20), whole.between(20, len(x.poses)), past, (Gate(0.1),))
+    prior, _ = smoother.marginalize_before(20, estimate, whole, start)
+    again = smoother.smooth(x.since(20), whole.between(20, len(x.poses)), prior, (Gate(0.1),))
     assert again.x.poses[-1, :3] == pytest.approx(x.poses[-1, :3], abs=0.002)
     assert again.x.walls == pytest.approx(x.walls, abs=0.002)
     for part, all_of_it in zip(again.wall_lines, estimate.wall_lines, strict=True):

@@ -1,4 +1,4 @@
-"""Walls nearly in line that were taken for one, and walls that are one."""
+"""Walls nearly in line that were associated as one wall, and single walls."""
 
 import math
 from collections.abc import Callable, Generator
@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
 from companion.drivers.chips.sharp import PAPER
 from companion.estimation.association.pruning import Support
-from companion.estimation.hypotheses.search import Doubt
-from companion.estimation.hypotheses.split_revisits import doubting
+from companion.estimation.hypotheses.search import HypothesisSearch
+from companion.estimation.hypotheses.split_revisits import split_candidates
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
-from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, at_once
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
 from companion.estimation.smoothing.state import Indices, Measured, Unknowns
 
 EASTWARDS_RAD = math.pi / 2
@@ -27,13 +27,13 @@ SMOOTHER = Smoother(Models(UNITS), Support())
 START = SMOOTHER.from_start(np.array([0.0, 0.0, EASTWARDS_RAD]))
 KEYFRAMES, DOORWAY = 151, range(60, 90)
 STEP_M = 0.1
-Looking = Callable[[Doubt, Estimate], Generator[None, None, Estimate]]
+Search = Callable[[HypothesisSearch, Estimate], Generator[None, None, Estimate]]
 
 
 def flight_past_two_walls(seed: int, apart_m: float) -> tuple[Measured, Estimate]:
-    """15 m east, past a wall 1.5 m north, nothing for 3 m, and a wall `apart_m` farther north.
+    """15 m east, past a wall 1.5 m north, a gap of 3 m, and a wall `apart_m` further north.
 
-    All along there is one 1.5 m south. And what is made of it when those are taken for one.
+    A third wall runs 1.5 m south. Also returns the solution with the first two taken for one.
     """
     random, record = Random(seed), FlightRecord()
     walk_m = 0.005 * math.sqrt(2)
@@ -60,7 +60,7 @@ def flight_past_two_walls(seed: int, apart_m: float) -> tuple[Measured, Estimate
 
 
 def doubtful_visits(m: Measured, estimate: Estimate) -> list[Indices]:
-    work = doubting(SMOOTHER, estimate, m, START)
+    work = split_candidates(SMOOTHER, estimate, m, START)
     while True:
         try:
             next(work)
@@ -83,9 +83,11 @@ def test_two_walls_taken_for_one_are_doubted(seed: int, apart_m: float) -> None:
     assert doubtful_visits(m, taken_for_one)
 
 
-@pytest.mark.parametrize("looking", [Doubt.reconsidering, Doubt.searching])
-def test_each_of_them_is_given_its_own(looking: Looking) -> None:
+@pytest.mark.parametrize(
+    "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
+)
+def test_each_of_them_is_given_its_own(search: Search) -> None:
     m, taken_for_one = flight_past_two_walls(1, 0.4)
-    likelier = at_once(looking(Doubt(SMOOTHER, m, START, FINAL_GATES), taken_for_one))
+    likelier = run_to_end(search(HypothesisSearch(SMOOTHER, m, START, FINAL_GATES), taken_for_one))
     assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.5, 1.5, 1.9], abs=0.1)
     assert abs(likelier.x.poses[-1, 0]) < 0.1

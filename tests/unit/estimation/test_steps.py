@@ -1,4 +1,4 @@
-"""Where a beam goes over from one surface to another that is hardly farther."""
+"""Detection of beams that change to another surface at nearly the same distance."""
 
 import math
 
@@ -20,9 +20,9 @@ NORTH = np.array([[0.0, 2.0]])
 def along_a_wall(
     out_m: Array, seed: int, slant_rad: float = 0.0, late_m: Array | None = None
 ) -> Steps:
-    """A beam passes along it at 0.8 m/s, 20 times a second; the wall stands out by so much.
+    """A beam passes a wall at 0.8 m/s, 20 times a second; the wall protrudes by `out_m`.
 
-    `late_m` is how far off the places of the hits may be, as odometry was late.
+    `late_m` is the position error of each hit by late odometry.
     """
     noise_m = SIGMA_M * np.random.default_rng(seed).standard_normal(HITS)
     east_m = 0.04 * np.arange(HITS)
@@ -49,8 +49,10 @@ def pilaster(depth_m: float) -> Array:
 def test_what_stands_a_hand_before_or_behind_a_wall_is_beside_it(depth_m: float) -> None:
     expected = np.zeros(HITS, dtype=bool)
     expected[PILASTER] = True
-    beside = [along_a_wall(pilaster(depth_m), seed).beside(ALL, NORTH) for seed in range(FLIGHTS)]
-    is_right = [(found != expected).sum() <= 3 for found in beside]
+    off_surface = [
+        along_a_wall(pilaster(depth_m), seed).off_surface(ALL, NORTH) for seed in range(FLIGHTS)
+    ]
+    is_right = [(found != expected).sum() <= 3 for found in off_surface]
     assert sum(is_right) >= 0.98 * FLIGHTS
 
 
@@ -60,18 +62,18 @@ def test_a_straight_wall_has_no_step_though_its_direction_is_not_known_well(
 ) -> None:
     slant_rad = math.radians(slant_deg)
     straight = [along_a_wall(np.zeros(HITS), seed, slant_rad) for seed in range(FLIGHTS)]
-    assert sum(steps.beside(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
+    assert sum(steps.off_surface(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
 
 
 def test_hits_of_no_wall_are_beside_none() -> None:
-    assert not along_a_wall(pilaster(0.15), 1).beside(np.full(HITS, -1), NORTH).any()
+    assert not along_a_wall(pilaster(0.15), 1).off_surface(np.full(HITS, -1), NORTH).any()
 
 
 @pytest.mark.parametrize(("depth_m", "apart"), [(0.15, True), (0.0, False)])
 def test_a_wall_and_its_pilaster_are_two(depth_m: float, apart: bool) -> None:
     steps = along_a_wall(pilaster(depth_m), seed=1)
     on_it = np.arange(HITS)[PILASTER]
-    assert steps.part(on_it, np.setdiff1d(np.arange(HITS), on_it), 0.0) == apart
+    assert steps.separates(on_it, np.setdiff1d(np.arange(HITS), on_it), 0.0) == apart
 
 
 def test_a_step_that_late_odometry_explains_is_none() -> None:
@@ -79,4 +81,4 @@ def test_a_step_that_late_odometry_explains_is_none() -> None:
     late_m = np.zeros(HITS)
     late_m[PILASTER] = 0.08
     straight = [along_a_wall(pilaster(0.1), seed, late_m=late_m) for seed in range(FLIGHTS)]
-    assert sum(steps.beside(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
+    assert sum(steps.off_surface(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS

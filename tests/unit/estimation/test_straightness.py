@@ -1,4 +1,4 @@
-"""Hits along a wall that bends, or has a step, are told from those along a straight one."""
+"""Hits along a wall with a bend or a step are distinguished from those along a straight wall."""
 
 import math
 
@@ -22,7 +22,7 @@ def noise_m(seed: int, hits: int = 400) -> np.ndarray:
 
 
 def fitted_m(across_m: np.ndarray) -> np.ndarray:
-    """About the line that fits best."""
+    """Residuals about the best line."""
     return across_m - np.polyval(np.polyfit(along_m(), across_m, 1), along_m())
 
 
@@ -52,7 +52,7 @@ def test_a_wall_with_a_step_is_cut_there_and_the_longer_side_is_kept() -> None:
 
 
 def test_what_is_left_of_a_bend_that_the_flight_was_bent_to_is_seen_in_coarse_hits() -> None:
-    """Two walls of a corridor that bent by 16 degrees were one, each hit within its noise."""
+    """Two walls of a corridor, bent by 16 degrees, were one wall with each hit within its noise."""
     sigma_m = 0.09
     along = np.linspace(-2.75, 0.5, 260)
     left_m = np.interp(along, [-2.75, -1.0, 0.5], [0.12, -0.09, 0.06])

@@ -1,4 +1,4 @@
-"""Our gyro's bias wanders; beside the autopilot's, which is steadier, it shows by how much."""
+"""Change of our gyro's bias, with the more stable autopilot gyro as reference."""
 
 import math
 from dataclasses import replace
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.state import Measured
-from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, steadied
+from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, aided
 
 STEP_S, KEYFRAMES = 0.2, 1500
 OWN_SCALE, THEIR_SCALE, THEIR_BIAS_DEG_S = 1.02, 0.99, 0.1
@@ -17,21 +17,21 @@ Array = NDArray[np.float64]
 
 
 def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
-    """Five minutes, to and fro, always a little more to the right: our gyro with such a bias."""
+    """Five minutes with turns to both sides and a trend to the right; our gyro has this bias."""
     time_s: Array = STEP_S * np.arange(KEYFRAMES, dtype=np.float64)
     yaw_deg = 3 * time_s + 45 * np.sin(time_s)
     noise = np.random.default_rng(1).normal(0, 1, (2, KEYFRAMES))
     own_deg = OWN_SCALE * np.diff(yaw_deg) + STEP_S * bias_deg_s[:-1] + 0.009 * noise[0, 1:]
-    told_deg = THEIR_SCALE * yaw_deg + THEIR_BIAS_DEG_S * time_s + compass_deg + 0.2 * noise[1]
+    autopilot_deg = THEIR_SCALE * yaw_deg + THEIR_BIAS_DEG_S * time_s + compass_deg + 0.2 * noise[1]
     nothing, none = np.empty(0), np.empty(0, dtype=np.int64)
     return Measured(
         dt_s=np.full(KEYFRAMES - 1, STEP_S),
         age_s=10 + time_s[1:],
         moved_frd_m=np.zeros((KEYFRAMES - 1, 2)),
         turned_rad=np.radians(own_deg),
-        autopilot_yaw_rad=np.radians(told_deg),
+        autopilot_yaw_rad=np.radians(autopilot_deg),
         bias_moved_rad_s=np.zeros(KEYFRAMES - 1),
-        is_steadied=np.zeros(KEYFRAMES - 1, dtype=bool),
+        is_aided=np.zeros(KEYFRAMES - 1, dtype=bool),
         frame=none,
         beam=none,
         offset_frd_m=np.empty((0, 2)),
@@ -43,7 +43,7 @@ def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
 
 
 def wandering(seed: int) -> Array:
-    """As an LSM9DS1 does, after some minutes by a tenth of a degree per second."""
+    """Random walk like that of an LSM9DS1: a tenth of a degree per second after some minutes."""
     steps = np.random.default_rng(seed).normal(0, 0.008 * math.sqrt(STEP_S), KEYFRAMES)
     return np.cumsum(steps)
 
@@ -51,8 +51,8 @@ def wandering(seed: int) -> Array:
 @pytest.mark.parametrize("seed", range(4))
 def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> None:
     bias_deg_s = wandering(seed)
-    m = steadied(flight(bias_deg_s), GyroModel(), AutopilotGyroModel())
-    assert m.is_steadied.all()
+    m = aided(flight(bias_deg_s), GyroModel(), AutopilotGyroModel())
+    assert m.is_aided.all()
     moved_deg_s = np.degrees(np.cumsum(m.bias_moved_rad_s))
     off_deg_s = moved_deg_s - (bias_deg_s[1:] - bias_deg_s[0])
     heading_off_deg = np.cumsum(STEP_S * (off_deg_s - off_deg_s.mean()))
@@ -64,13 +64,13 @@ def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> Non
 def test_a_heading_that_a_compass_sets_counts_for_nothing() -> None:
     disturbed_deg = 8 * np.sin(0.7 * STEP_S * np.arange(KEYFRAMES))
     m = flight(wandering(0), disturbed_deg)
-    assert steadied(m, GyroModel(), AutopilotGyroModel()) is m
+    assert aided(m, GyroModel(), AutopilotGyroModel()) is m
 
 
 def test_without_an_autopilot_that_tells_its_heading_nothing_is_known() -> None:
     m = flight(wandering(0))
     silent = replace(m, autopilot_yaw_rad=np.full(KEYFRAMES, np.nan))
-    assert steadied(silent, GyroModel(), AutopilotGyroModel()) is silent
+    assert aided(silent, GyroModel(), AutopilotGyroModel()) is silent
 
 
 def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
@@ -78,8 +78,8 @@ def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
     m = flight(bias_deg_s)
     autopilot_yaw_rad = m.autopilot_yaw_rad.copy()
     autopilot_yaw_rad[:40] = autopilot_yaw_rad[700:750] = np.nan
-    m = steadied(replace(m, autopilot_yaw_rad=autopilot_yaw_rad), GyroModel(), AutopilotGyroModel())
-    assert not m.is_steadied[:40].any()
-    assert m.is_steadied[40:].all()
+    m = aided(replace(m, autopilot_yaw_rad=autopilot_yaw_rad), GyroModel(), AutopilotGyroModel())
+    assert not m.is_aided[:40].any()
+    assert m.is_aided[40:].all()
     moved_deg_s = np.degrees(m.bias_moved_rad_s[40:].sum())
     assert moved_deg_s == pytest.approx(bias_deg_s[-1] - bias_deg_s[40], abs=0.06)

@@ -1,4 +1,4 @@
-"""How long the drone goes on when it is stopped is learnt from how it has followed before."""
+"""Estimation of the velocity lag from earlier responses."""
 
 from collections.abc import Sequence
 from random import Random
@@ -16,7 +16,7 @@ TICK_STEPS = 5
 
 
 class Flown:
-    """An emulated vehicle in still air, whose velocity is told without error."""
+    """An emulated vehicle in still air with exact reported velocity."""
 
     def __init__(self, response: Response) -> None:
         start = TrueState(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
@@ -28,7 +28,7 @@ class Flown:
             self._vehicle.step((0.0, 0.0, -0.5), 0.0)
 
     def flies(self, setpoint: Setpoint, for_s: float) -> float:
-        """Metres flown north."""
+        """Distance flown north, m."""
         began_m = self._vehicle.state.position_ned_m[0]
         for _ in range(round(for_s / (TICK_STEPS * STEP_S))):
             now_s = self._steps * STEP_S
@@ -37,8 +37,10 @@ class Flown:
                 shaped = self._shaper.step((setpoint.forward_m_s, 0.0, 0.0), 0.0)
                 state = self._vehicle.step(*shaped)
                 self._steps += 1
-            told = Odometry(self._steps * STEP_S, state.position_ned_m, state.velocity_ned_m_s, 0.0)
-            self.lag.take(told)
+            odometry = Odometry(
+                self._steps * STEP_S, state.position_ned_m, state.velocity_ned_m_s, 0.0
+            )
+            self.lag.take(odometry)
         return self._vehicle.state.position_ned_m[0] - began_m
 
 
@@ -53,8 +55,8 @@ def test_it_knows_how_far_the_drone_goes_on(speed_m_s: float) -> None:
         for setpoint, for_s in legs((0.8, -0.8, 0.5, -0.5)):
             drone.flies(setpoint, for_s)
         drone.flies(Setpoint(speed_m_s), 4.0)
-        goes_on_m = drone.flies(HOLD, 5.0)
-        assert 0.75 < drone.lag.lag_s * speed_m_s / goes_on_m < most
+        coasted_m = drone.flies(HOLD, 5.0)
+        assert 0.75 < drone.lag.lag_s * speed_m_s / coasted_m < most
 
 
 def test_px4_goes_on_for_longer_than_arducopter() -> None:
