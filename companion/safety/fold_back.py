@@ -89,8 +89,8 @@ class Folds:
     def _is_free(self, beam: Beam, distance_m: float) -> bool:
         """Return True if the place at `distance_m` from the sensor along its beam is free.
 
-        It is free if the drone was there, or if recent beams passed beyond it. A beam that ends
-        beside the place does not count: beams along a wall graze its corner.
+        It is free if the drone was there, or if a recent beam reached `BEHIND_M` behind it. A beam
+        that only passes it does not count: beams along a wall graze its corner.
         """
         unit_ne = self._unit_ne(beam)
         off_m = self._ne_m - self._looked[:, :2]
