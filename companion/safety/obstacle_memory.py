@@ -1,8 +1,8 @@
 """Stores recent obstacles near the drone, as the beams detected them.
 
-The points (`obstacle_points.py`) are stored in a frame of their own. Only odometry moves that frame,
-and only the gyro turns it. A step of the estimate or a wrong wall association moves the map, but
-not these points.
+The points (`obstacle_points.py`) are stored in a frame of their own. Only odometry moves the drone
+in it, and only the gyro turns the drone. A step of the estimate or a wrong wall association moves
+the map, but not these points.
 
 Readings that have folded back become TOO_NEAR (`fold_back.py`). Their range is inaccurate, so an
 earlier measurement of the same obstacle replaces it.

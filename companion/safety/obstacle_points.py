@@ -26,8 +26,8 @@ KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 drone, m. The map still contains it. Chosen: by then the frame may have drifted by as much as the
 clearance."""
 VAGUE_SIGMAS = 2.0
-"""An inexact point may lie this many sigmas before or behind its position, along its beam. Chosen: a
-thin pole far away may not be detected again, because a swinging beam moves by 5 to 10 cm there
+"""An inexact point may lie this many sigmas before or behind its position, along its beam. Chosen:
+a thin pole far away may not be detected again, because a swinging beam moves by 5 to 10 cm there
 between two readings."""
 SAME_SIGMAS = 3.0
 """An exact point within this many sigmas along the beam is the same obstacle. Chosen: one in twenty
@@ -55,9 +55,9 @@ covers two swings of the nose; later the strips drift over the obstacle."""
 DRIFT_SIGMAS = 2.0
 """Limit of the drone's drift in sigmas: 19 of 20 cases on either axis."""
 TOGETHER_M = 0.20
-"""A point is deleted only if all points within this distance, m, are free too. Points that are newer
-by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes its
-edge as closely."""
+"""A point is deleted only if all points within this distance, m, are free too. Points that are
+newer by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes
+its edge as closely."""
 NOT_PASSED = (-math.inf,) * STRIPS
 """Initial times of the strips: no beam has passed."""
 _STRIP_RIGHT_M = STRIP_M * (np.arange(STRIPS) - STRIPS // 2)
@@ -77,8 +77,8 @@ _MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6,
 _FROM_NE, _PASSED = slice(9, 11), 11
 """Columns of the table; see `Met`."""
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
-"""Quality of a point. A signal stronger than at the minimum distance proves that an obstacle exists,
-but not where. A reading that has probably folded back proves neither."""
+"""Quality of a point. A signal stronger than at the minimum distance proves that an obstacle
+exists, but not where. A reading that has probably folded back proves neither."""
 
 
 @value
