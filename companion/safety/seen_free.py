@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from companion.core.frames import Vector2
 
 LATELY_S = 30.0
-"""Time for which a swept cell stays free, s. Chosen: odometry drifts by less than 10 cm meanwhile.
+"""Time for which a swept cell stays free, s. Chosen: odometry drifts by less than a hand's width.
 With 6 s a flight takes a quarter longer, because the space swept on one leg expires before the
 next."""
 TO_M = 3.0
