@@ -59,9 +59,9 @@ class Health:
         """Record the start of a tick at `now_s`."""
         self._lateness.tick(now_s)
 
-    def odometry(self, told: Odometry | None) -> Odometry | None:
+    def odometry(self, report: Odometry | None) -> Odometry | None:
         """Return odometry without its jumps; None if it is missing or implausible."""
-        steady = self._steady.take(told)
+        steady = self._steady.take(report)
         if steady is not None:
             self._odometry_at_s = self._lateness.listened_s
             self._odometry_s = steady.time_s
