@@ -67,7 +67,7 @@ class BeamLine:
         self._against_s: deque[float] = deque(maxlen=AGAINST)
 
     def is_off(self, now_s: float) -> bool:
-        """Return True if the last `AGAINST` tests, within `WITHIN_S`, fit another direction only."""
+        """Return True if the last tests, within `WITHIN_S`, fit another direction only."""
         return len(self._against_s) == AGAINST and now_s - self._against_s[0] < WITHIN_S
 
     def take(self, now_s: float, reading: RangeReading, stand: Stand) -> None:

@@ -72,7 +72,7 @@ def _noise(volts: Table) -> Table:
 
 
 def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]]:
-    """Pairs of different columns (mine, other), their correlation, and the other's share in mine."""
+    """Pairs of different columns (mine, other), their correlation, and other's share in mine."""
     both = mine.T @ others
     mine2, others2 = (mine**2).sum(axis=0), (others**2).sum(axis=0)
     is_alike = both > STILL_ALIKE * np.sqrt(np.outer(mine2, others2))  # false without noise

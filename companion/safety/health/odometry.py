@@ -33,7 +33,7 @@ class SteadyOdometry:
         self._turned_rad = 0.0
         """Sum of the removed heading jumps, negative, rad."""
         self._pulled_rad = 0.0
-        """Sum of the false corrections in `pulled_rad`, negative, rad."""
+        """Sum of the jumps in `pulled_rad`, negative, rad; they are no heading corrections."""
         self._has_jumped = False
 
     def take(self, report: Odometry | None) -> Odometry | None:

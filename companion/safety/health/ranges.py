@@ -22,12 +22,14 @@ NUMB_SIGMAS, NUMB_WITHIN_S = 2.0, 5.0
 """A sensor may be numb if its distance stays in a band of so many sigmas; a test lasts up to this
 time, s. Chosen."""
 NUMB_M, NUMB_WAY_SIGMAS, NUMB_RAD, NUMB_ROUND_M = 0.6, 8.0, math.radians(60), 0.8
-"""A sensor is numb if the drone moved along the beam by the first, m, and the second, in sigmas,
-during that test. It is also numb if the drone turned by the third, rad, and moved less than the
-fourth, m. Chosen: along a round wall the distance is constant too, but the path is longer."""
+"""A sensor is numb if the drone moved along the beam during that test by the first, m, or by the
+second, in sigmas; the larger one counts. It is also numb if the drone turned by the third, rad, and
+moved less than the fourth, m. Chosen: along a round wall the distance is constant too, but the path
+is longer."""
 LOW_M = 0.5
-"""Minimum height above the take-off point for the noise test, m. Below, a level beam meets the floor
-when the drone tilts by 10°, as before lift-off. Its readings then jump from none to any value."""
+"""Minimum height above the take-off point for the noise test, m. Below, a level beam meets the
+floor when the drone tilts by 10°, as before lift-off. Its readings then jump from none to any
+value."""
 PAUSED_S = 0.2
 """Readings farther apart than this are not compared, s. Chosen: the drone has moved meanwhile."""
 FAILED = RangeReading(RangeState.FAILED)
@@ -150,7 +152,7 @@ class _BeamWatch:
         return False
 
     def _moved(self, then: Travel, now: Travel) -> tuple[float, float, float]:
-        """Distance along the beam, m, turn if the beam is level, rad, and horizontal distance, m."""
+        """Motion along the beam, m, turn if the beam is level, rad, and horizontal motion, m."""
         forward_m, right_m, down_m, turned_rad = (n - t for n, t in zip(now, then, strict=True))
         x, y, z = self._axis_frd
         along_m = forward_m * x + right_m * y + down_m * z

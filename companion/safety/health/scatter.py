@@ -27,9 +27,9 @@ ROUGH_AT_REST = 0.10
 """Share of rough readings of a sound sensor with a beam that does not move. Measured: 0.04 among 70
 posts of 5 cm in 5.5 × 5.5 m. The rest is a margin for people who walk by."""
 ROUGH_IN_CLUTTER, LEG_M = 0.55, 0.045
-"""Share of rough readings of a sound sensor whose beam moves by a leg's width, m, or more. Measured:
-0.10 to 0.19 in five flights at clutter 0.75 and 1.0, and 0.65 in their worst two seconds. Only a
-share above 0.69 raises the sum."""
+"""Share of rough readings of a sound sensor whose beam moves by a leg's width, m, or more.
+Measured: 0.10 to 0.19 in five flights at clutter 0.75 and 1.0, and 0.65 in their worst two seconds.
+Only a share above 0.69 raises the sum."""
 CONDEMNED, MAX_SUM = 11.0, 15.0
 """Threshold of the sum (60,000 to 1), and its upper limit. Measured: 10.4 in three flights among 70
 posts. Ten times the noise was detected within 50 s in 25 of 27 flights, mostly within 5 s, and at
