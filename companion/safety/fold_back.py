@@ -36,8 +36,9 @@ PEAK_M = 0.15
 """Near the strongest signal, a reading and its alias differ by less than this, m. The obstacle may
 then be on either side of the peak. Chosen."""
 BEHIND_M, LOOKED_ASIDE_M, LOOKED_S = 0.15, 0.07, 6.0
-"""A place is free if a beam passed so far behind it, m, so close beside it, m, within this time, s.
-Chosen: beside a wall, odometry wanders by decimetres in ten seconds."""
+"""A place is free if a beam reached the first distance behind it, m, within the second beside it,
+m, less than the third ago, s. Chosen: beside a wall, odometry wanders by decimetres in ten
+seconds."""
 HULL_M = 0.15
 """Space within this distance of a recent position of the drone's centre is free, m. Otherwise a
 far reading beside an edge, which resembles a folded one, would create obstacles there. Chosen."""

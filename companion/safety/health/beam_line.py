@@ -4,11 +4,12 @@ With the nominal direction, the end points of readings of a wall lie on a line, 
 moves and turns. With a wrong direction they do not. They would lie on a line if they were rotated
 about the drone:
 
-    a beam to the right,             end points, nominal   end points, rotated
-    taken for the front one              │ │ │                 .
-    ─────────────────── wall             │ │ │           ·····
-      ▲ ▲ ▲  detects                     . . .           drone ►
-      drone ►                        drone ►
+    right beam, taken for            end points,         end points,
+    the front beam                   nominal             rotated
+    ─────────────────── wall             │ │ │                 .
+      ▲ ▲ ▲  detects                     │ │ │           ·····
+      drone ►                            . . .           drone ►
+                                     drone ►
 
 The distance of an end point from the line is measured along the beam, as the sensor measures. So
 end points that move with the drone, along the beam itself, lie on no wall.

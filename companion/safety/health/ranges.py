@@ -16,8 +16,8 @@ from companion.safety.health.coupling import CouplingWatch
 from companion.safety.health.scatter import Scatter
 
 STUCK_S, STUCK_M, STUCK_RAD = 0.5, 0.2, math.radians(20)
-"""A sensor is stuck if its reading does not change at all for this time, s, although the drone
-moved so far along the beam, m, or turned so far, rad. Chosen."""
+"""A sensor is stuck if its reading does not change at all for the first, s, although the drone
+moved along the beam by the second, m, or turned by the third, rad. Chosen."""
 NUMB_SIGMAS, NUMB_WITHIN_S = 2.0, 5.0
 """A sensor may be numb if its distance stays in a band of so many sigmas; a test lasts up to this
 time, s. Chosen."""

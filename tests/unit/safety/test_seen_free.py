@@ -41,7 +41,7 @@ def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0)
 def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
     bearing_deg: float,
 ) -> None:
-    """The gap begins before 0.8 m, since only cells near the hull are free without a sweep."""
+    """That is from 0.8 m on; in flight, nearer space was swept when it was farther ahead."""
     bearing_rad = math.radians(bearing_deg)
     passed = swung(bearing_rad)
     assert passed.lane(HERE, bearing_rad, 10.1).clear_m < 0.8
