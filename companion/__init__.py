@@ -1,14 +1,14 @@
-"""What runs on the drone: sensors in, a floor plan and velocity setpoints out.
+"""Software of the companion computer: sensors in, a floor plan and velocity setpoints out.
 
-For scripts: `from companion import connect`; see docs/scripts.md.
+Scripts use `from companion import connect`; see docs/scripts.md.
 """
 
 import os
 from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-"""Before numpy is loaded: our matrices are small, and threads that wait for each other cost up to
-five times the processor's time where other work goes on beside."""
+"""Set before numpy is imported. The matrices are small, so extra threads only wait for each other.
+Beside other work they cost up to five times the processor time."""
 
 if TYPE_CHECKING:
     from companion.core.errors import CompanionError, FlightEndedError
@@ -43,7 +43,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """Loaded when asked for: most of the program's modules do without."""
+    """Import a public name on first use, because most modules do not need it."""
     if name not in _PLACES:
         raise AttributeError(f"module 'companion' has no attribute {name!r}")
     from importlib import import_module  # noqa: PLC0415

@@ -1,10 +1,10 @@
-"""The whole flight on one page: what comes in at a tick, stage by stage, to what goes out.
+"""Runs one tick of the control loop: sensor inputs in, a setpoint or command out.
 
-    telemetry, gyro, ranges ─► believe ─► calibrate at rest ─► estimate ─► decide ─► setpoint
-                                  │                               └──────► map ▲     or command
-                                  └──────────────── fault ─────────────────────┘
+    telemetry, gyro, ranges ─► validate ─► calibrate at rest ─► estimate ─► decide ─► setpoint
+                                  │                                └──────► map ▲     or command
+                                  └──────────────── fault ──────────────────────┘
 
-No I/O and no clock: `loop.py` brings the inputs and carries the outputs away.
+The module does no I/O and reads no clock. `loop.py` supplies the inputs and sends the outputs.
 """
 
 from collections.abc import Callable, Sequence
@@ -64,44 +64,45 @@ EXPLORING_PHASES = frozenset(
         *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
     }
 )
-"""In these walls are looked for, and at the height of a layer the space around is drawn."""
+"""Phases in which walls are mapped and, at the height of a layer, the occupancy grid is filled."""
 SEEING_PHASES = EXPLORING_PHASES | {Phase.OFFBOARD, Phase.ARM, Phase.TAKE_OFF}
-"""What is near, floor and ceiling are told on the ground already."""
+"""Phases in which obstacles, floor and ceiling are detected; these begin on the ground."""
 END_OF_CLIMB_M = 0.3
-"""So near to its height the drone begins to look for walls.
+"""Wall mapping starts within this distance of the mission height, m.
 
-From the ground and in the climb it sees what stands before a wall, a box or a bed: hundreds of
-readings, all alike, which would be taken for the wall.
+Lower down, the beams meet furniture in front of a wall, such as a box or a bed. Its hundreds of
+similar readings would be mapped as the wall.
 """
 AT_LAYER_M = 0.12
-"""So near to its height the drone draws a layer."""
+"""The occupancy grid of a layer is filled within this distance of its height, m. Chosen."""
 PROGRESS_PERIOD_S = 1.0
+"""Interval between two progress reports, s. Chosen."""
 MAX_SKETCHED = 3000
-"""Points, and places of the path."""
+"""Maximum number of points, and of positions on the path, in a sketch. Chosen."""
 
 
 @value
 class Inputs:
-    """Everything that has arrived since the last tick."""
+    """All inputs that arrived since the last tick."""
 
     telemetry: Telemetry
     gyro: Sequence[GyroSample]
     scan: RangeScan
     land_requested: bool = False
     order: Order | None = None
-    """A script's; None: the whole mission is flown."""
+    """Order of a script; None to fly the whole mission."""
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How the flight is going, for people; the map is drawn up only if somebody looks."""
+    """Progress of the flight, for display; the map is computed only when it is read."""
 
     time_s: float
     activity: str
     trouble: str
     map_walls: Callable[[], tuple[WallSegment, ...]]
     notice: str = ""
-    """What the pilot is to know."""
+    """Message for the pilot."""
 
     @cached_property
     def _walls(self) -> tuple[WallSegment, ...]:
@@ -114,22 +115,22 @@ class Progress:
 
     @property
     def walls_m(self) -> float:
-        """Length of wall mapped."""
+        """Total length of the mapped walls, m."""
         return sum(wall.length_m for wall in self._walls)
 
 
 @value
 class Outputs:
-    """What this tick asks for."""
+    """Outputs of one tick."""
 
     setpoint: Setpoint | None
     command: Command | None
     pose: Pose | None
-    """Where it is by now; None before the estimate has begun."""
+    """Estimated pose of the drone; None before the estimator has started."""
     progress: Progress
     flight: FlightState
     scan: RangeScan
-    """The ranges as they are believed."""
+    """Range readings after validation."""
 
     @property
     def finished(self) -> bool:
@@ -137,7 +138,7 @@ class Outputs:
 
 
 class App:
-    """One flight."""
+    """The state and the control loop of one flight."""
 
     def __init__(self, config: Config) -> None:
         self._config = config
@@ -149,11 +150,11 @@ class App:
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
         self._spaces = [RedrawnGrid()]
-        """What is known of the space around, of each layer."""
+        """Occupancy grid of each layer, from the lowest upwards."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
         self._standoff_m = cache(partial(standoff_m, wanted, front, offset_m))
-        """By what the autopilot's estimate wanders."""
+        """Stand-off as a function of the wander of the autopilot's estimate, m."""
         self._heights = Heights(offset_m)
         self._near = Near(self._units)
         self._lag = VelocityLag()
@@ -164,11 +165,11 @@ class App:
 
     @property
     def space(self) -> RedrawnGrid:
-        """What is known of the space around at the present height, as the flight uses it."""
+        """Occupancy grid of the present layer, as the flight uses it."""
         return self._spaces[self.flight.layers.number]
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
-        """One tick of the control loop."""
+        """Run one tick of the control loop at `now_s`."""
         inputs = self._believe(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
         self._predict(inputs)
@@ -188,7 +189,7 @@ class App:
         )
 
     def _believe(self, now_s: float, inputs: Inputs) -> Inputs:
-        """What can be believed of it; what cannot is a fault."""
+        """Return the valid inputs; invalid ones are removed and raise a fault."""
         health, telemetry = self._health, inputs.telemetry
         health.tick(now_s)
         odometry = health.odometry(telemetry.odometry)
@@ -200,9 +201,9 @@ class App:
         return replace(inputs, telemetry=telemetry, gyro=gyro, scan=scan)
 
     def _calibrate(self, inputs: Inputs) -> None:
-        """The gyro's bias while the drone stands; origin and heading are where it is armed.
+        """Estimate the gyro's bias at rest, and set the origin and heading of the world frame.
 
-        Until then they are set anew whenever it has stood still: an autopilot may refuse to arm for
+        This repeats after each rest until the drone is armed. An autopilot may refuse to arm for
         half a minute, in which the gyro drifts by degrees.
         """
         if inputs.telemetry.vehicle.armed or self.flight.phase not in UNARMED_PHASES:
@@ -211,7 +212,7 @@ class App:
             self.estimator = Estimator(self._rest.bias_rad_s, self._units)
 
     def _predict(self, inputs: Inputs) -> None:
-        """Where it has come to since the last tick, before anything that was seen is taken in."""
+        """Predict the pose from gyro and odometry, before this tick's ranges are used."""
         if self.estimator is None:
             return
         self.estimator.turn(inputs.gyro)
@@ -225,7 +226,7 @@ class App:
             self._lag.take(inputs.telemetry.odometry)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
-        """Note what is near; readings that have folded back are not to be taken for distances."""
+        """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
         if self.flight.phase not in SEEING_PHASES:
             return inputs
         return replace(inputs, scan=self._near.see(inputs.scan))
@@ -249,7 +250,7 @@ class App:
         return estimator.height_m > self._config.mission.height_m - END_OF_CLIMB_M
 
     def _draw(self, estimator: Estimator, scan: RangeScan) -> None:
-        """Heights and cells; these are drawn anew whenever the trajectory has been set right."""
+        """Update heights and occupancy; redraw the grids whenever the trajectory was corrected."""
         pose, keyframes = estimator.pose(scan.time_s), estimator.record.poses
         if pose.reset_counter != self._resets:
             self._resets = pose.reset_counter
@@ -304,13 +305,13 @@ class App:
         return replace(action, setpoint=slowed)
 
     def _around(self, pose: Pose) -> Surroundings:
-        """What was met near the drone lately, and what is there by the map."""
+        """Recent obstacle points near the drone, and older ones from the map."""
         around = self._near.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
         return replace(around, recalled_frd_m=recalled)
 
     def _begin_layer(self) -> None:
-        """What is known of the layer below tells where the drone may go in the next."""
+        """Start the grid of the next layer from the one below and the low ceilings."""
         plan = self._config.mission
         top_m = self.flight.layers.height_m(plan) + clear_of_all_m(plan)
         low = self._overhead.lower_than(top_m, self._ceiling.height_m)
@@ -324,16 +325,16 @@ class App:
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:
-        """The map with the whole flight smoothed; takes a second or so."""
+        """Return the map after smoothing the whole flight; takes about a second."""
         smoothed = self.estimator.smoothed() if self.estimator else None
         return self._drawn_up(smoothed) if smoothed else FloorPlan()
 
     def floor_plan(self) -> FloorPlan:
-        """The map so far, as the flight uses it."""
+        """Return the present map, as the flight uses it."""
         return self._drawn_up(self.estimator.so_far()) if self.estimator else FloorPlan()
 
     def sketch(self) -> Sketch:
-        """The map so far, for those who look on; takes some milliseconds."""
+        """Return the present map for the viewer; takes a few milliseconds."""
         if self.estimator is None:
             return Sketch()
         traced = self.estimator.so_far()
@@ -359,7 +360,7 @@ def _segments(traced: SolvedFlight) -> tuple[WallSegment, ...]:
 
 
 def level_units(sensors: SensorsConfig) -> dict[Beam, RangeUnit]:
-    """The sensors that look level; `Mounts` has put them all equally far from the centre."""
+    """Return the horizontal sensors; `Mounts` reduces all to one distance from the centre."""
     return {
         beam: RangeUnit(model, sensors.bearing_of_rad(beam), sensors.mount_offset_m)
         for beam, model in range_models(sensors).items()

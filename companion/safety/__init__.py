@@ -1,9 +1,10 @@
-"""What limits every velocity, and what decides that the drone holds or lands.
+"""Limits every velocity, and detects faults for which the drone holds or lands.
 
-    ranges ─► fold_back ─► obstacle_memory ─┬─ obstacle_points: what beams met
-                                            └─ seen_free: where beams have gone
+    ranges ─► fold_back ─► obstacle_memory ─┬─ obstacle_points: recent obstacles
+                                            └─ seen_free: space swept by beams
                                                    │
     setpoint of a mission ─► velocity_guard ◄──────┘ ─► setpoint for the autopilot
 
-`mapped_obstacles` adds what only the map knows. `preflight` refuses to arm; `health` finds faults.
+`mapped_obstacles` adds older obstacles from the map. `preflight` checks the vehicle before arming.
+`health` detects faults.
 """

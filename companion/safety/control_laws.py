@@ -1,4 +1,7 @@
-"""The few control laws that all manoeuvres share. Velocities m/s, angles rad, body FRD."""
+"""Computes velocity and yaw-rate setpoints: the control laws that all manoeuvres share.
+
+Velocities are in m/s, angles in rad, vectors in the body frame (FRD).
+"""
 
 import math
 
@@ -6,53 +9,59 @@ from companion.core.frames import Vector2, ned_to_frd, wrap_rad
 from companion.core.messages import Pose, Setpoint
 
 TURN_GAIN_1_S = 2.0
+"""Yaw rate per heading error, 1/s. Chosen."""
 HEIGHT_GAIN_1_S = 0.8
+"""Vertical speed per height error, 1/s. Chosen."""
 MAX_CLIMB_M_S = 0.4
+"""Maximum vertical speed, up or down, m/s. Chosen."""
 DISTANCE_GAIN_1_S = 0.7
+"""Speed per error of the distance to a wall, 1/s. Chosen."""
 TRIM_GAIN_1_S = 0.8
+"""Speed per position error within `CLOSE_M`, 1/s. Chosen."""
 CLOSE_M = 0.4
-"""Within this of a place the drone trims its position without turning."""
+"""Within this distance of a target the drone corrects its position proportionally, m. Chosen."""
 MAX_SIDE_M_S = 0.3
-"""The drone trims its place without turning."""
+"""Maximum speed, per axis, of a position correction without a turn, m/s. Chosen."""
 CLIMB_LAG_S = 0.45
-"""The drone climbs on for so long at the speed that it has (docs/autopilot.md)."""
+"""Time for which the drone keeps its vertical speed after a change, s (docs/autopilot.md)."""
 FULL_STOP_BEFORE_M = 0.7
-"""Nearer than this to anything ahead the drone does not move on, whatever the phase."""
+"""Minimum distance to an obstacle ahead, m; below it the drone stops in every phase. Chosen."""
 BRAKING_M_S2 = 0.5
-"""Gentle enough for the autopilot's velocity loop, which needs about a second, to follow."""
+"""Planned deceleration, m/s². Chosen: the autopilot's velocity loop, which needs about a second,
+can follow it."""
 
 
 def clamp(value: float, limit: float) -> float:
-    """`value` within ±limit."""
+    """Limit `value` to ±`limit`."""
     return max(-limit, min(limit, value))
 
 
 def turn_towards(heading_rad: float, yaw_rad: float, most_rad_s: float) -> float:
-    """Yaw rate that brings the nose to `heading_rad` the short way round."""
+    """Return the yaw rate, rad/s, that turns the nose to `heading_rad` by the shorter way."""
     return clamp(TURN_GAIN_1_S * wrap_rad(heading_rad - yaw_rad), most_rad_s)
 
 
 def climb_to(height_m: float, present_m: float) -> float:
-    """Down velocity that brings the drone to `height_m`."""
+    """Return the down velocity, m/s, that brings the drone to `height_m`."""
     return clamp(HEIGHT_GAIN_1_S * (present_m - height_m), MAX_CLIMB_M_S)
 
 
 def keep_distance(present_m: float, wanted_m: float, most_m_s: float) -> float:
-    """Velocity towards a wall that holds the stand-off; negative backs away."""
+    """Return the velocity towards a wall, m/s, that holds the stand-off; negative is away."""
     return clamp(DISTANCE_GAIN_1_S * (present_m - wanted_m), most_m_s)
 
 
 def approach_speed(room_m: float, most_m_s: float, lag_s: float) -> float:
-    """The speed from which the drone can still stop within `room_m`.
+    """Return the highest speed, m/s, from which the drone can stop within `room_m`.
 
-    It goes on for the lag, then brakes: v·lag + v² / (2·a) = room.
+    The drone keeps its speed for the lag, then brakes: v·lag + v² / (2·a) = room.
     """
     root = math.sqrt(lag_s**2 + 2 * max(room_m, 0.0) / BRAKING_M_S2)
     return min(most_m_s, BRAKING_M_S2 * (root - lag_s))
 
 
 def glide(place_ne_m: Vector2, pose: Pose, most_m_s: float, lag_s: float) -> Setpoint:
-    """Straight to a place nearby, whatever way the nose points, and stay there."""
+    """Fly straight to a nearby position at any heading, and hold it."""
     here = pose.ne_m
     distance_m = math.dist(here, place_ne_m)
     if distance_m < CLOSE_M:
@@ -63,7 +72,7 @@ def glide(place_ne_m: Vector2, pose: Pose, most_m_s: float, lag_s: float) -> Set
 
 
 def stay(place_ne_m: Vector2, pose: Pose) -> Setpoint:
-    """Hold a place against drift and gusts."""
+    """Hold a position against drift and gusts."""
     forward_m, right_m = ned_to_frd(
         place_ne_m[0] - pose.north_m, place_ne_m[1] - pose.east_m, pose.yaw_rad
     )

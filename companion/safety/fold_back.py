@@ -1,19 +1,19 @@
-"""Readings of a triangulating sensor that have folded back.
+"""Detects readings that have folded back: aliasing of a triangulating range sensor.
 
-What is nearer than half a metre reads as if it were a metre or more away. From one reading nobody
-can tell:
+An obstacle nearer than half a metre reads as if it were a metre or more away. One reading alone is
+ambiguous:
 
     signal      peak, at 0.5 m
             │   ╱╲
             │  ╱   ╲ _
-            │ ╱        ` - . _             the same signal, and so the same reading, from two
-            │╱ alias             ` - . _   distances
+            │ ╱        ` - . _             two distances give the same signal, and so the
+            │╱ alias             ` - . _   same reading
             └──────────────────────────── distance
 
-But what comes so near was mostly met before, or by another beam: a reading whose alias lies on a
-point that is known is called too near. Round a corner that is passed closely a wall comes near that
-was never met: there the beam goes on over the peak without a step, and no beam has looked there a
-moment ago. How near it is remains a guess, wrong by up to two decimetres.
+An obstacle that close was mostly detected earlier, or by another beam. So a reading whose alias
+lies on a known point becomes TOO_NEAR. At a corner that the drone passes closely, an undetected
+wall can come near. There the signal passes the peak without a step, and no recent beam has swept
+the place. The distance is then a guess with an error of up to two decimetres.
 """
 
 import math
@@ -26,45 +26,49 @@ from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeModel, RangeReading, RangeState, RangeUnit
 
 ALIAS_M = 0.25
-"""So well must a folded reading, or a guess of how near it is, fit a point that is known."""
+"""Maximum distance between the alias of a reading, or a guessed range, and a known point, m.
+Chosen."""
 KNOWN_M = 0.10
-"""What fits a point that is known as well as this has not folded back."""
+"""A reading within this distance of a known point has not folded back, m. Chosen."""
 GOES_ON_M = 0.08
-"""By no more does what a beam meets come nearer from one sweep to the next."""
+"""Maximum change of the range along a beam from one sweep to the next, m. Chosen."""
 PEAK_M = 0.15
-"""About the strongest signal what is too near may be on either side of it, this far apart."""
+"""Near the strongest signal, a reading and its alias differ by less than this, m. The obstacle may
+then be on either side of the peak. Chosen."""
 BEHIND_M, LOOKED_ASIDE_M, LOOKED_S = 0.15, 0.07, 6.0
-"""If a beam has gone through so far behind a place, so near to it and so lately, nothing stands
-there. Not longer ago: beside a wall odometry wanders by decimetres in ten seconds."""
+"""A place is free if a beam reached the first distance behind it, m, within the second beside it,
+m, less than the third ago, s. Chosen: beside a wall, odometry wanders by decimetres in ten
+seconds."""
 HULL_M = 0.15
-"""Nor does anything stand so near to where the drone's centre was a moment ago: what beside an edge
-reads far, and seems to have folded, would follow it."""
+"""Space within this distance of a recent position of the drone's centre is free, m. Otherwise a
+far reading beside an edge, which resembles a folded one, would create obstacles there. Chosen."""
 Array = NDArray[np.float64]
 Readings = Mapping[Beam, RangeReading]
 
 
 class Folds:
-    """What tells of each beam whether it has folded back; in a frame that only odometry moves."""
+    """Classifies the readings of each beam, in a frame that only odometry moves."""
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
         self._near_m: dict[Beam, float] = {}
-        """Of what was too near a sweep ago: how near it was, at least,"""
+        """Least possible range of each beam that was too near in the last sweep, m."""
         self._over_peak: set[Beam] = set()
-        """and whether it may have been nearer than where the signal is strongest."""
+        """Those beams of which the obstacle may have been nearer than the signal's peak."""
         self._looked: Array = np.empty((0, 6))
-        """(r, 6): what beams went through a moment ago; from where, unit vector, how far, when."""
+        """(r, 6): free segments of recent beams: origin, unit vector, length m, time s."""
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
 
     def move_to(self, place_ne_m: Vector2, yaw_rad: float) -> None:
-        """Where the drone is, in its own frame."""
+        """Set the drone's position, m, and heading, rad, in that frame."""
         self._ne_m, self._yaw_rad = place_ne_m, yaw_rad
 
     def unfolded(self, beam: Beam, reading: RangeReading, known_m: float) -> RangeReading:
-        """Too near, if it is likely that the reading has folded back; once for each sweep.
+        """Return TOO_NEAR if the reading has probably folded back; call once per sweep and beam.
 
-        `known_m` is from the sensor to the nearest thing known along its beam, or infinite.
+        `known_m` is the distance from the sensor to the nearest known point along its beam, m, or
+        infinite.
         """
         model = self._units[beam].model
         alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
@@ -84,10 +88,10 @@ class Folds:
         return reading
 
     def _is_free(self, beam: Beam, distance_m: float) -> bool:
-        """At a place so far from a sensor, along its beam, nothing stands.
+        """Return True if the place at `distance_m` from the sensor along its beam is free.
 
-        The drone was there, or beams have gone through what lies behind it. Not only past it: along
-        a wall beams graze its corner.
+        It is free if the drone was there, or if a recent beam reached `BEHIND_M` behind it. A beam
+        that only passes it does not count: beams along a wall graze its corner.
         """
         unit_ne = self._unit_ne(beam)
         off_m = self._ne_m - self._looked[:, :2]
@@ -100,7 +104,7 @@ class Folds:
         return bool((was_there | through & (aside_m < LOOKED_ASIDE_M)).any())
 
     def look(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
-        """Note what the beams went through, also before what is too near by its signal."""
+        """Store the free segment of each beam, also in front of an obstacle that is too near."""
         looked = []
         for beam, unit in self._units.items():
             if beam not in raw:
@@ -117,13 +121,13 @@ class Folds:
 
 
 def _alias_m(reading: RangeReading, model: RangeModel) -> float:
-    """The least distance that reads the same; nan if there is none nearer than its least."""
+    """Return the nearer distance with the same signal, m; nan if the sensor has none."""
     alias_m = model.alias_m(reading.distance_m)
     return math.nan if alias_m is None else alias_m
 
 
 def _went_m(raw: RangeReading, unfolded: RangeReading, model: RangeModel) -> float:
-    """So far from the sensor its beam met nothing; 0 if that is not known."""
+    """Return the length of the beam that is free, m; 0 if it is unknown."""
     if raw.state is RangeState.TOO_NEAR:
         least_m = _alias_m(raw, model)
         return 0.0 if math.isnan(least_m) else least_m

@@ -1,12 +1,12 @@
-"""What was met near here so long ago that only the map knows it.
+"""Recalls older obstacles near the drone from the map.
 
-The points of `obstacle_memory.py` are forgotten when odometry may have drifted too far. The end of
-a wall that was met three minutes ago, and is not met again before the drone comes to it, is still
-in the map:
+`obstacle_memory.py` deletes its points when odometry may have drifted too far. The map keeps them.
+An example is the end of a wall that was detected three minutes ago and is not detected again
+before the drone reaches it.
 
-    occupied cells near the drone, last met before KEPT_S
-        - those where the drone itself has been since take-off
-        - those beside something that was met lately, which tells better where it is
+    occupied cells near the drone, last detected more than KEPT_S ago
+        - cells where the drone has been since take-off
+        - cells beside a recent obstacle point, which is more accurate
     = recalled
 """
 
@@ -19,14 +19,18 @@ from companion.safety.obstacle_points import KEPT_S, Points
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 RECALLED_WITHIN_M = 2.0
-"""From the drone's centre: from 1 m/s it stops within 1.5 m (0.5 m/s2, and a lag of 0.5 s)."""
+"""Search radius from the drone's centre, m. Chosen: from 1 m/s the drone stops within 1.5 m
+(0.5 m/s² and a lag of 0.5 s)."""
 MET_ANEW_M = 0.4
-"""So near to it something was met lately. Chosen: the map, cells and all, is off by as much beside
-what odometry knows."""
+"""Cells within this distance of a recent obstacle point are dropped, m. Chosen: the map, including
+its cell size, differs from odometry by as much."""
 
 
 def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Points) -> Points:
-    """(r, 2), forward and right of the drone's centre; `lately_frd_m` (n, 2) was met lately."""
+    """Return recalled points (r, 2), m, forward and right of the drone's centre.
+
+    `lately_frd_m` (n, 2) contains the recent obstacle points, body FRD.
+    """
     here = pose.ne_m
     before_s = pose.time_s - KEPT_S
     met_ne_m = grid.met_before(before_s, here, RECALLED_WITHIN_M, BODY_RADIUS_M)

@@ -1,11 +1,11 @@
-"""What stands near the drone, as the beams met it a moment ago: what must not be hit.
+"""Stores recent obstacles near the drone, as the beams detected them.
 
-The points (`obstacle_points.py`) are kept in a frame of their own that is only ever moved on, by
-odometry, and turned by the gyro. A step of the estimate, or a wall that was taken for another,
-moves the map but not what is near.
+The points (`obstacle_points.py`) are stored in a frame of their own. Only odometry moves the drone
+in it, and only the gyro turns the drone. A step of the estimate or a wrong wall association moves
+the map, but not these points.
 
-Readings that have folded back are called too near (`fold_back.py`). How near, they tell badly; what
-was measured there before says it better.
+Readings that have folded back become TOO_NEAR (`fold_back.py`). Their range is inaccurate, so an
+earlier measurement of the same obstacle replaces it.
 """
 
 import math
@@ -43,44 +43,49 @@ from companion.safety.obstacle_points import (
 from companion.safety.seen_free import NARROW, WIDE, Lane, Passed, all_passed
 
 WITHIN_M, MAX_SIGMA_M = 2.5, 0.06
-"""What is met so near, and so exactly, is known in place of what was met before."""
+"""A detection is exact within this distance of the drone's centre, m, and below this standard
+deviation, m. It then replaces earlier points. Chosen."""
 ALIAS_ASIDE_M = 0.12
+"""A known point lies on a beam if it is closer to the beam than this, m. Chosen."""
 SURELY_M = 0.30
-"""What is known to be farther by so much than a folded reading would mean was not what it met, even
-if it has drifted. Somebody who has gone would stand in the way until all is forgotten."""
+"""Margin beyond the alias of a reading, m. A point farther along the beam than alias plus margin is
+not the folded obstacle, even with drift. Chosen: otherwise a person who has walked away would block
+the way until the points expire."""
 AMONG_LEGS_S = 30.0
-"""After a leg was met the drone is among legs for so long: chairs stand in groups."""
+"""Time for which the drone counts as among legs after it detected one, s. Chosen: chairs stand in
+groups."""
 FURNISHED_LEGS = 4
-"""After so many the building is furnished, and the drone is among legs for good. Measured: ends of
-thin partitions are up to three of them in eleven flights without clutter, four and five things were
-met in flights with a clutter of 0.25."""
+"""From this number of legs on, the drone counts as among legs for the rest of the flight. Measured:
+up to three ends of thin partitions in eleven flights without clutter; four and five legs in flights
+with a clutter of 0.25."""
 UNMEASURED_M = 0.55
-"""From the drone's centre: where something is put that is too near to be measured and is new."""
+"""Distance assumed for a new obstacle that is too near to be measured, from the drone's centre, m.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What the guard needs to know, body FRD, from the drone's centre."""
+    """Inputs of the velocity limiter, body FRD, from the drone's centre."""
 
     points_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
-    """(n, 2), forward and right; of what was met vaguely the nearest place where it may stand."""
+    """(n, 2), m, forward and right; for an inexact point, its nearest possible position."""
     velocity_frd_m_s: Vector2 = (0.0, 0.0)
     lag_s: float = FIRST_LAG_S
-    """How long the drone goes on at that when it is stopped."""
+    """Time for which the drone keeps this velocity after a stop is commanded, s."""
     is_vague: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
-    """(n,), or (1,) for all."""
+    """(n,), or (1,) for all: True for inexact points."""
     drift_m: Points = field(default_factory=lambda: np.zeros(1))
-    """(n,), or (1,) for all: sigma of how far the drone has drifted against them since."""
+    """(n,), or (1,) for all: sigma of the drone's drift since each point was detected, m."""
     recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
-    """(r, 2): what was met longer ago, where the map has it."""
+    """(r, 2), m: older obstacles, at their positions in the map."""
     lane: Callable[[float], Lane] = all_passed
-    """What beams have gone through of the way to a bearing, FRD."""
+    """Returns the swept part of the path at a bearing, rad, FRD."""
     is_among_legs: bool = False
-    """Something thin that stands alone was met lately."""
+    """A thin, isolated obstacle was detected recently."""
 
 
 class Near:
-    """Points around the drone, in a frame of its own."""
+    """Memory of the obstacles around the drone, in a frame of its own."""
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
@@ -92,7 +97,7 @@ class Near:
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
         self._seen: tuple[float, float] | None = None
-        """When it was looked last, and the heading then."""
+        """Time, s, and heading, rad, of the last sweep."""
 
     def surroundings(self, lag_s: float) -> Surroundings:
         return Surroundings(
@@ -106,7 +111,7 @@ class Near:
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
-        """What was met long ago is to be met again before the drone passes it."""
+        """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
         passed = self._proved if self._is_among_legs else self._passed
         lane = passed.lane(self._ne_m, bearing_rad, self._now_s)
@@ -123,18 +128,18 @@ class Near:
         return self._seen[0] if self._seen else 0.0
 
     def turn_to(self, heading_rad: float) -> None:
-        """By the gyro alone, which never makes a step.
+        """Set the heading, integrated from the gyro alone, which has no steps.
 
-        Not by odometry: its heading is told late, and by a few hundredths of a second in a turn
-        what was met a metre away moves aside by centimetres.
+        The heading of odometry is a few hundredths of a second late. In a turn, that moves a point
+        at one metre aside by centimetres.
         """
         self._yaw_rad = heading_rad
 
     def move(self, odometry: Odometry, drift: Drift = NO_DRIFT) -> None:
-        """The drone has moved on as odometry says, its scale corrected.
+        """Move the drone by odometry with its scale corrected.
 
-        Not as its pose: far ranges, and walls taken for others, pull that by decimetres in some
-        seconds, odometry wanders by centimetres.
+        The estimated pose is not used. Far ranges and wrong wall associations pull it by
+        decimetres within seconds, whereas odometry wanders by centimetres.
         """
         last, self._odometry = self._odometry, odometry
         self._met.drifts(drift)
@@ -148,7 +153,7 @@ class Near:
         self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
     def see(self, scan: RangeScan) -> RangeScan:
-        """Take in a sweep; the same with readings that have folded back called too near."""
+        """Add a sweep; return it with the readings that have folded back as TOO_NEAR."""
         self._met.forget(self._ne_m, scan.time_s)
         self._folds.move_to(self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
@@ -189,7 +194,7 @@ class Near:
         return replace(scan, readings=readings)
 
     def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> LineOfSight:
-        """From where the drone was, and turned to, when the sensor measured."""
+        """Line of sight from the drone's position and heading when the sensor measured."""
         age_s = unit.model.mean_age_s
         bearing_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
         cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
@@ -201,28 +206,28 @@ class Near:
         )
 
     def _turns_rad_s(self, time_s: float) -> float:
-        """By the headings now and when it was looked last."""
+        """Yaw rate since the last sweep, rad/s."""
         last, self._seen = self._seen, (time_s, self._yaw_rad)
         if last is None or time_s <= last[0]:
             return 0.0
         return wrap_rad(self._yaw_rad - last[1]) / (time_s - last[0])
 
     def _place(self, at_frd_m: Vector2) -> Vector2:
-        """In its own frame."""
+        """Convert body FRD to the frame of the points, m."""
         north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
         return self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
     def _relative(self) -> Points:
-        """(n, 2), forward and right of the drone's centre."""
+        """Points (n, 2), m, forward and right of the drone's centre."""
         return points_to_frd(self._met.places - self._ne_m, self._yaw_rad)
 
 
 def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Points) -> Vector2:
-    """Nothing lies along the beam from here to there.
+    """Return start and end of the free part of the beam, m.
 
-    A reading that may have folded back says nothing of what it may have met then, nor of what is
-    nearer, if that is more than a guess; unless what it means was met from elsewhere, too, at one
-    of `elsewhere_m`, (n,) from the sensor.
+    A reading that may have folded back frees nothing up to its alias plus `SURELY_M`, except of
+    guessed points. It frees the whole beam if a point measured from elsewhere confirms it. Those
+    points are at `elsewhere_m` (n,) from the sensor.
     """
     model = unit.model
     if reading.is_distance:
@@ -245,9 +250,9 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
 def _met_again(
     reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_it: NDArray[np.bool_]
 ) -> int | None:
-    """Which of the points (n,) on a line of sight what is too near to be measured now was, if any.
+    """Index of the point (n,) that a TOO_NEAR reading detects again; None if there is none.
 
-    Its signal means one distance near the least that is measured, or one nearer than the peak.
+    The signal fits two distances: one near the sensor's minimum and one nearer than the peak.
     """
     if reading.state is not RangeState.TOO_NEAR or not is_on_it.any():
         return None
@@ -263,12 +268,12 @@ def _met_again(
 
 
 def _guess_m(reading: RangeReading, offset_m: float) -> float:
-    """From the sensor to what is too near."""
+    """Assumed distance from the sensor to an obstacle that is too near, m."""
     return UNMEASURED_M - offset_m if math.isnan(reading.distance_m) else reading.distance_m
 
 
 def _end_m(reading: RangeReading, offset_m: float) -> tuple[float, float] | None:
-    """How far from the drone's centre something is, and its sigma where that is vague."""
+    """Distance of the obstacle from the drone's centre and its sigma, m; sigma 0 if exact."""
     if reading.state is RangeState.TOO_NEAR:
         return _guess_m(reading, offset_m) + offset_m, 0.0
     if not reading.is_distance:

@@ -1,11 +1,11 @@
-"""Points that beams have met near the drone, and what later beams say of each: the table of them.
+"""Keeps the table of recent obstacle points near the drone, and updates it with later beams.
 
-    put ─────────► a point ──── met again: it stays, or is moved to where it is met now
+    put ─────────► a point ──── detected again: it stays, or moves to the new position
                       │
-                      ├──────── beams went through all of the strips around it ─► gone
-                      └──────── not met again for long, or far off ─────────────► forgotten
+                      ├──────── beams passed through all of the strips around it ─► deleted
+                      └──────── not detected again for long, or far away ─────────► deleted
 
-The strips lie side by side across the beam that goes by, the point in the middle one.
+The strips lie side by side across the passing beam. The point is in the middle strip.
 """
 
 import math
@@ -22,68 +22,78 @@ Points = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
-"""What is not met again for so long is left to the map: the frame may have drifted by as much as
-the drone keeps off."""
+"""A point is deleted if it is not detected again for this time, s, or is farther than this from the
+drone, m. The map still contains it. Chosen: by then the frame may have drifted by as much as the
+clearance."""
 VAGUE_SIGMAS = 2.0
-"""What was met from farther off may be so far before or behind where it was met. A thin pole may
-not be met again: between two readings of a beam that swings, it moves on by 5 to 10 cm there."""
+"""An inexact point may lie this many sigmas before or behind its position, along its beam. Chosen:
+a thin pole far away may not be detected again, because a swinging beam moves by 5 to 10 cm there
+between two readings."""
 SAME_SIGMAS = 3.0
-"""What lies so near along the beam, and is known exactly, is what was met: of many readings of a
-jamb one in twenty is more than two sigmas short, and would stand in the doorway."""
+"""An exact point within this many sigmas along the beam is the same obstacle. Chosen: one in twenty
+readings of a jamb is more than two sigmas short, and would leave a point in the doorway."""
 _SPAN = np.linspace(-1, 1, 13)
-"""Where between it is looked whether beams have gone there, less than a cell apart mostly."""
+"""Relative positions along that interval that are tested for free space; mostly less than a cell
+apart."""
 SAME_M = 0.04
-"""A point that is met again is one point, the old one: new ones in its stead would be drawn along
-by a beam that turns slowly, and of a jamb nothing would be left but its edge."""
+"""A detection within this distance of a point is the same point, m; the old position stays. Chosen:
+otherwise a slowly turning beam would drag the points along, and only the edge of a jamb would
+remain."""
 OLD_S, SAME_OLD_M = 4.0, 0.10
-"""After so long it may have drifted by as much, or by more if odometry drifts faster, and a new one
-stands for all that are so near. A jamb met long ago would stand in its own doorway beside itself.
-"""
+"""A point older than this, s, may have drifted by this distance, m, or by more if odometry drifts
+faster. A new point then replaces all points within it. Chosen: otherwise a jamb would appear twice,
+once in its own doorway."""
 STRIPS, STRIP_M, MIN_STRIPS_M, GUESS_STRIPS_M = 35, 0.01, 0.04, 0.02
-"""A beam goes through those of which no part is farther from it than half the thinnest leg: what
-has its middle there would have been met."""
+"""Number of strips around a point, their width, m, and the distance from the point up to which they
+must be free, m: for a sure point and for a guess. A beam frees a strip if the whole strip lies
+within half the thinnest leg of it. It would have detected a leg with its centre there. Chosen."""
 SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
-"""A beam that goes on so far beyond a point has shown that nothing is there any more, in one of so
-many strips around it. Only when it did in all of them to this distance, and as far as the drone may
-have drifted, is the point gone: a thin pole is missed by most beams that pass close by. A guess
-goes at a smaller distance: it may never have been there. All within so long, two swings of the
-nose: the strips drift over what stands there."""
+"""A beam that continues this far beyond a point, m, frees its strip for this time, s. The point is
+deleted when all strips are free up to `MIN_STRIPS_M` plus the possible drift: most beams that pass
+a thin pole miss it. A guess needs fewer strips, since the obstacle may not exist. Chosen: the time
+covers two swings of the nose; later the strips drift over the obstacle."""
 DRIFT_SIGMAS = 2.0
-"""The drone has drifted by no more, in 19 of 20 cases on either axis."""
+"""Limit of the drone's drift in sigmas: 19 of 20 cases on either axis."""
 TOGETHER_M = 0.20
-"""It did so likewise for all points that are so near to it: a beam that leaves a jamb
-goes past its edge as near as that. Where those were met later by OLD_S they are what it was."""
+"""A point is deleted only if all points within this distance, m, are free too. Points that are
+newer by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes
+its edge as closely."""
 NOT_PASSED = (-math.inf,) * STRIPS
+"""Initial times of the strips: no beam has passed."""
 _STRIP_RIGHT_M = STRIP_M * (np.arange(STRIPS) - STRIPS // 2)
-"""Of the middle of each strip from the point."""
+"""Offset of the middle of each strip from the point, to the right of the beam, m."""
 ALONE_FROM_M, ALONE_TO_M, GLANCE_S = 0.06, 0.20, 3.0
-"""What beams have gone by at such a distance on both sides, and beyond, within so long, one swing
-of the nose, stands alone and is no wider than a leg, or the end of something thin."""
+"""A point is isolated if beams passed it on both sides at a distance in this interval, m, within
+this time, s. It is then no wider than a leg, or the end of a thin obstacle. Chosen: the time is one
+swing of the nose."""
 ELSEWHERE_M = 0.15
-"""When the drone comes nearer by so much, a folded reading becomes longer: what it means moves on
-by more than `fold_back.KNOWN_M`. Chosen: half as much again."""
+"""Distance between two positions of the drone that count as different, m. If the drone comes nearer
+by as much, a folded reading becomes longer, and its apparent position moves by more than
+`fold_back.KNOWN_M`. Chosen: half as much again."""
 LEGS_APART_M = 0.5
-"""What stands alone and is met nearer to where one was met than this is that one, which has
-drifted, or belongs to it. Chosen."""
+"""An isolated obstacle within this distance of a known leg is the same leg, m: it has drifted, or
+belongs to the same furniture. Chosen."""
 _MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
 _FROM_NE, _PASSED = slice(9, 11), 11
+"""Columns of the table; see `Met`."""
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
-"""How well a point is known. A signal stronger than that of the least distance is proof that
-something is there, not of where; a reading that seems to have folded back is proof of neither."""
+"""Quality of a point. A signal stronger than at the minimum distance proves that an obstacle
+exists, but not where. A reading that has probably folded back proves neither."""
 
 
 @value
 class Drift:
-    """How odometry errs, as far as that is known."""
+    """Error model of odometry."""
 
     scale_error: float = 0.0
+    """Relative error of the scale factor."""
     walk_m2_per_s: float = 0.0
-    """On each axis,"""
+    """Random walk of the position on each axis, m²/s."""
     wander_m: float = 0.0
-    """and the sigma of an error that comes and goes."""
+    """Sigma of a bounded position error that varies slowly, m."""
 
     def sigma_m(self, age_s: Points) -> Points:
-        """(n,): of how far the drone has drifted in so long."""
+        """Sigma of the drift on each axis after `age_s` (n,): (n,), m."""
         wandered_m2 = np.where(age_s > 0, 2 * self.wander_m**2, 0.0)
         sigma_m: Points = np.sqrt(self.walk_m2_per_s * age_s + wandered_m2)
         return sigma_m
@@ -94,17 +104,17 @@ NO_DRIFT = Drift()
 
 @dataclass(frozen=True, slots=True)
 class LineOfSight:
-    """Of sight: where the beam of a sensor went when it measured, body FRD as it is now."""
+    """Path of a sensor's beam when the sensor measured, in the present body frame (FRD)."""
 
     eye_frd_m: Vector2
     bearing_rad: float
     along_m: Points
-    """(n,): of the points, from the eye,"""
+    """(n,): distance of each point along the beam, from its origin."""
     aside_m: Points
-    """(n,): and to the right of it."""
+    """(n,): offset of each point to the right of the beam."""
 
     def at_m(self, along_m: float) -> Vector2:
-        """The place so far along it."""
+        """Position at `along_m` on the beam, body FRD, m."""
         forward_m, right_m = self.eye_frd_m
         cos_b, sin_b = math.cos(self.bearing_rad), math.sin(self.bearing_rad)
         return forward_m + along_m * cos_b, right_m + along_m * sin_b
@@ -112,84 +122,91 @@ class LineOfSight:
 
 @value
 class Found:
-    """What a beam has met: how well that is known."""
+    """A detection by a beam, and its quality."""
 
     known: float
     """One of `GUESSED`, `TOO_STRONG` and `MEASURED`."""
     sigma_m: float
-    """Of its distance; 0 where that is exact."""
+    """Sigma of the distance; 0 for an exact point."""
     ray_rad: float
     """Heading of the beam."""
     from_ne_m: Vector2
-    """Place of the drone when the sensor measured."""
+    """Position of the sensor beam's origin when the sensor measured."""
 
 
 class Met:
-    """Points in a frame that only odometry moves.
+    """Table of obstacle points in a frame that only odometry moves.
 
-    (n, 11 + STRIPS): north, east, when it was met there, how well it is known, the sigma of its
-    distance where that was vague and the heading of the beam, when it was met again, when a beam
-    last went by on the left and on the right of it, the north and east of the drone then,
-    and when a beam last went through each of the strips around it.
+    Each row has 11 + STRIPS columns:
+
+    - 0, 1: north and east, m
+    - 2: time of the first detection there, s
+    - 3: quality: `GUESSED`, `TOO_STRONG` or `MEASURED`
+    - 4, 5: sigma of the distance, m, 0 if exact; heading of the beam, rad
+    - 6: time of the last detection, s
+    - 7, 8: time at which a beam last passed on the left and on the right, s
+    - 9, 10: north and east of the drone at the detection, m
+    - from 11: time at which a beam last passed through each strip, s
     """
 
     def __init__(self) -> None:
         self._points: Points = np.empty((0, _PASSED + STRIPS))
         self._drift = NO_DRIFT
         self.leg_met_s = -math.inf
-        """When something that stands alone was last met."""
+        """Time of the last detection of an isolated obstacle, s."""
         self.legs: Points = np.empty((0, 2))
-        """(l, 2): where each such thing was met first."""
+        """(l, 2): first position of each isolated obstacle, north and east, m."""
 
     def drifts(self, drift: Drift) -> None:
-        """So odometry errs from now on."""
+        """Set the error model of odometry."""
         self._drift = drift
 
     @property
     def places(self) -> Points:
-        """(n, 2): north, east."""
+        """Positions (n, 2): north and east, m."""
         return self._points[:, :2]
 
     @property
     def is_vague(self) -> Chosen:
-        """(n,): met too far off to be known exactly."""
+        """(n,): True for inexact points, which were detected from too far away."""
         vague: Chosen = self._points[:, _SIGMA_M] > 0
         return vague
 
     @property
     def is_measured(self) -> Chosen:
-        """(n,): and well."""
+        """(n,): True for points that were measured exactly."""
         measured: Chosen = (self._points[:, _KNOWN] == MEASURED) & ~self.is_vague
         return measured
 
     @property
     def is_sure(self) -> Chosen:
-        """(n,): something is there."""
+        """(n,): True for points at which an obstacle certainly exists."""
         sure: Chosen = self._points[:, _KNOWN] > GUESSED
         return sure
 
     def is_met_from_elsewhere(self, ne_m: Vector2) -> Chosen:
-        """(n,): measured when the drone was elsewhere than at a place.
+        """(n,): True for points that were measured from another position than `ne_m`.
 
-        What a folded reading means is not met from two places: it moves on with the drone.
+        A folded reading is not confirmed from two positions: its apparent obstacle moves with the
+        drone.
         """
         off_m = self._points[:, _FROM_NE] - ne_m
         elsewhere: Chosen = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
         return self.is_measured & elsewhere
 
     def before(self, time_s: float) -> Points:
-        """(m, 2): those that were met earlier."""
+        """Positions (m, 2) of the points first detected before `time_s`, m."""
         old: Points = self._points[self._points[:, _MET_S] < time_s, :2]
         return old
 
     def drift_m(self, now_s: float) -> Points:
-        """(n,): sigma of how far the drone has drifted since each was met."""
+        """(n,): sigma of the drone's drift since each point was detected, m."""
         return self._drift.sigma_m(np.maximum(now_s - self._points[:, _MET_S], 0.0))
 
     def nearest(self, ne_m: Vector2, yaw_rad: float, passed: Passed) -> Points:
-        """(n, 2), forward and right: vague ones where they may stand nearest, along their beam.
+        """Points (n, 2), m, forward and right; inexact ones at their nearest possible position.
 
-        But not where beams have gone since it was met.
+        That position lies along their beam, where no beam has passed since the detection.
         """
         places = self._points[:, :2].copy()
         vague = np.flatnonzero(self.is_vague)
@@ -204,7 +221,7 @@ class Met:
         return points_to_frd(places - ne_m, yaw_rad)
 
     def pass_through(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
-        """A beam has shown that it is free from and to so far."""
+        """Update the strips with a beam that is free from `free_m[0]` to `free_m[1]`, m."""
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
         beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
@@ -217,9 +234,9 @@ class Met:
         self._points[beside & (line.aside_m < 0), _RIGHT_S] = time_s
 
     def meet_again(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
-        """It still stands there, or where the beam is, if beams went through where it was.
+        """Confirm a point; move it to the beam's end if beams passed through its position.
 
-        It does not move along a surface, then, that goes on to either side.
+        So the point does not slide along a surface that continues to either side.
         """
         self._points[point, _AGAIN_S] = time_s
         self._points[point, _PASSED:][_through(np.array([aside_m]))[0]] = -math.inf
@@ -228,7 +245,7 @@ class Met:
             self._points[point, _PASSED:] = -math.inf
 
     def put(self, place_ne_m: Vector2, time_s: float, found: Found) -> None:
-        """Something was met there: a new point, unless it is one that is known as well."""
+        """Add a detection: a new point, unless a point of equal quality is there."""
         known, sigma_m, ray_rad = found.known, found.sigma_m, found.ray_rad
         off_m = self._points[:, :2] - place_ne_m
         off_m2 = (off_m * off_m).sum(axis=1)
@@ -247,12 +264,12 @@ class Met:
             return
         is_exact = ~self.is_vague
         if (_lie_along(off_m, ray_rad, SAME_SIGMAS * apart_m) & is_better & is_exact).any():
-            return  # that is what it met, as far as it tells
+            return  # within its uncertainty, the detection is that exact point
         old_m = np.maximum(SAME_OLD_M, DRIFT_SIGMAS * drift_m)
         same_m = np.maximum(np.where(is_old, old_m, SAME_M), VAGUE_SIGMAS * apart_m)
         rays_rad = self._points[:, _RAY_RAD]
         again = ~is_exact & _lie_along(off_m, rays_rad, SAME_SIGMAS * apart_m)
-        again = (again | (off_m2 < same_m**2)) & no_better  # no guess for what was measured
+        again = (again | (off_m2 < same_m**2)) & no_better  # a guess replaces no measurement
         again &= self._points[:, _SIGMA_M] >= sigma_m
         how = known, sigma_m, ray_rad
         unpassed = -math.inf, -math.inf, *found.from_ne_m, *NOT_PASSED
@@ -266,22 +283,22 @@ class Met:
             self.legs = np.vstack([self.legs, place_ne_m])
 
     def _stands_alone(self, which: Chosen, time_s: float) -> bool:
-        """Whether one of some points (n,) that are met again does."""
+        """Return True if one of the selected points (n,) is isolated."""
         beside_s = self._points[which][:, (_LEFT_S, _RIGHT_S)]
         return bool((beside_s > time_s - GLANCE_S).all(axis=1).any())
 
     def forget(self, ne_m: Vector2, now_s: float) -> None:
-        """What is far off, or was not met again for long."""
+        """Delete the points that are far away or were not detected again for `KEPT_S`."""
         off_m = self._points[:, :2] - ne_m
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
         self._points = self._points[is_near & (self._points[:, _AGAIN_S] > now_s - KEPT_S)]
 
     def let_go(self, now_s: float) -> None:
-        """What beams went through, and through all that is close by."""
+        """Delete the points through which beams passed, together with all points close by."""
         self._points = self._points[~self._gone(now_s)]
 
     def _gone(self, now_s: float) -> Chosen:
-        """(n,): beams went through it."""
+        """(n,): True for points through which beams passed."""
         within_m = MIN_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
         within_m[~self.is_sure] = GUESS_STRIPS_M
         lately = self._points[:, _PASSED:] > now_s - PASSED_WITHIN_S
@@ -300,7 +317,7 @@ class Met:
 
 
 def _lie_along(off_m: Points, ray_rad: float | Points, within_m: Points) -> Chosen:
-    """(n,): whether places (n, 2) off a point lie before or behind it on a beam of that heading."""
+    """(n,): True where offsets (n, 2) from a point lie on a beam of that heading through it."""
     cos, sin = np.cos(ray_rad), np.sin(ray_rad)
     along_m = off_m[:, 0] * cos + off_m[:, 1] * sin
     aside_m = off_m[:, 1] * cos - off_m[:, 0] * sin
@@ -309,6 +326,6 @@ def _lie_along(off_m: Points, ray_rad: float | Points, within_m: Points) -> Chos
 
 
 def _through(aside_m: Points) -> Chosen:
-    """(n, STRIPS): strips that a beam goes through that has points (n,) so far to its right."""
+    """(n, STRIPS): strips that a beam frees, for points (n,) at `aside_m` to its right."""
     through: Chosen = np.abs(aside_m[:, None] - _STRIP_RIGHT_M) < LEG_M / 2 - STRIP_M / 2
     return through

@@ -1,4 +1,4 @@
-"""What is refused before the motors run, and what the pilot is told then."""
+"""Checks the vehicle before arming, and defines the messages to the pilot."""
 
 from companion.config.settings import MissionConfig
 from companion.core.messages import VehicleState
@@ -6,11 +6,15 @@ from companion.core.messages import VehicleState
 MID_STICK = (
     "throttle stick to the middle before you switch the mode: with it low the drone sinks at once"
 )
-BATTERY_UNKNOWN = "the autopilot does not tell its battery: it will not turn back when that is low"
+"""Advice before the pilot switches to offboard control."""
+BATTERY_UNKNOWN = (
+    "the autopilot does not report its battery: the drone will not return when it is low"
+)
+"""Warning if the autopilot reports no battery level."""
 
 
 def refusal(vehicle: VehicleState, plan: MissionConfig) -> str:
-    """Why this vehicle is not flown now, with what to do about it; or nothing."""
+    """Return the reason why the vehicle must not fly and its remedy; empty if it may fly."""
     if vehicle.unfit or vehicle.battery is None:
         return vehicle.unfit
     percent = 100 * vehicle.battery

@@ -1,23 +1,24 @@
-"""Where beams have gone lately, in cells finer than anything that stands on legs.
+"""Records the space that beams have swept recently, in cells finer than furniture.
 
-The points of `obstacle_memory.py` tell what was met. What no beam has met may stand there all the
-same: the nose swings while the drone flies on, and a leg of 3 cm is easily missed. So it is known,
-too, how far the drone may go until its body touches what none of them has gone through:
+The points of `obstacle_memory.py` are the detected obstacles. An obstacle may also stand where no
+beam has passed: the nose swings during flight, and a beam easily misses a leg of 3 cm. The grid
+gives the distance that the drone can fly until its body touches an unswept cell:
 
-            ░░░░░ ░░░░░      ░ gone through, a gap between two beams
+            ░░░░░ ░░░░░      ░ swept; a gap between two beams is not
     drone ► ░░░░░ ░░░░░░░░
             ░░░░░░░░░░░
             ◄─► clear
 
-And to which side of the way the nose is to turn next: as far as there are such gaps.
+It also gives the sector on either side of the path in which such gaps remain. The nose turns there
+next.
 
-The cells lie in the frame of `obstacle_memory.py`, which only odometry moves, and the grid wraps
-around: the other side of it is so far away that what was there is not lately any more.
+The cells lie in the frame of `obstacle_memory.py`, which only odometry moves. The grid wraps
+around. Its opposite side is so far away that its times have expired when the drone arrives.
 
-There are two grids. In wide cells a beam that goes by near the middle of one has gone through it:
-beams 5 cm apart leave none, though a leg may stand between them. In narrow cells a beam has gone
-only through those in whose middle no leg can stand, or it would have been met: among legs, that is
-proof, to half a cell, and takes longer.
+There are two grids. In the wide grid, a beam sweeps a cell if it passes near the cell's middle.
+Beams 5 cm apart leave no gap, although a leg may stand between them. In the narrow grid, a beam
+sweeps only cells in whose middle no leg can stand undetected. That is proof to half a cell. It
+takes longer, and is used among legs.
 """
 
 import math
@@ -29,68 +30,80 @@ from numpy.typing import NDArray
 from companion.core.frames import Vector2
 
 LATELY_S = 30.0
-"""Odometry drifts by less than a hand in so long. Chosen: with 6 s a flight takes a quarter longer,
-for what was looked at from one leg of it is not known any more on the next."""
+"""Time for which a swept cell stays free, s. Chosen: odometry drifts by less than a hand's width.
+With 6 s a flight takes a quarter longer, because the space swept on one leg expires before the
+next."""
 TO_M = 3.0
-"""Farther off two readings of a beam that swings are more than a wide cell apart."""
+"""Range of the path ahead, m. Chosen: farther away, two readings of a swinging beam are more than a
+wide cell apart."""
 LEG_M = 0.03
-"""Nothing that stands is thinner: it is met by what passes its middle by half of that."""
+"""Diameter of the thinnest obstacle, m. A beam that passes its middle within half of that detects
+it. Chosen."""
 BODY_M = 0.2
-"""From the drone's centre to its hull: half the width of the way."""
+"""Distance from the drone's centre to its hull, half the width of the path, m."""
 EYE_M = 0.1
-"""From the drone's centre to the sensor that looks along the way."""
+"""Distance from the drone's centre to the front sensor, m. Chosen."""
 NEXT_M = 1.5
-"""The nose turns to gaps that the body touches within this. Chosen: over a straight way with legs,
-1.5 and 2.2 m leave as few of them unmet; with 1 m the drone is slower and meets fewer."""
+"""The nose turns to gaps that the body reaches within this distance, m. Chosen: on a straight path
+with legs, 1.5 and 2.2 m leave equally few legs undetected. With 1 m the drone is slower and detects
+fewer."""
 BESIDE_M = 0.6
-"""From the middle of the way: what stands so near is one side of a passage. Chosen: a doorway of
-1.2 m is passed in its middle, 0.4 m off either jamb."""
+"""Obstacles within this distance of the path's middle are one side of a passage, m. Chosen: the
+drone passes a doorway of 1.2 m in its middle, 0.4 m from either jamb."""
 Places = NDArray[np.float64]
 Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
 class Fill:
-    """Which cells a beam has gone through, and how much of the way is looked at."""
+    """Geometry of a grid, and the rule by which a beam sweeps its cells."""
 
     cell_m: float
+    """Side of a cell, m."""
     cells: int
-    """Along either side of the grid."""
+    """Number of cells along each side of the grid."""
     to_m: float
-    """So far ahead the way is known."""
+    """Length of the path ahead that is evaluated, m."""
     reach_m: float
-    """From the drone's centre: the body and a cell."""
+    """Radius around the drone's centre that covers the body and a cell, m."""
     is_proof: bool
-    """Only cells in whose middle no leg can stand, not all that a beam as wide as one touches."""
+    """True: a beam sweeps only cells in whose middle no leg can stand undetected.
+
+    False: it sweeps all cells that a beam of a leg's width touches.
+    """
 
     @property
     def hull_m(self) -> float:
-        """From the drone's centre: the body and two cells, where nothing stands since it does."""
+        """Radius of the body plus two cells, m; free of obstacles, since the drone is there."""
         return BODY_M + 2 * self.cell_m
 
     @property
     def step_m(self) -> float:
-        """Between two places along or across the way, less than a cell."""
+        """Step between two samples along or across the path, m; less than a cell."""
         return 0.5 * self.cell_m
 
 
 WIDE = Fill(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, is_proof=False)
+"""Grid for flight in the open. Chosen."""
 NARROW = Fill(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, is_proof=True)
-"""As far as the drone needs to stop from 1 m/s, and half a second before that."""
+"""Grid among legs. Chosen: `to_m` is the stopping distance from 1 m/s plus half a second."""
 
 
 @dataclass(frozen=True, slots=True)
 class Lane:
-    """A way as wide as the drone, straight on from where it is."""
+    """A straight path ahead of the drone, as wide as the drone."""
 
     clear_m: float = TO_M
-    """So far, up to `TO_M`, the drone may go until it touches what no beam has gone through."""
+    """Distance that the drone can fly until it touches an unswept cell, up to `TO_M`, m."""
     left_rad: float = 0.0
     right_rad: float = 0.0
-    """To either side, off the way: as far as anything near is left to be looked at."""
+    """Angles off the path, to either side, up to which near cells are still unswept."""
 
     def beside(self, along_m: Places, aside_m: Places) -> "Lane":
-        """With what stands near the way, (n,) along it and to the right of it, to be looked at."""
+        """Return the path with its sector extended to obstacles near it.
+
+        The obstacles (n,) lie `along_m` on the path and `aside_m` to the right of it.
+        """
         is_near = (along_m > WIDE.hull_m) & (along_m < NEXT_M) & (np.abs(aside_m) < BESIDE_M)
         off_rad = np.arctan2(aside_m[is_near], along_m[is_near] - EYE_M)
         return Lane(
@@ -101,12 +114,12 @@ class Lane:
 
 
 def all_passed(bearing_frd_rad: float) -> Lane:
-    """Where nothing is known of beams, they have gone everywhere."""
+    """Return a clear path, for callers without a record of beams."""
     return Lane()
 
 
 class Passed:
-    """When each cell was last gone through."""
+    """Grid with the time at which a beam last swept each cell."""
 
     def __init__(self, fill: Fill = WIDE) -> None:
         self._fill = fill
@@ -116,11 +129,11 @@ class Passed:
         self._way = _Way.of(fill)
 
     def stand(self, place_ne_m: Vector2, time_s: float) -> None:
-        """The drone is there."""
+        """Mark the cells that the drone's hull covers as free."""
         self._when_s[self._cells(self._hull + place_ne_m)] = time_s
 
     def go(self, eye_ne_m: Vector2, bearing_rad: float, free_m: Vector2, time_s: float) -> None:
-        """A beam has gone from and to so far from its eye."""
+        """Mark the cells that a beam swept from `free_m[0]` to `free_m[1]`, m from its origin."""
         from_m, to_m = free_m[0], free_m[1] - self._fill.cell_m
         along_m = self._along_m[slice(*np.searchsorted(self._along_m, (from_m, to_m)))]
         ahead, aside = _axes(bearing_rad)
@@ -132,7 +145,7 @@ class Passed:
             self._when_s[self._cells(middle + off_m * aside)] = time_s
 
     def _prove(self, eye_ne_m: Vector2, middle: Places, aside: Places, time_s: float) -> None:
-        """The middle of a cell lies within half a leg of the beam."""
+        """Mark the cells with their middle within half a leg's width of the beam."""
         cell_m = self._fill.cell_m
         offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._fill.step_m)
         near = (middle[:, None] + offsets_m[:, None] * aside).reshape(-1, 2)
@@ -142,7 +155,7 @@ class Passed:
         self._when_s[tuple(proved.T)] = time_s
 
     def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
-        """What is known of the way to a bearing."""
+        """Return the swept part of the path at a bearing, rad."""
         ahead, aside = _axes(bearing_rad)
         way = self._way
         places = way.ahead_m[:, None] * ahead + way.aside_m[:, None] * aside + place_ne_m
@@ -155,7 +168,7 @@ class Passed:
         )
 
     def when_s(self, places_ne_m: Places) -> Places:
-        """Of places (..., 2): when a beam has gone through there last, (...), or minus infinity."""
+        """Times (...), s, at which a beam last swept places (..., 2); minus infinity if never."""
         when_s: Places = self._when_s[self._cells(places_ne_m)]
         return when_s
 
@@ -166,14 +179,14 @@ class Passed:
 
 @dataclass(frozen=True, slots=True)
 class _Way:
-    """Places of the way ahead, each (n,)."""
+    """Samples of the path ahead, each array (n,)."""
 
     ahead_m: Places
     aside_m: Places
     reached_m: Places
-    """How far the drone goes until its body touches each."""
+    """Distance that the drone flies until its body touches each sample, m."""
     off_rad: Places
-    """How far to the right of the way each lies, from the sensor."""
+    """Angle of each sample to the right of the path, seen from the sensor, rad."""
 
     @classmethod
     def of(cls, fill: Fill) -> "_Way":
@@ -190,7 +203,7 @@ class _Way:
 
 
 def _disc(fill: Fill) -> Places:
-    """(n, 2): middles of the cells that the hull covers."""
+    """Centres (n, 2) of the cells that the hull covers, m."""
     offsets = np.arange(-fill.hull_m, fill.hull_m + fill.step_m, fill.cell_m)
     places = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
     inside: Places = places[np.hypot(*places.T) <= fill.hull_m]
@@ -198,6 +211,6 @@ def _disc(fill: Fill) -> Places:
 
 
 def _axes(bearing_rad: float) -> tuple[Places, Places]:
-    """Unit vectors along a bearing, and to the right of it."""
+    """Unit vectors along a bearing and to its right, each (2,)."""
     cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
     return np.array((cos_b, sin_b)), np.array((-sin_b, cos_b))

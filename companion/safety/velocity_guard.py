@@ -1,23 +1,24 @@
-"""The last word on every velocity: nothing that was met near the drone is come too close to.
+"""Final velocity limiter: the drone can always stop at its clearance from recent obstacles.
 
-Each point near the drone bounds the speed towards it, so that the drone can stop before it, with
-its lag; nearer than it may be, the bound is below zero and the drone gives way.
+Each obstacle point limits the speed towards it, so that the drone can stop before it despite its
+lag. Within the clearance the limit is negative, and the drone gives way.
 
-What is nearer than the sensors measure is not met again, and the drone drifts against it. The bound
-moves out with that, as far as the least clearance does not cover it, so that the drone moves away.
+An obstacle nearer than the sensors' minimum range is not detected again, and the drone drifts
+against it. The part of that drift beyond the least clearance is added to the clearance. So the
+drone moves away.
 
-In a passage, with something on both sides of where it moves and nothing between, the drone may come
-nearer to both than elsewhere, but to neither nearer than to the other. It is led to the middle of a
-narrow one by what was met a moment ago: the map's cells are too coarse for that. Askew in one, with
-something ahead on its course, it may be as near to what is on both sides of it, but not to what is
-ahead: it would be held fast between them, and what it knows of them drifts.
+A passage has obstacles on both sides of the course and none between. There the drone may come
+nearer to both sides than elsewhere, but keeps to the middle. Recent obstacle points lead it to the
+middle of a narrow passage, because the map's cells are too coarse. The drone may also be askew in a
+passage, with an obstacle ahead on its course. It may then be as near to both sides, but not to the
+obstacle ahead. Otherwise it would be caught between obstacles whose positions drift.
 
-What no beam has met may stand there all the same, if no beam has gone there. So the drone is no
-faster than it stops before the first place, as wide as it is, that beams have not gone through. But
-for a crawl, unless it is among legs: there it stands until a beam has gone there.
+An undetected obstacle may stand where no beam has passed. So the drone flies only as fast as it can
+stop before the first unswept cell in its path. It may still crawl there, except among legs: there
+it waits until a beam has swept the path.
 
-Only the map knows what was met minutes ago. That bounds the speed towards it as in a passage, and
-the drone does not give way to it: the map may be off by decimetres.
+Obstacles from minutes ago are in the map alone. They limit the speed towards them as in a passage.
+The drone does not give way to them, because the map may be wrong by decimetres.
 """
 
 import math
@@ -35,52 +36,62 @@ from companion.safety.obstacle_memory import Surroundings
 from companion.safety.obstacle_points import DRIFT_SIGMAS, Points
 
 BODY_RADIUS_M = 0.2
+"""Distance from the drone's centre to its hull, m."""
 GIVE_WAY_GAIN_1_S = 0.8
+"""Speed away from an obstacle per missing clearance, 1/s. Chosen."""
 MAX_GIVE_WAY_M_S = 0.15
+"""Maximum speed away from an obstacle, and to the middle of a passage, m/s. Chosen."""
 PASSAGE_CLEARANCE_M = 0.14
-"""Between the body and either side of a passage, at least."""
+"""Minimum clearance between the body and either side of a passage, m. Chosen."""
 PASSAGE_SLACK_M = 0.02
+"""Margin by which the limits of the two sides of a passage leave its middle free, m. Chosen."""
 POINT_M = 0.04
-"""A surface goes on so far around a point of it."""
+"""Distance to which a surface extends around a point of it, m. Chosen."""
 BESIDE_M = 0.25
-"""What is farther aside of the course than this is beside the drone, not before it."""
+"""Obstacles farther from the course than this are beside the drone, not ahead, m. Chosen."""
 PASSAGE_FROM_M, PASSAGE_TO_M = -0.4, 0.8
+"""Interval along the course in which obstacles form a passage, from the drone's centre, m.
+Chosen."""
 OPPOSITE_COS, ACROSS_COS = -0.8, 0.7
-"""So far in line with the nearest thing is what stands on the other side of the drone, and what is
-on either side."""
+"""Cosines of the angle to the nearest obstacle. Below the first, an obstacle is on the opposite
+side of the drone. Beyond the second, with either sign, it is on one of the two sides. Chosen."""
 NARROW_M = 0.7
-"""From the middle of a passage to its sides: what is wider is passed as planned."""
+"""Maximum half-width of a narrow passage, m; the drone passes a wider one as planned. Chosen."""
 CENTRING_GAIN_1_S = 1.2
+"""Speed to the middle of a passage per offset, 1/s. Chosen."""
 COURSE_M_S = 0.1
-"""Slower than this the drone hovers, and has no course."""
+"""Below this speed the drone hovers and has no course, m/s. Chosen."""
 STOPS_M_S2 = 1.0
-"""Firmware brakes harder than this besides its lag: from 0.8 m/s it stops within 0.4 to 0.6 m
-(docs/autopilot.md). Enough for what is not seen, and most likely is not there."""
+"""Assumed deceleration before unswept space, m/s². Autopilots brake harder than this after their
+lag: from 0.8 m/s they stop within 0.4 to 0.6 m (docs/autopilot.md). Unswept space is most likely
+free."""
 CRAWL_M_S = 0.2
-"""At which a swing of the nose passes over all of the way before the drone comes there: it goes on
-by a third of a metre from one side to the other."""
+"""Speed allowed into unswept space, m/s. Chosen: a swing of the nose sweeps the whole path before
+the drone reaches it. The drone advances a third of a metre per swing."""
 AMONG_LEGS_M_S = 0.6
-"""Faster than this a way that is known too little farther on lets more legs be met too late, and
-the mean speed is no higher: `benchmarks/legs.py`."""
+"""Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
+is no higher: `benchmarks/legs.py`."""
 FULL_ROUNDS, ROUNDS = 8, 40
+"""Number of full projections, and of projections in all. Chosen."""
 MIN_SPEED_M_S = 0.02
+"""Below this speed the course is taken as straight ahead, m/s. Chosen."""
 
 
 def clear_of_all_m(plan: MissionConfig) -> float:
-    """From the drone's centre to anything, as planned; in a doorway it is less."""
+    """Planned distance from the drone's centre to any obstacle, m; less in a doorway."""
     return BODY_RADIUS_M + plan.clearance_m
 
 
 @value
 class _Bounds:
-    """How fast (n,) the drone may at most move in directions (n, 2), body FRD."""
+    """Speed limits (n,), m/s, in directions (n, 2), body FRD."""
 
     towards: Points
     most_m_s: Points
 
 
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
-    """The velocity as near to `setpoint` as is safe; `clearance_m` is from the body's hull."""
+    """Return the safe velocity nearest to `setpoint`; `clearance_m` is from the body's hull."""
     points = around.points_frd_m
     wanted = np.array([setpoint.forward_m_s, setpoint.right_m_s])
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
@@ -93,7 +104,7 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 
 
 def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2:
-    """No faster than it stops before what beams have not gone through, but at a crawl."""
+    """Limit the speed so that the drone stops before unswept space, or enters it at a crawl."""
     speed_m_s = math.hypot(*velocity)
     least_m_s, most_m_s = (0.0, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
     if speed_m_s <= least_m_s:
@@ -108,7 +119,7 @@ def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2
 
 
 def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
-    """By what was met lately: below zero where that is too near."""
+    """Speed limits of recent obstacles; negative where one is too near."""
     towards, away_m = _towards(around.points_frd_m)
     if not len(towards):
         return _Bounds(towards, away_m)
@@ -124,36 +135,37 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
 
 
 def _by_recalled(around: Surroundings) -> _Bounds:
-    """By what was met long ago: never below zero."""
+    """Speed limits of older obstacles from the map; never negative."""
     towards, away_m = _towards(around.recalled_frd_m)
     keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
     return _Bounds(towards, _may_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
 
 
 def _towards(points: Points) -> tuple[Points, Points]:
-    """Unit vectors (n, 2) to points, and how far away they are (n,)."""
+    """Unit vectors (n, 2) to points, and their distances (n,), m."""
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     return points / away_m[:, None], away_m
 
 
 def _stopping_m(towards: Points, around: Surroundings) -> Points:
-    """(n,): how far the drone goes on towards each before it begins to brake."""
+    """(n,): distance that the drone covers towards each point before it brakes, m."""
     closing_m_s = towards @ np.array(around.velocity_frd_m_s)
     lag_m: Points = around.lag_s * np.maximum(closing_m_s, 0.0)
     return lag_m
 
 
 def _may_m_s(left_m: Points) -> Points:
-    """(n,): from so fast it stops within what is left."""
+    """(n,): highest speed, m/s, from which the drone stops within `left_m`."""
     fast_m_s: Points = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
     return fast_m_s
 
 
 def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
-    """Project onto the bound that is broken worst, often.
+    """Project the velocity repeatedly onto the most violated limit.
 
-    Between two that cannot both be kept the steps become smaller, down to where both are broken
-    alike: in too narrow a gap the drone is led to the middle. Hovering, it would drift into a side.
+    If two limits contradict each other, the steps shrink until both are violated equally. So the
+    drone moves to the middle of a gap that is too narrow. If it hovered, it would drift into a
+    side.
     """
     velocity = wanted.copy()
     if not len(towards):
@@ -170,7 +182,7 @@ def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
 
 @value
 class _Passage:
-    """What is nearest on either side of the course, from the drone's centre."""
+    """Distances from the drone's centre to the nearest obstacle on either side of the course."""
 
     left_m: float
     right_m: float
@@ -181,12 +193,12 @@ class _Passage:
 
 
 def _passage(points: Points, course: Points) -> _Passage | None:
-    """None if there is nothing on either side, or something in between."""
+    """Return None if a side has no obstacle, or if there is one between the sides."""
     ahead = _direction(course)
     along_m, aside_m = points @ ahead, points @ np.array((-ahead[1], ahead[0]))
     abreast = (along_m > PASSAGE_FROM_M) & (along_m < PASSAGE_TO_M)
     if (abreast & (along_m > 0) & (np.abs(aside_m) <= BESIDE_M)).any():
-        return None  # it is a wall
+        return None  # a wall ahead
     right_m = aside_m[abreast & (aside_m > BESIDE_M)]
     left_m = -aside_m[abreast & (aside_m < -BESIDE_M)]
     if not len(right_m) or not len(left_m):
@@ -200,7 +212,7 @@ def _direction(course: Points) -> Points:
 
 
 def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
-    """The velocity with what leads to the middle of a narrow passage."""
+    """Add the velocity that leads to the middle of a narrow passage."""
     if passage is None or passage.half_m > NARROW_M or np.hypot(*wanted) < COURSE_M_S:
         return wanted
     ahead = _direction(wanted)
@@ -211,7 +223,7 @@ def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
 
 
 def _keep_off_m(half_m: float, planned_m: Points) -> Points:
-    """(n,): from the drone's centre, in a passage so wide: as planned, or less."""
+    """(n,): clearance from the drone's centre in a passage, m: as planned, or less."""
     room_m = half_m - POINT_M - PASSAGE_SLACK_M
     least_m = np.minimum(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M)
     keep_off_m: Points = np.maximum(np.minimum(planned_m, room_m), least_m)
@@ -219,7 +231,10 @@ def _keep_off_m(half_m: float, planned_m: Points) -> Points:
 
 
 def _keep_off_askew_m(towards: Points, away_m: Points, planned_m: Points) -> Points:
-    """(n,): as planned, or less from what is on either side, whatever the course."""
+    """(n,): clearance from the drone's centre, m; reduced for obstacles on two opposite sides.
+
+    The course has no influence.
+    """
     cos_across = towards @ towards[away_m.argmin()]
     opposite_m = float(away_m[cos_across < OPPOSITE_COS].min(initial=np.inf))
     half_m = 0.5 * (float(away_m.min()) + opposite_m)

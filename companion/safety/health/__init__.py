@@ -1,9 +1,9 @@
-"""Whether what comes in can be believed, and whether the drone is well enough to fly on.
+"""Validates the inputs of each tick, and detects faults for which the drone holds or lands.
 
-time ─────► does the loop come round in time? else nothing of the rest is judged
-odometry ─► steady: without its jumps
-gyro ─────► bridged where samples are missing; saturated? does it turn as the autopilot does?
-ranges ───► stuck and noisy ones have failed; do they look where they should?
+time ─────► is the control loop on time? if not, the inputs are not checked
+odometry ─► steady: jumps are removed
+gyro ─────► gaps are bridged; is it saturated? does it agree with the autopilot's turn?
+ranges ───► stuck and noisy sensors have failed; are the sensors mounted correctly?
 │
-└─► the fault, if there is one: the flight holds, or lands
+└─► the first fault, if any: the flight holds or lands
 """

@@ -1,16 +1,18 @@
-"""Whether what a level beam meets on the way is a wall, if the beam looks where it should.
+"""Tests whether a level beam points in its nominal direction, by fitting a wall to its end points.
 
-The ends of its readings lie on a line then, whichever way the drone goes and turns its nose. If it
-looks elsewhere they do not, but would if they were turned about the drone:
+With the nominal direction, the end points of readings of a wall lie on a line, however the drone
+moves and turns. With a wrong direction they do not. They would lie on a line if they were rotated
+about the drone:
 
-    a beam to the right,             ends, as taken      ends, turned
-    taken for the front one              │ │ │                 .
-    ─────────────────── wall             │ │ │           ·····
-      ▲ ▲ ▲  meets                       . . .           drone ►
-      drone ►                        drone ►
+    right beam, taken for            end points,         end points,
+    the front beam                   nominal             rotated
+    ─────────────────── wall             │ │ │                 .
+      ▲ ▲ ▲  detects                     │ │ │           ·····
+      drone ►                            . . .           drone ►
+                                     drone ►
 
-How far they are off it is measured along the beam, as the sensor measures: ends that run along with
-the drone, on the beam itself, are on no wall.
+The distance of an end point from the line is measured along the beam, as the sensor measures. So
+end points that move with the drone, along the beam itself, lie on no wall.
 """
 
 import math
@@ -23,27 +25,32 @@ from numpy.typing import NDArray
 from companion.core.messages import BEARING_FRD_RAD, Beam, RangeReading
 
 READINGS, MIN_READINGS = 40, 15
-"""Of three seconds at most, at 20 a second; of fewer a line is no proof. Chosen."""
+"""Maximum and minimum number of readings in a test; the maximum lasts up to three seconds, at 20
+readings a second. Chosen: fewer readings on a line prove nothing."""
 WAY_M = 0.4
-"""So far the drone goes before they are looked at again: more than its odometry errs meanwhile."""
+"""Distance that the drone flies between two tests, m. Chosen: more than the error of odometry
+meanwhile."""
 EDGE_M, EDGE_SIGMAS = 0.25, 5.0
-"""A change between two readings that is an edge."""
+"""Minimum change between two readings at an edge: m, and in sigmas; the larger one counts.
+Chosen."""
 ODOMETRY_M = 0.03
-"""Sigma of the drone's place within a second. Source: velocity errors of 0.1 to 0.25 m/s that last
-for a second or two (docs/autopilot.md), of which the line takes up most."""
+"""Sigma of the drone's position within a second, m. Source: velocity errors of 0.1 to 0.25 m/s that
+last for a second or two (docs/autopilot.md); the line fit absorbs most of them."""
 INCIDENCES_RAD = np.radians(np.arange(-84, 85, 3))
-"""Of the walls that are tried, beside the one that fits the ends best: nothing is met beyond."""
+"""Incidence angles of the walls that are tried, beside the best fit, rad. Chosen: sensors detect no
+wall at larger angles."""
 FITS_SIGMAS, MISSES_SIGMAS = 1.6, 3.0
-"""Root mean square of ends on a line, and of others: in recorded flights 0.4 to 1.2 of sound beams,
-and more than 6 of beams that looked elsewhere."""
+"""Residual (root mean square, in sigmas) below which end points lie on a line, and above which they
+do not. Measured in recorded flights: 0.4 to 1.2 for correct beams, more than 6 for beams that
+pointed elsewhere."""
 AGAINST, WITHIN_S = 2, 5.0
-"""So often within so long it would have to look elsewhere."""
+"""Number of failed tests, within this time, s, that shows a wrong direction. Chosen."""
 Row = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """Where the drone is and looks, in a frame of its own that only odometry and gyro move."""
+    """Position and heading of the drone, in a frame that only odometry and gyro move."""
 
     ahead_m: float = 0.0
     right_m: float = 0.0
@@ -51,21 +58,21 @@ class Stand:
 
 
 class BeamLine:
-    """Of one beam."""
+    """Test of one beam."""
 
     def __init__(self, beam: Beam) -> None:
         self._bearing_rad = BEARING_FRD_RAD[beam]
         self._rows: deque[tuple[float, float, float, float, float]] = deque(maxlen=READINGS)
-        """Place, heading, distance and its sigma."""
+        """Position, heading, distance and its sigma of each reading."""
         self._judged_at_m = (0.0, 0.0)
         self._against_s: deque[float] = deque(maxlen=AGAINST)
 
     def is_off(self, now_s: float) -> bool:
-        """The ends would have been on a line only if the beam looked elsewhere, so often lately."""
+        """Return True if the last tests, within `WITHIN_S`, fit another direction only."""
         return len(self._against_s) == AGAINST and now_s - self._against_s[0] < WITHIN_S
 
     def take(self, now_s: float, reading: RangeReading, stand: Stand) -> None:
-        """Take in one reading."""
+        """Add one reading."""
         sigma_m = math.sqrt(reading.variance_m2)
         edge_m = max(EDGE_M, EDGE_SIGMAS * sigma_m)
         if not reading.is_distance or (
@@ -94,7 +101,7 @@ class BeamLine:
 
 
 def _misfit_sigmas(rows: Row, bearing_rad: float) -> float:
-    """Root mean square, in sigmas, of how far readings (n, 5) are off the wall that fits best."""
+    """Root mean square residual, in sigmas, of readings (n, 5) to the best fitting wall."""
     place, yaw_rad, distance_m, sigma_m = rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4]
     along = np.column_stack([np.cos(yaw_rad + bearing_rad), np.sin(yaw_rad + bearing_rad)])
     ends = place + distance_m[:, None] * along
@@ -108,7 +115,7 @@ def _misfit_sigmas(rows: Row, bearing_rad: float) -> float:
 
 
 def _normals(along: Row, ends: Row) -> Row:
-    """(2, w): of the walls that are tried, for beams (n, 2) and their ends (n, 2)."""
+    """Normals (2, w) of the walls that are tried, for beams (n, 2) and their end points (n, 2)."""
     middle = along.mean(axis=0)
     normal_rad = math.atan2(middle[1], middle[0]) + INCIDENCES_RAD
     tried: Row = np.stack([np.cos(normal_rad), np.sin(normal_rad)])

@@ -1,9 +1,10 @@
-"""An open input of an ADC that shows what the chip has converted before: a distance, yet nobody's.
+"""Detects open ADC inputs, whose voltage is left over from the channel that was converted before.
 
-What is left of another channel's voltage follows that one's noise from tick to tick; no powered
-sensor does. Second differences of the voltages leave the noise alone, since what the drone's motion
-changes goes smoothly. Those of two sensors have nothing in common; an open input's are a share k of
-the other's, and its voltage is k of the way from the level of open inputs to the other's.
+An open input reads as a distance although no sensor is connected. Its voltage follows the noise of
+the other channel from tick to tick. That of a powered sensor does not. Second differences of the
+voltages contain the noise alone, since the drone's motion changes the voltages smoothly. Those of
+two sensors are uncorrelated. Those of an open input are a share k of the other channel's. Its
+voltage lies at the share k between the level of open inputs and the other channel's voltage.
 """
 
 from collections import deque
@@ -15,30 +16,33 @@ from numpy.typing import NDArray
 from companion.core.messages import Beam, RangeScan
 
 WINDOW, PERIOD = 40, 5
-"""Ticks that are compared, and after how many again."""
+"""Number of ticks in a comparison, and between two comparisons. Chosen."""
 ALIKE, STILL_ALIKE = 0.88, 0.6
-"""Correlation at which an input begins to be called open, and below which it is not any more. Of 40
-second differences of independent noise it exceeds 0.88 less than once in 10^6."""
+"""Correlation above which an input becomes open, and below which it is no longer open. For 40
+second differences of independent noise, it exceeds 0.88 less than once in 10^6."""
 MAX_MEDIANS = 3.0
-"""Larger differences are edges, which two beams may pass at once; they count as that much."""
+"""Limit of a second difference, in medians. Chosen: larger ones are edges, which two beams may pass
+at once."""
 MIN_LEVEL_V, MAX_LEVEL_V = 0.0, 0.9
-"""Of open inputs, without what they show of others."""
+"""Range of the level of open inputs, without the share of other channels, V. Chosen."""
 MIN_POWERED_V = 1.1
+"""Minimum mean voltage of the other channel, V. Chosen."""
 SHARE_TOLERANCE = 0.15
+"""Tolerance of the share k. Chosen."""
 Table = NDArray[np.float64]
 
 
 class CouplingWatch:
-    """All beams whose sensors put out a voltage."""
+    """Check of all beams whose sensors output a voltage."""
 
     def __init__(self) -> None:
         self.open: frozenset[Beam] = frozenset()
-        """Beams at whose inputs there is no sensor."""
+        """Beams without a sensor at their input."""
         self._rows: deque[dict[Beam, float]] = deque(maxlen=WINDOW + 2)
         self._ticks = 0
 
     def take(self, scan: RangeScan) -> None:
-        """Take in one sweep."""
+        """Add one sweep."""
         self._rows.append({beam: reading.raw for beam, reading in scan.readings.items()})
         self._ticks += 1
         if len(self._rows) == WINDOW + 2 and self._ticks % PERIOD == 0:
@@ -47,12 +51,12 @@ class CouplingWatch:
     def _open(self) -> Iterator[Beam]:
         named = list(self._rows[0])
         table = np.array([[row.get(beam, np.nan) for beam in named] for row in self._rows])
-        told = np.flatnonzero(np.isfinite(table).all(axis=0))
-        beams, volts = [named[i] for i in told], table[:, told]
+        given = np.flatnonzero(np.isfinite(table).all(axis=0))
+        beams, volts = [named[i] for i in given], table[:, given]
         if len(beams) < 2:
             return
         means_v, noise = volts.mean(axis=0).tolist(), _noise(volts)
-        # a chip's first input comes after its last one of the sweep before
+        # a chip converts its first input after its last one of the previous sweep
         for mine, others in ((noise, noise), (noise[1:], noise[:-1])):
             for i, j, correlation, share in _alike(mine, others):
                 enough = STILL_ALIKE if beams[i] in self.open else ALIKE
@@ -68,10 +72,10 @@ def _noise(volts: Table) -> Table:
 
 
 def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]]:
-    """Pairs of unlike columns with their correlation, and the share of the other in mine."""
+    """Pairs of different columns (mine, other), their correlation, and other's share in mine."""
     both = mine.T @ others
     mine2, others2 = (mine**2).sum(axis=0), (others**2).sum(axis=0)
-    is_alike = both > STILL_ALIKE * np.sqrt(np.outer(mine2, others2))  # false where there is none
+    is_alike = both > STILL_ALIKE * np.sqrt(np.outer(mine2, others2))  # false without noise
     for i, j in np.argwhere(is_alike).tolist():
         if i != j:
             correlation = both[i, j] / np.sqrt(mine2[i] * others2[j])
@@ -79,7 +83,7 @@ def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]
 
 
 def _is_share(share: float, my_v: float, other_v: float) -> bool:
-    """Whether an input that shows so much of the other's voltage would stand where mine does."""
+    """Return True if `share` of the other channel's voltage explains the voltage `my_v`."""
     if not MIN_POWERED_V < other_v > my_v:
         return False
     most, least = ((my_v - level_v) / (other_v - level_v) for level_v in (MIN_LEVEL_V, MAX_LEVEL_V))

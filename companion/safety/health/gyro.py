@@ -1,12 +1,12 @@
-"""Whether the gyro can be believed, and what turned the drone while it was silent.
+"""Checks the gyro against the autopilot's turn, and bridges gaps between its samples.
 
                  gap           now
     gyro      ●●●●     ●●●●●●●●│
-    autopilot ●  ●  ●  ●  ●  ● ●   turned in the gap = by it in all - by the gyro's other samples
+    autopilot ●  ●  ●  ●  ●  ● ●   turn in the gap = autopilot's turn - turn of other gyro samples
 
-The autopilot tells its turn once a tick, and after a pause of ours only once for all of it. How far
-it was ahead of the gyro before the gap, and how far it is ahead after it, is what the gap hides,
-wherever in between the samples come again.
+The autopilot reports its turn once per tick, and only once after a pause of the companion. The
+autopilot's turn minus the gyro's is computed before and after the gap. The increase is the turn in
+the gap. This holds wherever the samples resume.
 """
 
 import math
@@ -18,63 +18,69 @@ from companion.core.frames import wrap_rad
 from companion.core.messages import GyroSample, Odometry
 
 MAX_RATE_RAD_S = math.radians(240)
-"""Nearly what the LSM9DS1 can tell: it may be more."""
+"""Yaw rate that counts as saturated, rad/s; nearly the full scale of the LSM9DS1."""
 GAP_S, GAP_PERIODS = 0.06, 3.0
-"""Between two samples that is a gap: the slowest gyro gives three in that time, if it can."""
+"""Minimum gap between two samples, s and in usual periods; the longer one counts. Chosen: the
+slowest gyro gives three samples in 0.06 s."""
 CROWDED_SHARE, CROWDED_OF = 0.5, 8
-"""So many samples that lie so much closer than usual: our clock stood still meanwhile."""
+"""If at least so many samples (second) lie closer than this share (first) of the usual period, the
+companion's clock stood still before them. Chosen."""
 USUAL_GAIN = 0.05
+"""Filter gain of the usual period. Chosen."""
 TOLD_S = 0.15
-"""While it is told as often as that, the autopilot's turn in between is known."""
+"""Maximum interval between two autopilot headings for interpolation, s. Chosen."""
 KEPT = 12
-"""So many turns that were told, half a second of them."""
+"""Number of stored odometry messages: half a second."""
 FRESH_S = 0.25
-"""A gyro that has been silent for longer is not compared."""
+"""Maximum age of the last gyro sample for a comparison, s. Chosen."""
 WAIT_S = 0.5
-"""So long samples wait for the autopilot to tell of the gap before them."""
+"""Time for which samples after a gap wait for the autopilot's turn, s. Chosen."""
 BRIDGED_RAD, BRIDGED_GAP_S, BRIDGED_SHARE = math.radians(0.5), 0.25, 0.03
-"""Sigma of a turn that was bridged, less in a shorter gap: it is told late in a turn that begins or
-ends; and both gyros have a scale."""
+"""Sigma of a bridged turn: the first, rad, in gaps from the second, s, on, less in shorter gaps,
+plus a share of the turn. Chosen: the reported turn is late where a turn begins or ends, and both
+gyros have a scale factor error."""
 UNSEEN_RAD_S = math.radians(30)
-"""Sigma of a turn of which nobody tells, per second."""
+"""Sigma of a turn in a gap without a report of the autopilot, rad per second of gap. Chosen."""
 MEMORY_S = 5.0
-"""The two turns are compared over this time, the older the less."""
+"""Time constant of the comparison of the two turns, s. Chosen."""
 APART_RAD, APART_SHARE = math.radians(4.0), 0.08
-"""So far apart they may be: biases, and scales by how much was turned."""
+"""Maximum difference of the two turns: a constant for biases, rad, plus a share of the turn for
+scale factor errors. Chosen."""
 APART_FOR_S = 0.5
-"""And for so long: while the autopilot's clock is set, its turn is told by a wrong time."""
+"""Time for which the difference must last, s. Chosen: while the autopilot sets its clock, its turn
+has a wrong time."""
 STEP_RAD = math.radians(5.0)
-"""An autopilot that aligns its heading anew turns it by more in one tick."""
+"""A larger change in one tick is a realignment of the autopilot's heading, rad. Chosen."""
 
 
 class GyroWatch:
-    """Compares how far gyro and autopilot have turned."""
+    """Compares the turns of gyro and autopilot, and bridges gaps of the gyro."""
 
     def __init__(self) -> None:
         self.came = False
-        """Samples came with the latest `take`."""
+        """The latest `take` contained samples."""
         self.turned_rad = 0.0
-        """In all, by the gyro without its bias."""
+        """Total turn by the gyro without its bias, rad."""
         self._last: GyroSample | None = None
         self._waiting: list[GyroSample] = []
         self._waits_since_s = math.inf
         self._usual_s = math.nan
-        """Between two samples."""
+        """Usual period between two samples, s."""
         self._odometries: deque[Odometry] = deque(maxlen=KEPT)
         self._compared: tuple[Odometry, float] | None = None
-        """When both were last heard, and how far the autopilot had turned more than the gyro."""
+        """Odometry of the last comparison, and the autopilot's turn minus the gyro's, rad."""
         self._goes_on = False
-        """No gap has been since."""
+        """True if there was no gap since then."""
         self._apart_rad = self._turning_rad = 0.0
         self._apart_s: float | None = None
-        """Since when they have been too far apart,"""
+        """Time since which the difference is too large, s; None if it is not."""
         self._apart_for_s = 0.0
-        """and for how long that is."""
+        """Duration of that, s."""
         self._is_saturated = False
 
     @property
     def complaint(self) -> str:
-        """Why it cannot be believed; or nothing."""
+        """Reason why the gyro is invalid; empty if it is valid."""
         if self._is_saturated:
             return "the gyro is saturated"
         if self._apart_for_s >= APART_FOR_S:
@@ -83,7 +89,7 @@ class GyroWatch:
 
     @property
     def odometry_until_s(self) -> float:
-        """The time of the latest sample that was handed on."""
+        """Time of the latest sample that `take` returned, s."""
         return -math.inf if self._last is None else self._last.time_s
 
     def take(
@@ -93,9 +99,10 @@ class GyroWatch:
         odometry: Odometry | None,
         bias_rad_s: float | None,
     ) -> Sequence[GyroSample]:
-        """The samples; the first after a silence carries the turn that the autopilot saw in it.
+        """Return the samples; the first one after a gap contains the autopilot's turn in the gap.
 
-        They wait until it has told how it turned. Before the bias is known, nothing is compared.
+        Samples after a gap wait until the autopilot has reported its turn. Before the bias is
+        known, nothing is compared.
         """
         samples = [sample for sample in samples if math.isfinite(sample.yaw_rate_rad_s)]
         self.came = bool(samples)
@@ -133,7 +140,7 @@ class GyroWatch:
         return samples
 
     def _gap(self, samples: Sequence[GyroSample]) -> int | None:
-        """The sample before which the longest gap is, if there is one."""
+        """Index of the sample after the longest gap; None if there is no gap."""
         if not samples or self._last is None:
             return None
         steps_s = _steps_s(self._last, samples)
@@ -155,7 +162,7 @@ class GyroWatch:
         odometry: Odometry | None,
         bias_rad_s: float,
     ) -> GyroSample:
-        """The sample after the gap, with the rate and the variance of the whole turn in it."""
+        """The sample after the gap, with the mean rate and the variance of the turn in the gap."""
         assert self._last is not None
         steps_s = _steps_s(self._last, samples)
         before = samples[at - 1] if at else self._last
@@ -182,7 +189,7 @@ class GyroWatch:
     def _ahead_of(
         self, odometry: Odometry, last: GyroSample, turned_rad: float, bias_rad_s: float
     ) -> float:
-        """How far the autopilot has turned more than the gyro, which had by its last sample."""
+        """Autopilot's turn minus the gyro's at the time of the gyro's last sample, rad."""
         autopilot_rad = self._autopilot_yaw_at(last.time_s)
         if autopilot_rad is None:
             late_s = odometry.time_s - last.time_s
@@ -190,7 +197,7 @@ class GyroWatch:
         return autopilot_rad - turned_rad
 
     def _autopilot_yaw_at(self, time_s: float) -> float | None:
-        """How far the autopilot had turned by then; None if it did not tell before and after."""
+        """Interpolated turn of the autopilot, rad; None without reports before and after."""
         for before, after in pairwise(self._odometries):
             if before.time_s < time_s <= after.time_s <= before.time_s + TOLD_S:
                 share = (time_s - before.time_s) / (after.time_s - before.time_s)
@@ -206,7 +213,7 @@ class GyroWatch:
             self._last = sample
 
     def _compare(self, odometry: Odometry, bias_rad_s: float) -> None:
-        """Once for each odometry, while the gyro speaks."""
+        """Update the comparison with an odometry message, if the gyro's samples are fresh."""
         if self._last is None or abs(odometry.time_s - self._last.time_s) > FRESH_S:
             return
         ahead_rad = self._ahead_of(odometry, self._last, self.turned_rad, bias_rad_s)
@@ -232,6 +239,6 @@ class GyroWatch:
 
 
 def _steps_s(last: GyroSample, samples: Sequence[GyroSample]) -> list[float]:
-    """From each sample to the one before it."""
+    """Intervals between each sample and the one before it, s."""
     times_s = [last.time_s, *(sample.time_s for sample in samples)]
     return [after - before for before, after in pairwise(times_s)]

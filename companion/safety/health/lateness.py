@@ -1,4 +1,4 @@
-"""Whether the computer keeps up: a control loop that comes round late flies blind meanwhile."""
+"""Detects late ticks of the control loop; between late ticks the drone flies without sensors."""
 
 import math
 from collections import deque
@@ -7,32 +7,36 @@ from dataclasses import replace
 from companion.core.messages import Fault, Setpoint
 
 TICK_S = 0.05
-"""So often the control loop comes round."""
+"""Period of the control loop, s."""
 LATE_S = 0.1
-"""Saving the map or solving the flight anew may take as long on a Raspberry Pi."""
+"""Delay that does not count as late, s. Chosen: saving the map or solving the flight may take as
+long on a Raspberry Pi."""
 REMEMBERED_S = 2.0
+"""Window over which delays are summed, s. Chosen."""
 STARVED_S = 0.5
-"""Lost to late ticks in that time: the drone holds. An autopilot flies an old setpoint as long."""
+"""Sum of delays in the window from which the drone holds, s. Chosen: the autopilot flies an old
+setpoint for as long."""
 LASTS_S = 10.0
-"""So long the drone holds, then it lands: whatever took the processor may end."""
+"""Time for which the drone holds before it lands, s. Chosen: the load on the processor may end."""
 RECOVERS_S = 0.3
-"""Sensors that were not read in time are not judged before that."""
+"""Time after a late tick for which sensors are not checked, s. Chosen: they were not read in
+time."""
 BLIND_S = 0.5
-"""After that the autopilot brakes by itself (`link.setpoint_loss_s`)."""
+"""Longest flight on an old setpoint, s; then the autopilot brakes (`link.setpoint_loss_s`)."""
 
 
 class Lateness:
-    """Of the ticks of the last seconds."""
+    """Delays of the ticks in the last `REMEMBERED_S`."""
 
     def __init__(self) -> None:
         self._last_s: float | None = None
         self._late: deque[tuple[float, float]] = deque()
-        """When a tick was late, and by how much."""
+        """Time and delay of each late tick, s."""
         self.listened_s = 0.0
-        """All time, but not what was slept through: nobody was silent who was not listened to."""
+        """Time since the start without the delays, s; a source cannot be silent during a delay."""
 
     def tick(self, now_s: float) -> None:
-        """The loop comes round."""
+        """Record the start of a tick at `now_s`."""
         step_s = TICK_S if self._last_s is None else now_s - self._last_s
         self._last_s = now_s
         self.listened_s += min(step_s, TICK_S + LATE_S)
@@ -43,7 +47,7 @@ class Lateness:
 
     @property
     def is_late(self) -> bool:
-        """This tick, or one just before it."""
+        """True if this tick or a recent one was late."""
         if self._last_s is None or not self._late:
             return False
         return self._last_s - self._late[-1][0] < RECOVERS_S
@@ -54,13 +58,16 @@ class Lateness:
 
     @property
     def fault(self) -> Fault | None:
-        """The computer has no time for the flight."""
+        """The fault if the computer has too little time for the flight; else None."""
         if sum(late_s for _, late_s in self._late) < STARVED_S:
             return None
         return Fault(f"the computer is starved: ticks {self.worst_s:.1f} s late", LASTS_S)
 
     def slowed(self, setpoint: Setpoint | None, clearance_m: float) -> Setpoint | None:
-        """So slow that what is flown blind, with a next tick as late, is within the clearance."""
+        """Limit the speed so that a flight as long as the worst delay stays in the clearance.
+
+        `clearance_m` is the distance from the hull to obstacles.
+        """
         if setpoint is None or not self._late:
             return setpoint
         most_m_s = clearance_m / min(self.worst_s, BLIND_S)

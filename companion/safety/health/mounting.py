@@ -1,9 +1,10 @@
-"""Whether the level beams look where they should.
+"""Detects level range sensors that are mounted or wired in a wrong direction.
 
-While the drone turns once on the spot, each beam sees the same all around, one after the other. A
-beam that agrees with the front one only if it looks elsewhere is wired or mounted wrongly; one that
-has agreed, and would not have elsewhere, is right for the rest of the flight, whatever a maze looks
-like later on. Where that says nothing, as in the middle of a square, moving does (`beam_line.py`).
+While the drone turns once on the spot, each beam measures the same surroundings in turn. A beam may
+agree with the front beam only in another direction. It is then wired or mounted wrongly. A beam
+that agrees in its own direction alone is accepted for the rest of the flight, because a maze may
+look different later. The comparison is ambiguous in symmetric rooms, such as in the middle of a
+square. There, motion decides (`beam_line.py`).
 """
 
 import math
@@ -16,21 +17,28 @@ from companion.safety.health.beam_line import BeamLine, Stand
 from companion.safety.health.ranges import Travel
 
 BINS = 36
+"""Number of heading bins in a turn. Chosen."""
 ENOUGH_TURN_RAD = math.radians(330)
+"""Turn after which the beams are compared, rad. Chosen."""
 ON_THE_SPOT_M = 0.4
+"""Maximum distance from the start of a turn, m. Chosen."""
 MAX_STEP_RAD = math.radians(15)
-"""From one sweep to the next; else part of the turn was missed: what is alike may be by chance."""
+"""Maximum turn between two sweeps, rad. Chosen: with a larger one, part of the turn is missing, and
+agreement may be coincidence."""
 MIN_COMMON = 12
+"""Minimum number of bins that two beams have in common. Chosen."""
 MIN_OFF_M = 0.4
+"""Minimum median error of a direction that does not fit, m. Chosen."""
 CLEARLY = 0.5
-"""The other direction explains what was seen with so much less error, or better."""
+"""Maximum ratio of the error of the fitting direction to that of the other. Chosen."""
 QUARTER = BINS // 4
+"""Number of bins in a quarter turn."""
 Seen = dict[int, float]
-"""Distance by heading of the drone, in bins."""
+"""Distance, m, by the bin of the drone's heading."""
 
 
 class MountingWatch:
-    """Looks at every full turn."""
+    """Compares the level beams after every full turn."""
 
     def __init__(self) -> None:
         self.misplaced: tuple[Beam, ...] = ()
@@ -42,7 +50,7 @@ class MountingWatch:
         self._stand, self._travel = Stand(), (0.0, 0.0, 0.0, 0.0)
 
     def take(self, scan: RangeScan, place_ne_m: tuple[float, float], travel: Travel) -> None:
-        """Take in one sweep; `travel` is how far the drone has gone and turned in all."""
+        """Add one sweep; `travel` is the drone's total motion and turn since the start."""
         turned_rad = travel[3]
         self._move(travel)
         is_on_the_spot = math.dist(place_ne_m, self._began_at_ne_m) < ON_THE_SPOT_M
@@ -60,13 +68,13 @@ class MountingWatch:
             self._lines[beam].take(scan.time_s, reading, self._stand)
         self._note(beam for beam, line in self._lines.items() if line.is_off(scan.time_s))
         if abs(turned_rad - self._began_rad) > ENOUGH_TURN_RAD:
-            told = self._right.union(self.misplaced)
-            self._note(beam for beam in misplaced(self._seen) if beam not in told)
+            decided = self._right.union(self.misplaced)
+            self._note(beam for beam in misplaced(self._seen) if beam not in decided)
             self._right.update(placed(self._seen))
             self._begin(place_ne_m, turned_rad)
 
     def _move(self, travel: Travel) -> None:
-        """By what odometry says, turned by the gyro."""
+        """Advance the position by odometry, rotated by the gyro's heading."""
         forward_m, right_m, _, _ = (a - b for a, b in zip(travel, self._travel, strict=True))
         ahead_m, aside_m = frd_to_ned(forward_m, right_m, travel[3])
         last, self._travel = self._stand, travel
@@ -83,7 +91,7 @@ class MountingWatch:
 
 
 def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
-    """The beams that do not fit the front one as they are, but would looking elsewhere."""
+    """Beams that fit the front beam only in another direction."""
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
@@ -92,7 +100,7 @@ def misplaced(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
 
 
 def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
-    """The beams that fit the front one as they are, and would not looking elsewhere."""
+    """Beams that fit the front beam in their own direction only."""
     return tuple(
         beam
         for beam, (own_m, elsewhere_m) in _fits(seen)
@@ -101,7 +109,7 @@ def placed(seen: Mapping[Beam, Seen]) -> tuple[Beam, ...]:
 
 
 def _fits(seen: Mapping[Beam, Seen]) -> Iterator[tuple[Beam, tuple[float, float]]]:
-    """How far each beam is off the front one: as it is, and at best looking elsewhere."""
+    """Median error of each beam against the front one, m: its own and the best other direction."""
     front = seen.get(Beam.FRONT, {})
     for beam in seen:
         if beam is Beam.FRONT:
@@ -112,7 +120,7 @@ def _fits(seen: Mapping[Beam, Seen]) -> Iterator[tuple[Beam, tuple[float, float]
 
 
 def _off_m(front: Seen, other: Seen, quarters: int) -> float:
-    """How far apart the two are if the other looks so many quarters clockwise of the front."""
+    """Median error, m, if `other` points `quarters` quarter turns clockwise of the front."""
     pairs = [
         abs(front[there] - distance_m)
         for heading, distance_m in other.items()

@@ -1,4 +1,4 @@
-"""Range sensors that answer, but not with what is there: stuck, noisy and unplugged ones."""
+"""Detects range sensors that answer with invalid distances: stuck, noisy and unplugged ones."""
 
 import math
 from dataclasses import replace
@@ -16,29 +16,34 @@ from companion.safety.health.coupling import CouplingWatch
 from companion.safety.health.scatter import Scatter
 
 STUCK_S, STUCK_M, STUCK_RAD = 0.5, 0.2, math.radians(20)
-"""A reading that has not changed at all for so long, while the drone went so far along the beam or
-turned so far, is none."""
+"""A sensor is stuck if its reading does not change at all for the first, s, although the drone
+moved along the beam by the second, m, or turned by the third, rad. Chosen."""
 NUMB_SIGMAS, NUMB_WITHIN_S = 2.0, 5.0
+"""A sensor may be numb if its distance stays in a band of so many sigmas; a test lasts up to this
+time, s. Chosen."""
 NUMB_M, NUMB_WAY_SIGMAS, NUMB_RAD, NUMB_ROUND_M = 0.6, 8.0, math.radians(60), 0.8
-"""A distance that has kept within so many sigma for so long at most, while the drone went so far
-along the beam, or turned so far and went no farther, is of nothing that stands there. A round wall
-that is traced stays as far away, but its way is longer."""
+"""A sensor is numb if the drone moved along the beam during that test by the first, m, or by the
+second, in sigmas; the larger one counts. It is also numb if the drone turned by the third, rad, and
+moved less than the fourth, m. Chosen: along a round wall the distance is constant too, but the path
+is longer."""
 LOW_M = 0.5
-"""Below that, over where it took off, a level beam meets the floor when the drone tilts by 10°, as
-it does before it lifts off: its readings jump from nothing to anything."""
+"""Minimum height above the take-off point for the noise test, m. Below, a level beam meets the
+floor when the drone tilts by 10°, as before lift-off. Its readings then jump from none to any
+value."""
 PAUSED_S = 0.2
-"""Readings that are farther apart are no neighbours: the drone has flown on meanwhile."""
+"""Readings farther apart than this are not compared, s. Chosen: the drone has moved meanwhile."""
 FAILED = RangeReading(RangeState.FAILED)
+"""Reading in place of an invalid one."""
 Travel = tuple[float, float, float, float]
-"""Forward, right, down in metres, and the turn in radians, each added up since the start."""
+"""Forward, right and down, m, and the turn, rad, each summed since the start."""
 
 
 class RangeWatch:
-    """All beams."""
+    """Checks of all beams."""
 
     def __init__(self) -> None:
         self.is_alive = False
-        """Any sensor answered in the latest scan."""
+        """At least one sensor answered in the latest scan."""
         self.travel: Travel = (0.0, 0.0, 0.0, 0.0)
         self._odometry: Odometry | None = None
         self._is_low = False
@@ -46,7 +51,7 @@ class RangeWatch:
         self._coupling = CouplingWatch()
 
     def take(self, scan: RangeScan, odometry: Odometry | None, turned_rad: float) -> RangeScan:
-        """The scan; what cannot be believed has failed."""
+        """Return the scan with invalid readings as FAILED."""
         self._move(odometry, turned_rad)
         self.is_alive = any(reading.is_alive for reading in scan.readings.values())
         self._coupling.take(scan)
@@ -74,7 +79,7 @@ class RangeWatch:
 
 
 def _moved(last: Odometry, now: Odometry) -> Vector3:
-    """North, east, down: as it flies by now, or from place to place if it was long ago."""
+    """Motion north, east, down, m: from the velocity, or from the positions after a pause."""
     dt_s = now.time_s - last.time_s
     if dt_s > PAUSED_S:
         x, y, z = (a - b for a, b in zip(now.position_ned_m, last.position_ned_m, strict=True))
@@ -84,7 +89,7 @@ def _moved(last: Odometry, now: Odometry) -> Vector3:
 
 
 class _BeamWatch:
-    """One of them."""
+    """Checks of one beam."""
 
     def __init__(self, beam: Beam) -> None:
         bearing_rad = BEARING_FRD_RAD.get(beam)
@@ -104,7 +109,7 @@ class _BeamWatch:
         self._scatter = Scatter()
 
     def rest(self) -> None:
-        """What the next reading is like tells nothing of its noise."""
+        """Exclude the next reading from the noise test."""
         self._scatter.pause()
 
     def is_bad(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
@@ -120,7 +125,7 @@ class _BeamWatch:
 
     def _is_stuck(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
         value = reading.distance_m if math.isnan(reading.raw) else reading.raw
-        if value != self._value:  # true for NaN, which nothing follows from
+        if value != self._value:  # true for NaN, which shows no stuck sensor
             self._value, self._changed_s, self._changed_at = value, time_s, travel
             return False
         if time_s - self._changed_s < STUCK_S:
@@ -129,7 +134,7 @@ class _BeamWatch:
         return along_m > STUCK_M or turned_rad > STUCK_RAD
 
     def _is_numb(self, time_s: float, reading: RangeReading, travel: Travel) -> bool:
-        """It varies less than the noise of its kind, and not with what the drone does."""
+        """Return True if the reading varies less than its noise, and not with the motion."""
         low_m, high_m = self._numb_between_m
         low_m, high_m = min(low_m, reading.distance_m), max(high_m, reading.distance_m)
         sigma_m = math.sqrt(reading.variance_m2)
@@ -147,7 +152,7 @@ class _BeamWatch:
         return False
 
     def _moved(self, then: Travel, now: Travel) -> tuple[float, float, float]:
-        """How far along the beam, turned if it is level, and how far in the level."""
+        """Motion along the beam, m, turn if the beam is level, rad, and horizontal motion, m."""
         forward_m, right_m, down_m, turned_rad = (n - t for n, t in zip(now, then, strict=True))
         x, y, z = self._axis_frd
         along_m = forward_m * x + right_m * y + down_m * z
@@ -155,7 +160,7 @@ class _BeamWatch:
         return abs(along_m), abs(turned_rad), math.hypot(forward_m, right_m)
 
     def _aside_m(self, reading: RangeReading, travel: Travel) -> float:
-        """How far the beam's end has moved aside since the last reading."""
+        """Sideways motion of the beam's end since the last reading, m."""
         along_m, turned_rad, level_m = self._moved(self._last_at, travel)
         if not self._is_level:
             return level_m

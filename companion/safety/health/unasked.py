@@ -1,11 +1,11 @@
-"""A velocity that nobody asked for: an autopilot that flies away, before it has come far.
+"""Detects a fly-away: a velocity that no response to the setpoints explains.
 
-    what may be the answer, in the direction of the velocity
+    possible responses, in the direction of the velocity
     ├──────────────────────►│◄── unasked ──►│ velocity
 
-How quickly an autopilot answers is not known, so that everything is as asked between standing
-still, the answer of one that is quicker than any, and of one that is slower. Gusts push a drone to
-a velocity, and it stays there; an autopilot that flies away goes faster and faster.
+The response time of the autopilot is unknown. So every velocity between zero, the response of a
+very quick autopilot and that of a very slow one is normal. A gust pushes the drone to a constant
+velocity. In a fly-away the velocity keeps growing.
 """
 
 import math
@@ -16,43 +16,49 @@ from companion.core.frames import Vector3, frd_to_ned
 from companion.core.messages import Odometry, Setpoint
 
 QUICKEST_S, SLOWEST_S = 0.2, 2.0
-"""Time constants: nothing answers sooner, and of 0.5 m/s PX4 still flew 0.18 2 s after a stop."""
+"""Time constants of the quickest and the slowest response, s. Measured: PX4 flew at 0.18 m/s 2 s
+after a stop from 0.5 m/s; no autopilot responds quicker than the first."""
 DEAD_S = 0.5
-"""The quick answer may come so much later: ArduCopter begins to move after 0.25 s."""
+"""Maximum dead time of the quick response, s; ArduCopter begins to move after 0.25 s."""
 SETTLED_S = 1.0
-"""After setpoints begin, such as at the end of a take-off of 1.2 m/s."""
+"""Time without a check after setpoints begin, s. Chosen: a take-off may end at 1.2 m/s."""
 GAP_S = 0.5
-"""Farther apart, setpoints are no stream."""
+"""Setpoints farther apart than this are no stream, s. Chosen."""
 FAR_M_S = 1.5
-"""Unasked, growing or not: more than any gust indoors, and half of what walls leave time for."""
+"""Excess velocity that is a fly-away even if it does not grow, m/s. Chosen: more than any gust
+indoors, and half of the velocity for which the walls leave time."""
 PUSHED_M_S = 1.1
-"""More than a gust of 1 m/s and an overshoot of a tenth come to: it must not grow any more."""
+"""Excess velocity that is a fly-away if it grows, m/s. Chosen: more than a gust of 1 m/s with an
+overshoot of a tenth."""
 NEAR_M_S = 0.5
-"""Less is borne, growing or not; what has been noticed lasts until it is less."""
+"""Below this excess velocity there is no fly-away, and a detected one ends, m/s. Chosen."""
 QUICK_S, QUICK_M_S = 0.2, 0.25
-"""Growing: by so much in so long."""
+"""Quick growth: a window, s, and the least increase in it, m/s. Chosen."""
 THIRDS_S = (1.0, 0.67, 0.33, 0.0)
+"""Ages of the samples at the ends of the thirds of the last second, s."""
 STEADY_M_S = 0.12
-"""Growing steadily: by so much in each third of the last second. A gust rises within one or two."""
+"""Steady growth: the least increase in each third of the last second, m/s. Chosen: a gust rises
+within one or two of them."""
 
 STILL: Vector3 = (0.0, 0.0, 0.0)
+"""Velocity at rest, m/s."""
 
 
 class UnaskedWatch:
-    """Of one drone; time is an argument."""
+    """Fly-away detector of one drone; time is an argument."""
 
     def __init__(self) -> None:
         self.unasked_m_s = 0.0
-        """By how much it is faster than it was asked to be."""
+        """Excess velocity: the part that no response to the setpoints explains, m/s."""
         self.has_flown_away = False
         self._quick: deque[tuple[float, Vector3]] = deque()
         self._slow = STILL
         self._since_s = math.inf
         self._noted: deque[tuple[float, float]] = deque()
-        """Times and what was unasked then."""
+        """Times, s, and the excess velocities at these times, m/s."""
 
     def ask(self, now_s: float, setpoint: Setpoint | None, yaw_rad: float) -> None:
-        """What goes out at this tick; None: nothing, the autopilot flies as it sees fit."""
+        """Record the setpoint of this tick; None if the autopilot flies without one."""
         if setpoint is None:
             self._quick.clear()
             return
@@ -69,7 +75,7 @@ class UnaskedWatch:
             self._quick.popleft()
 
     def take(self, odometry: Odometry) -> None:
-        """What the autopilot tells of its velocity."""
+        """Compare the velocity in the autopilot's odometry with the possible responses."""
         now_s = odometry.time_s
         if not self._quick or now_s - self._since_s < SETTLED_S:
             self._noted.clear()
@@ -99,7 +105,7 @@ class UnaskedWatch:
         )
 
     def _beyond(self, velocity_ned_m_s: Vector3) -> float:
-        """How far the velocity reaches beyond all answers, in its own direction."""
+        """Excess of the velocity over all possible responses, in its own direction, m/s."""
         speed = math.hypot(*velocity_ned_m_s)
         if speed == 0.0:
             return 0.0
@@ -109,14 +115,14 @@ class UnaskedWatch:
         return max(0.0, speed - max(0.0, asked))
 
     def _at(self, time_s: float) -> float | None:
-        """What was told last by then."""
+        """Last excess velocity noted until `time_s`, m/s; None if there is none."""
         return next(
             (m_s for noted_s, m_s in reversed(self._noted) if noted_s <= time_s + 1e-6), None
         )
 
 
 def _answer(was: Vector3, asked: Vector3, share: float) -> Vector3:
-    """On by a share of the time constant."""
+    """First-order response to `asked` after `share` time constants, m/s."""
     gain = 1 - math.exp(-share)
     north, east, down = (w + gain * (a - w) for w, a in zip(was, asked, strict=True))
     return north, east, down

@@ -1,4 +1,4 @@
-"""All that is watched, and the table of faults for which the drone holds or lands."""
+"""Checks all inputs of the flight, and lists the faults for which the drone holds or lands."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -23,17 +23,23 @@ from companion.safety.health.ranges import FAILED, RangeWatch
 from companion.safety.health.unasked import UnaskedWatch
 
 SILENT_S = 0.5
+"""Timeout of odometry, gyro and range sensors, s. Chosen."""
 LINK_FAULT_LASTS_S = 3.0
+"""Time for which the drone holds after the link fails, before it lands, s. Chosen."""
 SENSOR_FAULT_LASTS_S = 1.0
-"""Blind in a room, the drone drifts; it lands sooner than for a silent link."""
+"""Time for which the drone holds after a sensor fails, before it lands, s. Chosen: without sensors
+the drone drifts, so it lands sooner than after a link failure."""
 HEADING_S = 0.15
-"""Ranges are of no use when the heading is older by more: in a turn they would be 7° beside."""
+"""Maximum difference between the times of ranges and heading, s. Chosen: in a turn, older ranges
+would be wrong by 7°."""
 STALE = RangeReading(RangeState.STALE)
+"""Reading in place of one that cannot be assigned to a pose."""
 NEEDED_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
+"""Beams without which the drone lands."""
 
 
 class Health:
-    """Of one drone."""
+    """State of all checks of one drone."""
 
     def __init__(self) -> None:
         self._lateness = Lateness()
@@ -42,7 +48,7 @@ class Health:
         self._ranges = RangeWatch()
         self._mounting = MountingWatch()
         self._odometry_at_s = self._gyro_at_s = self._ranges_at_s = -math.inf
-        """When each was last heard, in time that was listened to."""
+        """Time of the last input of each, s, on the clock `Lateness.listened_s`."""
         self._unasked = UnaskedWatch()
         self._yaw_rad = 0.0
         self._odometry_s = -math.inf
@@ -50,12 +56,12 @@ class Health:
         self._scan = RangeScan(0.0, {})
 
     def tick(self, now_s: float) -> None:
-        """The loop comes round."""
+        """Record the start of a tick at `now_s`."""
         self._lateness.tick(now_s)
 
-    def odometry(self, told: Odometry | None) -> Odometry | None:
-        """Without its jumps."""
-        steady = self._steady.take(told)
+    def odometry(self, report: Odometry | None) -> Odometry | None:
+        """Return odometry without its jumps; None if it is missing or implausible."""
+        steady = self._steady.take(report)
         if steady is not None:
             self._odometry_at_s = self._lateness.listened_s
             self._odometry_s = steady.time_s
@@ -65,7 +71,7 @@ class Health:
         return steady
 
     def asked(self, now_s: float, setpoint: Setpoint | None) -> None:
-        """What the autopilot is asked to do from now on."""
+        """Record the setpoint that goes to the autopilot; None if there is none."""
         self._unasked.ask(now_s, setpoint, self._yaw_rad)
 
     def gyro(
@@ -75,14 +81,14 @@ class Health:
         odometry: Odometry | None,
         bias_rad_s: float | None,
     ) -> Sequence[GyroSample]:
-        """Without gaps."""
+        """Return the gyro samples with gaps bridged."""
         taken = self._gyro.take(now_s, samples, odometry, bias_rad_s)
         if self._gyro.came:
             self._gyro_at_s = self._lateness.listened_s
         return taken
 
     def ranges(self, scan: RangeScan, odometry: Odometry | None) -> RangeScan:
-        """Only what can be believed, and only if it is known which way the drone looked."""
+        """Return the scan with invalid readings as FAILED, or all STALE if the pose is unknown."""
         self._scan = self._ranges.take(scan, odometry, self._gyro.turned_rad)
         if self._ranges.is_alive:
             self._ranges_at_s = self._lateness.listened_s
@@ -92,10 +98,10 @@ class Health:
         return self._scan
 
     def _is_placed(self, time_s: float) -> bool:
-        """The heading of that moment is known, and the place unless ticks are on time.
+        """Return True if the heading at `time_s` is known; in late ticks the position also counts.
 
-        A link that loses messages leaves out odometry now and then; but in a late tick the drone
-        has flown on, and braked.
+        A lossy link drops odometry now and then, which is acceptable while ticks are on time. In a
+        late tick the drone has flown further and braked.
         """
         is_turned = abs(time_s - self._gyro.odometry_until_s) <= HEADING_S
         is_moved = abs(time_s - self._odometry_s) <= HEADING_S
@@ -103,16 +109,16 @@ class Health:
 
     @property
     def starved(self) -> str:
-        """Why the computer has no time to fly; or nothing."""
+        """Reason why the computer has too little time for the flight; empty if it has enough."""
         fault = self._lateness.fault
         return fault.text if fault is not None else ""
 
     def slowed(self, setpoint: Setpoint | None, clearance_m: float) -> Setpoint | None:
-        """No faster than a computer that is late may fly."""
+        """Limit the speed of the setpoint according to the delays of recent ticks."""
         return self._lateness.slowed(setpoint, clearance_m)
 
     def fault(self, vehicle: VehicleState) -> Fault | None:
-        """The first of the table, by now."""
+        """Return the fault of the highest priority; None if there is none."""
         return next(self._faults(vehicle), None)
 
     def _faults(self, vehicle: VehicleState) -> Iterator[Fault]:
@@ -120,7 +126,7 @@ class Health:
             yield Fault("the autopilot is silent", LINK_FAULT_LASTS_S)
         if starved := self._lateness.fault:
             yield starved
-        if not self._lateness.is_late:  # else it is we who have not read in time
+        if not self._lateness.is_late:  # else the companion itself has read the sensors too late
             yield from self._sensor_faults(vehicle)
         if self._mounting.misplaced:
             beams = ", ".join(self._mounting.misplaced)

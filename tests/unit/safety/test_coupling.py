@@ -1,4 +1,4 @@
-"""An open input of an ADC that shows other channels is told from a sensor."""
+"""The coupling watch distinguishes an open ADC input from a sensor."""
 
 import numpy as np
 import pytest
@@ -13,7 +13,7 @@ Table = NDArray[np.float64]
 
 
 def flown(seed: int, ticks: int = 200, noise_v: float = NOISE_V) -> Table:
-    """Voltages of five sensors that see walls come and go smoothly, now and then an edge."""
+    """Voltages of five sensors whose distances to walls vary smoothly, with a few edges."""
     rng = np.random.default_rng(seed)
     at_s = 0.05 * np.arange(ticks)[:, None]
     phases, rates = rng.uniform(0, 6, 5), rng.uniform(0.1, 0.6, 5)
@@ -47,7 +47,7 @@ def test_powered_sensors_have_nothing_in_common(seed: int, noise_v: float) -> No
 def test_an_input_that_shows_the_conversion_before_is_open(
     seed: int, memory: float, open_: int, after: int
 ) -> None:
-    """The first of a sweep shows the last of the sweep before."""
+    """An open first input repeats the last channel of the previous sweep."""
     volts = flown(seed)
     shown = np.roll(volts[:, after], 1 if after > open_ else 0)
     noise = np.random.default_rng(seed + 100).normal(0, 0.003, len(volts))

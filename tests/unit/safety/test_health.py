@@ -1,4 +1,4 @@
-"""What is believed of what comes in, and what is a fault."""
+"""The health checks drop invalid inputs and report faults."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -30,7 +30,7 @@ STILL = Odometry(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0)
 
 
 def flown(ticks: int, north_m_s: float = 1.0, yaw_rad_s: float = 0.0) -> list[Odometry]:
-    """Straight north."""
+    """Odometry of a straight flight north."""
     return [
         Odometry(
             i * TICK_S,
@@ -64,7 +64,7 @@ def test_a_jump_is_taken_out_and_motion_goes_on_from_before_it() -> None:
 def test_after_a_jump_of_the_heading_north_is_where_it_was() -> None:
     steady = SteadyOdometry()
     for told in flown(20):
-        turned = replace(  # the autopilot now calls north what was west
+        turned = replace(  # the autopilot's north is the former west
             told,
             position_ned_m=(0.0, told.position_ned_m[0], -1.0),
             velocity_ned_m_s=(0.0, 1.0, 0.0),
@@ -127,7 +127,7 @@ def test_the_turn_in_a_gap_is_the_autopilots() -> None:
     watch = watched(0.0, 0.0, seconds=1.0)
     turned = replace(STILL, time_s=3.0, yaw_rad=1.0)
     waiting = watch.take(2.9, samples(2.9, 0.0), None, 0.01)
-    assert not waiting  # until the autopilot has told
+    assert not waiting  # until the autopilot has reported its turn
     last_s, turned_rad = 19 * TICK_S, 0.0
     for sample in watch.take(3.0, samples(3.0, 0.0), turned, 0.01):
         turned_rad += (sample.yaw_rate_rad_s - 0.01) * (sample.time_s - last_s)
@@ -166,14 +166,14 @@ SIGMA_M = 0.05
 
 
 def shaken(sigmas: float, seed: int, metres: Sequence[float]) -> list[RangeReading]:
-    """Distances with so many sigma of noise."""
+    """Readings of the distances, with noise of `sigmas` standard deviations."""
     noise_m = np.random.default_rng(seed).normal(0.0, sigmas * SIGMA_M, len(metres))
     told_m = (np.array(metres) + noise_m).tolist()
     return [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in told_m]
 
 
 def states_of(flight: Sequence[Odometry], readings: Sequence[RangeReading]) -> list[RangeState]:
-    """Of a front beam; the gyro turns as the autopilot does."""
+    """States of a front beam's readings; the gyro turns as the autopilot does."""
     watch, states = RangeWatch(), []
     for told, reading in zip(flight, readings, strict=True):
         scan = watch.take(RangeScan(told.time_s, {Beam.FRONT: reading}), told, told.yaw_rad)
@@ -186,7 +186,7 @@ def states_of(flight: Sequence[Odometry], readings: Sequence[RangeReading]) -> l
 def test_a_distance_that_does_not_depend_on_what_the_drone_does_has_failed(
     seed: int, north_m_s: float, yaw_deg_s: float
 ) -> None:
-    """An open input's is noisy, but less than a sensor's."""
+    """The reading of an open input has less noise than that of a sensor."""
     flight = flown(60, north_m_s, math.radians(yaw_deg_s))
     assert states_of(flight, shaken(0.3, seed, [3.0] * 60))[-1] is RangeState.FAILED
 
@@ -206,7 +206,7 @@ def test_a_quiet_sensor_that_comes_nearer_turns_or_waits_is_well(seed: int, sigm
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_round_wall_that_is_traced_stays_as_far_away(seed: int) -> None:
-    flight = flown(200, 0.5, -0.5)  # round a circle of one metre
+    flight = flown(200, 0.5, -0.5)  # on a circle of one metre radius
     readings = shaken(0.3, seed, [1.5] * 200)
     watch, states = RangeWatch(), set()
     for told, reading in zip(flight, readings, strict=True):
@@ -240,7 +240,7 @@ def test_a_sensor_that_looks_along_an_edge_is_well(seed: int) -> None:
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_sensor_that_swings_over_legs_and_gaps_is_well(seed: int) -> None:
-    """Every third reading is of a leg somewhere before the wall; the nose swings by 40 deg/s."""
+    """Every third reading is of a leg in front of the wall; the nose swings at 40 deg/s."""
     rng = np.random.default_rng(seed)
     legs_m = np.where(rng.random(400) < 1 / 3, rng.uniform(1.2, 2.8, 400), 3.0)
     swing = [
@@ -258,7 +258,7 @@ def test_a_sensor_that_meets_the_floor_before_take_off_is_well(seed: int) -> Non
 
 
 def profile(quarters: int) -> dict[int, float]:
-    """Of a room with four unlike walls, seen by a beam that looks so far clockwise of the front."""
+    """Distances in a room with four unequal walls, for a beam `quarters` clockwise of the nose."""
     walls_m = (1.0, 2.0, 3.0, 4.0)
     return {heading: walls_m[(heading // 9 + quarters) % 4] for heading in range(36)}
 
@@ -274,7 +274,7 @@ def test_swapped_beams_show_in_one_turn() -> None:
 
 
 def turn_round(watch: MountingWatch, turns: int, quarters: dict[Beam, int]) -> None:
-    """So many times on the spot; each beam sees that room as if it looked so far clockwise."""
+    """Turn on the spot; each beam measures that room from its given quarter turn."""
     for i in range(36 * turns):
         readings = {
             beam: RangeReading(RangeState.DISTANCE, profile(off)[i % 36], 0.02**2)
@@ -290,7 +290,7 @@ def turn_round(watch: MountingWatch, turns: int, quarters: dict[Beam, int]) -> N
 def test_a_beam_that_was_right_in_one_turn_stays_right(
     first: dict[Beam, int], is_believed: bool
 ) -> None:
-    """A maze may look otherwise later on, from its corners."""
+    """In a later corner of a maze, the same beam may fit another direction better."""
     watch = MountingWatch()
     if first:
         turn_round(watch, 2, {Beam.FRONT: 0, **first})
@@ -299,9 +299,9 @@ def test_a_beam_that_was_right_in_one_turn_stays_right(
 
 
 def watched_front(walls_m: Sequence[tuple[float, float]]) -> tuple[Beam, ...]:
-    """What is called misplaced: the drone goes along a wall by tenths of a metre.
+    """Misplaced beams of a drone that moves along a wall in steps of a tenth of a metre.
 
-    At each the front beam reads so many metres, and the nose is turned so many degrees off the way.
+    Each step has the front beam's range, m, and the angle of the nose off the course, deg.
     """
     watch, forward_m, right_m = MountingWatch(), 0.0, 0.0
     for i, (range_m, turned_deg) in enumerate(walls_m):
@@ -330,9 +330,9 @@ def test_a_front_beam_that_grazes_a_wall_reads_more_as_the_nose_turns_from_it(
 def watched_along_a_wall(
     keeps_off_m: float, swing_deg: float, end_m: float, seed: int, seen_by: Mapping[Beam, Beam]
 ) -> tuple[Beam, ...]:
-    """What is called misplaced: the drone faces a wall and moves to its right, the nose swinging.
+    """Misplaced beams of a drone that faces a wall and moves right with a swinging nose.
 
-    Another wall is so far on; each sensor tells what that beam meets, up to 5 m, within 5 cm.
+    Another wall is at `end_m`. Each sensor measures the beam in `seen_by`, to 5 m, within 5 cm.
     """
     random, watch = Random(seed), MountingWatch()
     east_m = forward_m = right_m = 0.0
@@ -362,12 +362,12 @@ LEVEL = {beam: beam for beam in (Beam.FRONT, Beam.LEFT, Beam.RIGHT)}
 def test_side_beams_may_graze_the_wall_along_which_the_drone_flies(
     keeps_off_m: float, swing_deg: float, end_m: float, seed: int
 ) -> None:
-    """Six of fifteen flights round a room of 17 m were called off for that."""
+    """Such beams raised a false fault in six of fifteen flights in a room of 17 m."""
     assert watched_along_a_wall(keeps_off_m, swing_deg, end_m, seed, LEVEL) == ()
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_swapped_side_beams_show_while_the_drone_flies_along_a_wall(seed: int) -> None:
-    """Before it is as near to the next one as it keeps off this one."""
+    """The fault comes before the drone reaches its stand-off from the next wall."""
     swapped = {Beam.FRONT: Beam.FRONT, Beam.LEFT: Beam.RIGHT, Beam.RIGHT: Beam.LEFT}
     assert Beam.LEFT in watched_along_a_wall(1.2, 5, 7.0, seed, swapped)

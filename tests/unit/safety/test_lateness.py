@@ -1,4 +1,4 @@
-"""A computer that does not keep up, and what is made of what it reads too late."""
+"""Late ticks raise a fault, and inputs that were read too late raise none."""
 
 import math
 from collections.abc import Sequence
@@ -41,7 +41,7 @@ def test_a_loop_that_comes_round_in_time_is_well() -> None:
 
 
 def test_now_and_then_a_tick_takes_longer() -> None:
-    """The map is saved, or the flight solved anew."""
+    """Saving the map or solving the flight delays a tick now and then."""
     assert after(([TICK_S] * 60 + [0.3]) * 5).fault is None
 
 
@@ -71,7 +71,7 @@ def test_it_flies_no_faster_than_it_may_fly_blind(
 
 
 class Drone:
-    """One that turns at 45 deg/s, and all of whose sensors are well whenever they are read."""
+    """A drone that turns at 45 deg/s; all its sensors are sound whenever they are read."""
 
     RATE_RAD_S = math.radians(45)
 
@@ -84,7 +84,7 @@ class Drone:
             self.tick(TICK_S)
 
     def tick(self, step_s: float, gyro_late_s: float = 0.0, ranges_late_s: float = 0.0) -> None:
-        """Gyro and ranges are read so much later than the link."""
+        """Run a tick that reads gyro and ranges later than the link by the given delays."""
         self.now_s += step_s
         now_s, gyro_s = self.now_s, self.now_s + gyro_late_s
         first_s = max(self.turned_s, gyro_s - 0.25)
@@ -127,7 +127,7 @@ def test_no_sensor_is_blamed_for_what_was_read_too_late(late_s: list[float], bet
 
 @given(st.floats(0.2, 2.0), st.booleans())
 def test_no_range_is_taken_with_a_heading_of_another_time(late_s: float, before: bool) -> None:
-    """The computer stands still between link and gyro, or between gyro and ranges."""
+    """The computer stops between link and gyro, or between gyro and ranges."""
     drone = Drone()
     drone.tick(TICK_S, late_s if before else 0.0, 0.0 if before else late_s)
     assert not drone.placed

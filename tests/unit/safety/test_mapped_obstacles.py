@@ -1,4 +1,4 @@
-"""What was met minutes ago is still in the way, where the map has it."""
+"""Obstacles from minutes ago limit the velocity at their positions in the map."""
 
 import math
 
@@ -17,7 +17,7 @@ LATER_S = KEPT_S + 20.0
 
 
 def with_a_partition_end(at_north_m: float = 2.0) -> Occupancy:
-    """Met at zero seconds from a place that the drone has left."""
+    """Grid with one obstacle, detected at the start from a position that the drone has left."""
     grid = Occupancy()
     for _ in range(3):
         grid.add(Ray((at_north_m, -2.0), math.pi / 2, 2.0, 0.03, is_hit=True, time_s=1.0))

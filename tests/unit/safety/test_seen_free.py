@@ -1,4 +1,4 @@
-"""No faster than the drone stops before what beams have not gone through."""
+"""The drone flies only as fast as it can stop before unswept space."""
 
 import math
 from dataclasses import replace
@@ -28,7 +28,7 @@ SWING_RAD = math.radians(14)
 
 
 def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0) -> Passed:
-    """A beam has swung about a bearing, to either side; but not near one direction off it."""
+    """Grid after a beam swung to both sides of a bearing, but not near one direction."""
     passed = Passed()
     passed.stand(HERE, 10.0)
     for off_rad in np.arange(-SWING_RAD, SWING_RAD, math.radians(step_deg)):
@@ -41,7 +41,7 @@ def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0)
 def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
     bearing_deg: float,
 ) -> None:
-    """From 0.8 m on; nearer the hull's flanks were passed when they were farther ahead."""
+    """That is from 0.8 m on; in flight, nearer space was swept when it was farther ahead."""
     bearing_rad = math.radians(bearing_deg)
     passed = swung(bearing_rad)
     assert passed.lane(HERE, bearing_rad, 10.1).clear_m < 0.8
@@ -67,7 +67,7 @@ def test_a_leg_may_stand_between_two_beams() -> None:
 def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
     away_m: float, at_rad: float, beams_rad: list[float], heading_rad: float
 ) -> None:
-    """Whatever beams have gone by without meeting it: the cell around it is left."""
+    """Beams that pass a leg without detecting it leave the leg's cell unswept."""
     bearing_rad = heading_rad + at_rad
     leg = HERE + away_m * np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
     leg = (np.floor(leg / NARROW.cell_m) + 0.5) * NARROW.cell_m
@@ -150,7 +150,7 @@ def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
 def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
     wide_m: float, is_leg: bool
 ) -> None:
-    """The nose swings over it, 1.3 m away, before a wall at 3 m, at 45 deg/s."""
+    """The nose swings at 45 deg/s over a leg at 1.3 m, in front of a wall at 3 m."""
     near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
     near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
@@ -166,7 +166,7 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
 
 @pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
 def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bool) -> None:
-    """A flight met the first leg of another room at 0.55 m/s, two minutes after the last one."""
+    """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
     near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
     near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)

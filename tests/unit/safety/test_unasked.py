@@ -1,4 +1,4 @@
-"""A velocity that nobody asked for is noticed, and what follows a setpoint or a gust is not."""
+"""The watch detects a fly-away, but no response to a setpoint or a gust."""
 
 import math
 from collections.abc import Callable
@@ -19,7 +19,7 @@ def noticed_s(
     yaw_rad: Callable[[float], float] = lambda now_s: 0.0,
     until_s: float = 20.0,
 ) -> float:
-    """When it was noticed; never is infinite."""
+    """Time of the detection, s; infinite if there is none."""
     watch = UnaskedWatch()
     for tick in range(round(until_s / TICK_S)):
         now_s = tick * TICK_S
@@ -71,7 +71,7 @@ def test_a_gust_is_borne(gust_m_s: float, rise_s: float, forward_m_s: float) -> 
 
 @pytest.mark.parametrize("left_s", [0.25, 0.5, 1.0, 2.0])
 def test_what_is_left_of_a_setpoint_is_as_asked(left_s: float) -> None:
-    """Started and stopped every 3 s; answered by a lag as quick and as slow as any was seen."""
+    """Setpoints start and stop every 3 s; the lags are the quickest and the slowest observed."""
 
     def asked(now_s: float) -> float:
         return 0.8 if now_s % 6 < 3 else 0.0
@@ -88,7 +88,7 @@ def test_what_is_left_of_a_setpoint_is_as_asked(left_s: float) -> None:
 
 
 def test_a_circle_is_as_asked() -> None:
-    """The velocity lags behind a heading that turns at 45 degrees a second by half a second."""
+    """The velocity lags half a second behind a heading that turns at 45 deg/s."""
 
     def velocity(now_s: float) -> tuple[float, float, float]:
         yaw = math.radians(45) * (now_s - 0.5)

@@ -1,4 +1,4 @@
-"""What is near is remembered, and no velocity leads too close to it."""
+"""Recent obstacles are stored, and the limited velocity keeps the clearance from them."""
 
 import math
 from dataclasses import replace
@@ -33,17 +33,17 @@ Place = tuple[float, float]
 
 
 def near(sensor: RangeModel, offset_m: float) -> Near:
-    """Of four such sensors so far from the drone's centre."""
+    """Obstacle memory of four such sensors, at `offset_m` from the drone's centre."""
     return Near({beam: RangeUnit(sensor, at, offset_m) for beam, at in BEARING_FRD_RAD.items()})
 
 
 def wall(ahead_m: float, half_m: float = 1.0) -> list[Place]:
-    """Square to the nose."""
+    """Points of a wall perpendicular to the nose."""
     return [(ahead_m, 0.05 * i) for i in range(-round(20 * half_m), round(20 * half_m) + 1)]
 
 
 def doorway(width_m: float, ahead_m: float = 0.0, aside_m: float = 0.0) -> list[Place]:
-    """Two jambs and the wall that they end."""
+    """Points of a doorway: two jambs and the wall on either side."""
     half_m = width_m / 2
     right = [(ahead_m, aside_m + half_m + 0.05 * i) for i in range(20)]
     left = [(ahead_m, aside_m - half_m - 0.05 * i) for i in range(20)]
@@ -150,7 +150,7 @@ def test_no_velocity_leads_towards_what_is_as_near_as_can_be(
             assert towards <= 0.03
 
 
-# What is remembered
+# Obstacle memory
 
 
 def scan(time_s: float, **readings: RangeReading) -> RangeScan:
@@ -162,7 +162,7 @@ def at(distance_m: float) -> RangeReading:
 
 
 class Drone:
-    """It moves north with its nose to the north, and looks."""
+    """A drone that moves north with its nose to the north, and measures."""
 
     def __init__(self, near: Near, drift: Drift = NO_DRIFT) -> None:
         self.near, self._drift = near, drift
@@ -183,13 +183,13 @@ class Drone:
         return self.near.see(scan(self._time_s, **readings))
 
     def sweep(self, **readings: RangeReading) -> None:
-        """Its beams pass over what is ahead of them by degrees, and come back."""
+        """Sweep the beams over ±0.15 rad and return to the course."""
         for heading_rad in (*np.linspace(-0.15, 0.15, 61), 0.0):
             self.turn_to(float(heading_rad))
             self.see(**readings)
 
     def sweep_beside(self, from_m: float, to_m: float) -> None:
-        """Its front beam passes a pole at 1.28 m, so far to the right, ten times on either side."""
+        """Sweep the front beam ten times beside a pole at 1.28 m that lies between two offsets."""
         for _ in range(10):
             for heading_rad in np.linspace(-0.15, 0.15, 61):
                 if not from_m < 1.28 * heading_rad < to_m:
@@ -199,12 +199,12 @@ class Drone:
 
     @property
     def all_passed(self) -> Surroundings:
-        """As if beams had gone everywhere."""
+        """The surroundings, with all space swept."""
         return replace(self.near.surroundings(0.5), lane=all_passed)
 
     @property
     def points(self) -> list[Place]:
-        """Those that are known exactly."""
+        """The exact points."""
         around = self.near.surroundings(0.5)
         exact = around.points_frd_m[~around.is_vague]
         return [(float(f), float(r)) for f, r in exact]
@@ -227,7 +227,7 @@ def test_who_has_walked_on_is_forgotten() -> None:
 
 
 def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> None:
-    """Of one that is 5 cm wide, and stands 3 cm beside where odometry by now has it."""
+    """The pole is 5 cm wide, and stands 3 cm beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     drone.sweep_beside(0.005, 0.055)
@@ -236,7 +236,7 @@ def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> Non
 
 @pytest.mark.parametrize("aside_m", [0.0, 0.005, 0.01, 0.015, 0.03])
 def test_beams_that_pass_a_leg_on_either_side_do_not_let_it_go(aside_m: float) -> None:
-    """It is 3 cm wide, and stands a little beside where it was met."""
+    """The leg is 3 cm wide, and stands a little beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     drone.sweep_beside(aside_m - 0.015, aside_m + 0.015)
@@ -244,7 +244,7 @@ def test_beams_that_pass_a_leg_on_either_side_do_not_let_it_go(aside_m: float) -
 
 
 def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stands() -> None:
-    """It stands 9 cm beside where odometry by now has it."""
+    """The pole stands 9 cm beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
     drone.move(0.0, in_s=20.0)
@@ -253,7 +253,7 @@ def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stan
 
 
 def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothing() -> None:
-    """The post stands 5 cm to the right at first, half a minute later 5 cm to the left."""
+    """The post is 5 cm right of its stored position, and half a minute later 5 cm left."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     for aside_m in (0.05, -0.05):
@@ -268,7 +268,7 @@ def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothin
 
 @pytest.mark.parametrize("strength", ["too strong", "folded"])
 def test_a_post_that_is_too_near_to_be_measured_is_met_again_all_the_same(strength: str) -> None:
-    """Its signal is that of 0.9 m, or of 1.5 m; odometry drifts by as much as it is wide."""
+    """The signal reads 0.9 m or 1.5 m; odometry drifts by as much as the post is wide."""
     sensor = GP2Y0A710K0F
     drone = Drone(near(sensor, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
@@ -300,7 +300,7 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
 
 
 def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
-    """A jamb that was met from afar seemed to stand in the middle of its doorway."""
+    """Otherwise a jamb detected from far away blocks the middle of its doorway."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.turn_to(math.radians(30))
     drone.see(front=RangeReading(RangeState.DISTANCE, 3.0, 0.15**2))
@@ -319,7 +319,7 @@ def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
 
 
 def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
-    """Read 20 cm too near from 4 m, a jamb stood in its own doorway for a minute."""
+    """A jamb that read 20 cm too near from 4 m blocked its own doorway for a minute."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.6))
     drone.move(-2.4)
@@ -332,7 +332,7 @@ def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
 
 @pytest.mark.parametrize("sigmas_short", [0.5, 2.6])
 def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: float) -> None:
-    """Of a jamb 2.6 sigmas too near a point was left in the doorway, and no way led home."""
+    """A jamb that read 2.6 sigmas too near left a point that blocked the doorway home."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     sigma_m = 0.07
     drone.see(front=RangeReading(RangeState.DISTANCE, 3.0 - sigmas_short * sigma_m, sigma_m**2))
@@ -343,7 +343,7 @@ def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: f
 
 
 def test_what_is_met_again_and_again_is_not_forgotten() -> None:
-    """A leg that the drone hovered before for two minutes was gone then, and was hit."""
+    """The drone hovered before a leg for two minutes; the point expired, and the drone hit it."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     drone.move(0.6)
@@ -355,7 +355,7 @@ def test_what_is_met_again_and_again_is_not_forgotten() -> None:
 
 
 def test_what_was_first_met_too_near_is_met_again_when_it_is_nearer() -> None:
-    """A leg at 0.5 m read as if it were at 0.8: a second one stood there, and the first was hit."""
+    """A leg at 0.5 m read 0.8 m and became a second point; the drone hit the real leg."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR, 0.94))
     drone.move(0.48)
@@ -375,7 +375,7 @@ def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> No
         return guarded(Setpoint(), around, CLEARANCE_M).forward_m_s
 
     assert speed_m_s() == 0
-    for _ in range(2000):  # 100 s; nothing nearer than a metre is measured
+    for _ in range(2000):  # 100 s; the sensor measures nothing below a metre
         drone.move(0.0)
         drone.see(front=RangeReading(RangeState.TOO_NEAR))
     assert -0.15 <= speed_m_s() < -0.05
@@ -398,7 +398,7 @@ def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew
         drone.see(right=at(1.2))
         drone.move(0.05)
     drone.move(-0.45, in_s=60.0)
-    for _ in range(8):  # it ends 0.2 m sooner than odometry says
+    for _ in range(8):  # the jamb ends 0.2 m sooner than by odometry
         drone.see(right=at(1.2))
         drone.move(0.025)
     for _ in range(30):
@@ -412,7 +412,7 @@ def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew
 def test_what_is_met_within_the_drift_of_what_was_met_long_ago_is_the_same(
     nearer_m: float, in_s: float, is_one: bool
 ) -> None:
-    """A jamb had stood 0.2 m beside itself, and led the drone into the other one."""
+    """A jamb stored twice, 0.2 m apart, led the drone into the other jamb."""
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.01**2))
     drone.see(right=at(1.2))
     drone.move(0.0, in_s=in_s)
@@ -437,7 +437,7 @@ def test_what_was_measured_stays_while_it_is_too_near_to_be_measured() -> None:
     for _ in range(14):
         drone.move(0.05)
     for _ in range(5):
-        drone.see(front=at(5.2))  # as something quite near may read, too
+        drone.see(front=at(5.2))  # a very near obstacle may read the same
     assert drone.points == [pytest.approx((0.48, 0.0))]
 
 
@@ -462,7 +462,7 @@ def test_what_was_inferred_is_no_proof_of_the_next() -> None:
 
 def test_a_wall_that_comes_near_unseen_is_not_taken_for_its_alias() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
-    for right_m in np.arange(0.6, 0.3, -0.01):  # as round a corner, that it passes closely
+    for right_m in np.arange(0.6, 0.3, -0.01):  # as at a corner that the drone passes closely
         reading = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(right_m))
         seen = drone.see(right=reading).readings[Beam.RIGHT]
         assert seen.state is RangeState.TOO_NEAR
@@ -470,7 +470,7 @@ def test_a_wall_that_comes_near_unseen_is_not_taken_for_its_alias() -> None:
 
 
 def beside_a_wall(metres: list[float]) -> list[RangeReading]:
-    """What is made of each reading of a wall that is so far to the right."""
+    """The readings of a wall at these distances to the right, after the memory's check."""
     drone, rng = Drone(near(GP2Y0A710K0F, 0.0)), np.random.default_rng(1)
     seen = []
     for right_m in metres:
@@ -497,7 +497,7 @@ def test_what_stands_behind_the_end_of_a_near_wall_is_believed(behind_m: float) 
 
 def test_what_is_far_beside_an_edge_does_not_follow_the_drone() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
-    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # as a wide beam reads there
+    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # as a wide beam measures there
         drone.turn_to(math.radians(degree))
         drone.see(front=GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(float(between_m))))
     for _ in range(30):
@@ -539,7 +539,7 @@ def test_somebody_who_has_gone_is_let_go_where_a_folded_reading_would_be_nearer(
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=was)
     drone.move(max(forward_m for forward_m, _ in drone.points) - 0.75)
-    drone.sweep(front=at(3.0))  # or 0.22 m, from the sensor
+    drone.sweep(front=at(3.0))  # 3.0 m and 0.22 m from the sensor read the same
     assert drone.points == []
 
 
