@@ -134,7 +134,7 @@ def _is_as_near_as_it_gets(travel: Travel, observation: Observation) -> bool:
 def _must_plan(
     travel: Travel, observation: Observation, space: Occupancy, *, has_stepped: bool
 ) -> bool:
-    """True if the path must be planned again. `has_stepped`: the pose stepped, and the map moved."""
+    """True if the path must be planned again. `has_stepped`: the pose, and so the map, stepped."""
     now_s = observation.pose.time_s
     if not travel.way or _is_stuck(travel, now_s):
         return True
