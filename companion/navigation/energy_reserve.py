@@ -74,7 +74,7 @@ class Reserve:
 def step(
     reserve: Reserve, spent: Spent, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Reserve, str]:
-    """Runs one tick. Returns the next state and the reason to return now; empty if there is none."""
+    """Runs one tick. Returns the next state and the reason to return now, empty without one."""
     flown_s = spent.flown_s
     reserve = _noted(reserve, spent)
     left_s, why = _left_s(reserve, spent, plan)

@@ -31,8 +31,8 @@ FLOWN_CLEAR_M = 0.3
 """Minimum clearance of cells where the drone has flown, m. Chosen: with more, no door has been
 closed there."""
 TIGHT_COST = 12.0
-"""Cost of a metre in a narrow place, where a metre in the open costs 1. Chosen: the drone goes there
-only to pass through."""
+"""Cost of a metre in a narrow place, where a metre in the open costs 1. Chosen: the drone goes
+there only to pass through."""
 RETRACED_COST = 30.0
 """Cost of a metre through flown cells that the map now shows as blocked, on the same scale.
 Chosen."""
@@ -88,7 +88,7 @@ class ShortestPaths:
     """Cost of the path to each cell, (rows, columns); infinite without one. In the open this is the
     length in m."""
     came_from: NDArray[np.int32]
-    """Flat index of each cell's predecessor on its path, (rows * columns,); negative without one."""
+    """Flat index of each cell's predecessor on its path, (rows * columns,), or negative."""
 
     def reaches(self, place_ne_m: Vector2) -> bool:
         cell = self.ground.grid.cell(place_ne_m)

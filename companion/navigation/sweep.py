@@ -17,8 +17,8 @@ from companion.navigation.observation import Observation
 from companion.safety.control_laws import stay, turn_towards
 
 BESIDE_JAMB_RAD, SLOWLY_RAD_S = math.radians(15), math.radians(25)
-"""Margin beyond either jamb, rad, and yaw rate of the sweep, rad/s. Chosen: the rate gives a reading
-every few centimetres."""
+"""Margin beyond either jamb, rad, and yaw rate of the sweep, rad/s. Chosen: the rate gives a
+reading every few centimetres."""
 AT_PLACE_M = 0.5
 """Maximum distance to the place of the sweep at which a step of the pose is applied to it, m.
 Chosen: a step of the pose is smaller."""
