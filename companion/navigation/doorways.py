@@ -65,7 +65,7 @@ class Doorway:
 
     @property
     def is_too_narrow(self) -> bool:
-        """True if all `LOOKS` sweeps were done and none was wide enough: the drone must not enter."""
+        """True if `LOOKS` sweeps were done and none was wide enough: the drone must not enter."""
         return len(self.widths_m) == LOOKS and self.looks_narrow
 
     @property

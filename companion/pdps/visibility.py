@@ -47,9 +47,9 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
 
 
 def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
-    """True for each line of cells (n, 2), none longer than `most_m`, without an occupied cell; (n,).
+    """True for each line between cells (n, 2) that crosses no occupied cell, (n,).
 
-    Ends may lie outside the grid, for example on walls that were just corrected. Cells there are
+    No line may be longer than `most_m`. Ends may lie outside the grid, for example on walls that were just corrected. Cells there are
     unknown.
     """
     steps = np.linspace(0, 1, round(most_m / CELL_M), dtype=np.float32)[:, None]
