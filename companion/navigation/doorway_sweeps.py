@@ -1,4 +1,4 @@
-"""Doorways on the way: when to pass the front beam over their jambs, and what that has found."""
+"""Decides when to sweep the jambs of a doorway on the path, and stores the measured width."""
 
 import math
 from dataclasses import replace
@@ -12,23 +12,33 @@ from companion.navigation.sweep import Sweep
 from companion.navigation.travel_state import Travel, TravelPhase
 
 SWEEP_FROM_M, MIN_SWEEP_FROM_M = 1.6, 1.1
-"""So far before a doorway; nearer the sensor cannot measure the jambs."""
+"""A sweep begins between these distances from the doorway's middle, m.
+
+Chosen: nearer than the second, the sensor cannot measure the jambs.
+"""
 SWEEP_ROOM_M = 0.65
-"""With so much room it may turn on the spot: in a corridor, but not in a doorway."""
+"""Minimum clearance to turn on the spot, m. Chosen: a corridor has it, a doorway does not."""
 BACK_OFF_M = ((1.2, 0.0), (1.5, 0.0), (1.2, 0.9), (1.2, -0.9), (0.7, 1.4), (0.7, -1.4))
-"""So far off, and aside, it goes when it has come too near: in a corridor there is only aside."""
+"""Places to back off to: distance before the doorway and offset to the right, m, in order.
+
+Chosen: the last ones are for a corridor with its doorway at the side.
+"""
 IN_DOORWAY_M = 0.2
+"""Within this distance before its middle, the drone is in the doorway, m. Chosen."""
 SWEPT_FOR_S, SWEPT_FOR_M = 30.0, 2.0
-"""What was swept is known exactly only for so long, and near it: the pose drifts."""
+"""A sweep stays valid for this time and within this distance of the doorway, s and m.
+
+Chosen: the pose drifts.
+"""
 
 
 def backed_off(
     ground: CostGrid, travel: Travel, observation: Observation, doorways: tuple[Doorway, ...]
 ) -> Vector2 | None:
-    """A place from where the next doorway's jambs can be measured, if it has come too near.
+    """Place from which the next doorway's jambs can be measured, if the drone is too near.
 
-    There it must have room to turn: along a corridor that is as narrow as a doorway all the way, it
-    would go to and fro.
+    Returns None if the drone is not too near, or if no such place has room to turn. Without that
+    condition the drone moves to and fro in a corridor that is as narrow as a doorway.
     """
     here = observation.pose.ne_m
     if not doorways:
@@ -48,7 +58,7 @@ def _was_swept(travel: Travel, doorway: Doorway) -> bool:
 
 
 def still_swept(travel: Travel, observation: Observation) -> tuple[Doorway, ...]:
-    """The doorways, those not swept any more that are far, or were swept long ago."""
+    """The known doorways; sweeps that are old or far away are reset."""
     here, now_s = observation.pose.ne_m, observation.pose.time_s
 
     def is_exact(doorway: Doorway) -> bool:
@@ -56,7 +66,7 @@ def still_swept(travel: Travel, observation: Observation) -> tuple[Doorway, ...]
         return is_near and now_s - doorway.swept_s < SWEPT_FOR_S
 
     if not any(math.isfinite(doorway.swept_s) for doorway in travel.known):
-        return travel.known  # as nearly always
+        return travel.known  # the common case
     return tuple(
         doorway if is_exact(doorway) else replace(doorway, swept_s=-math.inf)
         for doorway in travel.known
@@ -64,7 +74,7 @@ def still_swept(travel: Travel, observation: Observation) -> tuple[Doorway, ...]
 
 
 def begin_sweep(travel: Travel, observation: Observation) -> Travel | None:
-    """Before the next doorway, if it has not been looked at yet."""
+    """Starts the sweep of a doorway within sweep distance that was not swept yet, or None."""
     here = observation.pose.ne_m
     for doorway in travel.doorways:
         middle = doorway.middle_ne_m
@@ -79,7 +89,10 @@ def begin_sweep(travel: Travel, observation: Observation) -> Travel | None:
 
 
 def measured(travel: Travel, sweep: Sweep) -> Travel:
-    """What was found of the doorway; if it is too narrow, there is another way, or none."""
+    """Stores the doorway's measured width after a sweep.
+
+    If the doorway is too narrow, the path is deleted and must be planned again.
+    """
     if sweep.doorway is None:
         return travel
     looked = sweep.doorway.measured(sweep.met_ne_m)
@@ -88,4 +101,4 @@ def measured(travel: Travel, sweep: Sweep) -> Travel:
         return replace(travel, known=(*others, doorway))
     if doorway.is_too_narrow:
         return replace(travel, known=(*others, doorway), way=(), looked_round=True)
-    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # looks again
+    return replace(travel, known=(*others, replace(doorway, swept_s=-math.inf)))  # sweeps again

@@ -1,15 +1,15 @@
-"""Doorways on a way: where their middles are, and how to pass them squarely.
+"""Finds doorways on a path, measures their width and routes the path through them at right angles.
 
-On a slant a doorway is narrower by the cosine of it, and the drone nearer to one of its jambs. So
-the way leads to a place before it, and straight on to one after it:
+At an angle, a doorway is narrower by the cosine of that angle, and the drone passes nearer to one
+jamb. So the path leads to a place before the doorway, and straight to a place after it:
 
          jamb █
     before ─────► after
          jamb █
 
-A doorway that was found once is remembered: from the other side, or after a while, its jambs may
-not stand out from what is known there. How wide it is, cells tell to two of them; what the front
-beam meets as it passes over both jambs, to centimetres.
+Doorways are stored: from the other side, or later, the jambs may not stand out on the map. The
+cells of the map resolve the width to two cells. A sweep of the front beam over both jambs measures
+it to centimetres.
 """
 
 import math
@@ -26,71 +26,77 @@ from companion.navigation.grid_planner import CostGrid
 from companion.navigation.path_follower import Way
 
 DOORWAY_ROOM_M = 0.7
-"""Of the way's cells, to what is there: with less it leads through a doorway, or the like."""
+"""A path with less clearance than this passes a doorway or a similar place, m. Chosen."""
 JAMBS_WITHIN_M = 1.0
+"""Jambs are searched within this distance of a place on the path, m. Chosen."""
 MIN_WIDTH_M = 0.80
-"""What measures narrower is an opening not entered. Between the innermost of what is met on its
-jambs, noise and all, a doorway of 0.9 m measures 0.82 to 0.89 m in flights."""
+"""Minimum measured width of an opening that the drone enters, m. The width is measured between the
+innermost detections on the jambs, with noise. A doorway of 0.9 m measures 0.82 to 0.89 m in
+flights."""
 LOOKS = 2
-"""No opening is refused for one look: while the drone turns, its pose may drift by a decimetre."""
+"""Number of sweeps before an opening is refused. Chosen: while the drone turns, its pose may drift
+by 0.1 m."""
 JAMB_DEEP_M = 0.3
-"""Before and behind the line between the jambs, what is met is of one of them."""
+"""Detections within this distance of the line between the jambs belong to a jamb, m. Chosen."""
 SAME_WITHIN_M = 0.8
+"""Doorways whose middles are nearer than this are the same doorway, m. Chosen."""
 OPPOSITE_COS = -0.5
+"""Jambs are opposite if the cosine of the angle between them is below this. Chosen."""
 AWAY_M = 0.7
-"""Before and after its middle a doorway's wall is passed, with room to turn."""
+"""Distance before and after a doorway's middle where the drone is clear of its wall and has room to
+turn, m. Chosen."""
 
 
 @value
 class Doorway:
-    """A narrow place with something on both sides."""
+    """A narrow place with an obstacle on both sides. Positions are local NED, m."""
 
     leg: int
-    """Which of the way's corners is the next after it."""
+    """Index of the path's next corner after the doorway."""
     middle_ne_m: Vector2
     through_ne: Vector2
-    """Unit vector square to the line between the jambs, the way that it is passed."""
+    """Unit vector at a right angle to the line between the jambs, in the direction of passage."""
     half_m: float
-    """From its middle to either jamb."""
+    """Distance from the middle to either jamb, m."""
     swept_s: float = -math.inf
-    """When the front beam last passed over both jambs."""
+    """Time of the last sweep of the front beam over both jambs, s."""
     widths_m: tuple[float, ...] = ()
-    """As the last looks have measured it, NaN where one did not meet both."""
+    """Widths from the last `LOOKS` sweeps, m; NaN for a sweep that did not detect both jambs."""
 
     @property
     def is_too_narrow(self) -> bool:
-        """An opening not to be entered."""
+        """True if `LOOKS` sweeps were done and none was wide enough: the drone must not enter."""
         return len(self.widths_m) == LOOKS and self.looks_narrow
 
     @property
     def looks_narrow(self) -> bool:
-        """No look has shown it wide enough."""
+        """True if at least one sweep measured a width, and none measured `MIN_WIDTH_M` or more."""
         met_m = [width_m for width_m in self.widths_m if math.isfinite(width_m)]
         return bool(met_m) and max(met_m) < MIN_WIDTH_M
 
     def at_m(self, along_m: float, aside_m: float = 0.0) -> Vector2:
-        """A place before (negative) or after the middle, and aside of it, to the right."""
+        """Place at a distance after the middle (negative: before), and aside to the right, m."""
         (north, east), (x, y) = self.middle_ne_m, self.through_ne
         return north + along_m * x - aside_m * y, east + along_m * y + aside_m * x
 
     def jambs_ne_m(self) -> tuple[Vector2, Vector2]:
-        """Left and right as it is passed."""
+        """Left and right jamb, in the direction of passage."""
         return self.at_m(0.0, -self.half_m), self.at_m(0.0, self.half_m)
 
     def along_m(self, place_ne_m: Vector2) -> float:
-        """How far past the middle a place is."""
+        """Distance of a place past the middle, m."""
         return (place_ne_m[0] - self.middle_ne_m[0]) * self.through_ne[0] + (
             place_ne_m[1] - self.middle_ne_m[1]
         ) * self.through_ne[1]
 
     def aside_m(self, place_ne_m: Vector2) -> float:
-        """How far to the right of its middle line a place is."""
+        """Distance of a place to the right of the middle line, m."""
         return (place_ne_m[1] - self.middle_ne_m[1]) * self.through_ne[0] - (
             place_ne_m[0] - self.middle_ne_m[0]
         ) * self.through_ne[1]
 
     def measured(self, met_ne_m: Sequence[Vector2]) -> "Doorway":
-        """With its width as this look has measured it."""
+        """The doorway with the width from one sweep. `met_ne_m`: its detections, local NED, m."""
         jambs = [at for at in met_ne_m if abs(self.along_m(at)) < JAMB_DEEP_M]
         aside_m = [self.aside_m(at) for at in jambs]
         right_m = min((m for m in aside_m if m > 0), default=math.nan)
@@ -101,12 +107,12 @@ class Doorway:
         return math.dist(self.middle_ne_m, other.middle_ne_m) < SAME_WITHIN_M
 
     def towards(self, place_ne_m: Vector2) -> Vector2:
-        """Through it, to the side on which a place is."""
+        """Unit vector through the doorway, to the side of a place."""
         sign = math.copysign(1.0, self.along_m(place_ne_m))
         return sign * self.through_ne[0], sign * self.through_ne[1]
 
     def is_between(self, start: Vector2, end: Vector2) -> bool:
-        """The straight line between two places leads through it, or close by its jambs."""
+        """True if the straight line between two places crosses the doorway between its jambs."""
         before_m, after_m = self.along_m(start), self.along_m(end)
         if before_m * after_m >= 0:
             return False
@@ -116,7 +122,7 @@ class Doorway:
 
 
 def find_doorways(ground: CostGrid, here: Vector2, way: Way) -> tuple[Doorway, ...]:
-    """At the narrowest place of each stretch of the way that is narrow."""
+    """Doorways at the narrowest place of each narrow stretch of the path."""
     narrowest: list[tuple[int, Vector2, Vector2]] = []
     least_m = math.inf
     for leg, place, heading in _along(here, way):
@@ -134,7 +140,7 @@ def find_doorways(ground: CostGrid, here: Vector2, way: Way) -> tuple[Doorway, .
 
 
 def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Doorway, ...]:
-    """All of them, as they were found last."""
+    """Merges newly found doorways into the known ones. Keeps sweep times and widths."""
     new = []
     for doorway in found:
         same = [old for old in known if old.is_same(doorway)]
@@ -149,7 +155,7 @@ def remembered(known: Sequence[Doorway], found: Sequence[Doorway]) -> tuple[Door
 def on_the_way(
     known: Sequence[Doorway], found: Sequence[Doorway], here: Vector2, way: Way
 ) -> tuple[Doorway, ...]:
-    """Those found on the way, and those known through which it leads, in its order."""
+    """Doorways found on the path, and known doorways that the path crosses, in its order."""
     passed = list(found)
     for leg, (start, end) in enumerate(pairwise((here, *way))):
         passed += [
@@ -161,7 +167,10 @@ def on_the_way(
 
 
 def too_narrow(known: Sequence[Doorway], grid: Occupancy) -> tuple[Doorway, ...]:
-    """Those not to be entered; through some the drone has come before they were measured."""
+    """Known doorways that the drone must not enter.
+
+    Doorways that it passed before they were measured are not among them.
+    """
     narrow = (doorway for doorway in known if doorway.is_too_narrow)
     return tuple(doorway for doorway in narrow if not _came_through(doorway, grid))
 
@@ -173,14 +182,14 @@ def _came_through(doorway: Doorway, grid: Occupancy) -> bool:
 
 
 def with_shut(ground: CostGrid, doorways: Sequence[Doorway]) -> CostGrid:
-    """As if the doorways were walls, but where the drone is."""
+    """The cost grid with the doorways shut as by walls, except in the drone's own cell."""
     if not doorways:
         return ground
     passable, cost = ground.passable.copy(), ground.cost.copy()
     for doorway in doorways:
         reach_m = doorway.half_m + CELL_M
         for aside_m in np.arange(-reach_m, reach_m, CELL_M / 2).tolist():
-            for along_m in (-CELL_M, 0.0, CELL_M):  # ways go diagonally, too
+            for along_m in (-CELL_M, 0.0, CELL_M):  # paths have diagonal steps, too
                 cell = ground.grid.cell(doorway.at_m(along_m, aside_m))
                 if ground.grid.has(cell) and cell != ground.start:
                     passable[cell], cost[cell] = False, np.inf
@@ -188,7 +197,7 @@ def with_shut(ground: CostGrid, doorways: Sequence[Doorway]) -> CostGrid:
 
 
 def passed_squarely(ground: CostGrid, here: Vector2, way: Way, doorways: Sequence[Doorway]) -> Way:
-    """The way, through the doorways' middles."""
+    """The path, routed through the doorways' middles at right angles."""
     squared: list[Vector2] = []
     for leg, corner in enumerate(way):
         is_last = leg == len(way) - 1
@@ -208,7 +217,7 @@ def passed_squarely(ground: CostGrid, here: Vector2, way: Way, doorways: Sequenc
 
 
 def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
-    """Places along the way, a cell apart: their leg, and its direction."""
+    """Places along the path, one cell apart, each with its leg and the leg's direction."""
     start = here
     for leg, corner in enumerate(way):
         length_m = math.dist(start, corner)
@@ -219,7 +228,10 @@ def _along(here: Vector2, way: Way) -> Iterator[tuple[int, Vector2, Vector2]]:
 
 
 def _doorway(ground: CostGrid, leg: int, place: Vector2, heading: Vector2) -> Doorway | None:
-    """Between the nearest thing and the nearest on the other side; None without one as near."""
+    """Doorway between the nearest obstacle and the nearest one on the opposite side.
+
+    Returns None if there is no such pair, or if the two are too far apart.
+    """
     met, _ = ground.grid.met_near(place, JAMBS_WITHIN_M)
     jambs = met - place
     away_m = np.hypot(*jambs.T)

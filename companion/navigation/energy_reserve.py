@@ -1,7 +1,7 @@
-"""When to turn back: what is left of time and battery, and what the way home takes of it.
+"""Decides when the drone must return, from remaining time and battery and the time to fly home.
 
-The way home is asked for only when it may matter. Since it was asked last it has grown by no more
-than what was flown since.
+The path home is computed only when the result can matter. Since the last computation it has grown
+by no more than the distance flown since.
 """
 
 import math
@@ -28,47 +28,53 @@ from companion.navigation.path_follower import Way, most_speed_m_s
 from companion.safety.velocity_guard import clear_of_all_m
 
 ASK_AGAIN_S = 5.0
+"""Minimum time between two computations of the path home, s. Chosen."""
 SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
-"""What a way takes: of the speed that its room allows, for each doorway, for the turns at its
-ends."""
+"""Model of the time to fly a path: mean speed as a share of the speed limit, time for each doorway,
+s, and time for the turns at both ends, s."""
 ROUGHLY = 1.1
-"""What a way may take, over what is reckoned: out of a maze it was a twentieth more."""
+"""Safety factor on the computed time. Flights out of a maze took 5 % more than computed."""
 AMONG_LEGS_MEAN_M_S = 0.25
-"""Below the 0.27 m/s that `benchmarks/legs.py` finds there: a flight went home at 0.22 m/s."""
+"""Mean speed among legs, m/s. Below the 0.27 m/s that `benchmarks/legs.py` measures, because one
+flight went home at 0.22 m/s."""
 STEP_M = 0.3
+"""Spacing of the places where a path's clearance is evaluated, m. Chosen."""
 UNKNOWN_SPEED_SHARE = 0.4
-"""Straight home where no way is known, and so much may the way home have grown meanwhile."""
+"""Mean speed, as a share of the planned speed, on the straight line home without a known path; also
+bounds the growth of the time home since its last computation. Chosen."""
 RATE_KNOWN_S = 30.0
-"""Whole per cents are told, one in 6 s or so: after so long it is known how quickly they go."""
+"""Minimum window to estimate the discharge rate, s. The battery is reported in whole percent, about
+one in 6 s."""
 NOTED_S = 5.0
-"""So often the battery is noted."""
+"""Minimum time between two battery records, s. Chosen."""
 
 
 @value
 class Spent:
-    """What the flight has cost so far."""
+    """Time and battery used so far."""
 
     flown_s: float
+    """Time since the start, s."""
     battery: float | None
-    """What is left of it, 0 to 1; None if the autopilot does not tell."""
+    """Remaining charge, 0 to 1; None if the autopilot does not report it."""
 
 
 @value
 class Reserve:
-    """What is known of the way home, and of the battery."""
+    """State: the time to fly home and the battery records."""
 
     noted: tuple[Spent, ...] = ()
-    """How the battery went down in the second half of the flight so far, and a note before it."""
+    """Battery records of the second half of the flight so far, and one before it."""
     way_home_s: float = TURNS_S
-    """What it would have taken when it was last asked for,"""
+    """Time to fly home at the last computation, s."""
     asked_s: float = 0.0
-    """so long after the start."""
+    """Time of the last computation, s after the start."""
 
 
 def step(
     reserve: Reserve, spent: Spent, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Reserve, str]:
-    """One tick of a mission: why the drone must turn back now; empty if it need not."""
+    """Runs one tick. Returns the next state and the reason to return now, empty without one."""
     flown_s = spent.flown_s
     reserve = _noted(reserve, spent)
     left_s, why = _left_s(reserve, spent, plan)
@@ -91,10 +97,10 @@ def _noted(reserve: Reserve, spent: Spent) -> Reserve:
 
 
 def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float, str]:
-    """Until it must be home, and because of what.
+    """Remaining time until the drone must be home, s, and the limit that applies.
 
-    The battery is taken to go on as in the second half of the flight so far: what is told of it by
-    its voltage falls by the load of the take-off, too.
+    The discharge rate is that of the second half of the flight so far. An estimate from the voltage
+    also drops under the load of the take-off, which the second half excludes.
     """
     flown_s, battery = spent.flown_s, spent.battery
     by_limit_s = plan.time_limit_s - flown_s - plan.reserve_s
@@ -127,7 +133,7 @@ def _way_home_s(observation: Observation, space: Occupancy, plan: MissionConfig)
 def _flown_s(
     ways: ShortestPaths, here: Vector2, way: Way, plan: MissionConfig, most_m_s: float
 ) -> float:
-    """Along a way, slow where that is narrow."""
+    """Time to fly a path, s, with the speed limit from its clearance."""
     flown_s = 0.0
     for start, end in pairwise((here, *way)):
         length_m = math.dist(start, end)

@@ -1,7 +1,8 @@
-"""Ways through known free space: where the drone fits, how far it is, and along what line.
+"""Plans shortest paths through known free space, on a cost grid, with Dijkstra's algorithm.
 
-The drone is a disc. It fits where everything within its radius and clearance is known, and free;
-and where it has been before, though what was met beside has moved in on the map by a cell or two.
+The drone is modelled as a disc. It fits where all cells within its radius and clearance are known
+to be free. It also fits where it has flown before, even if obstacles there have since moved by a
+cell or two on the map.
 """
 
 import math
@@ -19,73 +20,82 @@ from companion.core.frames import Vector2
 from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 
 START_NE_M: Vector2 = (0.0, 0.0)
+"""The place of take-off, origin of the local NED frame, m."""
 TIGHT_CLEAR_M = 0.4
-"""From the drone's centre to the sides of a doorway; what has less is an opening not entered."""
+"""Minimum clearance of the drone's centre to the sides of a doorway, m. Chosen: the drone does not
+enter an opening with less."""
 DEEP_M = 0.7
-"""From where it has all of its clearance it goes so far into what is narrower: no doorway is
-deeper, and in a corridor like that it would be blind to both sides for too long."""
+"""Maximum distance into a narrow place from cells with full clearance, m. Chosen: no doorway is
+deeper. In a long narrow corridor the sensors would measure neither side for too long."""
 FLOWN_CLEAR_M = 0.3
-"""Likewise where it has come through: no door has been closed there."""
+"""Minimum clearance of cells where the drone has flown, m. Chosen: with more, no door has been
+closed there."""
 TIGHT_COST = 12.0
-"""Where it is tight, a way counts as so much longer: the drone goes there only to pass."""
+"""Cost of a metre in a narrow place, where a metre in the open costs 1. Chosen: the drone goes
+there only to pass through."""
 RETRACED_COST = 30.0
-"""Likewise where something is drawn that was not there when the drone came through."""
+"""Cost of a metre through flown cells that the map now shows as blocked, on the same scale.
+Chosen."""
 NEIGHBOURS = ((0, 1, 1.0), (1, 0, 1.0), (1, 1, math.sqrt(2)), (1, -1, math.sqrt(2)))
+"""Half of a cell's eight neighbours: rows down, columns right, distance in cells."""
 CLOSE_COST = 4.0
-"""A way along the edge of what is allowed counts as so much longer than one in the open."""
+"""Cost of a metre at the minimum clearance, on the same scale. Chosen."""
 AMPLE_M = 0.9
-"""More room than this is no reason for a detour."""
+"""Clearance above which more clearance does not justify a detour, m. Chosen."""
 OPEN_M = 0.5
-"""So far beyond its clearance the drone is in the open."""
+"""Distance beyond the clearance from which a cell counts as open, m. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class CostGrid:
-    """Where the drone fits, and what it costs to be there."""
+    """Cells where the drone fits, and the cost of passing them. Arrays are (rows, columns)."""
 
     grid: Occupancy
-    """As much of the space as has been seen."""
+    """The measured part of the map."""
     start: tuple[int, int]
-    """The cell that it is in."""
+    """Row and column of the drone's cell."""
     passable: Cells
+    """True where the drone fits."""
     room_m: NDArray[np.float64]
-    """To what is there, or is not known to be free."""
+    """Distance to the nearest obstacle or unknown cell, m."""
     cost: NDArray[np.float64]
-    """What a metre through each cell counts as, infinite where the drone does not fit."""
+    """Cost of a metre through each cell; infinite where the drone does not fit."""
 
     def fits(self, place_ne_m: Vector2) -> bool:
-        """Whether the drone does, there."""
+        """True if the drone fits at a place."""
         cell = self.grid.cell(place_ne_m)
         return self.grid.has(cell) and bool(self.passable[cell])
 
     def fits_along(self, start_ne_m: Vector2, end_ne_m: Vector2) -> bool:
-        """Whether it does on the straight line between two places."""
+        """True if the drone fits on all of the straight line between two places."""
         steps = np.linspace(
             start_ne_m, end_ne_m, 2 + round(math.dist(start_ne_m, end_ne_m) / CELL_M)
         )
         return all(self.fits((north, east)) for north, east in steps.tolist())
 
     def clear_m(self, place_ne_m: Vector2) -> float:
-        """Distance to anything that is there, or may be."""
+        """Distance from a place to the nearest obstacle or unknown cell, m."""
         row, column = self.grid.cell(place_ne_m)
         return float(self.room_m[row, column])
 
 
 @dataclass(frozen=True, slots=True)
 class ShortestPaths:
-    """All ways from where the drone is."""
+    """Shortest paths from the drone's cell to all cells."""
 
     ground: CostGrid
     metres: NDArray[np.float64]
-    """Cost of the way to each cell, infinite where there is none; in metres in the open."""
+    """Cost of the path to each cell, (rows, columns); infinite without one. In the open this is the
+    length in m."""
     came_from: NDArray[np.int32]
+    """Flat index of each cell's predecessor on its path, (rows * columns,), or negative."""
 
     def reaches(self, place_ne_m: Vector2) -> bool:
         cell = self.ground.grid.cell(place_ne_m)
         return self.ground.grid.has(cell) and bool(np.isfinite(self.metres[cell]))
 
     def to(self, place_ne_m: Vector2) -> tuple[Vector2, ...]:
-        """Corner points of the way there, the place last; straight where it can be."""
+        """Corners of the straightened path to a place, local NED, m; the place is the last."""
         row, column = self.ground.grid.cell(place_ne_m)
         cells = [(row, column)]
         flat = row * self.metres.shape[1] + column
@@ -97,15 +107,16 @@ class ShortestPaths:
         return (*(self.ground.grid.place(cell) for cell in corners[1:-1]), place_ne_m)
 
     def length_m(self, way: tuple[Vector2, ...]) -> float:
-        """Of a way from where the drone is, metres."""
+        """Length of a path from the drone's cell, m."""
         start = self.ground.grid.place(self.ground.start)
         return sum(math.dist(a, b) for a, b in pairwise((start, *way)))
 
 
 def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid:
-    """Cells where the drone fits; the one it is in always counts as such.
+    """Cost grid from the map. The drone's own cell is always passable.
 
-    `clear_m` is from the drone's centre to anything; doorways are passed with less.
+    `clear_m` is the minimum distance from the drone's centre to any obstacle, m. In doorways
+    `TIGHT_CLEAR_M` is enough.
     """
     grid = grid.seen_part(from_ne_m, clear_m + CELL_M)
     room = distance_transform_edt(grid.free) * CELL_M
@@ -118,7 +129,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid
     deep_m = _deep_m(grid, room >= clear_m)
     passable &= deep_m <= max(DEEP_M, deep_m[row, column])
     passable |= _flown_before(grid, passable)
-    if not grid.allowed.all():  # beams do not show what is in the way there: no passing with less
+    if not grid.allowed.all():  # beams do not detect what forbids these cells: full clearance
         allowed_m = distance_transform_edt(grid.allowed) * CELL_M
         passable &= allowed_m >= clear_m
         passable[row, column] = True
@@ -130,7 +141,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid
 
 
 def _deep_m(grid: Occupancy, roomy: Cells) -> NDArray[np.float64]:
-    """To where it has all of its clearance, or took off."""
+    """Distance from each cell to the nearest one with full clearance or the start, m."""
     from_here = roomy.copy()
     if grid.has(start := grid.cell(START_NE_M)):
         from_here[start] = True
@@ -141,7 +152,7 @@ def _deep_m(grid: Occupancy, roomy: Cells) -> NDArray[np.float64]:
 
 
 def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
-    """Where the drone has been that is not passable any more, and nothing is in its way."""
+    """Cells where the drone has flown that are not passable now, but have no obstacle near."""
     flown: Cells = binary_dilation(grid.flown) & ~passable
     if not flown.any():
         return flown
@@ -150,9 +161,9 @@ def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
 
 
 def retraced(ground: CostGrid) -> CostGrid:
-    """Also where the drone has flown, whatever is drawn there.
+    """The cost grid with all flown cells passable, whatever the map contains there.
 
-    Where a map is bent, walls of one room stand in another.
+    On a distorted map, walls of one room can lie in another.
     """
     again: Cells = binary_dilation(ground.grid.flown) & ~ground.passable
     cost = np.where(again, RETRACED_COST, ground.cost)
@@ -160,7 +171,7 @@ def retraced(ground: CostGrid) -> CostGrid:
 
 
 def find_ways(ground: CostGrid) -> ShortestPaths:
-    """Dijkstra over the cells."""
+    """Shortest paths from the drone's cell, with Dijkstra's algorithm."""
     row, column = ground.start
     rows, columns = ground.cost.shape
     metres, came_from = dijkstra(
@@ -173,7 +184,10 @@ def find_ways(ground: CostGrid) -> ShortestPaths:
 
 
 def graph(cost: NDArray[np.float64]) -> csr_array:
-    """Each cell with its eight neighbours, once, where both costs are finite: metres times cost."""
+    """Sparse graph that links each cell with its eight neighbours, each pair once.
+
+    The weight is the distance in m times the mean cost. Cells with infinite cost have no links.
+    """
     rows, columns = cost.shape
     around = np.pad(cost, ((0, 1), (1, 1)), constant_values=np.inf)
     near = [
@@ -191,9 +205,9 @@ def graph(cost: NDArray[np.float64]) -> csr_array:
 def _straightened(
     cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]
 ) -> list[tuple[int, int]]:
-    """Leave out every corner that can be cut without coming nearer to anything.
+    """Removes every corner that can be cut without less clearance.
 
-    `room_m` is each cell's distance to what is there, 0 where the drone does not fit.
+    `room_m` is each cell's clearance, m, and 0 where the drone does not fit.
     """
     kept = [cells[0]]
     last = 0
@@ -214,7 +228,7 @@ def _may_cut(cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]) -> b
 def least_along(
     a: tuple[int, int], b: tuple[int, int], values: NDArray[np.float64] | Cells
 ) -> float:
-    """The least value of the cells on the line between two, the first one left out."""
+    """Minimum value of the cells on the line between two cells, without the first."""
     steps = 2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])) + 1
     rows = np.linspace(a[0], b[0], steps).round().astype(int)
     columns = np.linspace(a[1], b[1], steps).round().astype(int)

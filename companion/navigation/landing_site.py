@@ -1,7 +1,8 @@
-"""Where the drone lands if it cannot land at its start: on floor that it has flown over.
+"""Selects a landing site, on floor under flown cells, if the drone cannot land at its start.
 
-Tables and chairs are lower than the level beams. Only the down beam meets them, under the drone's
-centre, so a site lies where that beam has met the floor in several cells and nothing else nearby.
+Tables and chairs are lower than the level beams. Only the down beam detects them, under the drone's
+centre. So a site is a place where that beam measured the floor in several cells, and nothing else
+nearby.
 """
 
 from collections.abc import Sequence
@@ -17,16 +18,22 @@ from companion.navigation.grid_planner import find_ground, find_ways
 from companion.safety.velocity_guard import clear_of_all_m
 
 REACH_M = 6.0
-"""As `ShortestPaths.metres` counts, more where it is tight; 20 s of flight. Chosen: a room."""
+"""Maximum path cost to a site, as `ShortestPaths.metres` counts it; 20 s of flight.
+Chosen: the size of a room."""
 HULL_M, FLOOR_M = 0.4, 0.5
-"""What stands on the floor within the first is under the hull: its radius, and the 0.2 m by which a
-landing drifts (docs/autopilot.md). Floor within the second speaks for the site."""
+"""Radii around a site, m. An obstacle within the first rejects the site; floor cells within the
+second count for it. The first is the hull's radius and the 0.2 m of drift of a landing
+(docs/autopilot.md)."""
 ENOUGH_CELLS = 8
-"""Of floor: of two sites that have as many the nearer one is taken. Chosen: a third of all."""
+"""Number of floor cells above which sites rank equal; then the nearer site is selected.
+Chosen: a third of all cells within `FLOOR_M`."""
 
 
 def landing_site(here: Vector2, space: Occupancy, floor: Heights, plan: MissionConfig) -> Vector2:
-    """The best place that the drone has been at and can get to, local NED; `here` if none is."""
+    """The best site among the reachable cells that the drone has flown over, local NED, m.
+
+    Returns `here` if no site has more floor cells.
+    """
     grid = space.window((here,), REACH_M)
     ways = find_ways(find_ground(grid, here, clear_of_all_m(plan)))
     ground = ways.ground
@@ -39,7 +46,7 @@ def landing_site(here: Vector2, space: Occupancy, floor: Heights, plan: MissionC
 
 
 def _cells_of_floor(sites: Sequence[Vector2], floor: Heights) -> NDArray[np.int64]:
-    """(n,): how many cells near each site are floor; 0 if one under the hull is not."""
+    """Number of floor cells near each site, (n,); 0 if a cell under the hull is not floor."""
     is_floor = floor.is_floor()
     middles = np.array(list(is_floor)).reshape(-1, 2)
     flat = np.array(list(is_floor.values()), dtype=bool)

@@ -1,4 +1,4 @@
-"""What the drone sees at one moment, as every manoeuvre takes it."""
+"""Defines the observation: the pose and sensor data of one tick, the input of every manoeuvre."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -19,32 +19,36 @@ from companion.safety.seen_free import Lane, all_passed
 
 @value
 class Observation:
-    """Where it is, what its beams say, and what is mapped ahead of it."""
+    """Pose, range readings and the mapped wall ahead, at one tick."""
 
     pose: Pose
     ranges: Mapping[Beam, RangeReading]
     mount_offset_m: float
+    """Distance from the drone's centre to the sensors, m."""
     standoff_m: float = 1.5
-    """From the drone's centre to the wall that it scans, as planned."""
+    """Planned distance from the drone's centre to the scanned wall, m."""
     bearings_frd_rad: Mapping[Beam, float] = field(default_factory=lambda: BEARING_FRD_RAD)
-    """Where the level beams point."""
+    """Bearings of the level beams, body frame (FRD), rad."""
     wall_ahead: tuple[float, float] | None = None
     """Bearing of the perpendicular to the mapped wall that the nose points at, rad, and the
     distance along it, m."""
     walls: Callable[[], KnownWalls] = KnownWalls.none
-    """All that are mapped; drawn up only when asked for."""
+    """All mapped walls; computed only when called."""
 
     lag_s: float = FIRST_LAG_S
-    """How late it follows a velocity."""
+    """Lag of the vehicle's velocity behind the setpoint, s."""
     wander_m: float = 0.0
-    """How far its autopilot's estimate wanders, one sigma."""
+    """Drift of the autopilot's position estimate, one sigma, m."""
     lane: Callable[[float], Lane] = all_passed
-    """What beams have gone through of the way to a bearing, FRD."""
+    """The part of the path towards a bearing (FRD, rad) that the beams have swept."""
     is_among_legs: bool = False
-    """Something thin that stands alone was met lately."""
+    """True if a thin obstacle that stands alone was detected lately."""
 
     def clear_m(self, beam: Beam) -> float:
-        """Free distance from the drone's centre along a beam; 0 unless the beam says so."""
+        """Free distance from the drone's centre along a beam, m.
+
+        Infinite if the beam measures no obstacle in range; 0 without a valid reading.
+        """
         reading = self.ranges.get(beam)
         if reading is None:
             return 0.0

@@ -1,9 +1,9 @@
-"""Along a way, the nose swinging to and fro about it.
+"""Computes the setpoints that fly a path, while the nose swings to both sides of it.
 
 TURN to the next corner's bearing ─► FLY to it, swinging ─► the next corner … ─► arrived
 
-It begins to fly while it still turns, the slower the farther it has to: a beam must have looked
-along the course before the drone is quick. Then its nose swings (`swing.py`).
+The drone begins to fly while it turns, slower the more it still has to turn: a beam must have swept
+the course before the drone flies fast. Then the nose swings (`swing.py`).
 """
 
 import math
@@ -28,39 +28,48 @@ from companion.safety.control_laws import (
 from companion.safety.velocity_guard import clear_of_all_m
 
 SWINGS_WITHIN_RAD = math.radians(90)
-"""With the nose farther off the way it does not swing: it turns back to the way."""
+"""Maximum angle between nose and path for a swing, rad; beyond it the nose turns back. Chosen."""
 ARRIVED_M = 0.10
+"""Arrival radius round the last corner of a path, m. Chosen."""
 CORNER_M = 0.15
-"""A corner of the way counts as passed within this."""
+"""Radius within which a corner of the path counts as passed, m. Chosen."""
 ALONG_RAD = math.radians(12)
-"""A beam points along the course within this."""
+"""Maximum angle between a beam and the course for the beam to measure along it, rad. Chosen."""
 LOOKING = Beam.FRONT, Beam.LEFT, Beam.RIGHT
+"""Beams that can measure along a course."""
 FLIES_FROM_RAD = math.radians(80)
+"""Angle between nose and path below which the drone begins to fly before a beam has pointed along
+the course, rad. Chosen."""
 BENDS_RAD = math.radians(30)
-"""A course that bends by more is another one, and has to be faced first."""
+"""A change of bearing by more than this is a new course, which a beam must sweep first, rad.
+Chosen."""
 NARROW_M, TIGHT_M = 1.0, 0.4
-"""With so much room the drone flies as fast as planned, and with so little as slowly as it does."""
+"""Clearances at which the speed limit is the planned speed, and the minimum, m. Chosen."""
 MIN_SPEED_M_S = 0.4
+"""Lowest speed limit in narrow places, m/s. Chosen."""
 LOOK_AHEAD_M = 0.6
+"""Distance ahead of the drone at which the clearance is also evaluated, m. Chosen."""
 LOST_SIGMAS, SURE_M = 3.0, 0.6
-"""Three sigma of the pose, up to so much, are what the clearance is for."""
+"""Three sigma of the pose reduce the clearance, after deduction of the second value, m. Chosen: the
+planned clearance covers an error up to that."""
 WANDERS_M_SQRT_S = 0.03
-"""Odometry, in a second: twice its noise, for heading and scale. What was met a moment ago is no
-farther off than that, however far the drone may be from where it began."""
+"""Random walk of odometry, m/√s: twice its noise, for heading and scale. It bounds the error of a
+recent detection relative to the drone, even if the pose has a large sigma."""
 
 Way = tuple[Vector2, ...]
+"""Corners of a path still to fly, local NED, m; the last one is the goal."""
 
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """A beam has pointed along it: nothing stood there, as far as that sees."""
+    """A bearing along which a beam has measured free space, within its range."""
 
     bearing_rad: float
     swing: Swing = TO_THE_RIGHT
 
 
 def passed(way: Way, observation: Observation, within_m: float) -> Way:
-    """What is left of the way; nothing so near to its end."""
+    """The rest of the path, without passed corners; empty within `within_m` of the goal."""
     here = observation.pose.ne_m
     while len(way) > 1 and math.dist(here, way[0]) < CORNER_M:
         way = way[1:]
@@ -68,7 +77,7 @@ def passed(way: Way, observation: Observation, within_m: float) -> Way:
 
 
 def faced(course: Course | None, way: Way, observation: Observation) -> Course | None:
-    """The course to the next corner; None as long as no beam has pointed along it."""
+    """The course to the next corner; None until a beam has pointed along it."""
     bearing_rad = _bearing_rad(way, observation)
     ahead_rad = wrap_rad(bearing_rad - observation.pose.yaw_rad)
     if course and abs(wrap_rad(bearing_rad - course.bearing_rad)) < BENDS_RAD:
@@ -76,22 +85,22 @@ def faced(course: Course | None, way: Way, observation: Observation) -> Course |
         return replace(course, swing=swing)
     if _looking(bearing_rad, observation) is None:
         return None
-    return Course(bearing_rad, Swing(1 if ahead_rad >= 0 else -1))  # on from the turn
+    return Course(bearing_rad, Swing(1 if ahead_rad >= 0 else -1))  # continues the turn's direction
 
 
 def follow(
     way: Way, course: Course | None, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
-    """The velocity that flies a way, of which something is left."""
+    """The velocity setpoint along a path, which must not be empty."""
     return _towards(
         way, course, observation, plan, most_speed_m_s(_room_m(observation, space), plan)
     )
 
 
 def _room_m(observation: Observation, space: Occupancy) -> float:
-    """To what is mapped, up to a metre: the least from here, and from where it will be soon.
+    """Minimum clearance here and `LOOK_AHEAD_M` ahead, up to 1 m.
 
-    What the beams to the sides meet, they meet wherever the drone is.
+    The map's clearance is reduced by the pose's error; that of the side beams is not.
     """
     pose = observation.pose
     ahead_ne_m = (
@@ -107,7 +116,7 @@ def _room_m(observation: Observation, space: Occupancy) -> float:
 
 
 def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
-    """To what is mapped, up to a metre, less how far the drone may be off that."""
+    """Distance to the nearest mapped obstacle, up to 1 m, reduced by the drone's position error."""
     within_m = NARROW_M + LOST_SIGMAS * pose.position_sigma_m
     met_ne_m, met_s = space.met_near(place_ne_m, within_m)
     away_m = np.hypot(*(met_ne_m - place_ne_m).T)
@@ -118,13 +127,13 @@ def _to_mapped_m(place_ne_m: Vector2, pose: Pose, space: Occupancy) -> float:
 
 
 def most_speed_m_s(room_m: float, plan: MissionConfig) -> float:
-    """Slow where it is narrow."""
+    """Speed limit, m/s, which decreases with the clearance `room_m`."""
     wide = (room_m - TIGHT_M) / (NARROW_M - TIGHT_M)
     return max(MIN_SPEED_M_S, min(1.0, wide) * plan.speed_m_s)
 
 
 def is_blocked(way: Way, observation: Observation) -> bool:
-    """Something stands where the way leads, and a beam points there."""
+    """True if a beam that points along the path measures an obstacle within stopping distance."""
     if not way or math.dist(observation.pose.ne_m, way[0]) <= CLOSE_M:
         return False
     beam = _looking(_bearing_rad(way, observation), observation)
@@ -132,7 +141,7 @@ def is_blocked(way: Way, observation: Observation) -> bool:
 
 
 def _looking(bearing_rad: float, observation: Observation) -> Beam | None:
-    """The beam that points there."""
+    """The beam that points at a bearing, or None."""
     off_rad = bearing_rad - observation.pose.yaw_rad
     for beam in LOOKING:
         aside_rad = wrap_rad(off_rad - observation.bearings_frd_rad[beam])
@@ -142,7 +151,7 @@ def _looking(bearing_rad: float, observation: Observation) -> Beam | None:
 
 
 def _bearing_rad(way: Way, observation: Observation) -> float:
-    """To the next corner."""
+    """Bearing to the next corner, rad."""
     return math.atan2(way[0][1] - observation.pose.east_m, way[0][0] - observation.pose.north_m)
 
 
@@ -169,7 +178,10 @@ def _towards(
 
 
 def _room_ahead_m(bearing_rad: float, observation: Observation, plan: MissionConfig) -> float:
-    """Along the way, as far as a beam tells; what the front beam meets beside the way is passed."""
+    """Free distance along the path from the beam that points there, or else the front beam, m.
+
+    An obstacle that the front beam detects beside the path does not limit the distance.
+    """
     beam = _looking(bearing_rad, observation)
     if beam is not None:
         return observation.clear_m(beam) - FULL_STOP_BEFORE_M

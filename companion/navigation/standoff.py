@@ -1,28 +1,38 @@
-"""How far from the wall: as far as the sensor reaches, where it is most exact, or as asked for."""
+"""Computes the stand-off distance from the sensor model and the configured choice.
+
+The choices are the sensor's useful maximum, its most accurate distance, or a fixed distance.
+"""
 
 from companion.config.settings import Standoff
 from companion.core.messages import RangeModel
 
 STEP_M = 0.05
+"""Step of the search over distances, m. Chosen."""
 SURELY_SIGMAS = 3.0
-"""A wall at the stand-off must still be in range when noise adds so much."""
+"""A wall at the stand-off must stay in range with this much noise, in sigmas. Chosen."""
 WORTH_SIGMA_M = 0.10
-"""Readings with more noise than this make no map."""
+"""Maximum sigma of a range reading that is useful for the map, m. Chosen."""
 MIN_M, MARGIN_M = 0.8, 0.25
-"""From any wall; and beyond the sensor's least distance, so that no gust leads there."""
+"""Minimum distance to any wall, and margin beyond the sensor's minimum range, m.
+
+Chosen: the margin keeps a gust from moving the drone below the sensor's minimum range.
+"""
 WANDER_SIGMAS = 3.0
-"""So far the drone may be carried by what the autopilot's estimate wanders, beside a gust."""
+"""Margin for the drift of the autopilot's position estimate, in sigmas, added to `MARGIN_M`.
+Chosen."""
 
 
 def standoff_m(
     wanted: Standoff, sensor: RangeModel, mount_offset_m: float, wander_m: float = 0.0
 ) -> float:
-    """From the drone's centre to the wall that it scans.
+    """Distance from the drone's centre to the wall that the drone scans, m.
 
-    `wander_m` is how far the autopilot's estimate wanders, one sigma.
+    `mount_offset_m` is the distance from the drone's centre to the sensor. `wander_m` is the drift
+    of the autopilot's position estimate, one sigma.
 
-    "range" is the paper's range adjustment: close to the sensor's maximum, and with few flights the
-    most of the room. "accurate" is where the noise model says that a reading is best.
+    "range" is the paper's range adjustment: a distance close to the sensor's maximum, which covers
+    most of the room with few passes. "accurate" is the distance with the smallest sigma in the
+    sensor's noise model. A number is returned unchanged.
     """
     if not isinstance(wanted, str):
         return wanted

@@ -1,9 +1,9 @@
-"""Turning on the spot, so that the beams pass over what has to be known.
+"""Turns the drone on the spot through a list of headings, so that the beams sweep a sector.
 
     to the first heading ─► to the next ─► … ─► done
 
-All round, or over the two jambs of a doorway: from beyond the one to beyond the other it turns
-slowly, and notes what the front beam meets.
+The sweep goes all round, or over both jambs of a doorway. Over the jambs the drone turns slowly,
+and the detections of the front beam are recorded.
 """
 
 import math
@@ -17,25 +17,29 @@ from companion.navigation.observation import Observation
 from companion.safety.control_laws import stay, turn_towards
 
 BESIDE_JAMB_RAD, SLOWLY_RAD_S = math.radians(15), math.radians(25)
-"""So far beyond either jamb, slowly enough for a reading every few centimetres."""
+"""Margin beyond either jamb, rad, and yaw rate of the sweep, rad/s. Chosen: the rate gives a
+reading every few centimetres."""
 AT_PLACE_M = 0.5
-"""From where it is to stay: a step of the pose is less."""
+"""Maximum distance to the place of the sweep at which a step of the pose is applied to it, m.
+Chosen: a step of the pose is smaller."""
 ON_HEADING_RAD = math.radians(5)
+"""Maximum error at which a heading counts as reached, rad. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sweep:
-    """A sweep's whole memory."""
+    """State of a sweep."""
 
     headings_rad: tuple[float, ...]
-    """Still to be turned to; none: it is done."""
+    """Headings still to turn to, rad; the sweep is done if there is none."""
     stay_ne_m: Vector2
+    """Position to hold, local NED, m."""
     resets: int
-    """Of the pose, when it was last looked at."""
+    """Reset counter of the pose at the last tick."""
     doorway: Doorway | None = None
-    """What it looks at,"""
+    """The doorway that is swept; None for a sweep all round."""
     met_ne_m: tuple[Vector2, ...] = ()
-    """and what the front beam has met there."""
+    """Detections of the front beam on the doorway, local NED, m."""
 
     @property
     def is_done(self) -> bool:
@@ -43,13 +47,13 @@ class Sweep:
 
 
 def all_round(observation: Observation, stay_ne_m: Vector2) -> Sweep:
-    """In thirds: the way to a heading is the short one."""
+    """A sweep all round. It has three headings, because a turn takes the shorter direction."""
     thirds = (observation.pose.yaw_rad + third * math.tau / 3 for third in (1, 2, 3))
     return Sweep(tuple(thirds), stay_ne_m, observation.pose.reset_counter)
 
 
 def over_jambs(doorway: Doorway, observation: Observation) -> Sweep:
-    """From beyond the right one to beyond the left one."""
+    """A sweep over a doorway's jambs, from beyond the right one to beyond the left one."""
     here = observation.pose.ne_m
     left_rad, right_rad = (
         math.atan2(east_m - here[1], north_m - here[0]) for north_m, east_m in doorway.jambs_ne_m()
@@ -60,8 +64,8 @@ def over_jambs(doorway: Doorway, observation: Observation) -> Sweep:
 
 
 def step(sweep: Sweep, observation: Observation, plan: MissionConfig) -> tuple[Sweep, Setpoint]:
-    """One tick: the next state and the velocity to fly."""
-    if observation.pose.reset_counter != sweep.resets:  # the drone has not moved, nor shall it
+    """Runs one tick. Returns the next state and the velocity setpoint."""
+    if observation.pose.reset_counter != sweep.resets:  # the drone itself has not moved
         sweep = _as_posed(sweep, observation)
     holding = stay(sweep.stay_ne_m, observation.pose)
     heading_rad, *later = sweep.headings_rad
@@ -75,7 +79,10 @@ def step(sweep: Sweep, observation: Observation, plan: MissionConfig) -> tuple[S
 
 
 def _as_posed(sweep: Sweep, observation: Observation) -> Sweep:
-    """After a step of the pose: where it is, and what it has met, as far as it had got there."""
+    """Moves the sweep's place and detections with a step of the pose.
+
+    If the drone is not yet at the place, only the reset counter changes.
+    """
     sweep = replace(sweep, resets=observation.pose.reset_counter)
     here = observation.pose.ne_m
     north_m, east_m = here[0] - sweep.stay_ne_m[0], here[1] - sweep.stay_ne_m[1]

@@ -1,14 +1,14 @@
-"""The nose swings to and fro about the way, so that a beam passes over all of its width.
+"""Swings the nose to both sides of the path, so that a beam sweeps the path's full width.
 
-    the way's side   ─ ─ ─ ─ ─ ─ ─ ─ ─ ╱╲─ ─ ─
-    the nose             ╱╲      ╱╲  ╱    ╲       off the way, over time: at an even rate,
-    the way        ─────╱──╲────╱──╲╱──────╲──    to where nothing is left to be gone through
-    its other side ─ ─ ╱─ ─ ╲─ ╱─ ─ ─ ─ ─ ─ ─ ╲
+    path's right edge ─ ─ ─ ─ ─ ─ ─ ─ ─ ╱╲─ ─ ─
+    nose                  ╱╲      ╱╲  ╱    ╲       angle off the path, over time: at a constant
+    path            ─────╱──╲────╱──╲╱──────╲──    rate, to the edge of what is not swept yet
+    path's left edge─ ─ ╱─ ─ ╲─ ╱─ ─ ─ ─ ─ ─ ─ ╲
 
-At an even rate two readings are nowhere farther apart than they must be: a sine, quickest in the
-middle of the way, leaves gaps there. It turns back where no beam is left to go (`seen_free.py`):
-wide where a leg begins, for the way is wide to look at near the drone; and little later, when it
-was looked at from afar.
+The constant rate keeps the spacing of the readings even. A sine is fastest in the middle of the
+path and leaves gaps there. The nose turns back where everything is swept (`seen_free.py`). At the
+beginning of a leg the swing is wide, because the path covers a wide angle near the drone. Later it
+is small, because the path ahead was already swept from a distance.
 """
 
 import math
@@ -17,29 +17,34 @@ from dataclasses import dataclass
 from companion.safety.seen_free import Lane
 
 RATE_RAD_S = math.radians(45)
-"""Two readings of a sensor that measures twenty times a second are 4 cm apart a metre away. Chosen
-by `benchmarks/legs.py`: at 0.6 m/s among legs 0.1 % of those in the way are met too late, 0.2 % at
-30 deg/s, for the nose comes back too late, and at 60, for the readings are too far apart."""
+"""Yaw rate of the swing, rad/s. Readings of a 20 Hz sensor are then 4 cm apart at 1 m.
+
+Chosen by `benchmarks/legs.py`: at 0.6 m/s among legs, 0.1 % of the legs on the path are detected
+too late. At 30 deg/s it is 0.2 %, because the nose returns too late; at 60 deg/s as well, because
+the readings are too far apart.
+"""
 MIN_RAD, MAX_RAD = math.radians(3), math.radians(75)
-"""Bounds of the swing to either side. Chosen: a beam's own jitter; what the body touches first
-after a corner lies up to 60° off the way, seen from the sensor."""
+"""Bounds of the swing to either side, rad. Chosen: the minimum is a beam's jitter. After a corner,
+the first obstacle that the hull can touch lies up to 60° off the path, from the sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Swing:
-    """To which side the nose turns now, 1 is right."""
+    """Direction in which the nose turns."""
 
     side: int = 1
+    """1 is right, -1 is left."""
 
     @property
     def rate_rad_s(self) -> float:
         return self.side * RATE_RAD_S
 
     def onward(self, off_rad: float, lane: Lane) -> "Swing":
-        """With the nose so far to the right of the way."""
+        """The next swing, with the nose `off_rad` to the right of the path."""
         to_rad = lane.right_rad if self.side > 0 else lane.left_rad
         wide_rad = min(max(to_rad, MIN_RAD), MAX_RAD)
         return Swing(-self.side) if off_rad * self.side > wide_rad else self
 
 
 TO_THE_RIGHT = Swing()
+"""The first swing of a course."""

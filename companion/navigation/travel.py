@@ -1,26 +1,31 @@
-"""To a place, through known free space.
+"""State machine that flies to a goal through known free space.
 
     FLY ───────────────────────────► ARRIVED
-     ▲ │ a doorway is near: pass the front beam over both jambs, so that they are known exactly,
-     │ │ from farther off if it is too near to measure them, again if it looks too narrow;
-     │ │ no way, or no progress for long: turn all round, once, not in a doorway but before it,
-     │ │ where it last had room, if the straight way back there is free
+     ▲ │ a doorway is near: sweep the front beam over both jambs to measure them; from farther
+     │ │ away if the drone is too near; again if the doorway measures too narrow
+     │ │ no path, or no progress for `STUCK_S`: turn all round, once; not in a doorway, but at the
+     │ │ last place with room to turn, if the straight line back to it is free
      │ ▼
     SWEEP
 
-    FLY, no way even so ─► GAVE_UP, but home by where it has flown, whatever is drawn there
-    FLY, no progress even so: by another way, as if the doorway that it is stuck at were shut; and
-    on its way home as if any place that it is stuck at were: a map that is bent leads into walls.
-    Where it was stuck on two ways it does not go again, except on its way home
+    FLY, still no path ─► GAVE_UP; on the way home the drone retraces its flown cells instead,
+    whatever the map contains there
+    FLY, still no progress ─► another path, with the doorway where the drone is stuck shut. On the
+    way home any place where it is stuck is shut: the walls of a distorted map can block the path.
+    A place where the drone was stuck on two journeys stays shut, except on the way home
 
-The way is looked at every two seconds, but not in a doorway, by what is known then. It is planned
-anew where it is not free any more; after a while in any case, as there may be a shorter one; and if
-it leads through a doorway, after each step of the pose, with which the map moved under it. Somebody
-who stands in the way is waited for; when he has stood for a while he is on the map, and it leads
-round him, or there is none.
+The path is checked against the current map every `CHECK_S`, but not in a doorway. It is planned
+again
 
-Safety: nose first, only through cells that beams have found free; slow where it is narrow; what
-appears ahead stops it.
+- if it is not free any more,
+- every `PLAN_S`, because there may be a shorter path,
+- if it passes a doorway, after each step of the pose, because the step moves the map.
+
+The drone waits for a person who stands on the path. After a while the map contains the person; then
+the path leads round, or there is none.
+
+Safety: the drone flies nose first and only through cells that beams measured as free. It is slow
+where clearance is small, and stops before any obstacle that appears ahead.
 """
 
 import math
@@ -63,22 +68,26 @@ from companion.navigation.travel_state import Travel, TravelPhase
 from companion.safety.velocity_guard import clear_of_all_m
 
 CHECK_S, PLAN_S = 2.0, 8.0
+"""Periods of checking the path and of planning it again, s. Chosen."""
 DETOUR_M = 3.0
+"""Margin of the map window round the path, in which a new path is searched first, m. Chosen."""
 STUCK_S, STUCK_M, TIGHT_STUCK_M = 10.0, 0.25, 0.5
-"""So long without getting so far, and it gives up. Between walls that keep it off it moves to and
-fro by more than in the open."""
+"""The drone is stuck if in this time, s, it moves less than this distance, m: in the open, and in a
+narrow place. Chosen: between two walls the velocity limiter moves the drone to and fro by more
+than in the open."""
 NEARLY_M, NEARLY_S = 0.3, 4.0
-"""In a tight place it may not come nearer to its goal: what is too near for the sensors keeps it
-off. It does not wait there longer, for what it knows of that drifts."""
+"""In a narrow place the drone has arrived if it stays within this distance of the goal for this
+time without progress, m and s. Chosen: obstacles below the sensors' minimum range can keep the
+drone off the goal. It does not wait longer, because their stored positions drift."""
 AHEAD_M, MAX_SHUT = 0.5, 8
-"""So far ahead, and so wide to either side, is what it is stuck at; and so often it goes by another
-way."""
+"""Distance ahead, and half width, of the place that is shut where the drone is stuck, m; and the
+maximum number of shut places on the way home. Chosen."""
 
 
 def step(
     travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Travel, Setpoint]:
-    """One tick: the next state and the velocity to fly."""
+    """Runs one tick. Returns the next state and the velocity setpoint."""
     match travel.phase:
         case TravelPhase.FLY:
             return _fly(travel, observation, space, plan)
@@ -125,7 +134,7 @@ def _is_as_near_as_it_gets(travel: Travel, observation: Observation) -> bool:
 def _must_plan(
     travel: Travel, observation: Observation, space: Occupancy, *, has_stepped: bool
 ) -> bool:
-    """The way may not be the best any more, or none; `has_stepped`: the pose, and so the map."""
+    """True if the path must be planned again. `has_stepped`: the pose, and so the map, stepped."""
     now_s = observation.pose.time_s
     if not travel.way or _is_stuck(travel, now_s):
         return True
@@ -136,7 +145,7 @@ def _must_plan(
 
 
 def _is_free(way: Way, observation: Observation, space: Occupancy) -> bool:
-    """Whether there is a way, and it is known to be free, as wide as a doorway."""
+    """True if there is a path, and it is known to be free over the width of a doorway."""
     start = observation.pose.ne_m
     for corner in way:
         length_m = math.dist(start, corner)
@@ -148,7 +157,7 @@ def _is_free(way: Way, observation: Observation, space: Occupancy) -> bool:
 
 
 def in_the_open(observation: Observation, space: Occupancy) -> bool:
-    """Not in a doorway, nor where it is as narrow."""
+    """True if the drone is not in a doorway, nor in a place as narrow as one."""
     return _has_room(observation, space, DOORWAY_ROOM_M)
 
 
@@ -158,7 +167,7 @@ def _has_room(observation: Observation, space: Occupancy, room_m: float) -> bool
 
 
 def _passes_doorway(travel: Travel, observation: Observation) -> bool:
-    """It is in one: it must not turn there for a way that is better by a decimetre."""
+    """True if the drone is in a doorway. There it must not turn for a slightly shorter path."""
     here = observation.pose.ne_m
     return any(math.dist(here, doorway.middle_ne_m) < AWAY_M for doorway in travel.doorways)
 
@@ -187,7 +196,7 @@ def _planned(
     ways = _ways(travel, here, space, plan)
     if gets_on and ways.reaches(travel.goal_ne_m):
         return along(ways, travel, observation)
-    if gets_on and travel.way:  # whoever stands there may go
+    if gets_on and travel.way:  # a person who stands there may leave
         return replace(travel, planned_s=now_s)
     roomy = travel.roomy_ne_m or here
     may_look = not travel.looked_round and ways.ground.fits_along(here, roomy)
@@ -201,7 +210,7 @@ def _planned(
 def _another_way(
     travel: Travel, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Travel:
-    """Through another doorway; home, round any place that it is stuck at."""
+    """Plans a path through another doorway; on the way home, round any place of being stuck."""
     here = observation.pose.ne_m
     doorway = next(
         (d for d in travel.doorways if math.dist(here, d.middle_ne_m) < SWEEP_FROM_M), None
@@ -222,7 +231,10 @@ def _another_way(
 
 
 def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
-    """What it does not get through, as if it were a doorway; on its way home not for ever."""
+    """The place ahead that the drone does not get through, modelled as a doorway.
+
+    Returns None without a path, or after `MAX_SHUT` places on the way home.
+    """
     if not travel.way or (travel.goes_home and len(travel.shut) >= MAX_SHUT):
         return None
     north_m, east_m = travel.way[0][0] - here[0], travel.way[0][1] - here[1]
@@ -234,10 +246,11 @@ def _ahead(travel: Travel, here: Vector2) -> Doorway | None:
 
 
 def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) -> ShortestPaths:
-    """As far as they are needed: near the way so far, if one there leads to the goal.
+    """Shortest paths from `here`: within a window round the old path if one reaches the goal there.
 
-    Not through what is too narrow, but for home. If there is none to the start, even after it has
-    looked, it goes back the way that it came, and stops before what is really there.
+    They avoid doorways that are too narrow, except on the way home. If there is no path to the
+    start, even after a turn all round, they include all flown cells. The drone still stops before
+    real obstacles there.
     """
     clear_m = clear_of_all_m(plan)
     narrow = () if travel.goes_home else too_narrow(travel.known, space)
@@ -254,7 +267,7 @@ def _ways(travel: Travel, here: Vector2, space: Occupancy, plan: MissionConfig) 
 
 
 def along(ways: ShortestPaths, travel: Travel, observation: Observation) -> Travel:
-    """On the way to its goal, which the ways found from here reach."""
+    """Sets the path to the goal. The given paths must reach it."""
     here, now_s = observation.pose.ne_m, observation.pose.time_s
     way = ways.to(travel.goal_ne_m)
     found = find_doorways(ways.ground, here, way)

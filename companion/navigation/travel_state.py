@@ -1,4 +1,4 @@
-"""What going to one place remembers."""
+"""Defines the state of a journey to one goal (`travel.py`)."""
 
 import enum
 import math
@@ -12,7 +12,7 @@ from companion.navigation.sweep import Sweep
 
 
 class TravelPhase(enum.Enum):
-    """Where in the diagram of `travel.py`."""
+    """States of the diagram in `travel.py`."""
 
     FLY = "on the way"
     SWEEP = "looking for the way"
@@ -22,46 +22,48 @@ class TravelPhase(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Travel:
-    """The whole memory of going to one place."""
+    """State of a journey to one goal. Positions are local NED, m."""
 
     goal_ne_m: Vector2
     within_m: float = ARRIVED_M
-    """So near to it, it has arrived, unless that is in a doorway, or it has not looked there; and
-    where it is tight, so near as it gets."""
+    """Arrival radius, m, in the open and after the course was swept. In a narrow place the radius
+    is `ARRIVED_M`, or the nearest that the drone gets."""
     phase: TravelPhase = TravelPhase.FLY
     way: Way = ()
+    """The path still to fly."""
     course: Course | None = None
-    """To the next corner, once it was faced."""
+    """Course to the next corner; None until a beam has pointed along it."""
     planned_s: float = -math.inf
     checked_s: float = -math.inf
-    """When the way was found, and when it was last found free."""
+    """Times at which the path was planned and last checked."""
     resets: int = 0
-    """Of the pose, when the way was looked at: a step of the pose moves the map under the way."""
+    """Reset counter of the pose at the last check. A step of the pose moves the map."""
     doorways: tuple[Doorway, ...] = ()
+    """Doorways on the path, in its order."""
     known: tuple[Doorway, ...] = ()
     """All doorways found so far."""
     shut: tuple[Doorway, ...] = ()
-    """Those that it could not get through, and other places as if they were doorways."""
+    """Places that paths must avoid: doorways and others where the drone was stuck."""
     stuck_at: tuple[Doorway, ...] = ()
-    """The same, of all ways so far."""
+    """Places where the drone was stuck, on all journeys so far."""
     sweep: Sweep | None = None
-    """In SWEEP."""
+    """The sweep in progress, in SWEEP."""
     roomy_ne_m: Vector2 | None = None
-    """Where it last had room to turn round."""
+    """Last place with room to turn round."""
     looked_round: bool = False
-    """It does so once, when there is no way."""
+    """True after the turn all round, which is done once, if there is no path."""
     progress_s: float | None = None
     progress_ne_m: Vector2 = (0.0, 0.0)
-    """When and where it last got on."""
+    """Time and place of the last progress."""
 
     @property
     def goes_home(self) -> bool:
-        """On which it stops before less."""
+        """True if the goal is the start. Then fewer places are treated as blocked."""
         return self.goal_ne_m == START_NE_M
 
 
 def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel:
-    """To another place, with what was found on the way so far."""
+    """A journey to the next goal, with the doorways and stuck places of the journey before."""
     if before is None:
         return Travel(goal_ne_m, within_m)
     return Travel(
@@ -76,6 +78,6 @@ def onward(before: Travel | None, goal_ne_m: Vector2, within_m: float) -> Travel
 
 
 def stuck_twice(travel: Travel) -> tuple[Doorway, ...]:
-    """Where it was stuck on two ways; somebody may have stood there the first time."""
+    """Places where the drone was stuck twice. Once may have been a person in the way."""
     places = travel.stuck_at
     return tuple(at for i, at in enumerate(places) if any(map(at.is_same, places[:i])))

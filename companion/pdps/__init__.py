@@ -1,12 +1,11 @@
-"""Perpendicular Distance and Parallel Scanning: the missions.
+"""Missions of PDPS (Perpendicular Distance and Parallel Scanning), as pure state machines.
 
-Pure state machines: they take what is known at this tick and return the next state and what to
-ask of the autopilot. None of them does I/O or reads a clock.
+Each takes the input of one tick and returns the next state and the action to request from the
+autopilot. None does I/O or reads a clock.
 
-    flight ─┬─► room_scan: the tracing of one room, begun by `perpendicular`
-                   ├─► explore: the seeing of a building: `frontiers` says what is unseen,
-                   │            `viewpoints` and `visibility` from where to see it, `tour` in
-                   │            which order
-                   ├─► layers: a building at several heights; `overflight` from above
-                   └─► home
+    flight ─┬─► room_scan: traces the walls of one room, after `perpendicular` found the nearest
+            ├─► explore: maps a building; `frontiers` finds unseen cells, `viewpoints` and
+            │            `visibility` the places to see them from, `tour` the order of these
+            ├─► layers: maps a building at several heights, then runs `overflight`
+            └─► home
 """

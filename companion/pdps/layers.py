@@ -1,16 +1,16 @@
-"""A building at several heights: explored in one, back to the start, up to the next.
+"""State machine that explores a building at several heights, one layer after the other.
 
     EXPLORE ──all seen──► RETURN ──at the start──► CLIMB ──► EXPLORE, one layer higher
                            │  │ the ceiling is near
-               no way back │  ▼
+              no path back │  ▼
                            │ OVERFLY ──► DONE
                            └──────────────▲
 
-What stands at one height need not stand at another, so each layer has its own space, in which
-nothing is known at first but the column over the start. From the highest, everything is flown over
-once: the down beam measures tables only from a metre above them.
+An obstacle at one height need not exist at another. So each layer has its own occupancy grid, in
+which only the column over the start is known at first. From the highest layer the drone flies over
+everything once, because the down beam measures tables only from 1 m above them.
 
-Safety: it climbs only over its start, and no nearer to the ceiling than its clearance.
+Safety: the drone climbs only over its start, and keeps its clearance to the ceiling.
 """
 
 import enum
@@ -30,13 +30,15 @@ from companion.pdps.overflight import Overfly, OverflyPhase
 from companion.safety.control_laws import stay
 
 AT_HEIGHT_M = 0.08
+"""Maximum height error at which a layer counts as reached, m. Chosen."""
 OVER_HEAD_M = 0.25
-"""Beyond the clearance, between the drone's centre and the ceiling."""
+"""Margin between the drone's centre and the ceiling, beyond the clearance, m. Chosen."""
 TO_START = Travel(START_NE_M)
+"""Journey back to the start."""
 
 
 class LayersPhase(enum.Enum):
-    """Where in the diagram above."""
+    """States of the diagram above."""
 
     EXPLORE = "exploring a layer"
     RETURN = "returning to climb"
@@ -47,26 +49,27 @@ class LayersPhase(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Layers:
-    """The whole memory."""
+    """State of the mission over all layers."""
 
     phase: LayersPhase = LayersPhase.EXPLORE
     number: int = 0
-    """Of the layer, from the lowest."""
+    """Number of the layer, from the lowest, which is 0."""
     explore: Explore = field(default_factory=Explore)
     travel: Travel = TO_START
     overfly: Overfly = field(default_factory=Overfly)
 
     def height_m(self, plan: MissionConfig) -> float:
+        """Height of the present layer, m."""
         return plan.height_m + self.number * plan.layer_spacing_m
 
     @property
     def is_extra(self) -> bool:
-        """Whether all layers were seen, and what goes on is not worth the last of the battery."""
+        """True if all layers were seen. The rest of the mission may end early."""
         return self.phase is LayersPhase.OVERFLY
 
     @property
     def activity(self) -> str:
-        """The phase in words, as fine as it is known."""
+        """Description of the phase, or of the sub-phase while exploring."""
         if self.phase is LayersPhase.EXPLORE:
             return self.explore.activity
         return str(self.phase.value)
@@ -75,7 +78,10 @@ class Layers:
 def step(
     layers: Layers, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Layers, Setpoint]:
-    """One tick: the next state and the velocity to fly; `space` is that of the present layer."""
+    """Runs one tick. Returns the next state and the velocity setpoint.
+
+    `space` is the occupancy grid of the present layer.
+    """
     match layers.phase:
         case LayersPhase.EXPLORE:
             return _explore(layers, observation, space, plan)
@@ -121,7 +127,7 @@ def _return(
 
 
 def _fits_above(layers: Layers, observation: Observation, plan: MissionConfig) -> bool:
-    """By what the up beam says over the start; it must say that there is room."""
+    """True if the up beam measures enough room above the start for the next layer."""
     above_m = observation.clear_m(Beam.UP)
     return above_m >= plan.layer_spacing_m + plan.clearance_m + OVER_HEAD_M or math.isinf(above_m)
 

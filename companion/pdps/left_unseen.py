@@ -1,4 +1,4 @@
-"""What is left unseen when nothing more can be looked at: openings that are too narrow, mostly."""
+"""Lists the places that are still unseen after the exploration: mostly openings too narrow."""
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, label
@@ -8,13 +8,17 @@ from companion.pdps.frontiers import SQUARE, Places, centres, edges, without_spe
 from companion.pdps.viewpoints import NEAR_SOMETHING_M
 
 MIN_OPENING_CELLS = 4
-"""Of 10 cm, without those that touch the jambs. Chosen: behind less there is hardly a place."""
+"""Minimum length of a listed edge, in cells of 10 cm, without those that touch the jambs.
+Chosen: a smaller opening rarely has a room behind it."""
 MAX_NAMED = 3
-"""What a pilot reads at a glance."""
+"""Maximum number of places in the message. Chosen: a pilot reads that many at a glance."""
 
 
 def left_unseen(space: Occupancy) -> Places:
-    """The middle of each edge of what is known, the longest first; not of the open, without end."""
+    """Middles of the edges of known space near obstacles, local NED, m; the longest edge first.
+
+    Edges in the open, far from any obstacle, are not listed.
+    """
     near = distance_transform_edt(~space.occupied) * CELL_M <= NEAR_SOMETHING_M
     numbers, count = label(without_specks(edges(space) & near, MIN_OPENING_CELLS), SQUARE)
     parts = [np.argwhere(numbers == number) for number in range(1, count + 1)]
@@ -24,7 +28,7 @@ def left_unseen(space: Occupancy) -> Places:
 
 
 def in_words(places: Places) -> str:
-    """Where they are from the start, its first heading being north; empty if there are none."""
+    """Message with the places relative to the start, first heading north; empty without places."""
     named = [_way(*place) for place in places[:MAX_NAMED]]
     more = f" and {len(places) - MAX_NAMED} more" if len(places) > MAX_NAMED else ""
     return f"left unseen: {', '.join(named)}{more}" if named else ""

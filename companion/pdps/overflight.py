@@ -1,12 +1,12 @@
-"""Flying over everything once, so that the down beam meets what stands lower: tables, boxes.
+"""State machine that flies over all free space once, so that the down beam detects low obstacles.
 
-    CHOOSE ──not flown over yet──► GO ──there, or no way──► CHOOSE
+    CHOOSE ──not flown over yet──► GO ──arrived, or no path──► CHOOSE
        └──all was──► DONE
 
-Straight on as long as that meets something new: a turn or a stop takes as long as a metre or two.
-Along the walls, where most tables stand, the tracks are closer.
+The drone flies straight on as long as it covers new floor: a turn or a stop takes as long as a
+metre or two of flight. Along the walls, where most tables stand, the tracks are closer.
 
-Safety: it goes only where `travel` goes.
+Safety: the drone flies only where `travel` does.
 """
 
 import enum
@@ -30,24 +30,30 @@ from companion.pdps.viewpoints import turn_rad
 from companion.safety.velocity_guard import clear_of_all_m
 
 OVER_M, OVER_BY_WALLS_M = 1.2, 0.2
-"""What is no farther from where the drone has flown counts as flown over."""
+"""Cells within this distance of the flown track count as flown over, m: in the open, and near
+walls. Chosen."""
 WALL_WITHIN_M = 0.7
+"""Cells with less clearance than this are near a wall, m. Chosen."""
 NEAR_ENOUGH_M = 0.3
+"""Arrival radius at a goal, m. Chosen."""
 MIN_CELLS = 12
-"""An eighth of a square metre: less is not worth a turn."""
+"""Minimum size of a goal area, in cells: 1/8 m². Chosen: a smaller one does not justify a turn."""
 AIMED_WITHIN_M = 0.6
+"""Cells within this distance of an earlier goal are not a goal again, m. Chosen."""
 STRAIGHT_ON_M, HEADINGS = 6.0, 72
+"""Maximum length of a straight track, m, and number of directions that are compared. Chosen."""
 STOP_S = 2.0
-"""What the end of a straight way costs."""
+"""Time for the stop at the end of a straight track, s. Chosen."""
 MIN_MET = 4.0
-"""In cells over which a way goes: where it meets less, it is better to go elsewhere."""
+"""Minimum number of new cells along a straight track. Chosen: with fewer, the nearest remaining
+cell is the goal."""
 Indices = NDArray[np.int64]
 Metres = NDArray[np.float64]
 Seconds = NDArray[np.float64]
 
 
 class OverflyPhase(enum.Enum):
-    """Where in the diagram above."""
+    """States of the diagram above."""
 
     CHOOSE = "choosing what to fly over"
     GO = "flying over everything"
@@ -56,21 +62,21 @@ class OverflyPhase(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Overfly:
-    """The whole memory."""
+    """State of the overflight."""
 
     phase: OverflyPhase = OverflyPhase.CHOOSE
     travel: Travel | None = None
-    """In GO."""
+    """Journey to the goal, in GO."""
     came: Travel | None = None
-    """How it has come here."""
+    """The last journey."""
     aimed_at: tuple[Vector2, ...] = ()
-    """Reached as nearly as that goes, or given up: neither is tried again."""
+    """Earlier goals, reached or given up, local NED, m. They are not tried again."""
 
 
 def step(
     overfly: Overfly, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Overfly, Setpoint]:
-    """One tick: the next state and the velocity to fly."""
+    """Runs one tick. Returns the next state and the velocity setpoint."""
     if overfly.phase is OverflyPhase.CHOOSE:
         return _choose(overfly, observation, space, plan), HOLD
     if overfly.travel is None or overfly.phase is OverflyPhase.DONE:
@@ -112,7 +118,7 @@ def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells
 def _goal(
     left: Cells, ways: ShortestPaths, observation: Observation, plan: MissionConfig
 ) -> Vector2:
-    """The end of the straight way that meets most for its time, or the nearest that is left."""
+    """Goal: the end of the straight track with most new cells for its time, or the nearest cell."""
     grid = ways.ground.grid
     ends, meets = _straight_on(left, ways.ground)
     worth = meets / (_seconds(ends, ways, observation, plan) + STOP_S)
@@ -127,16 +133,16 @@ def _goal(
 def _seconds(
     cells: Indices, ways: ShortestPaths, observation: Observation, plan: MissionConfig
 ) -> Seconds:
-    """(n,): to get to each cell, the turn towards it counted."""
+    """Time to fly to each cell (n, 2), with the turn towards it, s; (n,)."""
     turn_s = turn_rad(observation, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     seconds: Seconds = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
     return seconds
 
 
 def _straight_on(left: Cells, ground: CostGrid) -> tuple[Indices, Metres]:
-    """Ends (n, 2) of straight ways to all sides and of all lengths, and what they meet (n,).
+    """Ends (n, 2) of straight tracks in all directions and lengths, and the new cells on them (n,).
 
-    A way meets what is left within its width.
+    The count is averaged over the width of the track.
     """
     width_cells = 2 * round(OVER_BY_WALLS_M / CELL_M) + 1
     beside = uniform_filter(left.astype(float), width_cells)

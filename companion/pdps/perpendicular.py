@@ -1,12 +1,12 @@
-"""The perpendicular distance (paper, section 3.2, figure 1): nearest wall in a 360° turn.
+"""Finds the perpendicular to the nearest wall in a 360° turn (paper, section 3.2, figure 1).
 
-Seen from one spot, a wall at perpendicular distance d in direction β returns the range
-r(θ) = d / cos(θ - β) to a beam along θ. Hence
+From one place, a beam along θ measures a wall at perpendicular distance d and bearing β at the
+range r(θ) = d / cos(θ - β). Hence
 
     1/r = a·cos θ + b·sin θ,    a = cos β / d,    b = sin β / d
 
-is linear in (a, b), and a least-squares fit over a few degrees of the turn gives both d and β far
-better than the single smallest range, which noise picks.
+is linear in (a, b). A least-squares fit over a sector of the turn gives d and β. Both are more
+accurate than the single smallest range, which is biased by noise.
 """
 
 import math
@@ -18,15 +18,19 @@ from companion.core.frames import wrap_rad
 from companion.core.values import value
 
 HALF_WINDOW_RAD = math.radians(20)
+"""Half width of a fitted sector, rad. Chosen."""
 MIN_RETURNS = 8
+"""Minimum number of readings in a fit. Chosen."""
 STEP_RAD = math.radians(5)
+"""Spacing of the sectors, rad. Chosen."""
 MAX_OFF_CENTRE_RAD = math.radians(10)
-"""The foot of the perpendicular must lie inside the window that was fitted."""
+"""Maximum angle between the fitted perpendicular and the sector's centre, rad. Chosen: the foot of
+the perpendicular must lie inside the fitted sector."""
 
 
 @value
 class TurnReading:
-    """One return of the turn: bearing in local NED, range from the drone's centre."""
+    """A range reading of the turn: bearing in local NED, range from the drone's centre, sigma."""
 
     bearing_rad: float
     range_m: float
@@ -35,17 +39,17 @@ class TurnReading:
 
 @value
 class Perpendicular:
-    """Where the nearest wall is."""
+    """Bearing of the perpendicular to a wall, local NED, and distance along it."""
 
     bearing_rad: float
     distance_m: float
 
 
 def find_perpendicular(turn: Sequence[TurnReading]) -> Perpendicular | None:
-    """The nearest wall that was swept square on; None if the turn met none.
+    """Perpendicular to the nearest wall; None if the turn has no readings.
 
-    If no window holds the foot of a perpendicular (only corners or ends of walls were in range),
-    the shortest return stands for it, as in the paper.
+    If no sector contains the foot of a perpendicular (only corners or ends of walls are in range),
+    the result is the shortest reading, as in the paper.
     """
     candidates = [
         wall
@@ -80,9 +84,9 @@ def _fit(rays: list[TurnReading], centre_rad: float) -> Perpendicular | None:
 
 
 def free_distance(turn: Sequence[TurnReading], bearing_rad: float, seen_to_m: float) -> float:
-    """How far the turn has shown free space around a bearing; 0 where it has seen nothing.
+    """Free distance that the turn measured round a bearing, m; 0 without a reading there.
 
-    `seen_to_m` caps the answer: nobody has looked farther.
+    The result is at most `seen_to_m`.
     """
     nearest = [ray.range_m for ray in _window(turn, bearing_rad)]
     return min([seen_to_m, *nearest]) if nearest else 0.0

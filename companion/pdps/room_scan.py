@@ -1,30 +1,34 @@
-"""Tracing one room: turn, find the nearest wall, keep off it, go round parallel to the walls.
+"""State machine that traces one room: finds the nearest wall and flies round parallel to the walls.
 
             nothing returned          front returns
     TURN ─────────────────────► SEEK ─────────────► TURN
      │ nearest wall found
      ▼
     FACE ──► STAND_OFF ──► SCAN ──────────────────────────► CLOSED
-    nose to    keep the    │ ▲ │ ▲   all corners turned and
-    the wall   distance    ▼ │ │ │   past where the scan began
+    nose to    keep the    │ ▲ │ ▲   all corners turned, and
+    the wall   distance    ▼ │ │ │   past the scan's beginning
                         CORNER ▼ │
                               SWEEP
-    CORNER: the right beam meets the next wall, turn 90° right
-    SWEEP:  the way along is not known to be free, look at that side of it
-    SCAN, not known to be free where it swept before ─► BLOCKED
-    STAND_OFF, not there within half a minute ─► BLOCKED
-    SCAN, past where it began ─► SCAN: round again, if the walls are not known well by then
+    CORNER: the right beam measures the next wall; turn 90° right
+    SWEEP:  the path along the wall is not known to be free; sweep that side of it
+    SCAN, still not known to be free after a sweep there ─► BLOCKED
+    STAND_OFF, distance not reached within 30 s ─► BLOCKED
+    SCAN, past its beginning ─► SCAN: an extra round, if the distances between walls are uncertain
 
-The drone faces the wall and moves to its right, so the room is traced clockwise and the right
-beam looks where the drone goes. It swings its nose to and fro meanwhile, so that the beam passes
-over all of the way ahead and not only over its middle: wide where a leg begins, and little later.
+The drone faces the wall and moves to its right. So it traces the room clockwise, and the right beam
+points in the direction of flight. Meanwhile the nose swings, so that the beam sweeps the full width
+of the path ahead. The swing is wide at the beginning of a leg, and small later.
 
-Along a wall longer than its range odometry alone tells how far apart the walls at its ends are. If
-that is known too badly after one round, each further one tells it as well again; they are extras.
+Along a wall longer than the sensor's range, only odometry measures the distance between the walls
+at its ends. If its sigma is too large after one round, the drone flies extra rounds. Each adds
+another measurement.
 
-Safety: it moves only forward and right, where a beam looks, and along the wall only through space
-that is known to be free as wide as the drone; it backs away from a wall no farther than the first
-turn has shown free; a beam that fails stops the movement along it.
+Safety:
+
+- The drone moves only forward and right, where a beam points.
+- Along the wall it moves only through space known to be free over the drone's width.
+- It backs away from a wall only as far as the first turn measured free space.
+- If a beam fails, the movement along that beam stops.
 """
 
 import math
@@ -50,44 +54,60 @@ from companion.safety.control_laws import (
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
+"""Angle between two walls of a room, and between the wall's normal and the flight along it."""
 ON_HEADING_RAD = math.radians(2.5)
+"""Maximum error at which a heading counts as reached, rad. Chosen."""
 ROUND_CORNER_RAD = math.radians(15)
-"""When no more than this is left of a corner's turn, the drone already sets off along the next
-wall: the right beam looks there."""
+"""Remaining turn at a corner from which the drone already moves along the next wall, rad. Chosen:
+the right beam points along it by then."""
 AT_STANDOFF_M = 0.10
+"""Maximum error at which the stand-off counts as reached, m. Chosen."""
 STANDOFF_WITHIN_S = 30.0
-"""When it has not come there by then, something keeps the drone off."""
+"""Timeout of STAND_OFF, s. Chosen: after it, the velocity limiter is holding the drone off."""
 SEEN_BY_ONE_TURN_M = 3.0
-"""How far back one turn is trusted to have seen free space."""
+"""Maximum distance for which one turn counts as proof of free space, m. Chosen."""
 MIN_ROOM_BEHIND_M = 0.7
+"""Distance behind that stays free when the drone backs away from a wall, m. Chosen."""
 SEEK_UNTIL_M = 4.0
+"""SEEK ends when the front beam measures less than this or the stand-off, m. Chosen."""
 CORNER_READINGS = 2
-"""Consecutive readings that must agree before a corner is believed."""
+"""Number of consecutive readings that detect a corner. Chosen."""
 CORNER_MARGIN_M = 0.12
+"""Remaining distance to the next wall's stand-off at which a corner is detected, m. Chosen."""
 CORNERS_OF_A_ROOM = 4
+"""Minimum number of corners in a round."""
 CLOSING_OVERLAP_M, CLOSING_WITHIN_M = 0.3, 1.5
+"""The round is closed if the drone is past a mark of the round before by the first distance, and
+within the second of it, m. Chosen."""
 CLOSING_RAD = math.radians(20)
+"""Maximum difference in heading to that mark, rad. Chosen."""
 MARK_EVERY_M = 0.5
+"""Spacing of the marks on the track, m. Chosen."""
 REFINEMENT_RAD = math.radians(30)
-"""Of its heading at once: so far a step of the pose may turn the map, of which the heading knows
-nothing."""
+"""Maximum correction of the heading in one tick, rad. Chosen: a step of the pose can turn the map by
+this much, while the stored heading stays."""
 KNOWN_AHEAD_M = 1.3
-"""From the drone's centre along the wall; with less it looks before it goes on."""
+"""Length of the path along the wall, from the drone's centre, that must be known to be free, m. With
+less, the drone sweeps first. Chosen."""
 HALF_WAY_M = 0.5
+"""Half width of that path, m. Chosen."""
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)
-"""So far aside that the beam passes over all of the way from a hand before the drone on."""
+"""Angle of a sweep to one side, and error at which it counts as reached, rad. Chosen: the beam
+then sweeps all of the path from about 0.1 m before the drone."""
 SWEPT_WITHIN_M = 0.25
+"""A second sweep nearer to the last one than this ends the scan, m. Chosen."""
 LOOSE_M, MAX_EXTRA_ROUNDS = 0.06, 2
-"""Sigma of the distance between two walls that is worth another round."""
+"""Minimum sigma of the distance between two walls that justifies an extra round, m, and maximum
+number of extra rounds. Chosen."""
 
 _TURNING = (Beam.FRONT, Beam.RIGHT, Beam.LEFT)
-"""What looks for the nearest wall in the first turn."""
+"""Beams that detect the nearest wall in the first turn."""
 
 
 def step(
     scan: RoomScan, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[RoomScan, Setpoint]:
-    """One tick: the next state and the velocity to fly."""
+    """Runs one tick. Returns the next state and the velocity setpoint."""
     standoff_m = min(observation.standoff_m, scan.most_standoff_m)
     if standoff_m != scan.standoff_m:
         scan = replace(scan, standoff_m=standoff_m)
@@ -202,13 +222,13 @@ def _scan(
 
 
 def _along_m(scan: RoomScan, observation: Observation, along_m: float) -> Vector2:
-    """The place so far along the wall from here."""
+    """Place at a distance along the wall from the drone, local NED, m."""
     north_m, east_m = frd_to_ned(0.0, along_m, scan.heading_rad)
     return observation.pose.north_m + north_m, observation.pose.east_m + east_m
 
 
 def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -> Setpoint:
-    """At the stand-off, up to where the next wall begins."""
+    """Setpoint along the wall at the stand-off, up to the stand-off of the next wall."""
     wall_m = _wall_distance_m(scan, observation)
     towards_m_s = keep_distance(wall_m, scan.standoff_m, 0.4 * plan.speed_m_s)
     along_m_s = approach_speed(_gap_m(scan, observation), plan.speed_m_s, observation.lag_s)
@@ -217,9 +237,10 @@ def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -
 
 
 def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -> list[int]:
-    """On which sides of the way along the wall, 1 towards it, too little is known to be free.
+    """Sides of the path along the wall where too little is known to be free.
 
-    Enough is some way ahead, or up to the next wall. No sweep passes over what is at its flanks.
+    1 is the side towards the wall, -1 the other. Required are `KNOWN_AHEAD_M`, or less if the next
+    wall is nearer. A sweep does not cover what lies beside the drone.
     """
     along_rad = scan.heading_rad + QUARTER_TURN_RAD
     enough_m = min(KNOWN_AHEAD_M, _gap_m(scan, observation) + BODY_RADIUS_M)
@@ -234,7 +255,10 @@ def _unknown_sides(scan: RoomScan, observation: Observation, space: Occupancy) -
 
 
 def _begin_sweep(scan: RoomScan, observation: Observation, sides: list[int]) -> RoomScan:
-    """Turn so far that the right beam passes over what is unknown, and back."""
+    """Begins turns by which the right beam sweeps the unknown sides, and the turn back.
+
+    If the last sweep was here, too, the scan ends.
+    """
     here = observation.pose.ne_m
     if scan.swept_ne_m is not None and math.dist(here, scan.swept_ne_m) < SWEPT_WITHIN_M:
         return replace(scan, phase=ScanPhase.CLOSED if scan.is_extra else ScanPhase.BLOCKED)
@@ -295,7 +319,7 @@ _MOVES = {
 
 
 def _refined(scan: RoomScan, observation: Observation) -> RoomScan:
-    """Point at the wall as it is mapped by now rather than as the first turn saw it."""
+    """Corrects the heading to the mapped wall ahead, which is more exact than the first turn."""
     if observation.wall_ahead is None:
         return scan
     normal_rad, _ = observation.wall_ahead
@@ -314,7 +338,7 @@ def _turn_rate(scan: RoomScan, observation: Observation, plan: MissionConfig) ->
 
 
 def _wall_distance_m(scan: RoomScan, observation: Observation) -> float:
-    """To the wall ahead: as mapped, if the front beam agrees, else as the beam says."""
+    """Distance to the wall ahead, m: from the map, or from the front beam if the two disagree."""
     ahead_m = observation.clear_m(Beam.FRONT) * math.cos(
         observation.pose.yaw_rad - scan.heading_rad
     )
@@ -325,7 +349,7 @@ def _wall_distance_m(scan: RoomScan, observation: Observation) -> float:
 
 
 def _gap_m(scan: RoomScan, observation: Observation) -> float:
-    """Along the wall, to the stand-off of the next."""
+    """Distance along the wall to the stand-off of the next wall, m."""
     return observation.clear_m(Beam.RIGHT) - scan.standoff_m
 
 
@@ -342,7 +366,7 @@ def _marked(scan: RoomScan, observation: Observation) -> RoomScan:
 
 
 def _is_closed(scan: RoomScan, observation: Observation) -> bool:
-    """The walls behind were seen up to a mark a whole round ago, and from there on then."""
+    """True if the drone is past a mark of a full round ago, near it and at its heading."""
     for mark in scan.marks:
         if scan.corners - mark.corners < CORNERS_OF_A_ROOM:
             break
@@ -357,12 +381,12 @@ def _is_closed(scan: RoomScan, observation: Observation) -> bool:
 
 
 def _are_loose(walls: KnownWalls) -> bool:
-    """It is not known well how far apart two that face one another are."""
+    """True if the distance between two opposite walls has a sigma over `LOOSE_M`."""
     return float(walls.gap_sigmas_m().max(initial=0.0)) > LOOSE_M
 
 
 def _guarded(speed_m_s: float, beam: Beam, observation: Observation) -> float:
-    """Never on towards something near: the last word on every phase."""
+    """Limits the speed along a beam by the distance it measures, in every phase."""
     if speed_m_s <= 0:
         return speed_m_s
     return approach_speed(

@@ -1,4 +1,4 @@
-"""What the tracing of a room remembers."""
+"""Defines the state of the room scan (`room_scan.py`)."""
 
 import enum
 import math
@@ -10,7 +10,7 @@ from companion.pdps.perpendicular import TurnReading
 
 
 class ScanPhase(enum.Enum):
-    """Where in the diagram of `room_scan.py`."""
+    """States of the diagram in `room_scan.py`."""
 
     TURN = "turning 360° to find the nearest wall"
     SEEK = "flying forward until a wall returns"
@@ -25,49 +25,54 @@ class ScanPhase(enum.Enum):
 
 @value
 class Mark:
-    """Where the scan was."""
+    """A place on the scan's track."""
 
     ne_m: Vector2
     heading_rad: float
     corners: int
-    """Turned until then."""
+    """Number of corners turned before."""
 
 
 @value
 class RoomScan:
-    """The scan's whole memory."""
+    """State of the scan. Positions are local NED, m."""
 
     phase: ScanPhase = ScanPhase.TURN
     turned_rad: float = 0.0
+    """Angle turned so far, in TURN, rad."""
     last_yaw_rad: float | None = None
     turn: tuple[TurnReading, ...] = ()
+    """Readings of the first turn."""
     heading_rad: float = 0.0
+    """Heading at a right angle to the wall, rad."""
     standoff_m: float = 0.0
-    """As planned for the drone as it flies by now, but no more than"""
+    """Planned stand-off distance, limited to `most_standoff_m`, m."""
     most_standoff_m: float = math.inf
-    """the first turn has shown that it may back away."""
+    """Maximum stand-off, m: the first turn measured free space so far from the wall."""
     faced_s: float = math.inf
-    """When it began to take that."""
+    """Time at which STAND_OFF began, s."""
     marks: tuple[Mark, ...] = ()
-    """The way along the walls so far."""
+    """The track along the walls so far."""
     corners: int = 0
+    """Number of corners turned."""
     swing: Swing = TO_THE_RIGHT
     corner_readings: int = 0
+    """Number of consecutive readings that show a corner."""
     corner_ne_m: Vector2 = (0.0, 0.0)
-    """Where it turns: as far from the next wall as it keeps off this one."""
+    """Place of the turn, at the stand-off from both walls."""
     sweep_rad: tuple[float, ...] = ()
-    """Headings still to be turned to."""
+    """Headings still to turn to, in SWEEP, rad."""
     swept_ne_m: Vector2 | None = None
-    """Where it began to look along the wall the last time."""
+    """Place of the last sweep."""
     extra_rounds: int = 0
-    """Begun since all walls were traced once."""
+    """Rounds begun since all walls were traced once."""
 
     @property
     def is_extra(self) -> bool:
-        """What goes on is not worth the last battery."""
+        """True in an extra round, which may end early."""
         return self.extra_rounds > 0
 
     @property
     def activity(self) -> str:
-        """The phase in words."""
+        """Description of the phase."""
         return "going round again" if self.is_extra else str(self.phase.value)

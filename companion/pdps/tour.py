@@ -1,6 +1,6 @@
-"""In which order to go to several places, and home in the end, so that it takes least.
+"""Finds the shortest tour through several places that ends at home.
 
-The nearest first would leave corners of a room behind, and come back for them through the doorway.
+A nearest-first order leaves corners of a room unseen, and returns to them through the doorway.
 """
 
 import numpy as np
@@ -11,14 +11,15 @@ from companion.core.frames import Vector2
 from companion.navigation.grid_planner import ShortestPaths, graph
 
 COARSE_CELLS = 3
-"""The order does not hang on a few decimetres."""
+"""Reduction of the grid for this search, in cells. Chosen: a few decimetres do not change the
+order."""
 FAR_M = 1e3
-"""To where no way is known, as home when something was shut behind."""
+"""Cost between places without a path, m; for example home, after a door behind was shut. Chosen."""
 Costs = NDArray[np.float64]
 
 
 def first_of_tour(ways: ShortestPaths, places: tuple[Vector2, ...], home_ne_m: Vector2) -> int:
-    """Which of the places, that `ways` reaches, the shortest tour of all begins with."""
+    """Index of the place with which the shortest tour begins. `ways` must reach all places."""
     if len(places) == 1:
         return 0
     stops = [ways.ground.grid.cell(place) for place in (*places, home_ne_m)]
@@ -27,7 +28,7 @@ def first_of_tour(ways: ShortestPaths, places: tuple[Vector2, ...], home_ne_m: V
 
 
 def _between_m(ways: ShortestPaths, cells: NDArray[np.int64]) -> Costs:
-    """(n, n): the ways' costs between cells (n, 2), on a coarser grid."""
+    """Costs of the paths between cells (n, 2), on a coarser grid; (n, n)."""
     rows, columns = (-np.array(ways.ground.cost.shape)) % COARSE_CELLS
     cost = np.pad(ways.ground.cost, ((0, rows), (0, columns)), constant_values=np.inf)
     tall, wide = cost.shape[0] // COARSE_CELLS, cost.shape[1] // COARSE_CELLS
@@ -38,10 +39,11 @@ def _between_m(ways: ShortestPaths, cells: NDArray[np.int64]) -> Costs:
 
 
 def shortest_first(from_here: Costs, between: Costs, to_home: Costs) -> int:
-    """Where the shortest way through all n places begins (Held and Karp 1962).
+    """Index of the first place of the shortest path through all n places (Held and Karp 1962).
 
-    `least[visited, last]` is the shortest way through a set of places, a bit each, that ends in
-    `last`; `first` is where that begins.
+    `least[visited, last]` is the length of the shortest path through a set of places, one bit each,
+    that ends in `last`. `first` is the place where that path begins. Costs are from here (n,),
+    between places (n, n) and to home (n,).
     """
     n = len(from_here)
     least = np.full((1 << n, n), np.inf)

@@ -1,4 +1,4 @@
-"""What shows from where: lines through the cells, from places to what is unseen."""
+"""Computes which unseen cells are visible from which viewpoints, by lines through the grid."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,25 +8,29 @@ from companion.mapping.occupancy import CELL_M, Cells, Occupancy
 from companion.pdps.frontiers import Indices, grown
 
 SEES_M = 2.4
-"""From so far a look shows a surface well."""
+"""Maximum distance from which a beam measures a surface well, m. Chosen."""
 MIN_SEES_M = 0.9
-"""Nearer than this the sensor cannot measure."""
+"""Minimum distance at which the sensor can measure, m. Chosen."""
 BEYOND_M, MIN_BEYOND = 0.5, 0.6
-"""So far beyond a frontier a look goes on, and of that so much, at least, has to be unknown."""
+"""A line to a frontier continues beyond it by this length, m; this share of it must be unknown.
+Chosen."""
 MEETS_WITHIN_CELLS = 2
+"""A line to a surface must meet an occupied cell within this many cells behind its end. Chosen."""
 VIEW_EVERY_CELLS = 3
+"""Spacing of the candidate viewpoints, in cells. Chosen."""
 Which = NDArray[np.bool_]
 
 
 def viewpoints(may: Cells) -> Indices:
-    """Cells where it may look round, (n, 2), a few decimetres apart."""
+    """Candidate viewpoints: every `VIEW_EVERY_CELLS`th cell of `may`, (n, 2)."""
     return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
 
 
 def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> Indices:
-    """Pairs (view, target), (n, 2), of places (v, 2) and what is unseen (t, 2); `known`: cells.
+    """Pairs (view, target), (n, 2), of viewpoints (v, 2) and the unseen cells (t, 2) they show.
 
-    A look from the one shows the other well, or what is behind it, with nothing in between.
+    A view shows a surface if its line is clear and meets the surface. It shows a frontier if its
+    line is clear and continues into unknown space. `known` is a mask of known cells.
     """
     near = cKDTree(views).sparse_distance_matrix(
         cKDTree(targets), SEES_M / CELL_M, output_type="ndarray"
@@ -43,9 +47,10 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
 
 
 def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
-    """(n,): whether nothing stands on the lines, none longer than that, of cells (n, 2).
+    """True for each line between cells (n, 2) that crosses no occupied cell, (n,).
 
-    Ends may lie beyond the grid, as walls do that have just been set right: nothing is known there.
+    No line may be longer than `most_m`. Ends may lie outside the grid, for example on walls that were just corrected. Cells there are
+    unknown.
     """
     steps = np.linspace(0, 1, round(most_m / CELL_M), dtype=np.float32)[:, None]
     rows, columns = (
@@ -64,9 +69,9 @@ def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> 
 
 
 def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
-    """(n,): whether the lines from starts to ends (n, 2) go on into the unknown.
+    """True for each line from starts to ends (n, 2) that continues into unknown space, (n,).
 
-    A look that grazes a frontier goes on where most is known, and leaves it where it is.
+    A line that grazes a frontier continues through known space, and does not move the frontier.
     """
     is_known = _behind(known, starts, ends, round(BEYOND_M / CELL_M))
     opens: Which = np.mean(~is_known, axis=1) >= MIN_BEYOND
@@ -74,13 +79,13 @@ def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
 
 
 def _meets(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
-    """(n,): whether the lines from starts to ends (n, 2), which are before a surface, meet it."""
+    """True for each line to a cell before a surface that meets the surface; (n,)."""
     meets: Which = np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
     return meets
 
 
 def _behind(cells: Cells, starts: Indices, ends: Indices, count: int) -> Cells:
-    """(n, count): what is set where the lines from starts to ends (n, 2) go on."""
+    """Values of the `count` cells behind the ends of the lines from starts (n, 2); (n, count)."""
     along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
     rows, columns = (
         count + np.rint(end[:, None] + np.arange(1, count + 1) * step[:, None]).astype(np.int32)

@@ -1,1 +1,1 @@
-"""The state machine of the whole flight; `phases` has its diagram."""
+"""State machine of the whole flight; `phases` has its diagram."""

@@ -1,4 +1,4 @@
-"""From the first heartbeat to the height of flight: the phases before a mission."""
+"""Steps of the phases before a mission, from the first HEARTBEAT to the mission height."""
 
 import math
 from dataclasses import replace
@@ -29,21 +29,28 @@ from companion.safety import preflight
 from companion.safety.control_laws import climb_to
 
 CONNECT_TIMEOUT_S = 8.0
+"""Timeout for the first message of the autopilot, s. Chosen."""
 PREPARE_TIMEOUT_S = 60.0
+"""Timeout for the position estimate and the gyro's rest, s. Chosen."""
 ARM_TIMEOUT_S = 30.0
+"""Timeout for the change of mode, and for arming, s. Chosen."""
 TAKE_OFF_TIMEOUT_S = 20.0
+"""Timeout for the take-off, s. Chosen."""
 TAKE_OFF_M_S = 0.5
+"""Climb rate of a take-off by setpoints, m/s. Chosen."""
 AT_HEIGHT_M = 0.15
+"""Maximum height error at which a height counts as reached, m. Chosen."""
 UP_FOR_S = 2.0
-"""ArduCopter 4.1 tells for ever that it is taking off, until it gets a setpoint; a climb of 1.2 m/s
-has come to rest by then."""
+"""Time at the mission height after which a take-off counts as finished, s. ArduCopter 4.1 reports
+TAKING_OFF until it receives a setpoint. After this time a climb at 1.2 m/s has come to rest."""
 ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
+"""Trouble if another party armed the vehicle."""
 
 
 def not_to_be_armed(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> FlightState | None:
-    """The drone is in other hands, or is not fit to fly."""
+    """The ended flight, if another party has control or the vehicle is not fit to fly."""
     vehicle = view.vehicle
     if flight.phase is Phase.PREPARE:
         if vehicle.armed:
@@ -60,7 +67,7 @@ def not_to_be_armed(
 
 
 def _is_mode_changed(flight: FlightState, vehicle: VehicleState) -> bool:
-    """By somebody else, since ours was asked for."""
+    """True if another party changed the mode since the companion requested its own."""
     if vehicle.left_offboard:
         return True
     if vehicle.in_offboard_mode:
@@ -71,6 +78,7 @@ def _is_mode_changed(flight: FlightState, vehicle: VehicleState) -> bool:
 def connect(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """CONNECT: waits for the autopilot."""
     if view.vehicle.connected:
         told = replace(flight, notice=preflight.MID_STICK)
         return go(told, Phase.PREPARE, view), NOTHING
@@ -83,6 +91,7 @@ def connect(
 def prepare(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """PREPARE: waits for the estimate, the gyro and, with a script, the order to take off."""
     vehicle = view.vehicle
     if vehicle.estimate_ready and view.gyro_at_rest and not view.starved:
         if view.order is None:
@@ -100,7 +109,7 @@ def prepare(
 
 
 def _ask_for_mode(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
-    """Unless it should not fly."""
+    """Enters OFFBOARD, or FAILED if the preflight checks refuse the flight."""
     if why := preflight.refusal(view.vehicle, plan):
         return go(flight, Phase.FAILED, view, why)
     if view.vehicle.battery is None:
@@ -111,6 +120,7 @@ def _ask_for_mode(flight: FlightState, view: TickInput, plan: MissionConfig) -> 
 def offboard(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """OFFBOARD: requests the companion's mode."""
     if view.vehicle.in_offboard_mode:
         return arm(go(flight, Phase.ARM, view), view, plan)
     return _insist(flight, view, Command(CommandKind.OFFBOARD_MODE), ARM_TIMEOUT_S)
@@ -119,6 +129,7 @@ def offboard(
 def arm(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """ARM: requests arming."""
     if view.vehicle.armed:
         began = replace(flight, began_s=view.time_s)
         return go(began, Phase.TAKE_OFF, view), FlightAction(HOLD)
@@ -128,6 +139,7 @@ def arm(
 def take_off(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """TAKE_OFF: climbs by command or, with PX4, by setpoints."""
     vehicle, height_m = view.vehicle, view.observation.pose.height_m
     is_high = height_m > plan.height_m - AT_HEIGHT_M
     up_since_s = min(flight.up_since_s, view.time_s) if is_high else math.inf
@@ -151,7 +163,7 @@ def _is_rising(vehicle: VehicleState) -> bool:
 
 
 def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
-    """Why the take-off has failed, in words."""
+    """Reason why the take-off has failed."""
     if is_high:
         told = vehicle.landed_state.name.lower().replace("_", " ")
         return f"at {height_m:.1f} m it still tells {told!r} (EXTENDED_SYS_STATE)"
@@ -162,7 +174,7 @@ def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
 def _insist(
     flight: FlightState, view: TickInput, command: Command, timeout_s: float
 ) -> tuple[FlightState, FlightAction]:
-    """Ask until it is so, or until it has been refused for too long."""
+    """Repeats a command. Enters FAILED after the timeout."""
     if age_s(flight, view) <= timeout_s:
         setpoint = None if command.kind is CommandKind.TAKE_OFF else HOLD
         return flight, FlightAction(setpoint, command)

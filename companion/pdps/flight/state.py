@@ -1,4 +1,4 @@
-"""What the flight remembers, what it is told at a tick, and what it asks for."""
+"""Defines the flight's state, its input at each tick, and the action that it returns."""
 
 import enum
 import math
@@ -18,11 +18,14 @@ from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
 
 HEARTBEAT_S = 1.0
+"""Maximum age of the reported mode at which a disarmed vehicle gets a command, s: the period of
+HEARTBEAT."""
 LINK_LOST_S = 10.0
+"""Time without any message, or without HEARTBEAT, after which the flight has failed, s. Chosen."""
 
 
 class Phase(enum.Enum):
-    """Where in the diagram of `phases.py`."""
+    """States of the diagram in `phases.py`."""
 
     CONNECT = "waiting for the autopilot"
     PREPARE = "waiting for gyro rest and a usable estimate"
@@ -49,21 +52,25 @@ MISSION_PHASES = {
     "exterior": Phase.BUILDING,
     "layers": Phase.LAYERS,
 }
+"""Phase of each kind of mission."""
 FINAL_PHASES = frozenset({Phase.DONE, Phase.HANDED_OVER, Phase.FAILED})
+"""Phases that end the flight."""
 UNARMED_PHASES = frozenset({Phase.CONNECT, Phase.PREPARE, Phase.OFFBOARD, Phase.ARM})
+"""Phases before arming."""
 FLYING_PHASES = frozenset(
     {
         *(Phase.TAKE_OFF, *MISSION_PHASES.values()),
         *(Phase.HOME, Phase.DIVERT, Phase.DESCEND, Phase.HOVER, Phase.HOLD),
     }
 )
+"""Phases in the air, before LAND."""
 LEVEL_PHASES = FLYING_PHASES - {Phase.TAKE_OFF, Phase.HOLD}
-"""In these the height is kept and every velocity is guarded."""
+"""Phases with height control, in which the velocity limiter applies."""
 
 
 @value
 class TickInput:
-    """What the flight knows at one tick."""
+    """Input of one tick of the flight."""
 
     time_s: float
     vehicle: VehicleState
@@ -71,26 +78,28 @@ class TickInput:
     space: Occupancy
     floor: Heights
     gyro_at_rest: bool
-    """The gyro's bias has been averaged."""
+    """True if the gyro's bias has been averaged at rest."""
     fault: Fault | None = None
-    """What is not well."""
+    """Present fault of a sensor, the link or another part."""
     around: Surroundings = field(default_factory=Surroundings)
+    """Recent obstacles, for the velocity limiter."""
     land_requested: bool = False
-    """The user or the operating system asks the program to end."""
+    """True if the user or the operating system asks the program to end."""
     order: Order | None = None
-    """A script's; None: the whole mission is flown."""
+    """Order of a script; None if the whole mission is flown without one."""
     starved: str = ""
-    """Why the computer has no time to fly; or nothing."""
+    """Reason why the computer is too slow to fly; empty if it is not."""
 
 
 @value
 class FlightState:
-    """The flight's whole memory."""
+    """State of the flight."""
 
     phase: Phase = Phase.CONNECT
     since_s: float = math.inf
-    """Start of the phase; the first starts with the first tick, whatever the clock says then."""
+    """Start of the phase, s. The first phase starts with the first tick."""
     began_s: float = 0.0
+    """Time of arming, s; 0 before."""
     room: RoomScan = field(default_factory=RoomScan)
     building: Explore = field(default_factory=Explore)
     layers: Layers = field(default_factory=Layers)
@@ -98,48 +107,51 @@ class FlightState:
     way_home: Travel = Travel(START_NE_M)
     lost_since_s: float = math.inf
     lost_s: float = -math.inf
-    """When it first, and last, found no way home."""
+    """Times of the first and the last failed search for a path home, s."""
     diversion: Travel | None = None
-    """To where it lands, if not at its start,"""
+    """Journey to a landing site other than the start."""
     diverted_s: float = math.inf
-    """and since when it has looked for such a place."""
+    """Time of the first diversion, s."""
     arrived_s: float = 0.0
-    """When it came home."""
+    """Time of arrival at home, s."""
     held_from: Phase = Phase.CONNECT
     held_trouble: str = ""
-    """Phase and trouble to go back to when the fault is gone."""
+    """Phase and trouble to restore when the fault is gone."""
     trouble: str = ""
-    """Why the drone holds, lands early, was handed over or failed; empty if all went well."""
+    """Reason why the drone holds, lands early, was handed over or failed; empty without one."""
     notice: str = ""
-    """What the pilot is to know; told whenever it changes."""
+    """Message for the pilot, sent whenever it changes."""
     mode_before: str = ""
-    """The mode out of which ours was asked for."""
+    """Flight mode at the time at which the companion's mode was requested."""
     is_others: bool = False
-    """Somebody else has armed it: nothing of ours is to touch it."""
+    """True if another party armed the vehicle. Then the companion sends nothing."""
     up_since_s: float = math.inf
-    """Since when it has been at its height, before it says that it is in the air."""
+    """Time since which the drone is at its height in TAKE_OFF, s."""
     land_mode_seen: bool = False
+    """True once the autopilot has reported LAND."""
     obeyed: int = 0
-    """The number of the last order that was taken up."""
+    """Number of the last executed order."""
 
     @property
     def completed(self) -> bool:
+        """True if the flight ended without trouble."""
         return self.phase is Phase.DONE and not self.trouble
 
     @property
     def took_off(self) -> bool:
+        """True after arming."""
         return self.began_s > 0
 
     @property
     def ending(self) -> str:
-        """How the flight ended, in words."""
+        """Description of how the flight ended."""
         if self.completed:
             return "mission complete"
         return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
 
     @property
     def activity(self) -> str:
-        """The phase in words, as fine as it is known."""
+        """Description of the phase, or of the mission's own phase during a mission."""
         parts = {
             Phase.ROOM: self.room.activity,
             Phase.BUILDING: self.building.activity,
@@ -150,30 +162,33 @@ class FlightState:
 
 @value
 class FlightAction:
-    """What to ask of the autopilot at this tick."""
+    """Setpoint and command for the autopilot at this tick."""
 
     setpoint: Setpoint | None = None
     command: Command | None = None
 
 
 NOTHING = FlightAction()
+"""No setpoint and no command."""
 
 
 def go(
     flight: FlightState, phase: Phase, view: TickInput, trouble: str | None = None
 ) -> FlightState:
+    """Enters a phase. None as `trouble` keeps the present one."""
     reason = flight.trouble if trouble is None else trouble
     return replace(flight, phase=phase, since_s=view.time_s, trouble=reason)
 
 
 def age_s(flight: FlightState, view: TickInput) -> float:
+    """Time in the present phase, s."""
     return view.time_s - flight.since_s
 
 
 def hand_over(flight: FlightState, view: TickInput) -> FlightState:
-    """Somebody else has the drone: nothing more is sent.
+    """Ends the flight because the pilot or the autopilot has control. Nothing more is sent.
 
-    It may be the autopilot itself, which lands when setpoints come too late.
+    The autopilot also takes control itself: it lands when setpoints arrive too late.
     """
     gave_back = view.vehicle.in_offboard_mode
     trouble = "mode changed for a moment" if gave_back else f"mode changed to {view.vehicle.mode}"
@@ -182,5 +197,5 @@ def hand_over(flight: FlightState, view: TickInput) -> FlightState:
 
 
 def after(planned: Phase, view: TickInput) -> Phase:
-    """What follows: as planned, or whatever a script will order."""
+    """The next phase: as planned, or HOVER if a script gives the orders."""
     return planned if view.order is None else Phase.HOVER
