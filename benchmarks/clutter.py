@@ -1,9 +1,9 @@
-"""Two hundred flights in clutter: `python -m benchmarks.clutter --out DIR`.
+"""Flies two hundred flights through clutter: `python -m benchmarks.clutter --out DIR`.
 
-The paper's worlds, the office and random buildings, each with a clutter of 0.25, 0.5 and 0.75. Prints
-a table with a row for each clutter, and writes into `DIR` one sheet of all plans for each. It takes
-about five hours on two cores. Each flight is stored in `DIR` when it ends, and the same command
-continues from there. The order is shuffled, so that a part of the flights represents all.
+The paper's worlds, the office and random buildings, each with clutter of 0.25, 0.5 and 0.75. Prints
+a table, and writes a sheet of all plans for each clutter to `DIR`. It takes
+about five hours on two cores. Each flight is saved in `DIR` as it ends; the same command resumes
+there. The order is random, so that an incomplete campaign is a fair sample.
 """
 
 import argparse
