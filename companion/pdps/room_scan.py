@@ -84,11 +84,11 @@ CLOSING_RAD = math.radians(20)
 MARK_EVERY_M = 0.5
 """Spacing of the marks on the track, m. Chosen."""
 REFINEMENT_RAD = math.radians(30)
-"""Maximum correction of the heading in one tick, rad. Chosen: a step of the pose can turn the map by
-this much, while the stored heading stays."""
+"""Maximum correction of the heading in one tick, rad. Chosen: a step of the pose can turn the map
+by this much, while the stored heading stays."""
 KNOWN_AHEAD_M = 1.3
-"""Length of the path along the wall, from the drone's centre, that must be known to be free, m. With
-less, the drone sweeps first. Chosen."""
+"""Length of the path along the wall, from the drone's centre, that must be known to be free, m.
+With less, the drone sweeps first. Chosen."""
 HALF_WAY_M = 0.5
 """Half width of that path, m. Chosen."""
 SWEEP_RAD, ON_SWEEP_RAD = math.radians(70), math.radians(5)

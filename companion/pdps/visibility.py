@@ -49,8 +49,8 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
 def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
     """True for each line between cells (n, 2) that crosses no occupied cell, (n,).
 
-    No line may be longer than `most_m`. Ends may lie outside the grid, for example on walls that were just corrected. Cells there are
-    unknown.
+    No line may be longer than `most_m`. Ends may lie outside the grid, for example on walls that
+    were just corrected. Cells there are unknown.
     """
     steps = np.linspace(0, 1, round(most_m / CELL_M), dtype=np.float32)[:, None]
     rows, columns = (

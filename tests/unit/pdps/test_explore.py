@@ -1,4 +1,4 @@
-"""Ways through known space, what is unseen, and the mission that goes and sees it."""
+"""Tests path planning, unseen cells, viewpoints, journeys and the exploration."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ def ways_from(grid: Occupancy, place_ne_m: Vector2) -> ShortestPaths:
 
 
 def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
-    """A disc of free space that nothing bounds."""
+    """A disc of free space without walls."""
     grid = Occupancy()
     look_round(grid, centre, reach_m, hit=False)
     return grid
@@ -167,7 +167,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
 
 
 def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None:
-    """It is 0.2 m thick: to map it from one side only is to miss half of it."""
+    """The wall is 0.2 m thick: from one side only half of it is mapped."""
     grid = open_ground(1.5, (-2.0, 0.0))
     look_round(grid, (2.0, 0.0), 1.5, hit=False)
     near_side_m, far_side_m = -0.1, 0.1
@@ -232,7 +232,7 @@ def test_a_frontier_shows_from_before_it_and_not_from_its_side() -> None:
 
 
 def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
-    """Not from the side, along what is known already."""
+    """Not from the side, where the line continues through known space."""
     grid = open_ground()
     known = known_cells(grid)
     for look in looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN):
@@ -282,7 +282,7 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
 
 @pytest.mark.parametrize(("strip_m", "is_open"), [(10, False), (34, True)])
 def test_the_open_counts_when_all_else_is_far(strip_m: int, is_open: bool) -> None:
-    """A hall wider than two ranges is open, too; only outside it has no end."""
+    """A hall wider than two ranges is open, too; only the outside has no end."""
     here, grid = (1.0, 0.0), open_ground(4.0)
     pillar = tuple((0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5))
     grid.block((0.0, 0.0), 0.3)
@@ -444,7 +444,7 @@ def gone(
 
 
 def to_turn_to_rad(travel: Travel) -> tuple[float, ...]:
-    """The headings of its sweep that are left."""
+    """Remaining headings of the sweep."""
     assert travel.sweep is not None
     return travel.sweep.headings_rad
 
@@ -526,7 +526,7 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
 def looked_at_again_if_narrow(
     travel: Travel, grid: Occupancy, width_m: float
 ) -> tuple[Travel, float]:
-    """As often as it wants to, and when."""
+    """Sweeps the opening, twice if it looks narrow; returns the journey and the time."""
     travel, time_s = looked_at(travel, grid, width_m)
     if travel.known[0].looks_narrow:
         travel, time_s = looked_at(travel, grid, width_m, time_s=time_s + 0.05)
@@ -540,7 +540,7 @@ def looked_at(
     place: Place = (0.0, 0.0),
     time_s: float = 10.0,
 ) -> tuple[Travel, float]:
-    """After both jambs of an opening in the wall 1.45 m north were swept; and when."""
+    """The journey after a sweep of both jambs, 1.45 m north, and the time."""
     heading = 1.0 if place[0] < 1.45 else -1.0
     seen = observation(place, math.acos(heading), time_s=time_s)
     travel, _ = travelling.step(travel, seen, grid, PLAN)
@@ -560,7 +560,7 @@ def looked_at(
 def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
     width_m: float, *, enters: bool
 ) -> None:
-    """All are free by the cells; a reading every 3 cm, without noise, measures 1 to 6 cm more."""
+    """All openings are free cells. A reading every 3 cm, without noise, measures 1 to 6 cm more."""
     grid = with_doorway(1.45)
     travel, time_s = looked_at_again_if_narrow(Travel((3.0, 0.0)), grid, width_m)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)
@@ -696,7 +696,7 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
 def test_it_goes_back_to_look_round_only_where_the_straight_way_is_free(
     roomy: Place, *, looks: bool
 ) -> None:
-    """It is in a doorway; a wall 1.5 m east of it is in between, which it has come round."""
+    """The drone is in a doorway. A wall 1.5 m east, which it flew round, is between."""
     grid = walled(reach_m=2.0)
     for jamb_m in (-0.6, 0.6):
         grid.block((jamb_m, 0.0), 0.01)
@@ -755,7 +755,7 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
 def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     goal: Place, *, goes: bool
 ) -> None:
-    """As what is really there where a map is bent."""
+    """Blocks the path again and again, as a real wall does on a distorted map."""
     travel, grid = Travel(goal, looked_round=True), open_ground()
     for round_ in range(4):
         assert travel.phase is not TravelPhase.GAVE_UP
@@ -768,7 +768,7 @@ def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
 
 
 def stuck_on_a_way(before: Travel | None) -> Travel:
-    """It has looked round, and gets no farther than to the start."""
+    """The drone has turned all round, and is stuck at the start."""
     grid = open_ground()
     travel = replace(onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
     for time_s in (10.0, 21.0):
@@ -842,7 +842,7 @@ def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
 
 
 def chosen(explore: Explore, grid: Occupancy) -> Explore:
-    """What CHOOSE comes to."""
+    """The state after CHOOSE."""
     assert explore.phase is ExplorePhase.CHOOSE
     while explore.phase is ExplorePhase.CHOOSE:
         explore, _ = step(explore, observation(), grid, PLAN)
@@ -865,7 +865,7 @@ def test_go_looks_round_on_arrival() -> None:
 
 
 def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
-    """Where it wanted to look from, at the edge of what is known in these directions."""
+    """A viewpoint at the origin with targets at the edge of known space in these directions."""
     rim = [
         (3.95 * math.cos(math.radians(b)), 3.95 * math.sin(math.radians(b))) for b in bearings_deg
     ]

@@ -1,4 +1,4 @@
-"""In every phase the mode switch wins, and what others have armed is left alone."""
+"""Tests that the mode switch has priority in every phase, and vehicles armed by others."""
 
 from dataclasses import replace
 
