@@ -143,8 +143,8 @@ def _faces(walls: KnownWalls, places: Array) -> Which:
 
 def _together(faces: Which) -> Which:
     """True for pairs of walls that can be measured from one place; (w, w). A sparse product."""
-    told = csr_array(faces.astype(np.int32))
-    together: Which = (told.T @ told).toarray() > 0
+    measurable = csr_array(faces.astype(np.int32))
+    together: Which = (measurable.T @ measurable).toarray() > 0
     return together
 
 

@@ -755,7 +755,7 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
 def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     goal: Place, *, goes: bool
 ) -> None:
-    """Blocks the path again and again, as a real wall does on a distorted map."""
+    """The drone is stuck again and again, as at a real wall that a distorted map lacks."""
     travel, grid = Travel(goal, looked_round=True), open_ground()
     for round_ in range(4):
         assert travel.phase is not TravelPhase.GAVE_UP
@@ -922,7 +922,7 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, setpoint = step(explore, observation(time_s=20.0), open_ground(reach_m=9.0), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
-    assert setpoint != HOLD  # it goes on meanwhile
+    assert setpoint != HOLD  # it continues to fly meanwhile
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 

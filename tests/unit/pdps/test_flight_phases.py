@@ -470,8 +470,8 @@ def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
     ("height_m", "reads_m", "phase"),
     [
         *[(1.1, 1.1, Phase.DESCEND), (0.9, 0.9, Phase.DESCEND)],
-        *[(0.6, 2.4, Phase.DESCEND)],  # floor, too near to be told
-        *[(1.15, 1.45, Phase.DIVERT), (1.1, 1.8, Phase.DIVERT)],  # a table, folded back
+        *[(0.6, 2.4, Phase.DESCEND)],  # floor, too near to be distinguished
+        *[(1.15, 1.45, Phase.DIVERT), (1.1, 1.8, Phase.DIVERT)],  # a table, aliased (folded back)
         (1.1, 0.6, Phase.DIVERT),  # a chair
     ],
 )

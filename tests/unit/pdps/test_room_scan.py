@@ -134,7 +134,7 @@ def test_at_the_stand_off_the_scan_begins() -> None:
 
 
 def test_the_stand_off_follows_how_well_the_drone_is_flown() -> None:
-    """The drift of the autopilot's estimate, and so the stand-off, is known only after walls are."""
+    """The stand-off depends on the estimate's drift, which is known only after walls are."""
     seen = replace(observation(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
     scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
     assert scan.standoff_m == 1.7
@@ -271,7 +271,7 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
     assert (again.phase, again.is_extra) == (ScanPhase.SCAN, True)
     assert step(again, past(loose), FREE, PLAN)[0].phase is ScanPhase.SCAN
     assert closing(again, known).phase is ScanPhase.CLOSED
-    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # not for ever
+    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # the number of rounds is limited
 
 
 def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:
