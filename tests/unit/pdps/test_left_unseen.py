@@ -9,7 +9,8 @@ from companion.pdps.frontiers import Places
 from companion.pdps.left_unseen import in_words, left_unseen
 
 AHEAD_M, ASIDE_M = 2.0, 0.5
-"""Distance of the north wall, m, where beams into the opening end, and offset of the opening to the right, m."""
+"""Distance of the north wall, where beams into the opening end, and the opening's offset to the
+right, m."""
 
 
 def room_with_an_opening(wide_m: float) -> Occupancy:

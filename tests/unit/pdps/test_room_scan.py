@@ -271,7 +271,7 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
     assert (again.phase, again.is_extra) == (ScanPhase.SCAN, True)
     assert step(again, past(loose), FREE, PLAN)[0].phase is ScanPhase.SCAN
     assert closing(again, known).phase is ScanPhase.CLOSED
-    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # the number of rounds is limited
+    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # limited rounds
 
 
 def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:
