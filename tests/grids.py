@@ -28,7 +28,7 @@ def ways_from(grid: Occupancy, place_ne_m: Vector2) -> ShortestPaths:
 
 
 def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
-    """A disc of free space that nothing bounds."""
+    """A disc of free space without walls."""
     grid = Occupancy()
     look_round(grid, centre, reach_m, hit=False)
     return grid
@@ -65,7 +65,7 @@ def gone(
 
 
 def to_turn_to_rad(travel: Travel) -> tuple[float, ...]:
-    """The headings of its sweep that are left."""
+    """Remaining headings of the sweep."""
     assert travel.sweep is not None
     return travel.sweep.headings_rad
 
@@ -79,7 +79,7 @@ def with_doorway(ahead_m: float) -> Occupancy:
 
 
 def stuck_on_a_way(before: Travel | None) -> Travel:
-    """It has looked round, and gets no farther than to the start."""
+    """The drone has turned all round, and is stuck at the start."""
     grid = open_ground()
     travel = replace(onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
     for time_s in (10.0, 21.0):

@@ -1,21 +1,21 @@
-"""Seeing everything that can be reached: look round, go to where most is unseen, again.
+"""State machine that explores all reachable space: turn, select the next viewpoint, fly there.
 
-          turned, or            something unseen can be reached,
-          all of it seen        or else a wall is not known well
+          turned, or            a target can be reached,
+          all targets seen      or else a wall is uncertain
     LOOK ────────────────► CHOOSE ──────────────► GO
      ▲                      │   ▲                 │ │
-     │          nothing is  │   └─────────────────┘ │
-     │                      ▼     no way, or it was │
-     │                     DONE   seen from the way │
+     │          no target   │   └─────────────────┘ │
+     │                      ▼   no path, or targets │
+     │                     DONE seen from the path  │
      └──────────────────────────────────────────────┘
-              nearly there, and some is still unseen
+            near the viewpoint, targets still unseen
 
-It hardly stops. The swing of its nose shows what lies ahead and beside the way; it turns for the
-rest while it goes the last metres, only as far as one of three beams has to, and chooses while it
-goes on.
+The drone rarely stops. The swing of its nose shows the space ahead and beside the path. For the
+remaining targets it turns while it flies the last metres, only as far as one of three beams needs.
+It selects the next viewpoint while it continues to fly.
 
-Safety: it goes only where `travel` goes, through cells that beams have found free, and the last
-metres straight.
+Safety: the drone flies only where `travel` does, through cells that beams measured as free; the
+last metres are straight.
 """
 
 import enum
@@ -48,22 +48,26 @@ from companion.safety.control_laws import glide
 from companion.safety.velocity_guard import clear_of_all_m
 
 FIRST_LOOK_RAD = math.tau
+"""Angle of the first turn, rad."""
 MAX_LOOK_RAD = math.pi + math.radians(10)
+"""Maximum angle of a later turn, rad. Chosen."""
 PAST_RAD = math.radians(15)
-"""So far it turns on when a beam has passed over all that it has come for."""
+"""Margin of a turn beyond the last target, rad. Chosen."""
 SIDES_RAD = np.array([BEARING_FRD_RAD[beam] for beam in (Beam.LEFT, Beam.FRONT, Beam.RIGHT)])
+"""Bearings of the beams that sweep targets, body frame (FRD), rad."""
 NEAR_ENOUGH_M = 2.0
-"""So near to where it wants to look from it begins to turn, and goes there meanwhile."""
+"""Distance to the viewpoint at which the turn begins, m. Chosen."""
 GLIDE_SHARE = 0.6
-"""Of its speed: its nose points elsewhere meanwhile."""
+"""Speed during the turn, as a share of the planned speed. Chosen: the nose does not point along
+the path then."""
 CHECK_S = 1.0
-"""So often it is asked whether what it looks for is still unseen."""
+"""Period of checking which targets are still unseen, s. Chosen."""
 WORTH_SHARE = 0.35
-"""When less than this of it is left, there may be a better place to go to."""
+"""If a smaller share of the targets is left, the next viewpoint is selected. Chosen."""
 
 
 class ExplorePhase(enum.Enum):
-    """Where in the diagram above."""
+    """States of the diagram above."""
 
     LOOK = "looking round"
     CHOOSE = "choosing where to look from"
@@ -73,52 +77,54 @@ class ExplorePhase(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Explore:
-    """The exploration's whole memory."""
+    """State of the exploration."""
 
     phase: ExplorePhase = ExplorePhase.LOOK
     to_turn_rad: float = FIRST_LOOK_RAD
+    """Remaining angle of the turn, in LOOK, rad."""
     last_yaw_rad: float | None = None
     here_ne_m: Vector2 | None = None
-    """Where it turns round, or waits while it chooses,"""
+    """Place of the turn, or of waiting in CHOOSE, local NED, m."""
     clockwise: bool = True
-    """and which way it turns."""
+    """Direction of the turn."""
     ground: CostGrid | None = None
-    """In CHOOSE: where it fits, once that is found,"""
+    """Cost grid, in CHOOSE, once it is computed."""
     ways: ShortestPaths | None = None
-    """all ways from here,"""
+    """Shortest paths from here, in CHOOSE, once they are computed."""
     looks: tuple[Viewpoint, ...] = ()
-    """and then from where to look."""
+    """Viewpoints to select from, in CHOOSE, once they are computed."""
     travel: Travel | None = None
-    """In GO; and in CHOOSE, if there was no need to stop."""
+    """Journey to the viewpoint, in GO; in CHOOSE, the journey that continues meanwhile."""
     look: Viewpoint | None = None
-    """The next, or the present one; None at the first."""
+    """The next or present viewpoint; None for the first turn."""
     tried: tuple[Viewpoint, ...] = ()
-    """All looks so far, also those that were seen from the way, or not come to."""
+    """All viewpoints so far, with those seen from the path and those not reached."""
     came: Travel | None = None
-    """How it has come here."""
+    """The last journey."""
     checked_s: float = 0.0
+    """Time of the last check of the targets, s."""
 
     @property
     def known_doorways(self) -> tuple[Doorway, ...]:
-        """All found so far."""
+        """All doorways found so far."""
         last = self.travel or self.came
         return () if last is None else last.known
 
     def shut(self, space: Occupancy) -> tuple[Doorway, ...]:
-        """What is too narrow, and where it was stuck."""
+        """Doorways that are too narrow, and places where the drone was stuck twice."""
         last = self.travel or self.came
         stuck = () if last is None else stuck_twice(last)
         return (*too_narrow(self.known_doorways, space), *stuck)
 
     @property
     def is_extra(self) -> bool:
-        """All that can be reached was seen once, and what goes on is not worth the last battery."""
+        """True if everything reachable was seen once. The rest of the mission may end early."""
         looked = self.tried if self.look is None else (*self.tried, self.look)
         return any(look.is_extra for look in looked)
 
     @property
     def activity(self) -> str:
-        """The phase in words, as fine as it is known."""
+        """Description of the phase, or of a sweep in it."""
         if self.travel is not None and self.travel.phase is TravelPhase.SWEEP:
             return TravelPhase.SWEEP.value
         if self.phase is ExplorePhase.GO and self.look is not None and self.look.is_tie:
@@ -129,7 +135,7 @@ class Explore:
 def step(
     explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> tuple[Explore, Setpoint]:
-    """One tick: the next state and the velocity to fly."""
+    """Runs one tick. Returns the next state and the velocity setpoint."""
     match explore.phase:
         case ExplorePhase.LOOK:
             return _look(explore, observation, space, plan)
@@ -181,16 +187,16 @@ def _to_look(
 
 
 def _left_of(look: Viewpoint, space: Occupancy) -> Places:
-    """What is still to be seen of it; walls are looked at again only from there."""
+    """The viewpoint's targets that are still unseen; all, if it measures walls again."""
     if look.is_tie:
         return look.at_ne_m
     return still_unseen(space, look.at_ne_m, look.least_surface)
 
 
 def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
-    """Until one of the beams to the front and sides has passed over each of the places.
+    """Angle by which the drone must turn until a front or side beam has swept each place, rad.
 
-    The shorter way round; clockwise is positive.
+    The direction is the shorter one; clockwise is positive.
     """
     north_m, east_m = (np.array(places) - from_ne_m).T
     off_rad = (np.arctan2(east_m, north_m) - yaw_rad)[:, None] - SIDES_RAD
@@ -200,7 +206,7 @@ def _turn_rad(places: Places, from_ne_m: Vector2, yaw_rad: float) -> float:
 
 
 def _to_choose(explore: Explore, ended: Viewpoint | None) -> Explore:
-    """A look is over, or there will be none."""
+    """Enters CHOOSE, and records the viewpoint that ended, if any."""
     tried = explore.tried if ended is None else (*explore.tried, ended)
     last = explore.travel or explore.came
     came = None if last is None else replace(last, course=None)
@@ -210,7 +216,10 @@ def _to_choose(explore: Explore, ended: Viewpoint | None) -> Explore:
 def _choose(
     explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Explore:
-    """Four steps, a tick each: any may take a good part of it."""
+    """Runs one of four steps per tick, because each can take much of a tick's time.
+
+    The steps are cost grid, shortest paths, viewpoints, and the first viewpoint of the tour.
+    """
     if explore.ground is None:
         here = observation.pose.ne_m
         ground = find_ground(space, here, clear_of_all_m(plan))
@@ -239,7 +248,7 @@ def _choose(
 def _meanwhile(
     explore: Explore, observation: Observation, space: Occupancy, plan: MissionConfig
 ) -> Setpoint:
-    """It goes on until it has chosen, or it would stop every time."""
+    """Setpoint in CHOOSE: the drone continues to fly, so that it does not stop each time."""
     if explore.travel is not None:
         going, setpoint = travel.step(explore.travel, observation, space, plan)
         return setpoint if going.phase is TravelPhase.FLY else HOLD

@@ -1,8 +1,7 @@
-"""What is still unseen.
+"""Finds the cells that are still unseen: frontiers, and surfaces without an exact measurement.
 
-Two kinds of places are worth a look: frontiers, known free space next to unknown space (Yamauchi
-1997), and surfaces that on this side were only met from so far that they cannot be mapped exactly:
-a wall is two of them.
+A frontier is known free space next to unknown space (Yamauchi 1997). A surface is one side of an
+obstacle; a wall has two. It is unseen if it was measured only from too far away to map it exactly.
 """
 
 from collections.abc import Sequence
@@ -16,14 +15,18 @@ from companion.core.frames import Vector2
 from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
 
 MIN_FRONTIER_CELLS = 6
-"""Six tenths of a metre: no drone fits through less."""
+"""Minimum length of a frontier, in cells: 0.6 m. Chosen: the drone does not fit through less."""
 MIN_SURFACE_CELLS, SMALL_SURFACE_CELLS = 8, 4
-"""Narrower than the one a surface is looked at only in the end, and than the other not at all."""
+"""Minimum widths of a surface, in cells: narrower than the first, it is a target only at the end;
+narrower than the second, never. Chosen."""
 BEAM_GAP_CELLS = 2
+"""Gaps between free cells up to twice this width count as known, in cells. Chosen."""
 TRIED_WITHIN_M = 0.25
+"""A target nearer than this to an earlier target is the same target, m. Chosen."""
 UNSEEN_WITHIN_M = 1.5
-"""What is unseen at a place can be told from what is so near to it."""
+"""Half width of the map window in which a place is checked again, m. Chosen."""
 TRIES = 3
+"""Number of looks after which a target is dropped. Chosen."""
 Indices = NDArray[np.int64]
 SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
@@ -32,13 +35,16 @@ Places = tuple[Vector2, ...]
 def unseen(
     grid: Occupancy, tried: Sequence[Places] = (), least_surface: int = MIN_SURFACE_CELLS
 ) -> Indices:
-    """Cells worth a look, (n, 2); of surfaces, where so many hang together."""
+    """Unseen cells that were not tried too often, (n, 2).
+
+    Surfaces count only from `least_surface` connected cells. `tried` has the targets of each look.
+    """
     cells = np.argwhere(frontiers(grid) | vague_surfaces(grid, least_surface))
     return not_tried(grid, cells, tried)
 
 
 def not_tried(grid: Occupancy, cells: Indices, tried: Sequence[Places]) -> Indices:
-    """Those of the cells (n, 2) that were not looked at often enough."""
+    """The cells (n, 2) that were the target of fewer than `TRIES` looks."""
     if not len(cells):
         return cells
     places = centres(grid, cells)
@@ -50,7 +56,7 @@ def not_tried(grid: Occupancy, cells: Indices, tried: Sequence[Places]) -> Indic
 
 
 def still_unseen(grid: Occupancy, places: Places, least_surface: int = MIN_SURFACE_CELLS) -> Places:
-    """Those of the places that are, or have close by, something unseen."""
+    """The places that are still unseen, or have an unseen cell next to them."""
     if not places:
         return ()
     grid = grid.window(places, UNSEEN_WITHIN_M)
@@ -62,27 +68,27 @@ def still_unseen(grid: Occupancy, places: Places, least_surface: int = MIN_SURFA
 
 
 def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
-    """(n, 2), north and east."""
+    """Centres of cells (n, 2): north and east, m, (n, 2)."""
     places = [grid.place((row, column)) for row, column in cells.tolist()]
     return np.array(places).reshape(-1, 2)
 
 
 def frontiers(grid: Occupancy) -> Cells:
-    """The edges that are long enough to be worth a look."""
+    """Edges of known space with at least `MIN_FRONTIER_CELLS` cells."""
     return without_specks(edges(grid), MIN_FRONTIER_CELLS)
 
 
 def edges(grid: Occupancy) -> Cells:
-    """Known cells with an unknown neighbour that are not beside something occupied."""
+    """Known cells that have an unknown neighbour, but no occupied one."""
     known = known_cells(grid)
     edge: Cells = known & ~grown(grid.occupied) & _beside(~known)
     return edge
 
 
 def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Cells:
-    """Cells before a surface that from their side no exact reading has ended in, nor close by.
+    """Cells before a surface that has no exact reading from their side, nor close by.
 
-    They are beside it, and free, or free space is beside them.
+    Each is next to the surface, and is free or next to a free cell.
     """
     occupied, free = grid.occupied, grid.free
     before = np.zeros_like(occupied)
@@ -93,14 +99,14 @@ def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Cells:
 
 
 def closed_in(known: Cells) -> Cells:
-    """Beside unknown space that known space surrounds."""
+    """Cells in or next to unknown space that known space surrounds."""
     unknown = np.pad(~known, 1, constant_values=True)
     parts, _ = label(unknown)
     return grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
 
 def without_specks(cells: Cells, least: int) -> Cells:
-    """Without what hangs together in fewer cells than that."""
+    """The cells without connected groups of fewer than `least` cells."""
     numbers, count = label(cells, SQUARE)
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
     kept: Cells = cells & (sizes[numbers] >= least)
@@ -108,19 +114,19 @@ def without_specks(cells: Cells, least: int) -> Cells:
 
 
 def known_cells(grid: Occupancy) -> Cells:
-    """Free and occupied cells, and the gaps between two beams that are narrower than the drone."""
+    """Free and occupied cells, and gaps between two beams that are narrower than the drone."""
     return grid.occupied | ~grown(~grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
 
 def _moved(cells: Cells, north: int, east: int) -> Cells:
-    """By one cell; what leaves the grid is gone."""
+    """The mask shifted by one cell. Cells that leave the grid are lost."""
     padded = np.pad(cells, 1)
     rows, columns = cells.shape
     return padded[1 - north : 1 - north + rows, 1 - east : 1 - east + columns]
 
 
 def grown(cells: Cells, times: int = 1) -> Cells:
-    """Every cell within so many of one that is set, diagonals included."""
+    """The mask dilated by a number of cells, diagonals included."""
     for _ in range(times):
         tall = cells.copy()
         tall[1:] |= cells[:-1]
@@ -132,7 +138,7 @@ def grown(cells: Cells, times: int = 1) -> Cells:
 
 
 def _beside(cells: Cells) -> Cells:
-    """Every cell that is set, or has one at its side that is."""
+    """The mask dilated by one cell, without diagonals."""
     beside = cells.copy()
     beside[1:] |= cells[:-1]
     beside[:-1] |= cells[1:]

@@ -1,14 +1,15 @@
-"""From where to look again at walls that are not known well.
+"""Selects viewpoints that measure uncertain walls again.
 
-Some face one another, but were never measured from one place. How far they are apart only odometry
-tells then, which has wandered by decimetres from one to the other. From between them, two beams
-tell it to a few centimetres.
+There are two kinds:
 
-Others are far from the start, as behind a house: odometry alone tells how far. Each way there and
-back tells it anew, of all that it leads along.
+- Opposite walls that were never measured from one place. Only odometry measures their distance
+  then, and it drifts by decimetres between them. From a place between them, two beams measure the
+  distance to a few centimetres.
+- Walls far from the start, for example behind a house. Only odometry measures how far. Each flight
+  there and back is another measurement of all walls along it.
 
-Both are extras, and lead through no passage in which the drone might touch something because of
-what its autopilot's estimate wanders.
+Both are extras. They use no passage in which the drift of the autopilot's estimate could bring the
+drone into contact with an obstacle.
 """
 
 import numpy as np
@@ -27,21 +28,24 @@ from companion.pdps.visibility import Which, is_clear, viewpoints
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 LOOSE_M = 0.05
-"""Sigma of the distance between two walls that is worth a look."""
+"""Minimum sigma of the distance between two walls that justifies a look, m. Chosen."""
 TIES_FROM_M, TIES_TO_M = 0.9, 4.0
-"""From where a beam tells something of a wall that it is square to."""
+"""Distances between which a beam at a right angle to a wall measures it well enough, m. Chosen."""
 MIN_WALL_M, WALL_END_M = 1.0, 0.2
+"""Minimum length of a wall that is measured again, and margin at either end, m. Chosen."""
 BEFORE_WALL_M = 0.2
-"""So far before a wall the map has nothing of it."""
+"""Distance before a wall at which the map has no occupied cells of it, m. Chosen."""
 TRIED_WITHIN_M = 2.0
-"""From so near another look tells nothing else."""
+"""Minimum distance of a viewpoint from earlier ones of this kind, m. Chosen: from nearer, the
+measurement is the same."""
 VAGUE_M, AGAIN_WITHIN_M = 0.06, 6.0
-"""Sigma of where a wall is, from the start, that is worth another way there; not if one of the
-looks before was so near."""
+"""Minimum sigma of a wall's position, relative to the start, that justifies another flight there,
+and minimum distance from earlier viewpoints of this kind, m. Chosen."""
 PASSES_SIGMAS = 5.0
-"""Wander that a passage must leave beside the hull: what stands there was measured with one, and
-is passed with another, 3.5 sigmas of both."""
+"""Margin beside the hull that a passage must leave, in sigmas of the estimate's drift. The
+obstacle was measured with one drift and is passed with another: 3.5 sigmas of both together."""
 ALL_AROUND = np.ones((3, 3), dtype=bool)
+"""A cell's neighbourhood, with diagonals."""
 Array = NDArray[np.float64]
 
 
@@ -51,7 +55,7 @@ def ties(
     plan: MissionConfig,
     tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
-    """The look at two walls that tells most for its time, if any is worth it."""
+    """The viewpoint between two walls that gains most for its time, or ()."""
     walls, grid = observation.walls(), ways.ground.grid
     views, places, time_s = _views(ways, observation, plan, tried, TRIED_WITHIN_M)
     faces = _faces(walls, places)
@@ -74,9 +78,9 @@ def again(
     plan: MissionConfig,
     tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
-    """The look that takes least time at the wall that is known worst, if any is worth it.
+    """The viewpoint that shows the most uncertain wall in the least time, or ().
 
-    None in layers: the next one leads there anew.
+    Always () in the mission "layers": the next layer measures the wall again.
     """
     if plan.kind == "layers":
         return ()
@@ -100,7 +104,10 @@ def _views(
     tried: tuple[Viewpoint, ...],
     tried_within_m: float,
 ) -> tuple[Indices, Array, Array]:
-    """Cells (v, 2) from where nothing was tied before, their places (v, 2), seconds to each."""
+    """Candidate cells (v, 2), their places (v, 2) in local NED, m, and the time to each, s, (v,).
+
+    Candidates are not within `tried_within_m` of an earlier viewpoint of this kind.
+    """
     grid = ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
     safe = _safely_reached(room_m, observation, grid)
@@ -115,7 +122,7 @@ def _views(
 
 
 def _safely_reached(room_m: Array, observation: Observation, grid: Occupancy) -> Cells:
-    """From here through nothing narrow; all, where the drone is in something narrow itself."""
+    """Cells that the drone reaches without a narrow passage; all, if it is in one itself."""
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * observation.wander_m
     parts, _ = label(roomy, ALL_AROUND)
     here = grid.cell(observation.pose.ne_m)
@@ -125,7 +132,7 @@ def _safely_reached(room_m: Array, observation: Observation, grid: Occupancy) ->
 
 
 def _faces(walls: KnownWalls, places: Array) -> Which:
-    """(p, w): whether a beam from a place, square to a wall, would tell something of it."""
+    """True where a beam from a place at a right angle to a wall can measure that wall; (p, w)."""
     away_m = walls.distances_m(places)
     along_m = places @ walls.tangents.T
     low_m, high_m = walls.reach_m.T
@@ -135,14 +142,14 @@ def _faces(walls: KnownWalls, places: Array) -> Which:
 
 
 def _together(faces: Which) -> Which:
-    """(w, w): which walls can be told of from one place. Few of many: a sparse product."""
-    told = csr_array(faces.astype(np.int32))
-    together: Which = (told.T @ told).toarray() > 0
+    """True for pairs of walls that can be measured from one place; (w, w). A sparse product."""
+    measurable = csr_array(faces.astype(np.int32))
+    together: Which = (measurable.T @ measurable).toarray() > 0
     return together
 
 
 def _seen(grid: Occupancy, walls: KnownWalls, faces: Which, views: Indices, places: Array) -> Which:
-    """(v, w): those of `faces` from views (v, 2) before which nothing else stands."""
+    """The entries of `faces` with a clear line from the view (v, 2) to the wall; (v, w)."""
     view, wall = np.nonzero(faces)
     before_m = walls.distances_m(places)[view, wall] - BEFORE_WALL_M
     ends = views[view] + np.rint(before_m[:, None] * walls.normals[wall] / CELL_M).astype(int)

@@ -63,7 +63,7 @@ the right beam points along it by then."""
 AT_STANDOFF_M = 0.10
 """Maximum error at which the stand-off counts as reached, m. Chosen."""
 STANDOFF_WITHIN_S = 30.0
-"""Timeout of STAND_OFF, s. Chosen: after it, the velocity limiter is holding the drone off."""
+"""Timeout of STAND_OFF, s. Chosen: after it, something keeps the drone off the stand-off."""
 SEEN_BY_ONE_TURN_M = 3.0
 """Maximum distance for which one turn counts as proof of free space, m. Chosen."""
 MIN_ROOM_BEHIND_M = 0.7

@@ -1,7 +1,7 @@
-"""From where to look at what is unseen.
+"""Selects the viewpoints from which the drone sees unseen cells.
 
-The next place to look from is the one that shows most for the time that it takes to get there; but
-how much counts by its root only, or what little is left would be left behind, and come back for.
+The next viewpoint is the one that shows most cells for the time to get there. The number of cells
+counts by its square root: otherwise small remainders stay behind, and the drone returns for them.
 """
 
 import math
@@ -35,45 +35,49 @@ from companion.pdps.visibility import sights, viewpoints
 from companion.safety.velocity_guard import clear_of_all_m
 
 ROOM_TO_LOOK_M = 0.65
-"""A place to look round from has at least so much room, unless only tight ones are left."""
+"""Minimum clearance of a viewpoint, m, unless only narrow places are left. Chosen."""
 AMPLE_ROOM_M = 1.1
+"""Clearance above which more has no benefit, m. Chosen."""
 CROWDED_S = 6.0
-"""What a metre less room than is ample costs."""
+"""Time added per metre of clearance below `AMPLE_ROOM_M`, s/m. Chosen."""
 LOOK_S = 4.0
+"""Duration of a look, s. Chosen."""
 SAME_VIEW_M = 0.35
-"""From there the same is seen. Chosen: three cells."""
+"""Viewpoints nearer than this show the same, m. Chosen: three cells."""
 MIN_SHOWN = 3
-"""What shows fewer cells is left for later."""
+"""Minimum number of cells that a viewpoint shows; fewer are left for a later stage. Chosen."""
 MAX_LOOKS = 8
-"""The order of so many can be found in a few milliseconds."""
+"""Maximum number of viewpoints in a tour. Chosen: their order is computed in a few ms."""
 MAX_TARGETS = 100
+"""Maximum number of targets; of more, every nth is used. Chosen."""
 NEAR_SOMETHING_M, OPEN_WITHIN_M = 2.5, 6.0
-"""From the nearest thing that stands there to what is worth seeing, and to what may be."""
+"""Maximum distance of a target from the nearest obstacle, m: of a full target, and of one in the
+open. Chosen."""
 OPEN_LOOKS = 6
-"""After so many into the open, one after the other, nothing more is expected there."""
+"""Number of consecutive looks into the open after which it is dropped. Chosen."""
 FAR_S, OPEN_WORTH = 20.0, 0.25
-"""When what is worth seeing is farther than this, the open counts, too, by so much: a hall that is
-wider than two ranges is open, until its other side has been seen."""
+"""If all full targets are farther than this time, s, targets in the open count too, with this
+weight. Chosen: a hall wider than two ranges is open until its other side is seen."""
 Metres = NDArray[np.float64]
 Seconds = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Viewpoint:
-    """A place to look from, and at what."""
+    """A viewpoint and its targets, local NED, m."""
 
     from_ne_m: Vector2
     at_ne_m: Places
     is_open: bool = False
-    """Nothing stands near to what it is for."""
+    """True if no obstacle is near the targets."""
     is_tie: bool = False
-    """It is for how well walls are known, not for what is unseen."""
+    """True if it measures known walls again (`loop_views.py`)."""
     least_surface: int = MIN_SURFACE_CELLS
-    """What is for it of surfaces is so wide, in cells."""
+    """Minimum width of its target surfaces, in cells."""
 
     @property
     def is_extra(self) -> bool:
-        """It is not worth the last of the battery."""
+        """True if the mission is complete without it, so that it may end early."""
         return self.is_tie or self.least_surface < MIN_SURFACE_CELLS
 
 
@@ -83,15 +87,20 @@ def looks(
     plan: MissionConfig,
     tried: tuple[Viewpoint, ...] = (),
 ) -> tuple[Viewpoint, ...]:
-    """Places that together show what is unseen, the one most worth its time first; the first few.
+    """Viewpoints that together show the unseen cells, best first, at most `MAX_LOOKS`.
 
-    `tried` are all looks so far; three are enough, also for what was seen: a step of the pose may
-    draw a wall beside itself, where nobody will ever see one.
+    `tried` has all looks so far. A target is dropped after three looks: a step of the pose can
+    shift a wall on the map to a place where no beam ever confirms it.
 
-    What only a tight place shows, as a corridor, is left for later, and so is what is small. The
-    open outside has no end: in a building it is looked at only when nothing else is near, not far
-    from what stands there, and only while that shows anything; round one not at all. In the end
-    come the narrow sides of furniture.
+    The order is:
+
+    1. targets with roomy viewpoints,
+    2. targets with narrow viewpoints only, as in a corridor,
+    3. small targets,
+    4. the narrow sides of furniture.
+
+    The open has no end. In a building it is a target only near obstacles, if nothing else is near,
+    and only while looks into it show anything. In the mission "exterior" it is none.
     """
     grid = ways.ground.grid
     known = known_cells(grid)
@@ -116,7 +125,7 @@ def looks(
 
 @dataclass(frozen=True, slots=True)
 class _Stage:
-    """What is looked for, (t, 2), what each of it is worth, (t,), and from where."""
+    """Targets (t, 2), their weights (t,), and the limits for viewpoints, in one stage."""
 
     targets: Indices
     worth: NDArray[np.float64]
@@ -128,7 +137,7 @@ class _Stage:
 
     @property
     def thinned(self) -> "_Stage":
-        """With one of so many targets that there are few."""
+        """The stage with every nth target, so that at most `MAX_TARGETS` remain."""
         every = len(self.targets) // (MAX_TARGETS + 1) + 1
         targets, worth = self.targets[::every], self.worth[::every]
         return replace(self, targets=targets, worth=worth, every=every)
@@ -141,7 +150,7 @@ def _stages(
     plan: MissionConfig,
     tried: Sequence[Viewpoint],
 ) -> Iterator[_Stage]:
-    """One after the other, each only if there is nothing of those before."""
+    """Stages in order. A stage is used only if those before give no viewpoint."""
     tight_m = clear_of_all_m(plan)
     looked_at = [look.at_ne_m for look in tried]
     targets = unseen(grid, looked_at)
@@ -165,7 +174,7 @@ def _stages(
 
 
 def _in_vain(tried: Sequence[Viewpoint]) -> bool:
-    """The last looks into the open have shown nothing that is worth another."""
+    """True if the last `OPEN_LOOKS` looks all went into the open."""
     last = tried[-OPEN_LOOKS:]
     return len(last) == OPEN_LOOKS and all(look.is_open for look in last)
 
@@ -177,7 +186,7 @@ def seconds(
     observation: Observation,
     plan: MissionConfig,
 ) -> Seconds:
-    """(n,): what it takes to go to each place and look, and what is lost where it is crowded."""
+    """Time to fly to each viewpoint and look, plus a penalty for small clearance, s, (n,)."""
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
     time_s += turn_rad(observation, views, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
     crowded: Seconds = time_s + CROWDED_S * np.maximum(AMPLE_ROOM_M - room_m, 0)
@@ -187,9 +196,9 @@ def seconds(
 def _best(
     stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, pairs: Indices
 ) -> tuple[Viewpoint, ...]:
-    """The places (v, 2) that show most of what is looked for for their time (v,), and so many.
+    """The viewpoints among the views (v, 2) that show most targets for their time (v,), s.
 
-    `pairs` (p, 2) tell which view shows which target.
+    `pairs` (p, 2) list which view shows which target.
     """
     found: list[Viewpoint] = []
     while len(pairs) and len(found) < MAX_LOOKS:
@@ -211,10 +220,10 @@ def _best(
 def _not_in_vain(
     stage: _Stage, views: Indices, pairs: Indices, tried: Sequence[Viewpoint], grid: Occupancy
 ) -> Indices:
-    """The pairs (p, 2) without those of an earlier look: from there, for what is there.
+    """The pairs (p, 2) without those of an earlier look: same viewpoint and same target.
 
-    Round a corner what is unseen falls back along its shadow by a cell a look, and would stay the
-    quickest to look at.
+    Behind a corner the unseen edge recedes by one cell per look. Without this condition it stays
+    the best target.
     """
     views_ne_m, targets_ne_m = centres(grid, views), centres(grid, stage.targets)
     in_vain = np.zeros(len(pairs), dtype=bool)
@@ -227,7 +236,7 @@ def _not_in_vain(
 
 
 def turn_rad(observation: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
-    """(n,): how far the nose has to turn towards each place."""
+    """Absolute angle from the nose to each view (n, 2), rad, (n,)."""
     here = grid.cell(observation.pose.ne_m)
     north, east = (views - here).T
     off_rad = np.arctan2(east, north) - observation.pose.yaw_rad

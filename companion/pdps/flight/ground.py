@@ -80,8 +80,8 @@ def connect(
 ) -> tuple[FlightState, FlightAction]:
     """CONNECT: waits for the autopilot."""
     if view.vehicle.connected:
-        told = replace(flight, notice=preflight.MID_STICK)
-        return go(told, Phase.PREPARE, view), NOTHING
+        informed = replace(flight, notice=preflight.MID_STICK)
+        return go(informed, Phase.PREPARE, view), NOTHING
     if age_s(flight, view) > CONNECT_TIMEOUT_S:
         trouble = view.vehicle.unfit or "no autopilot heard"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
@@ -165,8 +165,8 @@ def _is_rising(vehicle: VehicleState) -> bool:
 def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
     """Reason why the take-off has failed."""
     if is_high:
-        told = vehicle.landed_state.name.lower().replace("_", " ")
-        return f"at {height_m:.1f} m it still tells {told!r} (EXTENDED_SYS_STATE)"
+        reported = vehicle.landed_state.name.lower().replace("_", " ")
+        return f"at {height_m:.1f} m it still tells {reported!r} (EXTENDED_SYS_STATE)"
     reason = f": {vehicle.refusal}" if vehicle.refusal else ""
     return f"still at {max(height_m, 0.0):.1f} m{reason}"
 

@@ -1,4 +1,4 @@
-"""From the end of a mission to the ground: home, or where it can land instead."""
+"""Steps of the phases from the end of a mission to the ground: home, or another landing site."""
 
 import math
 from dataclasses import replace
@@ -26,34 +26,41 @@ from companion.pdps.flight.state import (
 from companion.safety.control_laws import stay
 
 DISARMED_BY_S = 10.0
-"""An autopilot that stands on the ground disarms by itself; by then it is asked to."""
+"""Time in LAND after which the companion requests disarming on the ground, s. Chosen: autopilots
+disarm by themselves before."""
 SETTLES_S, OVER_START_M = 4.0, 0.1
-"""Before it lands the drone comes to rest over its start: at most so long, and at least half of
-that, the time that ArduCopter 4.6 needs to stop (docs/autopilot.md)."""
+"""Maximum time to come to rest over the start before the descent, s, and maximum distance from it,
+m. Half of the time is the minimum: ArduCopter 4.6 needs it to stop (docs/autopilot.md)."""
 LAND_FROM_M = 0.35
-"""Height down to which the companion lowers the drone over its start: in LAND PX4 moves sideways
-by up to 0.5 m from 1 m down (docs/autopilot.md). Below 0.2 m flow sensors see little."""
+"""Height at which the companion's descent ends and LAND begins, m. In LAND, PX4 moves sideways by
+up to 0.5 m from 1 m down (docs/autopilot.md). Below 0.2 m flow sensors measure little."""
 DESCENT_TIMEOUT_S = 8.0
-"""Three times what it takes from a height of 1.2 m; then it lands from where it is."""
+"""Timeout of the descent, s; after it the drone lands from its present height. Three times the
+duration from a height of 1.2 m."""
 LOOKS_FOR_WAY_HOME_S = 60.0
-"""So long it looks anew for a way home that it has not found: somebody who stood there may go, and
-what was drawn amiss is drawn anew by a look all round, which takes 10 to 20 s. Chosen: three."""
+"""Timeout of the search for a path home, s. A person in the way may leave, and a sweep all round,
+which takes 10 to 20 s, corrects the map. Chosen: three sweeps."""
 DIVERTS_S = 30.0
-"""Then it lands where it is: 5 % of what flies for ten minutes."""
+"""Timeout of a diversion, s; after it the drone lands where it is. 5 % of a flight of 600 s."""
 TELLS_FLOOR_FROM_M, FLOOR_OFF_M = 0.75, 0.25
-"""From the first height up the down beam tells floor, to within the second, from a table. A table
-top 0.4 m below a Sharp sensor reads as floor does 1.1 m below; 5 cm lower it reads half a metre
-more, and the floor 5 cm less."""
+"""Minimum height at which the down beam distinguishes floor from a table, and the tolerance for
+floor, m. A table top 0.4 m below a Sharp sensor reads as floor 1.1 m below does. When the drone is
+0.05 m lower, the table top reads 0.5 m more, and the floor 0.05 m less."""
 LOOKS_AGAIN_S = 5.0
-"""It waits so long before: to find that there is none takes the computer some tens of ms."""
+"""Pause between two searches for a path home, s. Chosen: a search that fails takes some tens of
+ms of computing time."""
 MAY_DIVERT_PHASES = LEVEL_PHASES - {Phase.DIVERT, Phase.DESCEND}
+"""Phases from which a diversion can begin."""
 LOOKS_AGAIN = "no way back to the start was found; it looks again"
+"""Notice while the search for a path home continues."""
 NO_WAY_HOME = "there is no way back to the start any more"
+"""Trouble after the timeout of that search."""
 
 
 def home(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """HOME: flies to the start and comes to rest there."""
     homeward = flight.way_home
     if homeward.phase is TravelPhase.ARRIVED:
         return _settle(flight, view)
@@ -76,7 +83,7 @@ def home(
 
 
 def _look_for_way_home(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
-    """Anew, as if none of the ways had been tried; in the end it lands elsewhere."""
+    """Searches a path home again, from a fresh state. After the timeout it lands elsewhere."""
     if view.time_s - flight.lost_since_s > LOOKS_FOR_WAY_HOME_S:
         return land_elsewhere(flight, view, plan, NO_WAY_HOME)
     if view.time_s - flight.lost_s < LOOKS_AGAIN_S:
@@ -87,7 +94,7 @@ def _look_for_way_home(flight: FlightState, view: TickInput, plan: MissionConfig
 def land_elsewhere(
     flight: FlightState, view: TickInput, plan: MissionConfig, why: str
 ) -> FlightState:
-    """On floor that it has flown over nearby, if there is any and it has room to fly there."""
+    """Lands on floor nearby that the drone has flown over, if it can reach any; else right here."""
     if flight.phase not in MAY_DIVERT_PHASES:
         return go(flight, Phase.LAND, view, why)
     return _divert_to_floor(replace(flight, trouble=why), view, plan)
@@ -105,6 +112,7 @@ def _divert_to_floor(flight: FlightState, view: TickInput, plan: MissionConfig) 
 def divert(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """DIVERT: flies to the landing site."""
     assert flight.diversion is not None
     going, setpoint = travel.step(flight.diversion, view.observation, view.space, plan)
     flight = replace(flight, diversion=going)
@@ -116,7 +124,7 @@ def divert(
 
 
 def _settle(flight: FlightState, view: TickInput) -> tuple[FlightState, FlightAction]:
-    """Come to rest over the start: an autopilot that is told to land goes on by half a metre."""
+    """Comes to rest over the start: in LAND a moving drone continues by 0.5 m."""
     pose = view.observation.pose
     is_over = math.dist(pose.ne_m, START_NE_M) < OVER_START_M
     waited_s = view.time_s - flight.arrived_s
@@ -128,6 +136,7 @@ def _settle(flight: FlightState, view: TickInput) -> tuple[FlightState, FlightAc
 def descend(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """DESCEND: descends over the start or the landing site, to `LAND_FROM_M`."""
     if flight.diversion is not None and _is_table_below(view):
         return _divert_to_floor(flight, view, plan), FlightAction(HOLD)
     is_low = view.observation.pose.height_m < LAND_FROM_M + AT_HEIGHT_M
@@ -138,7 +147,7 @@ def descend(
 
 
 def _is_table_below(view: TickInput) -> bool:
-    """What the down beam meets is not floor; the floor nearer than half a metre is not told."""
+    """True if the down beam measures something else than floor. Below 0.75 m it is always False."""
     height_m, reading = view.observation.pose.height_m, view.observation.ranges.get(Beam.DOWN)
     if reading is None or not reading.is_distance or height_m < TELLS_FLOOR_FROM_M:
         return False
@@ -148,12 +157,13 @@ def _is_table_below(view: TickInput) -> bool:
 def land(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
+    """LAND: commands the landing, and ends the flight when the vehicle is disarmed."""
     vehicle = view.vehicle
     if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
         trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
     if vehicle.is_silent or not vehicle.is_mode_recent:
-        return flight, NOTHING  # somebody else may have it by now
+        return flight, NOTHING  # another party may have control by now
     if not vehicle.armed:
         return go(flight, Phase.DONE, view), NOTHING
     if vehicle.mode == "LAND":

@@ -1,4 +1,4 @@
-"""The whole flight, from the first heartbeat to the last.
+"""State machine of the whole flight, from the first HEARTBEAT to the last.
 
                                                   ┌─► ROOM ─────┐
     CONNECT ─► PREPARE ─► OFFBOARD ─► ARM ─► TAKE_OFF            ├─► HOME ─► DESCEND ─► LAND ─► DONE
@@ -7,38 +7,41 @@
                                                 fault     ▼           fault lasts         │
                                                          HOLD ────────────────────────────┘
                                                           │
-                                                          │ fault gone: back to where it was
+                                                          │ fault gone: back to the phase before
                                                           ▼
-    a script orders it step by step: PREPARE waits to be told to take off; TAKE_OFF, the missions
-    and HOME end in HOVER, which goes to a mission, HOME or LAND when told to
+    with the orders of a script: PREPARE waits for the order to take off; TAKE_OFF, the missions
+    and HOME end in HOVER, which goes to a mission, HOME or LAND by order
 
-    the missions, HOME, HOVER:     time or battery is up, no way home   ─► DIVERT, where there is
+    the missions, HOME, HOVER:     time or battery limit, no path home  ─► DIVERT if there is
                                                                            floor nearby, or LAND
     DIVERT:                        over floor that it has flown over    ─► DESCEND
-    DESCEND, not over its start:   what is below is no floor            ─► DIVERT, or LAND
-                                   no way there, or not in time         ─► LAND
-    TAKE_OFF, DESCEND, HOLD:       time or battery is up                ─► LAND
-    from every phase in the air:   pilot or autopilot leaves our mode   ─► HANDED_OVER
+                                   no path there, or timeout            ─► LAND
+    DESCEND, not over its start:   below is not floor                   ─► DIVERT, or LAND
+    TAKE_OFF, DESCEND, HOLD:       time or battery limit                ─► LAND
+    every phase in the air:        pilot or autopilot leaves our mode   ─► HANDED_OVER
                                    autopilot disarms                    ─► FAILED
-                                   nothing heard for 10 s               ─► FAILED
-    before arming:                 the program is to end                ─► FAILED
-                                   somebody else arms it, or sends
-                                   under our name; battery low          ─► FAILED
-    OFFBOARD, ARM:                 somebody changes the mode            ─► HANDED_OVER
+                                   nothing received for 10 s            ─► FAILED
+    before arming:                 the program must end                 ─► FAILED
+                                   another party arms the vehicle, or
+                                   sends with our ID; battery low       ─► FAILED
+    OFFBOARD, ARM:                 another party changes the mode       ─► HANDED_OVER
     LAND:                          any mode but ours and LAND           ─► HANDED_OVER
-    before take-off:               no autopilot, no estimate, arming
-                                   refused, each for too long           ─► FAILED
+    before take-off:               timeout: no autopilot, no estimate,
+                                   arming refused                       ─► FAILED
 
-Safety: setpoints go out in TAKE_OFF (PX4), the missions, HOME, DESCEND, HOVER and HOLD, that is
-while armed and in the mode that we asked for; before, in OFFBOARD and ARM, they are of zero
-velocity and show PX4 that a companion is there. From the moment at which the mode is asked for, a
-change of mode that is not the one asked for is the pilot's or the autopilot's: the companion stops
-sending at once, asks for nothing more, and does not look whether the mode comes back. That holds
-for PX4's LAND after setpoints were late, too: setpoints would bring it back to OFFBOARD. Only what
-was armed by our command is flown. Each command goes out right after a HEARTBEAT that has told who
-has the drone, so once a second, and not while the link is silent; only for the mode it asks in
-between, too. HOLD is a setpoint of zero velocity; if the link is gone, the autopilot comes to rest
-by its own setpoint timeout. DONE, HANDED_OVER and FAILED are final.
+Safety:
+
+- Setpoints are sent in TAKE_OFF (PX4), the missions, HOME, DIVERT, DESCEND, HOVER and HOLD: while
+  the vehicle is armed and in the requested mode. Before, in OFFBOARD and ARM, they have zero
+  velocity, and show PX4 that a companion is present.
+- After the companion has requested its mode, any change to another mode comes from the pilot or the
+  autopilot. Then the companion stops sending at once and for good, even if the mode returns. This
+  includes PX4's LAND after late setpoints: more setpoints would return it to OFFBOARD.
+- The companion flies only a vehicle that its own command armed.
+- Each command is sent directly after a HEARTBEAT that shows who has control: once a second, and
+  never while the link is silent. Only the request for the mode is also sent in between.
+- HOLD sends zero velocity. If the link is lost, the autopilot stops by its own setpoint timeout.
+- DONE, HANDED_OVER and FAILED are final.
 """
 
 import math
@@ -82,7 +85,7 @@ from companion.safety.velocity_guard import BODY_RADIUS_M, guarded
 def step(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> tuple[FlightState, FlightAction]:
-    """One tick: the next state and what to ask of the autopilot."""
+    """Runs one tick. Returns the next state and the action for the autopilot."""
     if flight.phase in FINAL_PHASES:
         return flight, NOTHING
     if math.isinf(flight.since_s):
@@ -101,14 +104,14 @@ def step(
 
 
 def _may_ask(flight: FlightState, vehicle: VehicleState) -> bool:
-    """While it stands disarmed, between two heartbeats, too."""
+    """True if a command may be sent now: in OFFBOARD also between two HEARTBEATs."""
     if flight.phase is Phase.OFFBOARD:
         return vehicle.mode_age_s <= HEARTBEAT_S
     return vehicle.is_mode_recent
 
 
 def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
-    """By others, or before it has begun."""
+    """The ended flight, if another party has control or the program must end before take-off."""
     if flight.phase in FLYING_PHASES:
         return _taken_away(flight, view)
     if flight.phase not in UNARMED_PHASES:
@@ -119,7 +122,7 @@ def _ended(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightS
 
 
 def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
-    """Down velocity that keeps the height of the layer, and off the ceiling."""
+    """Down velocity, m/s, that keeps the layer's height and the clearance to the ceiling."""
     descends = flight.phase is Phase.DESCEND
     height_m = LAND_FROM_M if descends else flight.layers.height_m(plan)
     down_m_s = climb_to(height_m, view.observation.pose.height_m)
@@ -128,7 +131,7 @@ def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
 
 
 def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
-    """Home, when what is left of time and battery is needed for the way there."""
+    """Enters HOME when the remaining time or battery is needed for the path home."""
     spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
     kept, why = energy_reserve.step(flight.reserve, spent, view.observation, view.space, plan)
     if kept is not flight.reserve:
@@ -137,7 +140,7 @@ def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fligh
 
 
 def _turn_back(flight: FlightState, view: TickInput, why: str) -> FlightState:
-    """What was an extra may end so: the mission is complete without it."""
+    """Enters HOME. In an extra part this is no trouble: the mission is complete without it."""
     parts = flight.room, flight.building, flight.layers
     is_extra = any(part.is_extra for part in parts)
     trouble = "" if is_extra else f"turned back {why}"
@@ -213,7 +216,7 @@ def _hold(
 
 
 def _taken_away(flight: FlightState, view: TickInput) -> FlightState | None:
-    """The flight is no longer ours: pilot, autopilot, or a link that is gone for good."""
+    """The ended flight, if the pilot or autopilot has control, or the link is lost for good."""
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
         return go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
@@ -229,7 +232,7 @@ def _taken_away(flight: FlightState, view: TickInput) -> FlightState | None:
 
 
 def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState | None:
-    """The flight goes on, but not as planned."""
+    """The flight in HOLD, HOME, DIVERT or LAND, if an order, limit or fault ends the phase."""
     if view.land_requested:
         return go(flight, Phase.LAND, view, "landing was requested")
     if flight.diversion is None and view.time_s - flight.began_s > plan.time_limit_s:
@@ -244,7 +247,7 @@ def _cut_short(flight: FlightState, view: TickInput, plan: MissionConfig) -> Fli
 def _with_the_battery(
     flight: FlightState, view: TickInput, plan: MissionConfig
 ) -> FlightState | None:
-    """Home while there is enough for the way, down before it is empty."""
+    """Enters HOME at the first battery limit, and lands at the second."""
     percent = 100 * (1.0 if view.vehicle.battery is None else view.vehicle.battery)
     if flight.diversion is None and percent <= plan.battery_land_percent:
         return land_elsewhere(flight, view, plan, f"{percent:.0f} % of the battery is left")

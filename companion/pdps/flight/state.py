@@ -18,7 +18,7 @@ from companion.pdps.room_scan_state import RoomScan
 from companion.safety.obstacle_memory import Surroundings
 
 HEARTBEAT_S = 1.0
-"""Maximum age of the reported mode at which a disarmed vehicle gets a command, s: the period of
+"""Maximum age of the reported mode at which a command is sent in OFFBOARD, s: the period of
 HEARTBEAT."""
 LINK_LOST_S = 10.0
 """Time without any message, or without HEARTBEAT, after which the flight has failed, s. Chosen."""

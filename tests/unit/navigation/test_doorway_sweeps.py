@@ -62,7 +62,7 @@ def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
 def looked_at_again_if_narrow(
     travel: Travel, grid: Occupancy, width_m: float
 ) -> tuple[Travel, float]:
-    """As often as it wants to, and when."""
+    """Sweeps the opening, twice if it looks narrow; returns the journey and the time."""
     travel, time_s = looked_at(travel, grid, width_m)
     if travel.known[0].looks_narrow:
         travel, time_s = looked_at(travel, grid, width_m, time_s=time_s + 0.05)
@@ -76,7 +76,7 @@ def looked_at(
     place: Place = (0.0, 0.0),
     time_s: float = 10.0,
 ) -> tuple[Travel, float]:
-    """After both jambs of an opening in the wall 1.45 m north were swept; and when."""
+    """The journey after a sweep of both jambs, 1.45 m north, and the time."""
     heading = 1.0 if place[0] < 1.45 else -1.0
     seen = observation(place, math.acos(heading), time_s=time_s)
     travel, _ = travelling.step(travel, seen, grid, PLAN)
@@ -96,7 +96,7 @@ def looked_at(
 def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
     width_m: float, *, enters: bool
 ) -> None:
-    """All are free by the cells; a reading every 3 cm, without noise, measures 1 to 6 cm more."""
+    """All openings are free cells. A reading every 3 cm, without noise, measures 1 to 6 cm more."""
     grid = with_doorway(1.45)
     travel, time_s = looked_at_again_if_narrow(Travel((3.0, 0.0)), grid, width_m)
     travel, _ = gone(travel, grid, time_s=time_s + 0.05)

@@ -1,4 +1,4 @@
-"""Where the drone lands if it cannot land at its start."""
+"""Tests the landing site that replaces the start."""
 
 import math
 
@@ -16,7 +16,7 @@ HEIGHT_M = 1.2
 
 
 def flown(*track_ne_m: Vector2) -> Occupancy:
-    """A round hall of 4 m in which the drone has been at some places."""
+    """A round hall of 4 m with the given flown cells."""
     space = Occupancy()
     for place in track_ne_m:
         for degree in range(0, 360, 2):
@@ -26,7 +26,7 @@ def flown(*track_ne_m: Vector2) -> Occupancy:
 
 
 def met(tops_m: dict[Vector2, float]) -> Heights:
-    """What the down beam met under some places."""
+    """Height map from the down beam, with these heights at these places."""
     heights = Heights(0.0)
     for (north_m, east_m), top_m in tops_m.items():
         pose = Pose(0.0, north_m, east_m, -HEIGHT_M, 0.0)
@@ -36,7 +36,7 @@ def met(tops_m: dict[Vector2, float]) -> Heights:
 
 
 def line(from_m: float, to_m: float) -> list[Vector2]:
-    """Due north, a place every decimetre."""
+    """Places due north, 0.1 m apart."""
     return [(from_m + 0.1 * n, 0.05) for n in range(round((to_m - from_m) / 0.1))]
 
 

@@ -1,4 +1,4 @@
-"""How far from the wall the room is traced."""
+"""Tests the stand-off distance from the sensor model."""
 
 import pytest
 

@@ -97,7 +97,7 @@ def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
 def test_it_goes_back_to_look_round_only_where_the_straight_way_is_free(
     roomy: Place, *, looks: bool
 ) -> None:
-    """It is in a doorway; a wall 1.5 m east of it is in between, which it has come round."""
+    """The drone is in a doorway. A wall 1.5 m east, which it flew round, is between."""
     grid = walled(reach_m=2.0)
     for jamb_m in (-0.6, 0.6):
         grid.block((jamb_m, 0.0), 0.01)
@@ -156,7 +156,7 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
 def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     goal: Place, *, goes: bool
 ) -> None:
-    """As what is really there where a map is bent."""
+    """The drone is stuck again and again, as at a real wall that a distorted map lacks."""
     travel, grid = Travel(goal, looked_round=True), open_ground()
     for round_ in range(4):
         assert travel.phase is not TravelPhase.GAVE_UP

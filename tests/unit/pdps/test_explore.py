@@ -52,7 +52,7 @@ def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
 
 
 def chosen(explore: Explore, grid: Occupancy) -> Explore:
-    """What CHOOSE comes to."""
+    """The state after CHOOSE."""
     assert explore.phase is ExplorePhase.CHOOSE
     while explore.phase is ExplorePhase.CHOOSE:
         explore, _ = step(explore, observation(), grid, PLAN)
@@ -75,7 +75,7 @@ def test_go_looks_round_on_arrival() -> None:
 
 
 def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
-    """Where it wanted to look from, at the edge of what is known in these directions."""
+    """A viewpoint at the origin with targets at the edge of known space in these directions."""
     rim = [
         (3.95 * math.cos(math.radians(b)), 3.95 * math.sin(math.radians(b))) for b in bearings_deg
     ]
@@ -132,7 +132,7 @@ def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, setpoint = step(explore, observation(time_s=20.0), open_ground(reach_m=9.0), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
-    assert setpoint != HOLD  # it goes on meanwhile
+    assert setpoint != HOLD  # it continues to fly meanwhile
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 

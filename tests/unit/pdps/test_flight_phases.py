@@ -1,4 +1,4 @@
-"""Every arrow of the flight's diagram, and what it asks of the autopilot on the way."""
+"""Tests every transition of the flight's diagram, and the setpoints and commands sent."""
 
 import math
 from dataclasses import replace
@@ -49,7 +49,7 @@ SPACE = Occupancy()
 for degree in range(360):
     for _ in range(3):
         SPACE.add(Ray((1.0, 1.0), math.radians(degree), 4.0, 0.0, False, 0.0))
-"""Free space, as far as one look shows it."""
+"""Free space within the range of one turn."""
 
 
 def view(
@@ -311,7 +311,7 @@ def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
 def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
     battery: float, phase: Phase
 ) -> None:
-    """At one per cent in six seconds; the way home of 2 m and its turns may take 17 s."""
+    """Discharge of 1 % in 6 s; the path home of 2 m and its turns may take 17 s."""
     began = replace(flying(Phase.ROOM), began_s=0.0, reserve=Reserve((Spent(0.0, 1.0),)))
     seen = view(replace(FLYING, battery=battery), time_s=600.0 * (1 - battery))
     away = replace(
@@ -323,7 +323,7 @@ def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
 
 
 def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> None:
-    """PX4's simulated one falls to a half within 30 s of arming and stays there."""
+    """PX4's simulated battery falls to 50 % within 30 s of arming, and stays there."""
     flight = replace(flying(Phase.BUILDING), began_s=0.0)
     plan = PLAN.model_copy(update={"battery_home_percent": 0.0})
     for second in range(5, 240):
@@ -338,7 +338,7 @@ def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> N
 
 
 def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
-    """It has come 6 m along a corridor that is 1.2 m or 4 m wide."""
+    """The drone is 6 m along a corridor that is 1.2 m or 4 m wide."""
     turns_back_s = []
     for half_width_m in (0.6, 2.0):
         space = Occupancy()
@@ -361,7 +361,7 @@ def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
 
 
 def test_it_turns_back_earlier_among_legs() -> None:
-    """The way home of 3 m takes 12 s at the speed that it has there, not 4 s."""
+    """The path home of 3 m takes 12 s at the speed among legs, not 4 s."""
     plan = PLAN.model_copy(update={"speed_m_s": 1.0})
     late = view(position=(3.0, 0.0), time_s=90.0 + plan.time_limit_s - plan.reserve_s - 20.0)
     among = replace(late, observation=replace(late.observation, is_among_legs=True))
@@ -429,7 +429,7 @@ EMPTY = replace(FLYING, battery=0.05)
 
 
 def over_a_table() -> Heights:
-    """Under where the drone is; it came from the south, over the floor."""
+    """Height map with a table under the drone, which came from the south over floor."""
     floor = Heights(0.0)
     for decimetre in range(12):
         north_m, top_m = 0.1 * decimetre, 0.45 if decimetre > 7 else 0.0
@@ -470,8 +470,8 @@ def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
     ("height_m", "reads_m", "phase"),
     [
         *[(1.1, 1.1, Phase.DESCEND), (0.9, 0.9, Phase.DESCEND)],
-        *[(0.6, 2.4, Phase.DESCEND)],  # floor, too near to be told
-        *[(1.15, 1.45, Phase.DIVERT), (1.1, 1.8, Phase.DIVERT)],  # a table, folded back
+        *[(0.6, 2.4, Phase.DESCEND)],  # floor, too near to be distinguished
+        *[(1.15, 1.45, Phase.DIVERT), (1.1, 1.8, Phase.DIVERT)],  # a table, aliased (folded back)
         (1.1, 0.6, Phase.DIVERT),  # a chair
     ],
 )

@@ -45,7 +45,7 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
 
 
 def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None:
-    """It is 0.2 m thick: to map it from one side only is to miss half of it."""
+    """The wall is 0.2 m thick: from one side only half of it is mapped."""
     grid = open_ground(1.5, (-2.0, 0.0))
     look_round(grid, (2.0, 0.0), 1.5, hit=False)
     near_side_m, far_side_m = -0.1, 0.1

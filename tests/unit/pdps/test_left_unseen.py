@@ -1,4 +1,4 @@
-"""What a mission says that it has left unseen."""
+"""Tests the list of unseen places and its message."""
 
 import math
 
@@ -9,13 +9,14 @@ from companion.pdps.frontiers import Places
 from companion.pdps.left_unseen import in_words, left_unseen
 
 AHEAD_M, ASIDE_M = 2.0, 0.5
-"""How far a beam that is lost in an opening has gone, and where the opening is, to the right."""
+"""Distance of the north wall, where beams into the opening end, and the opening's offset to the
+right, m."""
 
 
 def room_with_an_opening(wide_m: float) -> Occupancy:
-    """4 × 4 m about the start; the middle of an opening in its north wall is 0.5 m to the right.
+    """Room of 4 × 4 m round the start, with an opening in its north wall, 0.5 m to the right.
 
-    No beam has gone on through it.
+    No beam has passed through the opening.
     """
     grid = Occupancy()
     for tenth in range(3600):

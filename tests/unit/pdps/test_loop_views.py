@@ -1,4 +1,4 @@
-"""Walls that face one another but were not measured from one place, and where to tie them."""
+"""Tests the viewpoints that measure uncertain walls again."""
 
 import math
 from collections.abc import Callable
@@ -36,12 +36,12 @@ from companion.pdps.visibility import is_clear
 
 PLAN = MissionConfig(kind="building")
 HALF_M, REACH_M = 3.5, 5.0
-"""Two walls, north and south of the middle, 10 m long."""
+"""Distance of the two walls north and south of the middle, m; they are 10 m long."""
 HERE: Vector2 = (0.0, -2.0)
 
 
 def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) -> KnownWalls:
-    """Their distances from the origin are known to that; tied: but that between them exactly."""
+    """Two walls with this sigma of the distance to the origin; `tied`: exact between them."""
     normals = np.array([[math.cos(turned_rad), math.sin(turned_rad)]]) * [[1.0], [-1.0]]
     covariance_m2 = sigma_m**2 * np.array([[1.0, -1.0], [-1.0, 1.0]] if tied else np.eye(2))
     reach_m = np.array([[-REACH_M, REACH_M]] * 2)
@@ -50,7 +50,7 @@ def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) ->
 
 @cache
 def yard(*, partition: bool = False) -> Occupancy:
-    """What lies between them, seen whole."""
+    """The space between the walls, fully seen."""
     grid = Occupancy()
     for decimetre in range(-45, 46):
         for bearing_rad in (0.0, math.pi):
@@ -162,7 +162,7 @@ def test_of_two_that_are_known_badly_the_one_that_can_be_seen_is_gone_to() -> No
 
 
 def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
-    """A sealed corridor, so that nothing but the walls' distance is worth a look."""
+    """A closed corridor, so that the walls' distance is the only target."""
     grid, walls, tied = sealed(), two_walls(0.2), two_walls(0.5 * VAGUE_M, tied=True)
     enough = tuple(Viewpoint(HERE, _everywhere()) for _ in range(3))
     explore = Explore(ExplorePhase.CHOOSE, tried=enough)
@@ -207,7 +207,7 @@ def test_a_beam_straight_to_a_wall_meets_it_in_its_foot(
 
 
 def test_the_filter_knows_how_sure_a_distance_is() -> None:
-    """Between two walls, seen one after the other with a flight between, or both at once."""
+    """Sigma between two walls, measured with a flight between, or from one place."""
     slam = LineSlam(heading := HeadingFilter(0.0), OdometryModel())
     for side in (0.0, math.pi):
         heading.add_wall(WallBearing(side, math.radians(0.5), 0.0, 0.0))
@@ -231,7 +231,7 @@ def test_the_filter_knows_how_sure_a_distance_is() -> None:
 
 @given(st.integers(-300, 300), st.integers(-300, 300))
 def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> None:
-    """A wall that has just been set right may lie where the grid does not reach yet."""
+    """A wall that was just corrected may lie outside the grid."""
     start, end = np.array([[0, 0]]), np.array([[row, column]])
     assert is_clear(Occupancy(), start, end, 40.0).all()
 

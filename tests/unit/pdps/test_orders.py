@@ -1,4 +1,4 @@
-"""A flight that is ordered step by step: every arrow to and from hovering."""
+"""Tests a flight by a script's orders: every transition to and from HOVER."""
 
 from dataclasses import replace
 

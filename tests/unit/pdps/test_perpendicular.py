@@ -1,4 +1,4 @@
-"""The nearest wall in a 360° turn."""
+"""Tests the perpendicular to the nearest wall in a 360° turn."""
 
 import math
 from random import Random
@@ -12,7 +12,7 @@ from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_d
 
 
 def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> list[TurnReading]:
-    """Rays of a whole turn; walls by the bearing of their normal, rad, and distance."""
+    """Readings of a full turn. A wall is the bearing of its normal, rad, and its distance, m."""
     random = Random(seed)
     rays = []
     for tick in range(160):

@@ -1,4 +1,4 @@
-"""In every phase the mode switch wins, and what others have armed is left alone."""
+"""Tests that the mode switch has priority in every phase, and vehicles armed by others."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def test_what_somebody_else_has_armed_is_left_alone(phase: Phase, vehicle: Vehic
     flight, action = after(phase, vehicle)
     assert (flight.phase, action) == (Phase.FAILED, NOTHING)
     assert "disarm it" in flight.trouble
-    assert exit_status(flight) == EXIT_ENDED  # or it would be taken up as after a crash
+    assert exit_status(flight) == EXIT_ENDED  # otherwise a restart treats it as a crash
 
 
 def test_what_is_armed_by_our_command_is_flown_whatever_else_was_acknowledged() -> None:

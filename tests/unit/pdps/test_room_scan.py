@@ -1,4 +1,4 @@
-"""Every arrow of the room scan's diagram, and its safety rules."""
+"""Tests every transition of the room scan's diagram, and its safety rules."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ PLAN = MissionConfig()
 
 
 def seen_from(place_ne_m: Vector2, degrees: range, reach_m: float) -> Occupancy:
-    """Free space that nothing bounds, and only so much of it."""
+    """Free space in these directions from a place, without walls."""
     grid = Occupancy()
     for degree in degrees:
         for _ in range(3):
@@ -29,7 +29,7 @@ def seen_from(place_ne_m: Vector2, degrees: range, reach_m: float) -> Occupancy:
 
 
 def open_ground(reach_m: float) -> Occupancy:
-    """A disc of it round the drone."""
+    """A disc of free space round the drone."""
     return seen_from((0.0, 0.0), range(360), reach_m)
 
 
@@ -57,7 +57,7 @@ def observation(
 
 
 def turn_once(walls_m: dict[int, float]) -> RoomScan:
-    """A whole turn in a square of walls at the given distances (by bearing in degrees)."""
+    """A full turn in a square of walls at the given distances (by bearing in degrees)."""
 
     def ray(bearing_rad: float) -> RangeReading:
         ranges = [
@@ -134,7 +134,7 @@ def test_at_the_stand_off_the_scan_begins() -> None:
 
 
 def test_the_stand_off_follows_how_well_the_drone_is_flown() -> None:
-    """How far its estimate wanders is known once walls are."""
+    """The stand-off depends on the estimate's drift, which is known only after walls are."""
     seen = replace(observation(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
     scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
     assert scan.standoff_m == 1.7
@@ -245,7 +245,7 @@ def test_a_room_whose_first_wall_is_never_faced_again_is_closed_where_the_next_o
 
 
 def closing(scan: RoomScan, walls: KnownWalls) -> RoomScan:
-    """Four corners after it was at the origin, it comes past it."""
+    """The drone passes the origin again, four corners later."""
     scan, _ = step(
         replace(scan, marks=(Mark((0.0, 0.0), 0.0, 0),), corners=4), past(walls), FREE, PLAN
     )
@@ -257,7 +257,7 @@ def past(walls: KnownWalls) -> Observation:
 
 
 def facing(sigma_m: float) -> KnownWalls:
-    """Two walls; so well is known how far they are apart."""
+    """Two opposite walls with this sigma of the distance between them."""
     normals = np.array([[1.0, 0.0], [-1.0, 0.0]])
     variance_m2 = 0.5 * sigma_m**2 * np.eye(2)
     return KnownWalls(normals, np.array([1.5, 13.5]), np.array([[-5.0, 5.0]] * 2), variance_m2)
@@ -271,7 +271,7 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
     assert (again.phase, again.is_extra) == (ScanPhase.SCAN, True)
     assert step(again, past(loose), FREE, PLAN)[0].phase is ScanPhase.SCAN
     assert closing(again, known).phase is ScanPhase.CLOSED
-    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # not for ever
+    assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # limited rounds
 
 
 def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:

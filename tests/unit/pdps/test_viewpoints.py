@@ -33,7 +33,7 @@ def test_a_frontier_shows_from_before_it_and_not_from_its_side() -> None:
 
 
 def test_a_frontier_is_looked_at_from_where_something_shows_behind_it() -> None:
-    """Not from the side, along what is known already."""
+    """Not from the side, where the line continues through known space."""
     grid = open_ground()
     known = known_cells(grid)
     for look in looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN):
@@ -83,7 +83,7 @@ def test_in_a_building_the_open_is_left_for_the_end_and_not_gone_far_into() -> N
 
 @pytest.mark.parametrize(("strip_m", "is_open"), [(10, False), (34, True)])
 def test_the_open_counts_when_all_else_is_far(strip_m: int, is_open: bool) -> None:
-    """A hall wider than two ranges is open, too; only outside it has no end."""
+    """A hall wider than two ranges is open, too; only the outside has no end."""
     here, grid = (1.0, 0.0), open_ground(4.0)
     pillar = tuple((0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5))
     grid.block((0.0, 0.0), 0.3)
