@@ -100,8 +100,8 @@ def _name(enum: str, value: int) -> str:
 class Stream:
     """A message stream at a requested rate; requested again if it stops or is clearly too slow.
 
-    A granted rate does not last: a ground station requests its own rates on the same link, and a
-    reboot resets them. The received rate is therefore measured. For a message with instances, such
+    A granted rate does not last: a ground station requests its own rates on the same link, and an
+    autopilot may drop a stream. The received rate is therefore measured. For a message with instances, such
     as DISTANCE_SENSOR with one per sensor, the rate is that of the most frequent instance.
     """
 
@@ -142,7 +142,7 @@ class Stream:
 
     def note(self, message: Message, now_s: float) -> None:
         """Count a received message."""
-        if now_s - self._seen_s >= self._silent_s:  # a silent period does not count towards the rate
+        if now_s - self._seen_s >= self._silent_s:  # silence is no part of the rate
             self._begin_window(now_s)
         self._seen_s, self._unanswered = now_s, 0
         instance = message.instance_field and getattr(message, message.instance_field)
