@@ -49,7 +49,7 @@ class Telemetry:
 
 
 class Listener(Protocol):
-    """Receiver of certain messages from the vehicle, such as the driver of an autopilot's sensor."""
+    """Receiver of certain messages from the vehicle, such as a driver of its sensors."""
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
@@ -131,7 +131,7 @@ class Link:
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
 
     def _start_over(self) -> None:
-        """Reset after a reboot: the autopilot may have lost its parameters and the global origin."""
+        """Reset after a reboot: the autopilot may have lost its parameters and its origin."""
         self._odometry.start_over()
         self._parameters_set.clear()
         self._read.forget()

@@ -23,7 +23,7 @@ from companion.core.messages import Odometry
 from companion.link.transports.transport import Message
 
 POSITION_HZ = 20.0
-"""Requested rate of LOCAL_POSITION_NED (32), Hz. Chosen: the rate of the control loop."""
+"""Requested rate of LOCAL_POSITION_NED (32), Hz. Chosen."""
 ATTITUDE_HZ = 25.0
 """Requested rate of ATTITUDE (30), Hz.
 

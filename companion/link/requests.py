@@ -101,8 +101,8 @@ class Stream:
     """A message stream at a requested rate; requested again if it stops or is clearly too slow.
 
     A granted rate does not last: a ground station requests its own rates on the same link, and an
-    autopilot may drop a stream. The received rate is therefore measured. For a message with instances, such
-    as DISTANCE_SENSOR with one per sensor, the rate is that of the most frequent instance.
+    autopilot may drop a stream. The received rate is therefore measured. For a message with
+    instances, such as DISTANCE_SENSOR with one per sensor, the most frequent instance counts.
     """
 
     message_id: int
