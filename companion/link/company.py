@@ -1,7 +1,7 @@
-"""Who speaks on the link: why what is heard there is not flown, in words that name the remedy.
+"""Checks the senders on the link: only a supported autopilot with a unique id is flown.
 
-Before it arms the companion wants to be sure that the autopilot is what it takes it for, and that
-nobody else gives orders under the same name.
+Before arming, the companion verifies the type of the autopilot, and that no other component sends
+with the ids of the companion or the autopilot. Each message of a problem names the remedy.
 """
 
 from collections import deque
@@ -15,25 +15,29 @@ from companion.link.transports.transport import Message
 Source = tuple[int, int]
 """MAVLink system and component."""
 SUPPORTED = frozenset(firmware.autopilot for firmware in FIRMWARES)
+"""Supported values of HEARTBEAT.autopilot."""
 BREAKS, BREAKS_WITHIN_S = 4, 5.0
-"""An autopilot that restarts breaks three times: its clock goes back, and PX4 does not know its own
-kind for a moment. Of two under one name clock or kind go back and forth with every message."""
+"""Discontinuities within this time, s, that mean two autopilots with the same id.
+
+A restarting autopilot causes three: its clock steps back, and PX4 briefly reports another type. With
+two autopilots of one id, clock or type alternate with every message.
+"""
 
 
 class Company:
-    """Everybody who was heard, by the heartbeats; time is an argument."""
+    """All senders on the link, from their heartbeats; time is an argument."""
 
     def __init__(self, config: LinkConfig) -> None:
         self._url = config.url
         self._ours: Source = (config.system_id, config.component_id)
         self._target: Source = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._kinds: dict[Source, tuple[int, int]] = {}
-        """HEARTBEAT's autopilot and type of each."""
+        """HEARTBEAT.autopilot and .type of each sender."""
         self._breaks_s: deque[float] = deque(maxlen=BREAKS)
         self._has_namesake = self._has_twin = False
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Any message, whoever sent it."""
+        """Process a message from any sender."""
         source = message.get_srcSystem(), message.get_srcComponent()
         self._has_namesake |= source == self._ours
         if message.get_type() != "HEARTBEAT":
@@ -44,14 +48,14 @@ class Company:
         self._kinds[source] = kind
 
     def note_break(self, now_s: float) -> None:
-        """The autopilot is of another kind than before, or its clock has gone back."""
+        """Note that the autopilot's type has changed, or that its clock has stepped back."""
         self._breaks_s.append(now_s)
         is_full = len(self._breaks_s) == BREAKS
         self._has_twin |= is_full and now_s - self._breaks_s[0] <= BREAKS_WITHIN_S
 
     @property
     def trouble(self) -> str:
-        """Why an autopilot that is known is not flown all the same; or nothing."""
+        """Reason why a known autopilot is not flown; empty if there is none."""
         system, component = self._ours
         if self._has_twin:
             return (
@@ -67,7 +71,7 @@ class Company:
 
     @property
     def strangers(self) -> str:
-        """Who is there while no autopilot of ours is; or nothing."""
+        """Description of the other senders, for a missing autopilot; empty without senders."""
         if (kind := self._kinds.get(self._target)) and kind[0] != mavlink.MAV_AUTOPILOT_INVALID:
             return self._not_flown(*kind)
         autopilots = [s for s, k in self._kinds.items() if k[0] != mavlink.MAV_AUTOPILOT_INVALID]
@@ -107,7 +111,7 @@ class Company:
 
 
 def _vehicle(vehicle_type: int) -> str:
-    """With its article."""
+    """Name of a vehicle type with its article."""
     name = _name("MAV_TYPE", vehicle_type).lower().replace("_", " ")
     words = "vehicle of no known type" if vehicle_type == mavlink.MAV_TYPE_GENERIC else name
     return f"{'an' if words[0] in 'aeiou' else 'a'} {words}"

@@ -1,4 +1,4 @@
-"""What differs between autopilots, seen from the companion."""
+"""Defines the differences between ArduPilot and PX4: modes, parameters and commands."""
 
 import math
 import struct
@@ -12,11 +12,12 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.messages import Command, CommandKind
 
 Parameters = tuple[float, ...]
+"""Parameters of a MAV_CMD."""
 
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A parameter as it travels: `wire_value` is what stands in PARAM_SET's float."""
+    """A parameter in its wire format: `wire_value` is the float field of PARAM_SET (23)."""
 
     name: str
     wire_value: float
@@ -29,7 +30,7 @@ def _real(name: str, value: float) -> Parameter:
 
 
 def _bytewise_int(name: str, value: int) -> Parameter:
-    """PX4 sends an integer's bytes in place of the float."""
+    """PX4 sends the bytes of an integer in the float field."""
     (wire_value,) = struct.unpack("<f", struct.pack("<i", value))
     return Parameter(name, wire_value, mavlink.MAV_PARAM_TYPE_INT32)
 
@@ -44,8 +45,11 @@ MULTICOPTERS = frozenset(
         mavlink.MAV_TYPE_DODECAROTOR,
     }
 )
-"""HEARTBEAT.type of what is flown. The same mode number is another mode on other vehicles: 4 is
-GUIDED on a copter of ArduPilot's, HOLD on a rover, ACRO on a plane."""
+"""Supported values of HEARTBEAT.type.
+
+On other vehicles the same mode number is another mode: on ArduPilot, 4 is GUIDED on a copter, HOLD
+on a rover, ACRO on a plane.
+"""
 
 NOT_SETTLED = "its estimator has not settled"
 NO_VELOCITY = "its estimator has no velocity source"
@@ -53,39 +57,42 @@ NO_POSITION = "its estimator has no position"
 
 
 class Firmware(Protocol):
-    """One kind of autopilot."""
+    """Interface to one autopilot firmware."""
 
     autopilot: ClassVar[int]
-    """HEARTBEAT.autopilot of this kind."""
+    """Value of HEARTBEAT.autopilot."""
     takes_off_by_setpoint: ClassVar[bool]
-    """It lifts off by following a climbing setpoint in its offboard mode."""
+    """Take-off is a climbing setpoint in the offboard mode, not a command."""
     estimator_message: ClassVar[int]
-    """Which message tells the state of the estimator."""
+    """Id of the message that reports the estimator state."""
     texts_need: ClassVar[Mapping[str, int]]
-    """If it tells texts only to ground stations: how it must be set that we may beat as one."""
+    """Parameter values required to send a ground station's heartbeat; empty if none is needed.
+
+    A firmware that sends texts only to ground stations needs one: see `ground_station`.
+    """
     pose_needs: ClassVar[Mapping[str, int]]
-    """How it must be set to fly by our pose, and by a velocity of its own."""
+    """Parameter values required to use our pose together with the autopilot's own velocity."""
 
     def mode_name(self, custom_mode: int) -> str: ...
 
     def is_offboard(self, custom_mode: int) -> bool:
-        """In this mode the autopilot follows our setpoints."""
+        """Whether the autopilot follows our setpoints in this mode."""
         ...
 
     def estimate_complaint(self, message: Any) -> str:
-        """Why the position may not be used, by the estimator's message; empty if it may."""
+        """Reason why the position cannot be used, from the estimator message; empty if it can."""
         ...
 
     def safety_parameters(self, setpoint_loss_s: float) -> tuple[Parameter, ...]:
-        """What bounds how long an old setpoint is flown, and what happens then; as we want them."""
+        """Required parameters for the setpoint timeout and the action after it."""
         ...
 
     def parameter_value(self, message: Any) -> float:
-        """What a PARAM_VALUE (22) tells."""
+        """Decoded value of a PARAM_VALUE (22)."""
         ...
 
     def command(self, command: Command) -> tuple[int, Parameters]:
-        """The MAV_CMD and its parameters."""
+        """MAV_CMD and its parameters for a command."""
         ...
 
 
@@ -101,10 +108,11 @@ ARDUCOPTER_MODES = {
     17: "BRAKE",
     20: "GUIDED_NOGPS",
 }
+"""Names of HEARTBEAT.custom_mode of ArduCopter."""
 
 
 class ArduPilot:
-    """ArduCopter 4.6."""
+    """Firmware interface of ArduCopter 4.6."""
 
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
     takes_off_by_setpoint: ClassVar[bool] = False
@@ -115,8 +123,9 @@ class ArduPilot:
     )
 
     GUIDED, LAND = 4, 9
+    """HEARTBEAT.custom_mode of the two modes."""
     POSITION_FLAGS = mavlink.EKF_POS_HORIZ_REL | mavlink.EKF_POS_HORIZ_ABS
-    """One is enough: with optical flow alone there is only a relative position."""
+    """One of the flags is sufficient: with optical flow alone, the position is only relative."""
 
     def mode_name(self, custom_mode: int) -> str:
         return ARDUCOPTER_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -154,7 +163,7 @@ class ArduPilot:
 
 
 def px4_mode(main: int, sub: int = 0) -> int:
-    """HEARTBEAT.custom_mode of PX4."""
+    """Compose HEARTBEAT.custom_mode of PX4 from main mode and sub mode."""
     return main << 16 | sub << 24
 
 
@@ -171,11 +180,13 @@ PX4_MODES = {
     px4_mode(4, 5): "RTL",
     px4_mode(4, 6): "LAND",
 }
+"""Names of HEARTBEAT.custom_mode of PX4."""
 PX4_LAND_ON_SETPOINT_LOSS = 4
+"""Value of PX4's COM_OBL_RC_ACT: land after the setpoint timeout."""
 
 
 class Px4:
-    """PX4 1.16 and later, multicopter."""
+    """Firmware interface of PX4 1.16 and later, multicopter."""
 
     autopilot: ClassVar[int] = mavlink.MAV_AUTOPILOT_PX4
     takes_off_by_setpoint: ClassVar[bool] = True
@@ -186,6 +197,7 @@ class Px4:
     )
 
     OFFBOARD_MAIN, AUTO_MAIN, LAND_SUB = 6, 4, 6
+    """Main modes OFFBOARD and AUTO, and the sub mode LAND of AUTO."""
 
     def mode_name(self, custom_mode: int) -> str:
         return PX4_MODES.get(custom_mode, f"mode {custom_mode}")
@@ -194,7 +206,7 @@ class Px4:
         return custom_mode == px4_mode(self.OFFBOARD_MAIN)
 
     def estimate_complaint(self, message: Any) -> str:
-        """CONST_POS_MODE tells nothing: since 1.16 every vehicle that stands sets it."""
+        """As in `Firmware`, without CONST_POS_MODE: since 1.16 PX4 sets it at every standstill."""
         flags = message.flags
         if not flags & mavlink.ESTIMATOR_ATTITUDE:
             return NOT_SETTLED
@@ -230,10 +242,11 @@ class Px4:
 
 
 FIRMWARES: tuple[Firmware, ...] = (ArduPilot(), Px4())
+"""Supported firmwares."""
 
 
 def firmware_of(autopilot: int, vehicle_type: int) -> Firmware | None:
-    """The firmware for HEARTBEAT.autopilot and .type; None if such a vehicle is not flown."""
+    """Firmware for HEARTBEAT.autopilot and .type; None if the vehicle is not supported."""
     if vehicle_type not in MULTICOPTERS:
         return None
     return next((d for d in FIRMWARES if d.autopilot == autopilot), None)

@@ -1,9 +1,9 @@
-"""The companion's view of the autopilot: messages in, vehicle state and odometry out, and back.
+"""Converts MAVLink messages into vehicle state and odometry, and sends setpoints and commands.
 
     HEARTBEAT ─► firmware, mode, armed            COMMAND_ACK, STATUSTEXT ─► refusals
     LOCAL_POSITION_NED + ATTITUDE ─► odometry    EKF_STATUS_REPORT ─► estimate ready
 
-Heartbeats go out from `send`, that is from the control loop: a companion that hangs falls silent.
+`send` sends the heartbeats, from the control loop: if the loop hangs, the heartbeats stop.
 """
 
 import math
@@ -28,17 +28,20 @@ from companion.link.texts import Texts
 from companion.link.transports.transport import Message, Transport
 
 CONNECTED_S = 3.0
-"""A vehicle is gone after this long without any message."""
+"""A vehicle is disconnected after this long without any message, s. Chosen."""
 HEARTBEAT_PERIOD_S = 1.0
+"""Period of the companion's heartbeats, s. Chosen."""
 REQUEST_PERIOD_S = 1.0
+"""Period of the requests for origin and parameters, s. Chosen."""
 SLOW_HZ = 2.0
+"""Requested rate of the status messages, Hz. Chosen."""
 VELOCITY_AND_YAW_RATE = 0x05C7
-"""SET_POSITION_TARGET_LOCAL_NED type_mask: only velocity and yaw rate count."""
+"""`type_mask` of SET_POSITION_TARGET_LOCAL_NED (84): only velocity and yaw rate are used."""
 
 
 @value
 class Telemetry:
-    """What the autopilot has told since the last poll."""
+    """Data received from the autopilot since the last poll."""
 
     vehicle: VehicleState
     odometry: Odometry | None = None
@@ -46,18 +49,18 @@ class Telemetry:
 
 
 class Listener(Protocol):
-    """Somebody who reads certain messages of the vehicle's, such as a sensor that it has."""
+    """Receiver of certain messages from the vehicle, such as a driver of its sensors."""
 
     @property
     def streams_hz(self) -> Mapping[int, float]:
-        """By message id, how often they are wanted; 0: taken if they come, but not asked for."""
+        """Requested rate by message id, Hz; 0: accepted but not requested."""
         ...
 
     def hear(self, message: Message, now_s: float) -> None: ...
 
 
 class Link:
-    """One vehicle; time is an argument throughout."""
+    """Connection to one vehicle; time is an argument throughout."""
 
     def __init__(
         self, transport: Transport, config: LinkConfig, listeners: Sequence[Listener] = ()
@@ -92,11 +95,11 @@ class Link:
 
     @property
     def streams(self) -> Sequence[Stream]:
-        """What the autopilot is asked for; none before it is known."""
+        """Streams requested from the autopilot; empty before its first heartbeat."""
         return tuple(self._streams.values())
 
     def poll(self, now_s: float) -> Telemetry:
-        """Take in what has arrived."""
+        """Process all received messages."""
         odometry = None
         texts: list[str] = []
         self._left_offboard = False
@@ -128,7 +131,7 @@ class Link:
         return Telemetry(self._vehicle(now_s), odometry, tuple(texts))
 
     def _start_over(self) -> None:
-        """The autopilot has rebooted: it may have forgotten what it was asked and set to."""
+        """Reset after a reboot: the autopilot may have lost its parameters and its origin."""
         self._odometry.start_over()
         self._parameters_set.clear()
         self._read.forget()
@@ -141,7 +144,7 @@ class Link:
             self._note_mode(message.custom_mode)
             self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         elif kind == "SYS_STATUS":
-            known = 0 <= message.battery_remaining <= 100  # -1: not known
+            known = 0 <= message.battery_remaining <= 100  # -1: unknown
             self._battery = message.battery_remaining / 100 if known else None
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
@@ -210,7 +213,7 @@ class Link:
         )
 
     def transmit(self, messages: Sequence[Message]) -> None:
-        """What others have to tell, once an autopilot is there to hear it."""
+        """Send the messages of other modules; dropped before the autopilot's first heartbeat."""
         if self._firmware is not None:
             for message in messages:
                 self._transport.send(message)
@@ -222,7 +225,7 @@ class Link:
         command: Command | None,
         pose: Pose | None = None,
     ) -> None:
-        """Heartbeat, requests that are due, what the flight asks for, and where it is."""
+        """Send heartbeat, requests that are due, setpoint, command and pose."""
         for message in self._due(now_s, setpoint, command):
             self._transport.send(message)
         if self._pose_report is not None and pose is not None:
@@ -269,7 +272,7 @@ class Link:
         return messages
 
     def _waits_for(self, now_s: float) -> str:
-        """What keeps us from flying by the autopilot's estimate; or nothing."""
+        """Reason why the autopilot's estimate cannot be used yet; empty if it can."""
         if complaint := self._pose_complaint(now_s):
             return complaint
         if self._estimate_complaint:
@@ -282,7 +285,7 @@ class Link:
         return f"it does not confirm {', '.join(unset)}" if unset else ""
 
     def _pose_complaint(self, now_s: float) -> str:
-        """Why it would not fly by our pose, if it is told that at all."""
+        """Reason why the autopilot cannot use our pose; empty if it can or if no pose is sent."""
         if self._pose_report is None or self._firmware is None:
             return ""
         return self._pose_source.complaint(now_s, self._firmware.pose_needs, self._read.values)
@@ -304,7 +307,7 @@ def _heartbeat(*, active: bool) -> Message:
 
 
 def _velocity(time_ms: int, target: tuple[int, int], setpoint: Setpoint) -> Message:
-    """SET_POSITION_TARGET_LOCAL_NED (84) in MAV_FRAME_BODY_NED: ArduPilot and PX4 both take it."""
+    """SET_POSITION_TARGET_LOCAL_NED (84) in MAV_FRAME_BODY_NED, which both firmwares accept."""
     return mavlink.MAVLink_set_position_target_local_ned_message(
         time_ms % 2**32,
         *target,

@@ -1,8 +1,8 @@
-"""Does what is sent and what is asked for fit the baud rate of the link?
+"""Checks that the sent messages and the requested streams fit the baud rate of the link.
 
-What is sent is tried out: the link and the reports speak for some seconds to an autopilot that is
-not there, and the bytes are counted. What is asked for is the rate of each stream times the size of
-its message. Both ways have the same capacity, a tenth of the baud rate in bytes a second.
+The sent bytes are measured: the link and the reports run for 5 s against a stub of an autopilot.
+The requested bytes are the sum over the streams of rate times message size. Both directions have
+the same capacity: a tenth of the baud rate, in bytes per second.
 """
 
 from collections.abc import Mapping
@@ -23,31 +23,36 @@ from companion.link.transports.serial_line import BITS_PER_BYTE
 from companion.link.transports.transport import Message, make_codec
 
 TICK_S = 0.05
+"""Period of the control loop in the trial, s."""
 SETTLED_S, END_S = 1.0, 5.0
-"""Of the trial: what comes only at the beginning does not count."""
+"""Start and end of the measured part of the trial, s.
+
+Chosen: messages that are sent only at the start are not counted.
+"""
 REQUESTS = ("COMMAND_LONG", "PARAM_REQUEST_READ", "PARAM_SET", "SET_GPS_GLOBAL_ORIGIN")
-"""Sent until it is so, which it is in flight."""
+"""Messages that are repeated only until they take effect, which is before the flight."""
 USUAL_BAUDS = (57600, 115200, 230400, 460800, 921600, 1500000)
+"""Baud rates that an error message recommends."""
 FRAME_BYTES = mavlink.HEADER_LEN_V2 + 2
-"""Header and checksum."""
+"""Header and checksum of a MAVLink 2 frame, bytes."""
 
 
 @value
 class Budget:
-    """Bytes a second."""
+    """Load of both directions of a link, bytes per second."""
 
     sent: Mapping[str, float]
-    """By message."""
+    """By message name."""
     asked_for: Mapping[str, float]
 
     @property
     def most(self) -> float:
-        """Of the two ways."""
+        """Load of the busier direction, bytes per second."""
         return max(sum(self.sent.values()), sum(self.asked_for.values()))
 
 
 class _Ear:
-    """Counts what is sent, and says what an autopilot says that is there and knows where it is."""
+    """Stub transport: counts sent bytes, and replies as an autopilot with a valid position."""
 
     def __init__(self, config: Config) -> None:
         self._codec = make_codec(config.link.system_id, config.link.component_id)
@@ -75,11 +80,11 @@ class _Ear:
         self.sent[kind] = self.sent.get(kind, 0.0) + size / (END_S - SETTLED_S)
 
     def close(self) -> None:
-        """There is nothing to close."""
+        """No resource to release."""
 
 
 def link_budget(config: Config) -> Budget:
-    """Of a flight, while it scans."""
+    """Load of the link during a scan."""
     ear = _Ear(config)
     own = {b: s for b, s in config.sensors.beams.items() if isinstance(s, AutopilotRange)}
     listeners: list[Listener] = [AutopilotRanges(own)] if own else []
@@ -98,17 +103,17 @@ def link_budget(config: Config) -> Budget:
 
 
 def refuse_too_much(config: Config) -> None:
-    """Before anything is opened.
+    """Reject a configuration that exceeds the link's capacity, before anything is opened.
 
     Raises:
-        ConfigError: it does not fit; names the keys, their values, and what to do.
+        ConfigError: the load exceeds the capacity; names the keys, their values and the remedies.
     """
     if complaint := budget_complaint(config):
         raise ConfigError(complaint)
 
 
 def budget_complaint(config: Config) -> str:
-    """Why a serial link is too slow, and what to do; or nothing."""
+    """Reason why a serial link is too slow, with the remedies; empty if it is fast enough."""
     if not config.link.url.startswith("serial:"):
         return ""
     baud = int(config.link.url.rsplit(":", 1)[1])
@@ -131,7 +136,7 @@ def budget_complaint(config: Config) -> str:
 
 
 def _extras(config: Config) -> tuple[str, list[str]]:
-    """What is sent beside what is needed to fly, and how it is left out."""
+    """Settings that add messages which flight does not need, and how to switch them off."""
     link = config.link
     settings, remedies = [], []
     if link.send_pose:

@@ -1,15 +1,16 @@
-"""Odometry out of LOCAL_POSITION_NED (32) and ATTITUDE (30), carried to the present moment.
+"""Computes odometry from LOCAL_POSITION_NED (32) and ATTITUDE (30), extrapolated to now.
 
-An autopilot sends the two when it has time, and they are read once a tick: by then the vehicle has
-flown on by centimetres. Both are stamped with the autopilot's own time since boot, which
-`BootClock` follows.
+The autopilot sends both messages at its own times, and the companion reads them once per tick: the
+vehicle has moved by centimetres in between. Both carry the autopilot's time since boot, which
+`BootClock` converts.
 
-An autopilot that is told our pose follows it: how its position changes then tells us back what we
-said. Its velocity hardly does, so that motion is taken from it instead.
+An autopilot that receives our pose follows it, so changes of its position only repeat our own
+estimate. Its velocity hardly depends on our pose. In this case the motion is the integral of the
+velocity.
 
-Its heading may be pulled by what its estimator takes in: PX4's by 6 to 14° at take-off, ArduPilot's
-by a step of 3° when it aligns in flight. What it has turned are its rates, added up over its own
-time; by how much the heading has gone beyond them is told beside it.
+The autopilot's estimator may correct its heading without a turn: PX4 by 6 to 14° at take-off,
+ArduPilot by a step of 3° when it aligns in flight. The true turn is the integral of the yaw rate
+over the autopilot's time. The sum of the corrections beyond it is reported beside the heading.
 """
 
 import math
@@ -22,32 +23,43 @@ from companion.core.messages import Odometry
 from companion.link.transports.transport import Message
 
 POSITION_HZ = 20.0
+"""Requested rate of LOCAL_POSITION_NED (32), Hz. Chosen."""
 ATTITUDE_HZ = 25.0
-"""Not in step with our ticks, so that now and then a message comes without waiting for one."""
+"""Requested rate of ATTITUDE (30), Hz.
+
+Chosen: not synchronous with the ticks, so that now and then a message arrives just before a tick.
+"""
 MAX_EXTRAPOLATION_S = 0.2
+"""Maximum age of a message that is extrapolated to now, s. Chosen."""
 MAX_BETWEEN_RATES_S = 0.1
-"""Rates farther apart than two messages do not tell the turn between them."""
+"""Maximum time between two yaw rates that are integrated, s.
+
+Chosen: with more than two message periods between them, two rates do not determine the turn.
+"""
 RESTARTED_MS = 2000
-"""No message is overtaken by one that is so much younger."""
+"""Step back of the autopilot's time that means a restart, ms.
+
+Chosen: messages out of order differ by less.
+"""
 
 
 class OdometryReader:
-    """The latest of both messages; time is an argument."""
+    """Holds the latest of both messages; time is an argument."""
 
     def __init__(self, *, follows_us: bool) -> None:
-        """`follows_us`: it is told our pose; north and east are what the velocity adds up to."""
+        """`follows_us`: the autopilot receives our pose; north and east integrate its velocity."""
         self._follows_us = follows_us
         self._travelled_ne_m: Vector2 = (0.0, 0.0)
         self._pulled_rad = 0.0
         self.start_over()
 
     def start_over(self) -> None:
-        """Its clock begins anew; what it has moved and turned so far stays."""
+        """Reset the autopilot's clock; the integrated motion and corrections are kept."""
         self._position: Message | None = None
         self._attitude: Message | None = None
         self._clock = BootClock()
         self._newest_ms: dict[int, int] = {}
-        """By message id, since the clock was set."""
+        """By message id: the latest time since boot after the clock was set, ms."""
         self._is_in_order = True
 
     @property
@@ -56,9 +68,10 @@ class OdometryReader:
 
     @property
     def told(self) -> tuple[Vector3, float] | None:
-        """Position and yaw as the autopilot last told them; the origin if it has no position yet.
+        """Latest position (local NED, m) and yaw (rad) from the autopilot.
 
-        An autopilot that has only us to go by has none until we begin.
+        The position is the origin while the autopilot has none: without another position source it
+        has none until the companion sends poses. None before the first ATTITUDE.
         """
         if self._attitude is None:
             return None
@@ -66,12 +79,12 @@ class OdometryReader:
         return (at.x, at.y, at.z) if at is not None else (0.0, 0.0, 0.0), self._attitude.yaw
 
     def has_restarted(self, message: Message) -> bool:
-        """The autopilot's clock has begun anew, or was set back."""
+        """Whether the autopilot's clock has restarted or was set back."""
         known = (m.time_boot_ms for m in (self._position, self._attitude) if m is not None)
         return bool(message.time_boot_ms < max(known, default=0) - RESTARTED_MS)
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
-        """Odometry of now, if this was a position newer than the last."""
+        """Odometry at `now_s`, if the message is a newer position than the last; else None."""
         if self._clock.hear(message.time_boot_ms * 1e-3, now_s):
             self._newest_ms.clear()
         is_newer = message.time_boot_ms > self._newest_ms.get(message.get_msgId(), -math.inf)
@@ -92,10 +105,10 @@ class OdometryReader:
         return self._carried_to(now_s) if both else None
 
     def _turn(self, last: Message | None, message: Message) -> None:
-        """By how much the heading has gone beyond what the rates before and after come to.
+        """Add the change of heading that the yaw rates before and after do not explain.
 
-        Between the two, the rate may have changed early or late. Where stamps are out of order or
-        leap, the time between is not known.
+        The rate may have changed at any time between the two messages, which bounds the turn. The
+        step is skipped where time stamps are out of order or jump: the time between is unknown.
         """
         dt_s = (message.time_boot_ms - last.time_boot_ms) * 1e-3 if last is not None else 0.0
         if last is None or not self._is_in_order or not 0 < dt_s <= MAX_BETWEEN_RATES_S:

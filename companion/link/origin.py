@@ -1,10 +1,10 @@
-"""Where on Earth the autopilot's position begins, which estimators need although there is no GPS.
+"""Sets the autopilot's global origin, which its estimator needs even without GPS.
 
-    NOT KNOWN ──asked──► ASKED ──a period without an answer──► GIVEN, again and again
-        ▲                  └───────── GPS_GLOBAL_ORIGIN ──────────┴──► KNOWN
-        └── the autopilot has restarted ──────────────────────────────────┘
+    UNKNOWN ──request──► REQUESTED ──one period without an answer──► SET, every period
+        ▲                  └───────── GPS_GLOBAL_ORIGIN ────────────────┴──► KNOWN
+        └── the autopilot has restarted ──────────────────────────────────────┘
 
-An autopilot that has one keeps it. Nobody but the companion gives it one.
+An origin that the autopilot already has is kept. Only the companion sets one.
 """
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -14,10 +14,11 @@ from companion.link.requests import command_long
 from companion.link.transports.transport import Message
 
 ASK = (mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN,)
+"""Parameters of MAV_CMD_REQUEST_MESSAGE (512): the id of the requested message."""
 
 
 class Origin:
-    """Of one vehicle."""
+    """Global origin of one vehicle."""
 
     def __init__(self, config: LinkConfig) -> None:
         self._ours = (
@@ -29,15 +30,15 @@ class Origin:
         self._is_known = self._was_asked = False
 
     def hear(self) -> None:
-        """GPS_GLOBAL_ORIGIN (49) has come."""
+        """Note that GPS_GLOBAL_ORIGIN (49) was received."""
         self._is_known = True
 
     def forget(self) -> None:
-        """The autopilot has rebooted."""
+        """Start again, after a reboot of the autopilot."""
         self._is_known = self._was_asked = False
 
     def requests(self, target: tuple[int, int]) -> list[Message]:
-        """What is sent once a period until it is known."""
+        """Messages to send once per period; none once the origin is known."""
         if self._is_known:
             return []
         messages = [command_long(target, mavlink.MAV_CMD_REQUEST_MESSAGE, ASK)]

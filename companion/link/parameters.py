@@ -1,4 +1,4 @@
-"""The autopilot's parameters that matter to us, read until it has told them."""
+"""Reads the autopilot parameters that the companion needs, with retries until each is received."""
 
 from collections.abc import Iterable
 
@@ -8,7 +8,7 @@ from companion.link.transports.transport import Message
 
 
 class ReadParameters:
-    """By name; those that are not known yet are missing from `values`."""
+    """Parameter values by name; `values` contains only the parameters received so far."""
 
     def __init__(self) -> None:
         self._names: tuple[str, ...] = ()
@@ -18,12 +18,12 @@ class ReadParameters:
         self._names = tuple(names)
 
     def hear(self, name: str, value: float) -> None:
-        """Also when somebody else has asked for it, or set it."""
+        """Store a received value, also one that another client requested or set."""
         if name in self._names:
             self.values[name] = value
 
     def requests(self, target: tuple[int, int]) -> list[Message]:
-        """PARAM_REQUEST_READ (20) of what is missing."""
+        """PARAM_REQUEST_READ (20) for each missing parameter."""
         return [
             mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
             for name in self._names
@@ -31,5 +31,5 @@ class ReadParameters:
         ]
 
     def forget(self) -> None:
-        """The autopilot has rebooted: it may hold others."""
+        """Discard all values: after a reboot the autopilot may have different ones."""
         self.values.clear()

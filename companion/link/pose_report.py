@@ -1,10 +1,11 @@
-"""Our pose, told to the autopilot as ODOMETRY (331), so that its position hold stops drifting.
+"""Sends the companion's pose to the autopilot as ODOMETRY (331); its position hold stops drifting.
 
-The autopilot has a frame of its own: north by its compass, origin where it began. Ours begins where
-the drone took off, along its first heading. How the two lie to each other is noted at the first
-report and kept; from then on the autopilot is told where it is in its own frame.
+The autopilot's frame has compass north and the autopilot's own origin. The companion's frame has
+its origin at the take-off point, and north along the first heading. The transform between the two
+is fixed at the first report. All poses are then sent in the autopilot's frame.
 
-Two reports a tick, one of them halfway back to the last tick: PX4 wants 30 to 50 a second.
+Each tick sends two reports, of which one is interpolated halfway back to the previous tick: PX4
+requires 30 to 50 per second.
 """
 
 import math
@@ -17,15 +18,18 @@ from companion.core.values import value
 from companion.link.transports.transport import Message
 
 HEIGHT_SIGMA_M = 0.05
+"""Reported standard deviation of the height, m. Chosen."""
 TILT_SIGMA_RAD = 0.05
+"""Reported standard deviation of roll and pitch, rad. Chosen."""
 UNKNOWN = math.nan
+"""Value of an unknown field in ODOMETRY (331)."""
 UPPER_TRIANGLE = tuple((row, column) for row in range(6) for column in range(row, 6))
-"""The order of a covariance of x, y, z, roll, pitch, yaw in MAVLink."""
+"""Row and column of each covariance element in ODOMETRY (331): x, y, z, roll, pitch, yaw."""
 
 
 @value
 class _Alignment:
-    """Where our origin lies in the autopilot's frame, and how it is turned."""
+    """Position of our origin and rotation of our frame in the autopilot's local NED frame."""
 
     north_m: float
     east_m: float
@@ -34,7 +38,7 @@ class _Alignment:
 
 
 class PoseReport:
-    """Makes the messages; time is an argument."""
+    """Creates the ODOMETRY messages; time is an argument."""
 
     def __init__(self) -> None:
         self._alignment: _Alignment | None = None
@@ -43,7 +47,10 @@ class PoseReport:
     def messages(
         self, now_s: float, pose: Pose, told: tuple[Vector3, float] | None
     ) -> list[Message]:
-        """What is due; nothing before the autopilot has told its own position and yaw."""
+        """Messages for this tick; none before the autopilot reports its own position and yaw.
+
+        `told`: the autopilot's position (local NED, m) and yaw (rad).
+        """
         if self._alignment is None:
             if told is None:
                 return []
@@ -80,9 +87,10 @@ def _halfway(one: Pose, other: Pose) -> Pose:
 
 
 def _message(time_s: float, pose: Pose, at: _Alignment) -> Message:
-    """ODOMETRY (331): LOCAL_FRD with child BODY_FRD is what ArduPilot and PX4 both take.
+    """ODOMETRY (331) in LOCAL_FRD with child BODY_FRD, which ArduPilot and PX4 both accept.
 
-    So is VIO: PX4 takes vision and VIO for sources of a pose, and refuses, for example, LIDAR.
+    The estimator type is VIO: as a source of a pose, PX4 accepts vision and VIO, and rejects, for
+    example, LIDAR.
     """
     north_m, east_m = frd_to_ned(pose.north_m, pose.east_m, at.yaw_rad)
     half_rad = 0.5 * wrap_rad(pose.yaw_rad + at.yaw_rad)
@@ -104,7 +112,7 @@ def _message(time_s: float, pose: Pose, at: _Alignment) -> Message:
 
 
 def _covariance(pose: Pose) -> list[float]:
-    """(21,): the upper triangle, of which only the diagonal is told."""
+    """Upper triangle of the pose covariance (21,), with only the diagonal set; m² and rad²."""
     sigmas = (
         *(pose.position_sigma_m,) * 2,
         HEIGHT_SIGMA_M,

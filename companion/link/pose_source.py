@@ -1,8 +1,8 @@
-"""What keeps an autopilot from flying by our pose: how it is set, and who else tells it one.
+"""Checks that the autopilot can use our pose: its parameters, and other senders of poses.
 
-With its heading from the compass, the frame of our pose and that of its velocity turn against each
-other. With two who tell it poses, each with reset counters of its own, it moves its estimate at
-every message, and flies away.
+With a heading from the compass, the frames of our pose and of the autopilot's velocity rotate
+against each other. With two pose sources, each with its own reset counter, the autopilot resets
+its estimate at every message and flies away.
 """
 
 from collections.abc import Mapping
@@ -21,24 +21,25 @@ POSES = frozenset(
         mavlink.MAVLINK_MSG_ID_ATT_POS_MOCAP,
     }
 )
+"""Ids of the MAVLink messages that carry an external pose."""
 GONE_S = 5.0
-"""Who has told no pose for so long has stopped."""
+"""A component that sends no pose for this long has stopped, s. Chosen."""
 
 
 class PoseSource:
-    """Of one vehicle; time is an argument."""
+    """Pose sources of one vehicle; time is an argument."""
 
     def __init__(self) -> None:
         self._others: dict[int, float] = {}
-        """By component: when it last told a pose."""
+        """By component id: time of its latest pose."""
 
     def overhear(self, message: Message, now_s: float) -> None:
-        """A message of another component's of this vehicle, which the autopilot passes on."""
+        """Note a message from another component of this vehicle, forwarded by the autopilot."""
         if message.get_msgId() in POSES:
             self._others[message.get_srcComponent()] = now_s
 
     def complaint(self, now_s: float, wanted: Mapping[str, int], told: Mapping[str, float]) -> str:
-        """Why it would not fly by our pose; or nothing."""
+        """Reason why the autopilot cannot use our pose; empty if it can."""
         others = [str(c) for c, heard_s in self._others.items() if now_s - heard_s <= GONE_S]
         if others:
             return (

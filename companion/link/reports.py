@@ -1,8 +1,9 @@
-"""What the autopilot and its ground stations are told of us: ranges, phases, faults.
+"""Sends ranges, phases and faults to the autopilot and its ground stations.
 
-Its own avoidance and terrain following work with the ranges: DISTANCE_SENSOR (132) of each beam by
-its orientation, or OBSTACLE_DISTANCE (330) for those around and DISTANCE_SENSOR for up and down.
-Stale and failed sensors are not told: it stops believing in 0.5 s what is not told again.
+The autopilot's obstacle avoidance and terrain following use the ranges. They are sent as
+DISTANCE_SENSOR (132) with the orientation of each beam, or as OBSTACLE_DISTANCE (330) for the
+horizontal beams and DISTANCE_SENSOR for up and down. Stale and failed sensors are not sent: the
+autopilot discards a range after 0.5 s without an update.
 """
 
 import math
@@ -16,6 +17,7 @@ from companion.core.messages import Beam, RangeModel, RangeReading, RangeScan, R
 from companion.link.transports.transport import Message
 
 PERIOD_S = 0.1
+"""Period of the range messages, s. Chosen."""
 ORIENTATIONS: dict[Beam, int] = {
     Beam.FRONT: mavlink.MAV_SENSOR_ROTATION_NONE,
     Beam.RIGHT: mavlink.MAV_SENSOR_ROTATION_YAW_90,
@@ -24,15 +26,21 @@ ORIENTATIONS: dict[Beam, int] = {
     Beam.UP: mavlink.MAV_SENSOR_ROTATION_PITCH_90,
     Beam.DOWN: mavlink.MAV_SENSOR_ROTATION_PITCH_270,
 }
+"""MAV_SENSOR_ORIENTATION of each beam."""
 SECTORS, SECTOR_DEG = 72, 5
+"""Number and width of the sectors of OBSTACLE_DISTANCE (330); width in degrees."""
 SECTOR_OF = {Beam.FRONT: 0, Beam.RIGHT: 18, Beam.BACK: 36, Beam.LEFT: 54}
+"""Sector of each horizontal beam, clockwise from the front."""
 UNKNOWN_SECTOR = 65535
+"""Value of an unknown sector in OBSTACLE_DISTANCE (330)."""
 MAX_COVARIANCE_CM2, UNKNOWN_COVARIANCE = 254, 255
+"""Maximum variance in DISTANCE_SENSOR (132), cm², and the value for an unknown one."""
 TEXT_BYTES = 50
+"""Length of the text field in STATUSTEXT (253), bytes."""
 
 
 class Reports:
-    """Decides what is due; the link carries it."""
+    """Creates the report messages that are due; the link sends them."""
 
     def __init__(self, config: LinkConfig, models: Mapping[Beam, RangeModel]) -> None:
         self._config = config
@@ -44,7 +52,7 @@ class Reports:
     def due(
         self, now_s: float, scan: RangeScan, activity: str, trouble: str, notice: str = ""
     ) -> list[Message]:
-        """Ranges ten times a second, and a text whenever there is something new."""
+        """Messages for this tick: ranges ten times per second, and each new text."""
         messages: list[Message] = []
         if self._config.tell_ranges != "none" and now_s - self._sent_s >= PERIOD_S - 1e-6:
             self._sent_s = now_s
@@ -54,7 +62,7 @@ class Reports:
         return messages
 
     def _texts(self, activity: str, trouble: str, notice: str) -> Iterator[Message]:
-        """STATUSTEXT (253): the phase, a fault as a warning, and what the pilot is to know."""
+        """STATUSTEXT (253): phase as INFO, fault as WARNING, information for the pilot as NOTICE."""
         if notice and notice != self._notice:
             yield from self._text(mavlink.MAV_SEVERITY_NOTICE, f"PDPS: {notice}")
         if trouble and trouble != self._trouble:
@@ -68,7 +76,7 @@ class Reports:
         chunks = [data[at : at + TEXT_BYTES] for at in range(0, len(data), TEXT_BYTES)]
         if len(chunks) > 1:
             self._text_id = self._text_id % 65535 + 1
-            chunks += [b""] if len(chunks[-1]) == TEXT_BYTES else []  # a short chunk ends it
+            chunks += [b""] if len(chunks[-1]) == TEXT_BYTES else []  # a short chunk ends the text
         for sequence, chunk in enumerate(chunks):
             text_id = self._text_id if len(chunks) > 1 else 0
             yield mavlink.MAVLink_statustext_message(severity, chunk, text_id, sequence)
@@ -98,14 +106,14 @@ class Reports:
         )
 
     def _obstacles(self, time_ms: int, around: Mapping[Beam, RangeReading]) -> Message:
-        """One sector each; nothing is known of those between."""
+        """OBSTACLE_DISTANCE (330) with one sector per beam; the sectors between are unknown."""
         bounds_cm = [self._bounds_cm(beam) for beam in around]
         least_cm, most_cm = min(b[0] for b in bounds_cm), max(b[1] for b in bounds_cm)
         sectors = [UNKNOWN_SECTOR] * SECTORS
         for beam, reading in around.items():
             distance_cm = _distance_cm(reading, least_cm, most_cm)
             if reading.state is RangeState.TOO_NEAR:
-                distance_cm = self._bounds_cm(beam)[0]  # what is below the least would be ignored
+                distance_cm = self._bounds_cm(beam)[0]  # below the minimum it would be ignored
             sectors[SECTOR_OF[beam]] = distance_cm
         return mavlink.MAVLink_obstacle_distance_message(
             time_ms * 1000,
@@ -134,10 +142,11 @@ IN_ASCII = {
     "µ": "u",
     "σ": "sigma",
 }
+"""ASCII replacements of the symbols in texts."""
 
 
 def _ascii(text: str) -> bytes:
-    """What ground stations can show; an accent is left out, anything else is a question mark."""
+    """Convert to ASCII for ground stations: accents are dropped, other characters become "?"."""
     text = text.replace(" °", "°")
     for symbol, words in IN_ASCII.items():
         text = text.replace(symbol, words)
@@ -146,7 +155,7 @@ def _ascii(text: str) -> bytes:
 
 
 def _distance_cm(reading: RangeReading, least_cm: int, most_cm: int) -> int:
-    """Beyond the bounds: nothing is there, or something is too near."""
+    """Distance in cm; above the maximum for no detection, below the minimum for TOO_NEAR."""
     if reading.state is RangeState.TOO_NEAR:
         return max(least_cm - 1, 0)
     if reading.state is RangeState.NOTHING:

@@ -1,12 +1,12 @@
-"""What the companion asks for again and again until it is so: commands, streams, a parameter.
+"""Sends commands and stream requests, with retries until they take effect.
 
-IDLE ──wanted──► SENT ──wanted again, 0.5 s later at least──► SENT again, confirmation + 1
+IDLE ──wanted──► SENT ──still wanted, after 0.5 s or more──► SENT again, confirmation + 1
 ▲                │ ▲                                          │
 └── not wanted ──┘ └──────────────────────────────────────────┘
 
-Whoever wants a command stops wanting it when the vehicle shows that it is so (mode, armed): acks
-get lost, and PX4 sends two that may contradict each other. Only a take-off, which does not show at
-once, is not sent again after it was accepted.
+The caller requests a command until the vehicle state (mode, armed) shows its effect. An ack is not
+sufficient: acks get lost, and PX4 sends two that may contradict each other. The exception is a
+take-off, whose effect shows late: it is not repeated once it is accepted.
 """
 
 import math
@@ -19,36 +19,38 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.link.transports.transport import Message
 
 RESEND_S = 0.5
+"""Minimum time between two transmissions of one command, s. Chosen."""
 MAX_CONFIRMATIONS = 255
+"""Maximum of `confirmation` in COMMAND_LONG (76), a uint8."""
 
 
 def command_long(
     target: tuple[int, int], command: int, parameters: tuple[float, ...], confirmation: int = 0
 ) -> Message:
-    """COMMAND_LONG (76); parameters not given are 0."""
+    """COMMAND_LONG (76); omitted parameters are 0."""
     padded = (*parameters, *(0.0,) * (7 - len(parameters)))
     return mavlink.MAVLink_command_long_message(*target, command, confirmation, *padded)
 
 
 @dataclass(slots=True)
 class CommandSender:
-    """Sends the one command that is wanted now, until it is wanted no more."""
+    """Sends the current command repeatedly while the caller requests it."""
 
     wanted: tuple[int, tuple[float, ...]] | None = None
-    """The latest that was wanted at all."""
+    """The latest requested command and its parameters."""
     confirmation: int = 0
     sent_s: float = float("-inf")
     refusal: str = ""
-    """Why the latest command was refused, in the autopilot's words as far as it gave any."""
+    """Reason why the latest command was refused, with the autopilot's text if it sent one."""
     is_accepted: bool = False
-    """Some ack of it said so."""
+    """At least one ack accepted the command."""
     is_answered: bool = False
-    """There was an ack since it was sent last."""
+    """An ack was received since the latest transmission."""
     _refused: str = ""
 
     @property
     def is_refused(self) -> bool:
-        """It has been answered, and never been accepted."""
+        """The command was answered and never accepted."""
         return self.is_answered and not self.is_accepted
 
     def messages(
@@ -57,7 +59,7 @@ class CommandSender:
         wanted: tuple[int, tuple[float, ...]] | None,
         target: tuple[int, int],
     ) -> list[Message]:
-        """What to send at this moment."""
+        """Messages that are due at `now_s`."""
         if wanted is None:
             return []
         if wanted != self.wanted:
@@ -83,7 +85,7 @@ class CommandSender:
         self.refusal = f"{command}: {self._refused}" if self._refused else ""
 
     def explain(self, text: str) -> None:
-        """A STATUSTEXT that follows a refusal tells its reason (the ack comes first)."""
+        """Add the STATUSTEXT that follows a refusal as its reason; the ack comes first."""
         if self._refused:
             self.refusal = f"{self.refusal}: {text}"
             self._refused = ""
@@ -96,36 +98,39 @@ def _name(enum: str, value: int) -> str:
 
 @dataclass(slots=True)
 class Stream:
-    """A message wanted at a rate; asked for again while it is silent, or clearly too slow.
+    """A message stream at a requested rate; requested again if it stops or is clearly too slow.
 
-    What was granted does not last: a ground station asks for its own rates on the same link, and an
-    autopilot forgets. So it is counted how often the message comes. Of a message with instances,
-    such as DISTANCE_SENSOR with one per sensor, the one that comes most often counts.
+    A granted rate does not last: a ground station requests its own rates on the same link, and an
+    autopilot may drop a stream. The received rate is therefore measured. For a message with
+    instances, such as DISTANCE_SENSOR with one per sensor, the most frequent instance counts.
     """
 
     message_id: int
     rate_hz: float
     measured_hz: float | None = None
-    """In the latest window that is over."""
+    """Rate in the latest complete window, Hz."""
     _seen_s: float = -math.inf
     _asked_s: float = -math.inf
     _begun_s: float = -math.inf
-    """Of the present window."""
+    """Start of the current window."""
     _counts: Counter[object] = field(default_factory=Counter)
     _patience_s: float = 3.0
-    """Between two requests because it is too slow; longer as long as they help nothing."""
+    """Time between two requests for a slow stream, s; doubles while requests have no effect."""
     _unanswered: int = 0
-    """How often it was asked for since one of them came."""
+    """Number of requests since the last received message."""
 
     SILENT_S: ClassVar[float] = 0.4
-    """Before the flight misses its position, which is after 0.5 s."""
+    """A stream is silent after this long, s. Chosen: below 0.5 s, when the position times out."""
     MAX_WAIT_S: ClassVar[float] = 1.5
+    """Maximum time between two requests for a silent stream, s. Chosen."""
     WINDOW_S: ClassVar[float] = 3.0
+    """Minimum length of a window in which the rate is measured, s. Chosen."""
     MIN_COUNT: ClassVar[int] = 10
-    """Of messages in a window: a rate of fewer cannot be told from chance."""
+    """Expected messages in a window. Chosen: with fewer, the measured rate is not significant."""
     MIN_SHARE: ClassVar[float] = 0.7
-    """Of the rate; a link with 20 % of loss is not too slow."""
+    """Minimum measured rate as a share of the requested one. Chosen: tolerates 20 % packet loss."""
     MAX_PATIENCE_S: ClassVar[float] = 30.0
+    """Maximum time between two requests for a slow stream, s. Chosen."""
 
     @property
     def is_slow(self) -> bool:
@@ -136,15 +141,15 @@ class Stream:
         return max(self.SILENT_S, 3 / self.rate_hz)
 
     def note(self, message: Message, now_s: float) -> None:
-        """One of them has come."""
-        if now_s - self._seen_s >= self._silent_s:  # that it was silent is no rate
+        """Count a received message."""
+        if now_s - self._seen_s >= self._silent_s:  # silence is no part of the rate
             self._begin_window(now_s)
         self._seen_s, self._unanswered = now_s, 0
         instance = message.instance_field and getattr(message, message.instance_field)
         self._counts[instance] += 1
 
     def requests(self, now_s: float, target: tuple[int, int]) -> list[Message]:
-        """What is due; called at every tick."""
+        """Requests that are due; called at every tick."""
         self._measure(now_s)
         is_silent = now_s - self._seen_s >= self._silent_s and self._has_waited(now_s)
         is_too_slow = self.is_slow and now_s - self._asked_s >= self._patience_s
@@ -162,7 +167,7 @@ class Stream:
         return [command_long(target, command, (self.message_id, interval_us))]
 
     def _has_waited(self, now_s: float) -> bool:
-        """For an answer; at first not for long, as the request may be lost."""
+        """The wait for an answer is over; it is short at first, as the request may be lost."""
         wait_s = min(RESEND_S * 2 ** min(self._unanswered - 1, 8), self.MAX_WAIT_S)
         return bool(now_s - self._asked_s >= max(wait_s, self._silent_s))
 

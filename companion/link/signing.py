@@ -1,11 +1,11 @@
-"""MAVLink 2 signing: only who has the key is listened to, and nothing twice.
+"""MAVLink 2 signing: rejects frames without a valid signature, and replayed frames.
 
-A signature is over the frame and a time stamp, 10 µs since 2015 (MAVLink guide, message signing). A
-machine without a clock of its own, such as a Raspberry Pi, may start with an earlier time than it
-ended with; what it then signs would be taken for a replay. So the time stamp is kept in a file,
-always up to a minute ahead of what has been used. The control loop does not wait for the file: it
-is written aside, in time before the minute is up. In flight, a file that cannot be written is told
-once, and the stamp is kept in memory.
+A signature covers the frame and a time stamp in units of 10 µs since 2015 (MAVLink guide, message
+signing). A machine without a real-time clock, such as a Raspberry Pi, may start with an earlier
+time than at its last shutdown; receivers would then reject its frames as replays. The time stamp is
+therefore stored in a file, up to one minute ahead of the last used one. A background thread writes
+the file before this minute is over, so the control loop does not wait. In flight, a file that
+cannot be written causes one warning, and the time stamp is kept in memory.
 """
 
 import contextlib
@@ -26,33 +26,40 @@ from companion.core.errors import LinkError
 from companion.core.textfile import NotTextError, read_text
 
 EPOCH_S = 1_420_070_400
-"""2015-01-01, by the Unix clock."""
+"""2015-01-01 in Unix time, s; epoch of the time stamps (MAVLink guide, message signing)."""
 TICKS_PER_S = 100_000
+"""Time stamp units per second (MAVLink guide, message signing)."""
 RESERVE = 60 * TICKS_PER_S
+"""Lead of the stored time stamp over the used one, in units of 10 µs. Chosen."""
 RENEWED = RESERVE // 4
-"""Of the reserve that is left when it is asked for again; no card takes 15 s for one line."""
+"""Remaining lead at which the file is written again, in units of 10 µs.
+
+Chosen: 15 s, more than any card needs to write one line.
+"""
 MAX_TICKS = 2**48
-"""A frame has six bytes for its stamp."""
+"""Upper bound of a time stamp: a frame has six bytes for it."""
 SIGNATURE_BYTES = 6
+"""Length of the signature at the end of a frame, bytes."""
 MORE_THAN_OWNER = 0o077
+"""Mode bits of a key file that give access to other users."""
 WRONG_PLACE = frozenset(
     {
         *(errno.ENOENT, errno.ENOTDIR, errno.EISDIR, errno.EACCES, errno.EPERM),
         *(errno.ELOOP, errno.ENAMETOOLONG),
     }
 )
-"""The configuration names a file that can never be used; all other errors are the medium's."""
+"""Error numbers of a path that can never be used; other errors come from the storage medium."""
 
 Warn = Callable[[str], object]
 
 
 class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
-    """One end's key and time stamp, which follows the clock and never goes back.
+    """Key and time stamp of one end; the time stamp follows the clock and never decreases.
 
-    `refuses`: on the ground a file at a wrong place is refused. In the air nothing is.
+    `refuses`: raise an error for an unusable file. True on the ground, False in flight.
 
     Raises:
-        LinkError: the file `kept` is at a wrong place, or holds no time stamp.
+        LinkError: the path `kept` cannot be used, or the file contains no time stamp.
     """
 
     def __init__(
@@ -72,7 +79,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
         self._timestamp = self._read()
         self._writer = Aside(self._write)
         self._reserved = self._timestamp
-        """The file is, or is being, written up to here."""
+        """Time stamp that is in the file or is being written."""
         self._begin()
         super().__init__()
         self.secret_key = key
@@ -80,7 +87,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
 
     @property
     def timestamp(self) -> int:
-        """Of the next frame; never waits, and never raises."""
+        """Time stamp of the next frame, in units of 10 µs since 2015; never waits or raises."""
         self._follow_clock()
         if self._kept is not None and self._reserved - self._timestamp < RENEWED:
             self._reserved = self._timestamp + RESERVE
@@ -98,7 +105,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
         self._timestamp = max(self._timestamp, now)
 
     def _begin(self) -> None:
-        """On the ground the first reserve is waited for: a wrong place is found before take-off."""
+        """On the ground, write the first reserve now: an unusable path is found before take-off."""
         if self._kept is None or not self._refuses:
             return
         self._follow_clock()
@@ -123,7 +130,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
         return kept
 
     def _write(self, timestamp: int) -> None:
-        """All of it or nothing, whenever the power goes."""
+        """Write the file atomically, also if the power fails."""
         assert self._kept is not None
         new = self._kept.with_name(self._kept.name + ".new")
         flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC
@@ -157,12 +164,12 @@ def _words(error: OSError | ValueError) -> str:
 
 
 class SigningCodec(mavlink.MAVLink):  # type: ignore[misc]
-    """Refuses what is not signed with our key, or was signed before."""
+    """Rejects frames that are not signed with our key, and replayed frames."""
 
     def check_signature(self, frame: bytearray, system_id: int, component_id: int) -> bool:
-        """First the signature, then its time: pymavlink notes the time of forged frames, too.
+        """Check the signature before its time: pymavlink also stores the time of forged frames.
 
-        One forged frame from the future would else silence whoever it claims to come from.
+        Otherwise one forged frame with a future time would block all later frames of its sender.
         """
         digest = hashlib.sha256(self.signing.secret_key + frame[:-SIGNATURE_BYTES]).digest()
         told = bytes(frame[-SIGNATURE_BYTES:])
@@ -178,20 +185,20 @@ def load_signing(
     *,
     refuses: bool = True,
 ) -> Signing:
-    """The key in a file, and the time stamp kept beside it or in `kept`; as `Signing`.
+    """Signing with the key in `key_file`, and the time stamp in `kept` or beside the key.
 
     Raises:
-        LinkError: one of them cannot be used; says which, and the remedy.
+        LinkError: one of the files cannot be used; the message names it and the remedy.
     """
     kept = kept or key_file.with_suffix(".timestamp")
     return Signing(read_key(key_file), kept, warn=warn, refuses=refuses)
 
 
 def read_key(key_file: Path) -> bytes:
-    """32 bytes, from a file of 64 hexadecimal digits that only its owner can read.
+    """Read a key of 32 bytes from a file of 64 hexadecimal digits that only its owner can read.
 
     Raises:
-        LinkError: the file is not there, others can read it, or it holds no key.
+        LinkError: the file is missing, other users can read it, or it contains no key.
     """
     try:
         mode = stat.S_IMODE(key_file.stat().st_mode)

@@ -1,27 +1,31 @@
-"""STATUSTEXT (253), put together from its chunks.
+"""Assembles STATUSTEXT (253) texts from their chunks.
 
-ArduPilot marks the end of a text by a chunk that is not full, empty if need be; a text of one chunk
-has the id 0. PX4 numbers all from 0 on, and ends a text of exactly 50 characters without a sign.
-Such a text ends by the next one, or by silence.
+ArduPilot ends a text with a chunk that is not full, if necessary an empty one. Its texts of one
+chunk have the id 0. PX4 numbers all texts from 0 on, and sends no end mark after a text of exactly
+50 characters. Such a text is complete when the next one begins, or after `OVERDUE_S`.
 """
 
 from companion.link.transports.transport import Message
 
 CHUNK_LENGTH = 50
+"""Length of the text field in STATUSTEXT (253), characters."""
 OVERDUE_S = 0.5
-"""Chunks of one text follow each other at once."""
+"""A text without a further chunk for this long is complete, s.
+
+Chosen: the chunks of one text arrive together.
+"""
 
 
 class Texts:
-    """Of one autopilot; time is an argument."""
+    """Texts of one autopilot; time is an argument."""
 
     def __init__(self) -> None:
         self._begun: dict[int, str] = {}
-        """By id: texts whose end has not been seen."""
+        """By id: texts whose last chunk has not arrived."""
         self._heard_s = 0.0
 
     def hear(self, message: Message, now_s: float) -> list[str]:
-        """What is whole by now."""
+        """Add a chunk; returns the texts that are now complete."""
         self._heard_s = now_s
         over = [id_ for id_ in self._begun if id_ != message.id or message.chunk_seq == 0]
         ended = [self._begun.pop(id_) for id_ in over]
@@ -30,10 +34,10 @@ class Texts:
             ended.append(text)
         else:
             self._begun[message.id] = text
-        return [text.rstrip() for text in ended]  # PX4's end with a tab
+        return [text.rstrip() for text in ended]  # PX4's texts end with a tab
 
     def overdue(self, now_s: float) -> list[str]:
-        """What will not go on any more."""
+        """Texts that are complete because no further chunk arrived in `OVERDUE_S`."""
         if not self._begun or now_s - self._heard_s < OVERDUE_S:
             return []
         texts = [text.rstrip() for text in self._begun.values()]

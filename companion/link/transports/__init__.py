@@ -1,1 +1,1 @@
-"""How MAVLink messages travel: UDP, serial ports, memory."""
+"""Transports of MAVLink messages: UDP, serial ports, memory."""

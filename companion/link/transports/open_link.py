@@ -1,4 +1,4 @@
-"""The transport that a URL names."""
+"""Opens the transport of the configured URL."""
 
 from companion.config.settings import LinkConfig
 from companion.link.signing import Warn, load_signing
@@ -9,13 +9,12 @@ from companion.link.transports.transport import UdpTransport
 def open_transport(
     config: LinkConfig, warn: Warn = lambda _: None, *, in_the_air: bool = False
 ) -> UdpTransport | SerialTransport:
-    """UDP or a serial port; `warn` hears what goes wrong with the signing's time stamp later.
+    """Open UDP or a serial port; `warn` receives later problems with the signing time stamp.
 
-    `in_the_air`: a drone may be flying, so a time stamp that cannot be read or kept is no reason to
-    refuse.
+    `in_the_air`: a drone may be in flight, so an unusable time stamp file is not an error.
 
     Raises:
-        LinkError: it cannot be used; names the url and the remedy.
+        LinkError: the transport cannot be opened; the message names the URL and the remedy.
     """
     kind = SerialTransport if config.url.startswith("serial:") else UdpTransport
     signing = None

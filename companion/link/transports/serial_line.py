@@ -1,19 +1,22 @@
-"""What goes over one serial port: whole messages, and none behind bytes that are old.
+"""Sends whole messages over a serial port, with a bounded backlog.
 
-A UART sends a tenth of its baud rate in bytes a second. The kernel takes 4096 bytes at once, which
-at 57600 baud is 0.7 s: what is put behind them gets there when it is out of date. So no message is
-begun behind more than `MAX_BACKLOG_S` of bytes. What does not fit is dropped whole; what comes
-again, as setpoints do, is fresh the next time. A message that was begun is finished before
-anything else.
+A UART sends a tenth of its baud rate in bytes per second. The kernel buffers 4096 bytes, which is
+0.7 s at 57600 baud: a message behind a full buffer arrives outdated. No message is therefore begun
+while the backlog exceeds `MAX_BACKLOG_S`. A message that does not fit is dropped as a whole;
+periodic messages such as setpoints follow with fresh content. A begun message is completed before
+the next one.
 """
 
 import math
 from typing import Protocol
 
 BITS_PER_BYTE = 10
-"""A start bit, eight of data, a stop bit."""
+"""Bits on the line per byte: a start bit, eight data bits, a stop bit."""
 MAX_BACKLOG_S = 0.1
-"""Two ticks of the control loop, and half of the least `link.setpoint_loss_s`."""
+"""Maximum backlog before a message, s.
+
+Chosen: two ticks of the control loop, and half of the minimum of `link.setpoint_loss_s`.
+"""
 
 
 class Port(Protocol):
@@ -21,40 +24,42 @@ class Port(Protocol):
 
     @property
     def in_waiting(self) -> int:
-        """Bytes that have come in."""
+        """Number of received bytes that are not read yet."""
         ...
 
     @property
     def out_waiting(self) -> int:
-        """Bytes that were taken and have not left, as far as the driver tells; else 0."""
+        """Number of accepted bytes that are not sent yet; 0 if the driver does not report it."""
         ...
 
     def read(self, size: int = 1) -> bytes: ...
 
     def write(self, data: bytes) -> int:
-        """How many of the bytes were taken; never waits."""
+        """Write without blocking; returns the number of accepted bytes."""
         ...
 
     def close(self) -> None: ...
 
 
 class SerialLine:
-    """One open port, to send; time is an argument."""
+    """Sending side of an open port; time is an argument."""
 
     def __init__(self, port: Port, baud: int) -> None:
         self._port = port
         self._bytes_per_s = baud / BITS_PER_BYTE
         self._free_s = -math.inf
-        """When all that was taken has left, if it leaves at the baud rate."""
+        """Time at which all accepted bytes are sent at the baud rate."""
         self._rest = b""
-        """Of a message that was begun."""
+        """Remaining bytes of a begun message."""
         self._begun_s = -math.inf
 
     def send(self, data: bytes, now_s: float, *, is_urgent: bool) -> bool:
-        """Whether the message was begun; one that is not urgent must leave room for those that are.
+        """Begin a message; returns False if it is dropped.
+
+        A message that is not urgent must leave room for urgent ones.
 
         Raises:
-            OSError: the port is gone.
+            OSError: the port is disconnected.
         """
         self._finish(now_s)
         own_s = 0.0 if is_urgent else len(data) / self._bytes_per_s
@@ -68,7 +73,7 @@ class SerialLine:
         return True
 
     def _finish(self, now_s: float) -> None:
-        """Too late, the rest is spoilt: whole, the receiver would take an old message for new."""
+        """Continue a begun message; one that is too old is corrupted, so the receiver drops it."""
         if self._rest and now_s - self._begun_s > MAX_BACKLOG_S:
             self._rest, self._begun_s = bytes(byte ^ 0xFF for byte in self._rest), math.inf
         self._put(now_s)
@@ -79,5 +84,5 @@ class SerialLine:
             self._free_s = max(self._free_s, now_s) + taken / self._bytes_per_s
 
     def _backlog_s(self, now_s: float) -> float:
-        """By the driver, or by what was taken: some drivers tell nothing."""
+        """Backlog in s, from the driver or from the accepted bytes: some drivers report 0."""
         return max(self._free_s - now_s, self._port.out_waiting / self._bytes_per_s)

@@ -1,4 +1,4 @@
-"""MAVLink over a serial port, such as "serial:/dev/ttyAMA0:921600" on a Raspberry Pi."""
+"""Transports MAVLink over a serial port, such as "serial:/dev/ttyAMA0:921600"."""
 
 import time
 
@@ -10,6 +10,7 @@ from companion.link.transports.serial_line import Port, SerialLine
 from companion.link.transports.transport import Message, decode_stream, frame, make_codec
 
 RETRY_PERIOD_S = 1.0
+"""Period of the attempts to reopen a disconnected port, s. Chosen."""
 URGENT = frozenset(
     {
         mavlink.MAVLINK_MSG_ID_HEARTBEAT,
@@ -17,11 +18,11 @@ URGENT = frozenset(
         mavlink.MAVLINK_MSG_ID_COMMAND_LONG,
     }
 )
-"""By these it flies; poses, ranges and texts take the room that they leave."""
+"""Messages required for flight; poses, ranges and texts use the remaining capacity."""
 
 
 class SerialTransport:
-    """Bytes at a port; an adapter that was pulled out and put in again is opened again.
+    """Serial port that is reopened after its adapter was unplugged and plugged in again.
 
     Raises:
         LinkError: the port cannot be opened.
@@ -35,9 +36,9 @@ class SerialTransport:
         self._codec = make_codec(system_id, component_id, signing)
         self._retry_at_s = 0.0
         self.bytes_received = self.messages_received = 0
-        """Many bytes and no message: the baud rate is wrong."""
+        """Many bytes without a message indicate a wrong baud rate."""
         self.messages_sent = self.messages_dropped = 0
-        """Dropped: the port did not take them, or would have sent them too late."""
+        """Dropped messages were not accepted by the port, or would have been sent too late."""
         self._port: Port | None = None
         try:
             self._connect()
@@ -53,7 +54,7 @@ class SerialTransport:
         return port
 
     def _open(self) -> Port:
-        from companion.link.transports.uart import Uart  # noqa: PLC0415 - few need it
+        from companion.link.transports.uart import Uart  # noqa: PLC0415 - only serial links need it
 
         return Uart(self._path, self._baud)
 

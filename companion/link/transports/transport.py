@@ -1,7 +1,7 @@
-"""How MAVLink messages travel: UDP, bytes through memory, or message objects handed over.
+"""Transports MAVLink messages over UDP, as bytes through memory, or as message objects.
 
-All three deliver the same messages to the bit. The emulated autopilot of SITL uses the same
-classes for its end.
+All three deliver bit-identical messages. The emulated autopilot of SITL uses the same classes for
+its end.
 """
 
 import errno
@@ -20,33 +20,37 @@ from companion.core.errors import LinkError
 from companion.link.signing import Signing, SigningCodec
 
 URL_PATTERN = r"(udpin|udpout):[^:]+:\d{1,5}"
+"""Format of a UDP link URL."""
 TAKEOVER_S = 1.5
-"""More than the second between two heartbeats of a peer that has nothing else to say."""
+"""Silence of the peer before another sender replaces it, s.
+
+Chosen: more than the 1 s between two heartbeats of a peer that sends nothing else.
+"""
 Message = Any
 """A pymavlink message object: `get_type()`, `get_srcSystem()`, and its fields as attributes."""
 
 
 AUTOPILOT_COMPONENT: int = mavlink.MAV_COMP_ID_AUTOPILOT1
 COMPANION_COMPONENT: int = mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
-"""The two ends of an in-process link; they share the vehicle's system."""
+"""Component ids of the two ends of an in-process link; both have the vehicle's system id."""
 
 
 class Transport(Protocol):
     """One end of a link."""
 
     def receive(self) -> list[Message]:
-        """All that has arrived; never waits."""
+        """All received messages; never blocks."""
         ...
 
     def send(self, message: Message) -> None:
-        """Send it whole, or lose it silently, as a radio would; never waits."""
+        """Send the whole message or drop it without an error, like a radio; never blocks."""
         ...
 
     def close(self) -> None: ...
 
 
 def make_codec(system_id: int, component_id: int, signing: Signing | None = None) -> Any:
-    """The one place where pymavlink's encoder and parser is made."""
+    """Create pymavlink's encoder and parser; all transports use this function."""
     kind = mavlink.MAVLink if signing is None else SigningCodec
     codec = kind(None, srcSystem=system_id, srcComponent=component_id)
     codec.robust_parsing = True
@@ -56,13 +60,13 @@ def make_codec(system_id: int, component_id: int, signing: Signing | None = None
 
 
 def sent_by(message: Message, component_id: int, number: int) -> Message:
-    """The same message from another component of ours, which numbers what it sends itself."""
+    """Mark a message as sent by another component of ours, with its own sequence number."""
     message.sent_by = component_id, number % 256
     return message
 
 
 def frame(codec: Any, message: Message) -> bytes:
-    """Its bytes, from the component that it is sent by."""
+    """Bytes of a message, with the ids of the component that sends it."""
     ours = codec.srcComponent, codec.seq
     other = getattr(message, "sent_by", None)
     codec.srcComponent, codec.seq = other or ours
@@ -72,9 +76,9 @@ def frame(codec: Any, message: Message) -> bytes:
 
 
 def decode(codec: Any, data: bytes) -> list[Message]:
-    """Whole messages in a packet; what cannot be parsed or is not known is left out.
+    """Complete messages in a packet, without invalid and unknown ones.
 
-    Half a message at the packet's end is forgotten, or it would swallow the next packet.
+    An incomplete message at the end is discarded; otherwise it would corrupt the next packet.
     """
     messages = decode_stream(codec, data)
     if codec.buf_len():
@@ -84,9 +88,9 @@ def decode(codec: Any, data: bytes) -> list[Message]:
 
 
 def decode_stream(codec: Any, data: bytes) -> list[Message]:
-    """Whole messages in a stream so far; the beginning of the next one is kept.
+    """Complete messages in a stream so far; the beginning of the next one is kept.
 
-    A message's number is asked for, not read from its `id`: some messages have a field of that
+    The message id is read with `get_msgId()`, not from `id`: some messages have a field of that
     name.
     """
     messages = codec.parse_buffer(data) or []
@@ -98,15 +102,14 @@ def decode_stream(codec: Any, data: bytes) -> list[Message]:
 class UdpTransport:
     """MAVLink in datagrams.
 
-    "udpin:HOST:PORT" waits there for a peer; "udpout:HOST:PORT" speaks first. Port 0 with udpin
-    takes a free one.
+    "udpin:HOST:PORT" waits for a peer; "udpout:HOST:PORT" sends first. With udpin, port 0 selects
+    a free port.
 
-    A link has one peer: the address that first sent a MAVLink message, or that was spoken to. What
-    others send is dropped, or any program that happens to know the port could take the link over,
-    and with it the vehicle. Only when the peer has said nothing for `TAKEOVER_S` while others
-    spoke, the next of them becomes the peer: so a companion that was restarted, or an application
-    that comes back from another port, is heard after its third heartbeat. This keeps mishaps away,
-    not an attacker, who can write any address on a datagram.
+    A link has one peer: the configured address, or the first that sends a MAVLink message. Messages
+    from other addresses are dropped; otherwise any program that knows the port could control the
+    vehicle. Another sender becomes the peer only after the peer was silent for `TAKEOVER_S` while
+    others sent. A restarted companion, or an application on a new port, is therefore accepted at
+    its third heartbeat. This prevents accidents, not attacks: an attacker can forge the address.
 
     Raises:
         LinkError: the address cannot be used.
@@ -124,13 +127,13 @@ class UdpTransport:
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
         self._others_since_s: float | None = None
-        """Since when others have spoken, and the peer has not."""
+        """Time since which only other senders were received, not the peer; else None."""
         self._waiting: list[Message] = []
         self.datagrams_sent = 0
         self.datagrams_received = 0
-        """Both are counted with the present peer."""
+        """Both count since the current peer was set."""
         self.messages_dropped = 0
-        """The kernel had no room for them, or no way."""
+        """Messages that the kernel had no buffer or no route for."""
         try:
             if kind == "udpin":
                 self._socket.bind((host, int(port)))
@@ -149,7 +152,7 @@ class UdpTransport:
 
     @property
     def address(self) -> str:
-        """As a URL, with the port that was taken where any would do."""
+        """URL of this end, with the selected port in place of port 0."""
         start, _, port = self._url.rpartition(":")
         return f"{start}:{self.local_port if port == '0' else port}"
 
@@ -169,7 +172,7 @@ class UdpTransport:
             except BlockingIOError:
                 return
             except OSError as error:
-                if error.errno == errno.ECONNREFUSED:  # nobody there yet: ICMP of an earlier send
+                if error.errno == errno.ECONNREFUSED:  # no receiver yet: ICMP of an earlier send
                     continue
                 return
             messages = decode(self._codec, data)
@@ -179,7 +182,7 @@ class UdpTransport:
             self._waiting += messages
 
     def _is_peer(self, sender: tuple[str, int]) -> bool:
-        """Who has sent a message is the peer, or has just become it."""
+        """Whether the sender of a message is the peer, or becomes it now."""
         if sender == self._peer:
             self._others_since_s = None
             return True
@@ -194,7 +197,7 @@ class UdpTransport:
         return True
 
     def await_datagrams(self, total: int, timeout_s: float) -> None:
-        """Wait until `total` datagrams have come in, in all; lost ones are given up in time."""
+        """Wait until `total` datagrams have been received in all, at most `timeout_s`."""
         deadline_s = time.monotonic() + timeout_s
         self._drain()
         while self.datagrams_received < total:
@@ -219,7 +222,7 @@ class UdpTransport:
 
 
 class _PipeEnd:
-    """Bytes through memory."""
+    """One end that exchanges bytes through memory."""
 
     def __init__(
         self,
@@ -244,7 +247,7 @@ class _PipeEnd:
 
 
 class _DirectEnd:
-    """Message objects, as they would have come out of the bytes."""
+    """One end that exchanges message objects, equal to those decoded from bytes."""
 
     def __init__(
         self, inbox: deque[Message], outbox: deque[Message], system_id: int, component_id: int
@@ -270,7 +273,7 @@ class _DirectEnd:
 
 @dataclass(frozen=True, slots=True)
 class _FloatFields:
-    """What of a kind of message travels as float32."""
+    """Fields of a message type that are float32 on the wire."""
 
     singles: tuple[str, ...]
     packer: struct.Struct
@@ -289,7 +292,7 @@ _float_fields: dict[type, _FloatFields] = {}
 
 
 def _round_floats(message: Message) -> None:
-    """Give every float32 field the value that it has on the wire."""
+    """Round every float32 field to its value on the wire."""
     kind, fields = type(message), message.__dict__
     floats = _float_fields.get(kind) or _float_fields.setdefault(kind, _FloatFields.of(message))
     packer = floats.packer
@@ -305,12 +308,13 @@ def _round_floats(message: Message) -> None:
 
 
 NO_SIGNING = (None, None)
+"""Both ends without signing."""
 
 
 def pipe_pair(
     system_id: int = 1, signing: tuple[Signing | None, Signing | None] = NO_SIGNING
 ) -> tuple[Transport, Transport]:
-    """Two ends handing MAVLink bytes through memory: the autopilot's, the companion's."""
+    """Two ends that exchange MAVLink bytes through memory: autopilot, companion."""
     to_companion: deque[bytes] = deque()
     to_autopilot: deque[bytes] = deque()
     return (
@@ -320,7 +324,7 @@ def pipe_pair(
 
 
 def direct_pair(system_id: int = 1) -> tuple[Transport, Transport]:
-    """Two ends handing message objects over: the autopilot's, the companion's."""
+    """Two ends that exchange message objects: autopilot, companion."""
     to_companion: deque[Message] = deque()
     to_autopilot: deque[Message] = deque()
     return (

@@ -1,4 +1,4 @@
-"""A serial port that takes what fits and never waits; pyserial's own waits, or spins."""
+"""Opens a serial port whose writes never block; those of pyserial block or busy-wait."""
 
 import contextlib
 import os
@@ -8,20 +8,20 @@ import serial
 
 
 class Uart(serial.Serial):
-    """Opened without blocking, for us alone.
+    """Serial port with non-blocking and exclusive access.
 
     Raises:
-        OSError: it cannot be opened, or is gone.
+        OSError: the port cannot be opened, or is disconnected.
     """
 
     def __init__(self, path: str, baud: int) -> None:
         try:
             super().__init__(path, baud, timeout=0, exclusive=True)
-        except termios.error as error:  # unplugged between opening it and setting it up
+        except termios.error as error:  # unplugged between open and configuration
             raise OSError(*error.args) from error
 
     def write(self, data: bytes) -> int:  # type: ignore[override]
-        """How many of the bytes were taken."""
+        """Write without blocking; returns the number of accepted bytes."""
         assert self.fd is not None
         try:
             return os.write(self.fd, data)
@@ -29,7 +29,7 @@ class Uart(serial.Serial):
             return 0
 
     def close(self) -> None:
-        """What has not left is forgotten: the kernel would wait half a minute for it to leave."""
+        """Discard unsent bytes and close: otherwise the kernel waits half a minute to send them."""
         if self.is_open:
             with contextlib.suppress(OSError, termios.error):
                 self.reset_output_buffer()
