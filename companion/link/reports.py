@@ -62,7 +62,7 @@ class Reports:
         return messages
 
     def _texts(self, activity: str, trouble: str, notice: str) -> Iterator[Message]:
-        """STATUSTEXT (253): phase as INFO, fault as WARNING, information for the pilot as NOTICE."""
+        """STATUSTEXT (253): phase as INFO, fault as WARNING, notice to the pilot as NOTICE."""
         if notice and notice != self._notice:
             yield from self._text(mavlink.MAV_SEVERITY_NOTICE, f"PDPS: {notice}")
         if trouble and trouble != self._trouble:
