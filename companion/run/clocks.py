@@ -77,7 +77,7 @@ class SitlClock:
                 time_s, transport.local_port, transport.datagrams_sent
             )
         except SensorError as error:
-            self._warn(f"{error}; going on by this machine's clock")
+            self._warn(f"{error}; continuing with this machine's clock")
             self._fallback = SystemClock(self._last_s)
             return self._last_s
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)

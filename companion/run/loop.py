@@ -69,8 +69,8 @@ def fly(
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
         flight = outputs.flight
-        told = flight.activity, flight.trouble, flight.notice
-        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *told))
+        texts = flight.activity, flight.trouble, flight.notice
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *texts))
         record(now_s, inputs, outputs)
         watch(outputs.progress)
         if outputs.finished:
@@ -85,15 +85,15 @@ def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inpu
     An input whose read took longer than `READ_S` is dropped.
     """
     telemetry = rig.link.poll(now_s)
-    heard_s = rig.clock.now_s()
-    samples = rig.gyro.read(heard_s)
-    turned_s = rig.clock.now_s()
-    scan = rig.ranges.read(turned_s)
-    seen_s = rig.clock.now_s()
-    if heard_s - now_s > READ_S:
+    link_read_s = rig.clock.now_s()
+    samples = rig.gyro.read(link_read_s)
+    gyro_read_s = rig.clock.now_s()
+    scan = rig.ranges.read(gyro_read_s)
+    ranges_read_s = rig.clock.now_s()
+    if link_read_s - now_s > READ_S:
         telemetry = replace(telemetry, odometry=None)
-    if turned_s - heard_s > READ_S:
+    if gyro_read_s - link_read_s > READ_S:
         samples = []
-    if seen_s - turned_s > READ_S:
+    if ranges_read_s - gyro_read_s > READ_S:
         scan = replace(scan, readings=dict.fromkeys(scan.readings, STALE))
-    return Inputs(telemetry, samples, scan, land, order), seen_s
+    return Inputs(telemetry, samples, scan, land, order), ranges_read_s

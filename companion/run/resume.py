@@ -89,7 +89,7 @@ class Recovery:
             try:
                 return self._resume(crashed, recording)
             except Exception as error:  # any error: the drone is in the air
-                self._console.print(f"cannot go on: {_reason(error)}")
+                self._console.print(f"cannot resume: {_reason(error)}")
         return self._land()
 
     def _resume(self, crashed: Crashed, recording: Recording) -> int:
@@ -174,7 +174,8 @@ def replayed(recording: Recording, app: App) -> Iterator[None]:
 def hold(link: Link, clock: Clock, work: Iterator[None]) -> bool:
     """Hold the position until the work is done and the autopilot's mode is known.
 
-    Without a known mode, the wait ends after `CONNECT_TIMEOUT_S`. Returns False as soon as the drone is not under our control.
+    Without a known mode, the wait ends after `CONNECT_TIMEOUT_S`. Returns False as soon as
+    the drone is not under our control.
     """
     now_s = clock.wait_until(0.0)
     known_by_s = now_s + CONNECT_TIMEOUT_S

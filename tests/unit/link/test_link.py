@@ -618,7 +618,7 @@ def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
     waits_for = Told(autopilot, {**right, name: wrong}).waits_for
     assert f"{name} is {wrong}, set it to {right[name]}" in waits_for
     without = {other: value for other, value in right.items() if other != name}
-    assert f"does not tell {name}" in Told(autopilot, without).waits_for
+    assert f"does not report {name}" in Told(autopilot, without).waits_for
 
 
 def test_without_our_pose_these_parameters_do_not_matter() -> None:
@@ -639,7 +639,7 @@ def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
         )
     )
     told.says(sent_by(message, component, 0))
-    assert f"component {component} tells it a pose" in told.waits_for
+    assert f"component {component} sends it a pose" in told.waits_for
     told.now_s += 6
     told.says(heartbeat())
     assert told.waits_for == ""
