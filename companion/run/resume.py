@@ -149,7 +149,7 @@ def _reason(error: Exception) -> str:
 
 
 def may_be_resumed(recording: Recording) -> bool:
-    """Whether the recording has ticks and is not itself of a resumed flight."""
+    """True if the recording has ticks and is not itself of a resumed flight."""
     return bool(recording.ticks) and not recording.continues
 
 
