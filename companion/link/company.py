@@ -19,8 +19,8 @@ SUPPORTED = frozenset(firmware.autopilot for firmware in FIRMWARES)
 BREAKS, BREAKS_WITHIN_S = 4, 5.0
 """Discontinuities within this time, s, that mean two autopilots with the same id.
 
-A restarting autopilot causes three: its clock steps back, and PX4 briefly reports another type. With
-two autopilots of one id, clock or type alternate with every message.
+A restarting autopilot causes three: its clock steps back, and PX4 briefly reports another type.
+With two autopilots of one id, clock or type alternate with every message.
 """
 
 

@@ -54,6 +54,7 @@ on a rover, ACRO on a plane.
 NOT_SETTLED = "its estimator has not settled"
 NO_VELOCITY = "its estimator has no velocity source"
 NO_POSITION = "its estimator has no position"
+"""Results of `Firmware.estimate_complaint`, the same for all firmwares."""
 
 
 class Firmware(Protocol):
@@ -76,7 +77,7 @@ class Firmware(Protocol):
     def mode_name(self, custom_mode: int) -> str: ...
 
     def is_offboard(self, custom_mode: int) -> bool:
-        """Whether the autopilot follows our setpoints in this mode."""
+        """True if the autopilot follows our setpoints in this mode."""
         ...
 
     def estimate_complaint(self, message: Any) -> str:

@@ -79,7 +79,7 @@ class Link:
         self._custom_mode = 0
         self._landed_state = LandedState.UNKNOWN
         self._battery: float | None = None
-        self._estimate_complaint = "its estimator has not been heard"
+        self._estimate_complaint = "no state of its estimator received"
         self._follows_us = config.send_pose
         self._odometry = OdometryReader(follows_us=self._follows_us)
         self._pose_report = PoseReport() if config.send_pose else None
@@ -278,9 +278,9 @@ class Link:
         if self._estimate_complaint:
             return self._estimate_complaint
         if not self._odometry.has_position:
-            return "no LOCAL_POSITION_NED comes from it"
+            return "it does not send LOCAL_POSITION_NED"
         if self._landed_state is LandedState.UNKNOWN:
-            return "it does not tell whether it has landed (EXTENDED_SYS_STATE)"
+            return "it does not report whether it has landed (EXTENDED_SYS_STATE)"
         unset = [p.name for p in self._safety if not self._parameters_set.get(p.name)]
         return f"it does not confirm {', '.join(unset)}" if unset else ""
 

@@ -63,14 +63,14 @@ class _Ear:
 
     def receive(self) -> list[Message]:
         ms = round(1000 * self.now_s) + 1
-        said = (
+        out = (
             mavlink.MAVLink_heartbeat_message(
                 mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 81, 4, 4, 3
             ),
             mavlink.MAVLink_attitude_message(ms, 0, 0, 0, 0, 0, 0),
             mavlink.MAVLink_local_position_ned_message(ms, 0, 0, 0, 0, 0, 0),
         )
-        return self._autopilot.parse_buffer(b"".join(m.pack(self._autopilot) for m in said)) or []
+        return self._autopilot.parse_buffer(b"".join(m.pack(self._autopilot) for m in out)) or []
 
     def send(self, message: Message) -> None:
         kind = message.get_type()
@@ -85,21 +85,21 @@ class _Ear:
 
 def link_budget(config: Config) -> Budget:
     """Load of the link during a scan."""
-    ear = _Ear(config)
+    stub = _Ear(config)
     own = {b: s for b, s in config.sensors.beams.items() if isinstance(s, AutopilotRange)}
     listeners: list[Listener] = [AutopilotRanges(own)] if own else []
     if config.sensors.gyro == "autopilot":
         listeners.append(AutopilotGyro())
-    link = Link(ear, config.link, listeners)
+    link = Link(stub, config.link, listeners)
     models = range_models(config.sensors)
     reports = Reports(config.link, models)
     for tick in range(round(END_S / TICK_S)):
-        ear.now_s = now_s = tick * TICK_S
+        stub.now_s = now_s = tick * TICK_S
         scan = RangeScan(now_s, {beam: _reading() for beam in models})
         link.poll(now_s)
         link.send(now_s, Setpoint(1.0, 1.0, 1.0, 1.0), None, Pose(now_s, 1.0, 1.0, -1.0, 1.0))
         link.transmit(reports.due(now_s, scan, "", ""))
-    return Budget(ear.sent, dict(_asked_for(link, own, _signature_bytes(config))))
+    return Budget(stub.sent, dict(_asked_for(link, own, _signature_bytes(config))))
 
 
 def refuse_too_much(config: Config) -> None:

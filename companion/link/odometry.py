@@ -79,7 +79,7 @@ class OdometryReader:
         return (at.x, at.y, at.z) if at is not None else (0.0, 0.0, 0.0), self._attitude.yaw
 
     def has_restarted(self, message: Message) -> bool:
-        """Whether the autopilot's clock has restarted or was set back."""
+        """True if the autopilot's clock has restarted or was set back."""
         known = (m.time_boot_ms for m in (self._position, self._attitude) if m is not None)
         return bool(message.time_boot_ms < max(known, default=0) - RESTARTED_MS)
 

@@ -45,16 +45,16 @@ class PoseReport:
         self._last: Pose | None = None
 
     def messages(
-        self, now_s: float, pose: Pose, told: tuple[Vector3, float] | None
+        self, now_s: float, pose: Pose, autopilot_pose: tuple[Vector3, float] | None
     ) -> list[Message]:
         """Messages for this tick; none before the autopilot reports its own position and yaw.
 
-        `told`: the autopilot's position (local NED, m) and yaw (rad).
+        `autopilot_pose`: the autopilot's position (local NED, m) and yaw (rad).
         """
         if self._alignment is None:
-            if told is None:
+            if autopilot_pose is None:
                 return []
-            self._alignment = _aligned(pose, *told)
+            self._alignment = _aligned(pose, *autopilot_pose)
         last, self._last = self._last, pose
         messages = [_message(now_s, pose, self._alignment)]
         if last is not None and last.reset_counter == pose.reset_counter:

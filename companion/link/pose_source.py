@@ -38,20 +38,22 @@ class PoseSource:
         if message.get_msgId() in POSES:
             self._others[message.get_srcComponent()] = now_s
 
-    def complaint(self, now_s: float, wanted: Mapping[str, int], told: Mapping[str, float]) -> str:
+    def complaint(
+        self, now_s: float, wanted: Mapping[str, int], values: Mapping[str, float]
+    ) -> str:
         """Reason why the autopilot cannot use our pose; empty if it can."""
-        others = [str(c) for c, heard_s in self._others.items() if now_s - heard_s <= GONE_S]
+        others = [str(c) for c, received_s in self._others.items() if now_s - received_s <= GONE_S]
         if others:
             return (
-                f"component {', '.join(others)} tells it a pose as well as we do: "
+                f"component {', '.join(others)} sends it a pose as well as we do: "
                 "end that, or set link.send_pose = false"
             )
-        unknown = [name for name in wanted if name not in told]
+        unknown = [name for name in wanted if name not in values]
         if unknown:
-            return f"link.send_pose: it does not tell {', '.join(unknown)}"
+            return f"link.send_pose: it does not report {', '.join(unknown)}"
         wrong = [
-            f"{name} is {told[name]:g}, set it to {value}"
+            f"{name} is {values[name]:g}, set it to {value}"
             for name, value in wanted.items()
-            if told[name] != value
+            if values[name] != value
         ]
         return f"link.send_pose: {'; '.join(wrong)}" if wrong else ""

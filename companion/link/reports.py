@@ -62,7 +62,7 @@ class Reports:
         return messages
 
     def _texts(self, activity: str, trouble: str, notice: str) -> Iterator[Message]:
-        """STATUSTEXT (253): phase as INFO, fault as WARNING, information for the pilot as NOTICE."""
+        """STATUSTEXT (253): phase as INFO, fault as WARNING, notice to the pilot as NOTICE."""
         if notice and notice != self._notice:
             yield from self._text(mavlink.MAV_SEVERITY_NOTICE, f"PDPS: {notice}")
         if trouble and trouble != self._trouble:
@@ -82,13 +82,13 @@ class Reports:
             yield mavlink.MAVLink_statustext_message(severity, chunk, text_id, sequence)
 
     def _ranges(self, time_ms: int, scan: RangeScan) -> Iterator[Message]:
-        told = {beam: r for beam, r in scan.readings.items() if r.is_alive and beam in self._models}
+        sent = {beam: r for beam, r in scan.readings.items() if r.is_alive and beam in self._models}
         if self._config.tell_ranges == "obstacle_distance":
-            around = {beam: r for beam, r in told.items() if beam in SECTOR_OF}
-            told = {beam: r for beam, r in told.items() if beam not in SECTOR_OF}
+            around = {beam: r for beam, r in sent.items() if beam in SECTOR_OF}
+            sent = {beam: r for beam, r in sent.items() if beam not in SECTOR_OF}
             if around:
                 yield self._obstacles(time_ms, around)
-        for beam, reading in told.items():
+        for beam, reading in sent.items():
             yield self._distance(time_ms, beam, reading)
 
     def _distance(self, time_ms: int, beam: Beam, reading: RangeReading) -> Message:

@@ -172,8 +172,8 @@ class SigningCodec(mavlink.MAVLink):  # type: ignore[misc]
         Otherwise one forged frame with a future time would block all later frames of its sender.
         """
         digest = hashlib.sha256(self.signing.secret_key + frame[:-SIGNATURE_BYTES]).digest()
-        told = bytes(frame[-SIGNATURE_BYTES:])
-        if not hmac.compare_digest(digest[:SIGNATURE_BYTES], told):
+        signature = bytes(frame[-SIGNATURE_BYTES:])
+        if not hmac.compare_digest(digest[:SIGNATURE_BYTES], signature):
             return False
         return bool(super().check_signature(frame, system_id, component_id))
 

@@ -1,1 +1,1 @@
-"""A flight as a process: its loop, hardware, clocks, console, and how it is resumed."""
+"""Runs a flight as a process: control loop, hardware, clocks, console, recovery."""

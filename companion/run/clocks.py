@@ -1,4 +1,4 @@
-"""The flight's clock: the machine's, or the virtual one that SITL serves with its bus."""
+"""Provides the flight's clock: the machine's, or SITL's virtual clock."""
 
 import math
 import time
@@ -12,24 +12,28 @@ from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import UdpTransport
 
 DATAGRAM_TIMEOUT_S = 1.0
+"""Maximum wait for the MAVLink datagrams of a tick, s. Chosen."""
 STANDS_STILL_S = 0.25
-"""Of real time. SITL waits longer for who has asked for the time: until then it is what it was."""
+"""Real time after a tick during which the virtual time does not change, s.
+
+Chosen: SITL waits longer than this for a client that has requested a time.
+"""
 
 
 class Clock(Protocol):
-    """Time as the flight knows it: of the machine, or virtual."""
+    """Interface of the flight's clock, real or virtual."""
 
     def wait_until(self, time_s: float) -> float:
-        """Return the time once `time_s` is reached; later if the machine was slow."""
+        """Wait until `time_s` and return the time, which is later if the machine was slow."""
         ...
 
     def now_s(self) -> float:
-        """The time by now."""
+        """Current time, s."""
         ...
 
 
 class SystemClock:
-    """The machine's monotonic clock, counted from `start_s` at the first use."""
+    """The machine's monotonic clock; it starts at `start_s` when this object is created."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._epoch_s = time.monotonic() - start_s
@@ -42,15 +46,16 @@ class SystemClock:
         return time.monotonic() - self._epoch_s
 
     def close(self) -> None:
-        """It goes on by itself."""
+        """No resource to release."""
 
 
 class SitlClock:
-    """SITL's virtual time, in step with the MAVLink datagrams that belong to each moment.
+    """SITL's virtual clock, in lockstep with the MAVLink datagrams of each tick.
 
-    Asking for a time lets the simulation reach it. Both sides tell how many datagrams they have
-    sent, and wait for them, so that a flight over UDP is the same to the bit as one in process.
-    If SITL goes away, time goes on by the machine's clock: the flight must still end by its rules.
+    A request for a time advances the simulation to it. Both sides report how many datagrams they
+    have sent, and wait for those of the other. A flight over UDP is therefore bit-identical to one
+    in a single process. If the connection to SITL is lost, the machine's clock takes over, so that
+    the flight still ends by its rules.
     """
 
     def __init__(
@@ -72,7 +77,7 @@ class SitlClock:
                 time_s, transport.local_port, transport.datagrams_sent
             )
         except SensorError as error:
-            self._warn(f"{error}; going on by this machine's clock")
+            self._warn(f"{error}; continuing with this machine's clock")
             self._fallback = SystemClock(self._last_s)
             return self._last_s
         transport.await_datagrams(sent, DATAGRAM_TIMEOUT_S)
@@ -87,7 +92,7 @@ class SitlClock:
         return self.wait_until(self._last_s)
 
     def close(self) -> None:
-        """SITL does not wait for this clock any more."""
+        """Disconnect; SITL no longer waits for this clock."""
         self._served.close()
 
 
@@ -97,11 +102,11 @@ def open_clock(
     warn: Callable[[str], None],
     start_s: float = 0.0,
 ) -> SystemClock | SitlClock:
-    """SITL's where the sensors are SITL's; this machine's goes on from `start_s`.
+    """Open SITL's clock if `sensors.bus` is SITL's, else this machine's, starting at `start_s`.
 
     Raises:
-        ConfigError: its time is kept by datagrams, and there are none.
-        SensorError: nothing serves it.
+        ConfigError: SITL's clock needs a UDP link, and `link.url` is not one.
+        SensorError: no SITL answers at the address of the bus.
     """
     if not config.sensors.bus.startswith("sitl://"):
         return SystemClock(start_s)

@@ -1,4 +1,4 @@
-"""What a person at the terminal sees of a flight."""
+"""Shows the progress and the summary of a flight on the terminal."""
 
 from pathlib import Path
 from types import TracebackType
@@ -14,7 +14,7 @@ from companion.pdps.flight.state import FlightState
 
 
 class ProgressLine:
-    """One line that follows the flight; on a pipe, one line for each new activity."""
+    """Progress line, updated in place; on a pipe, one line for each new activity."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -61,7 +61,10 @@ def _line(progress: Progress) -> str:
 def summary(
     flight: FlightState, plan: FloorPlan, files: list[Path], waited_s: float | None
 ) -> Table:
-    """How the flight ended and what it left."""
+    """Table with the result of the flight, the map and the saved files.
+
+    `waited_s`: waiting time in s; None omits it.
+    """
     table = Table(title="flight", show_header=False, title_justify="left")
     table.add_row("result", flight.ending)
     length_m = sum(wall.length_m for wall in plan.walls)

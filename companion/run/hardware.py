@@ -1,4 +1,4 @@
-"""All that a flight touches outside itself, put together as the configuration says."""
+"""Opens the link, sensors and clock of a flight as configured."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -24,10 +24,10 @@ from companion.run.loop import Rig
 
 
 def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -> Rig:
-    """Sensors, gyro and link; those sensors that are the autopilot's listen at the link.
+    """Create sensors, gyro and link; sensors of the autopilot receive their data from the link.
 
     Raises:
-        SensorError: a sensor is missing or is not what it should be.
+        SensorError: a sensor is missing or is of another type than configured.
     """
     ranges = RangeSensors(wires, config.sensors)
     gyro = open_gyro(wires, config.sensors)
@@ -45,10 +45,10 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
 def open_rig(
     config: Config, out: Path | None, warn: Callable[[str], None]
 ) -> Iterator[tuple[Rig, Recorder]]:
-    """As the configuration says where everything is; recorded into `out`, which must have room.
+    """Open the configured hardware and a recording in `out`, which must have enough free space.
 
     Raises:
-        CompanionError: something is missing or is not what it should be.
+        CompanionError: the configuration, a device or the folder cannot be used.
     """
     refuse_too_much(config)
     if out is not None:

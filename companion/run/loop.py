@@ -1,7 +1,7 @@
-"""The control loop: carries inputs to the flight and its outputs away, 20 times a second.
+"""Runs the control loop: reads inputs, steps the flight and sends its outputs, 20 times a second.
 
-The same loop serves the drone, SITL in two processes, and SITL in lockstep in one: what differs
-is the clock, the link's transport and the bus, and those are handed in.
+The same loop runs on the drone, in SITL with two processes, and in SITL in one process in lockstep.
+Only the clock, the link's transport and the bus differ, and these are parameters.
 """
 
 from collections.abc import Callable
@@ -18,27 +18,31 @@ from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 
 READ_S = 0.06
-"""All of one kind is read in less; else the computer stood still, and when it was is not known."""
+"""Maximum time to read one kind of input, s.
+
+Chosen: a longer read means that the process was suspended, so the time of the data is unknown.
+"""
 
 STALE = RangeReading(RangeState.STALE)
+"""Reading that replaces those with an unknown time."""
 
 Record = Callable[[float, Inputs, Outputs], None]
-"""Told of every tick when it is over."""
+"""Callback at the end of every tick: time (s), inputs, outputs."""
 
 
 def record_nothing(now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-    """A flight that is not recorded."""
+    """Callback of a flight without a recording."""
 
 
 class Ranges(Protocol):
-    """Every beam's sensor."""
+    """Interface of the range sensors of all beams."""
 
     def read(self, time_s: float) -> RangeScan: ...
 
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """All that the flight touches outside itself."""
+    """External interfaces of a flight."""
 
     link: Link
     ranges: Ranges
@@ -56,7 +60,7 @@ def fly(
     *,
     orders: Callable[[], Order | None] = lambda: None,
 ) -> FlightState:
-    """Fly until the flight has ended, one way or another; its last state."""
+    """Run the flight until it ends for any reason; returns its final state."""
     now_s = rig.clock.wait_until(0.0)
     tick = 0
     while True:
@@ -65,8 +69,8 @@ def fly(
         outputs = app.step(now_s, inputs)
         rig.link.send(now_s, outputs.setpoint, outputs.command, outputs.pose)
         flight = outputs.flight
-        told = flight.activity, flight.trouble, flight.notice
-        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *told))
+        texts = flight.activity, flight.trouble, flight.notice
+        rig.link.transmit(rig.reports.due(now_s, outputs.scan, *texts))
         record(now_s, inputs, outputs)
         watch(outputs.progress)
         if outputs.finished:
@@ -76,20 +80,20 @@ def fly(
 
 
 def _read(rig: Rig, now_s: float, land: bool, order: Order | None) -> tuple[Inputs, float]:
-    """What has come, each with the time when it was read, and when all had been.
+    """Inputs of this tick, and the time when all were read, s.
 
-    What was being read while the computer stood still is left out.
+    An input whose read took longer than `READ_S` is dropped.
     """
     telemetry = rig.link.poll(now_s)
-    heard_s = rig.clock.now_s()
-    samples = rig.gyro.read(heard_s)
-    turned_s = rig.clock.now_s()
-    scan = rig.ranges.read(turned_s)
-    seen_s = rig.clock.now_s()
-    if heard_s - now_s > READ_S:
+    link_read_s = rig.clock.now_s()
+    samples = rig.gyro.read(link_read_s)
+    gyro_read_s = rig.clock.now_s()
+    scan = rig.ranges.read(gyro_read_s)
+    ranges_read_s = rig.clock.now_s()
+    if link_read_s - now_s > READ_S:
         telemetry = replace(telemetry, odometry=None)
-    if turned_s - heard_s > READ_S:
+    if gyro_read_s - link_read_s > READ_S:
         samples = []
-    if seen_s - turned_s > READ_S:
+    if ranges_read_s - gyro_read_s > READ_S:
         scan = replace(scan, readings=dict.fromkeys(scan.readings, STALE))
-    return Inputs(telemetry, samples, scan, land, order), seen_s
+    return Inputs(telemetry, samples, scan, land, order), ranges_read_s

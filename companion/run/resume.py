@@ -1,12 +1,12 @@
-"""The way back into a flight after a crash of this program.
+"""Recovers a flight after a crash of this program.
 
-    LISTEN ──armed, in the mode that we asked for──► HOLD ──"resume"──► the flight goes on
-      │                                               └────"land"─────► it lands
-      └──otherwise──► it has landed, or is somebody else's: only the map is made
+    LISTEN ──armed, in our offboard mode──► HOLD ──"resume"──► the flight continues
+      │                                       └────"land"────► the drone lands
+      └──otherwise──► landed, or under other control: only the map is computed
 
-LISTEN is in `commands/recover.py`, which loads nothing else before. Nothing here arms or takes off.
-While it holds, the flight is replayed from its recording, a piece at a tick; a flight that had
-crashed before, or has no fresh recording, lands.
+LISTEN is in `commands/recover.py`, which loads nothing else first. Nothing here arms or takes off.
+During HOLD, the flight is replayed from its recording, in part at each tick. A flight that crashed
+before, or without a recent recording, lands.
 """
 
 import time
@@ -41,26 +41,27 @@ from companion.run.unattended import EXIT_ENDED, EXIT_FAILED, fly_to_the_end
 from companion.safety.health.lateness import TICK_S
 
 REPLAY_S = 0.04
-"""Of each tick, by the clock on the wall."""
+"""Real time per tick for the replay, s. Chosen."""
 CRASHED = "the companion had crashed"
+"""Reported reason of the landing."""
 
 
 class NoRanges:
-    """Stands for sensors that are not needed to land."""
+    """Replacement for the range sensors, which are not needed to land."""
 
     def read(self, time_s: float) -> RangeScan:
         return RangeScan(time_s, {})
 
 
 class NoGyro:
-    """The same."""
+    """Replacement for the gyro, which is not needed to land."""
 
     def read(self, time_s: float) -> list[GyroSample]:
         return []
 
 
 class Recovery:
-    """Of one flight; each way returns the exit status."""
+    """Recovery of one flight; its methods return the exit status."""
 
     def __init__(
         self,
@@ -81,14 +82,14 @@ class Recovery:
         self._console = console
 
     def take_up(self) -> int:
-        """Go on, or land."""
+        """Resume the flight or land."""
         crashed, recording = self._crashed, self._recording
         asked = self._settings.mission.after_crash == "resume"
         if asked and crashed and crashed.is_fresh and recording and may_be_resumed(recording):
             try:
                 return self._resume(crashed, recording)
-            except Exception as error:  # whatever it is: the drone is in the air
-                self._console.print(f"cannot go on: {_reason(error)}")
+            except Exception as error:  # any error: the drone is in the air
+                self._console.print(f"cannot resume: {_reason(error)}")
         return self._land()
 
     def _resume(self, crashed: Crashed, recording: Recording) -> int:
@@ -108,7 +109,7 @@ class Recovery:
         return fly_to_the_end(app, rig, recorder, out=self._out, console=self._console)
 
     def _land(self) -> int:
-        """By a flight that does nothing else; the map is that of the recording."""
+        """Land with a flight that only lands; the map is computed from the recording."""
         settings, clock = self._settings, self._clock
         link = Link(self._transport, settings.link)
         if not hold(link, clock, iter(())):
@@ -122,13 +123,13 @@ class Recovery:
         fly(app, rig, lambda progress: service.alive(progress.activity))
         self._console.print(app.flight.ending)
         if app.flight.phase is Phase.FAILED:
-            return EXIT_FAILED  # it may be in the air: to be tried again
+            return EXIT_FAILED  # it may be in the air: systemd tries again
         return self.map_only()
 
     def map_only(self) -> int:
-        """It has landed, or is somebody else's."""
+        """Compute only the map: the drone has landed, or is under other control."""
         service = Service()
-        service.alive("making the map")  # who ends before it was ready has failed, for systemd
+        service.alive("making the map")  # for systemd, an exit before READY is a failure
         service.landed()
         if self._recording is None:
             self._console.print("nothing to recover")
@@ -137,7 +138,7 @@ class Recovery:
             app = replay(self._recording)
             plan = app.final_floor_plan()
             self._console.print(summary(app.flight, plan, save(plan, self._out), None))
-        except Exception as error:  # nothing is in the air that another attempt would help
+        except Exception as error:  # another attempt would not help: no flight to save
             self._console.print(f"the map is not saved: {_reason(error)}", soft_wrap=True)
             return EXIT_ENDED
         return 0
@@ -148,20 +149,20 @@ def _reason(error: Exception) -> str:
 
 
 def may_be_resumed(recording: Recording) -> bool:
-    """There is something in it, and it is not what has crashed again after a crash."""
+    """True if the recording has ticks and is not itself of a resumed flight."""
     return bool(recording.ticks) and not recording.continues
 
 
 def _read(crashed: Crashed | None, console: Console) -> Recording | None:
     try:
         return read(crashed.path) if crashed else None
-    except Exception as error:  # a torn file, or a disk that does not answer: it lands without
+    except Exception as error:  # a truncated file or a failed disk: land without it
         console.print(f"the recording cannot be used: {_reason(error)}")
         return None
 
 
 def replayed(recording: Recording, app: App) -> Iterator[None]:
-    """The flight once more; a pause whenever a tick's share of time is used up."""
+    """Replay the flight into `app`; yields after each `REPLAY_S` of real time."""
     began_s = time.monotonic()
     for tick in recording.ticks:
         app.step(tick.now_s, tick.inputs)
@@ -171,7 +172,11 @@ def replayed(recording: Recording, app: App) -> Iterator[None]:
 
 
 def hold(link: Link, clock: Clock, work: Iterator[None]) -> bool:
-    """Stay where it is until the work is done and the autopilot is known; False: not ours."""
+    """Hold the position until the work is done and the autopilot's mode is known.
+
+    Without a known mode, the wait ends after `CONNECT_TIMEOUT_S`. Returns False as soon as
+    the drone is not under our control.
+    """
     now_s = clock.wait_until(0.0)
     known_by_s = now_s + CONNECT_TIMEOUT_S
     is_done = False
@@ -188,7 +193,7 @@ def hold(link: Link, clock: Clock, work: Iterator[None]) -> bool:
 
 
 def _is_over(work: Iterator[None]) -> bool:
-    """After one more piece of it."""
+    """Do one more part of the work; returns True at its end."""
     for _ in work:
         return False
     return True

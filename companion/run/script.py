@@ -1,4 +1,4 @@
-"""A flight ordered step by step, by a script; see docs/scripts.md.
+"""Flies step by step from a Python script; see docs/scripts.md.
 
     with connect("drone.toml") as drone:
         drone.take_off()
@@ -6,8 +6,8 @@
         drone.export("room.dxf")
         drone.go_home()
 
-The control loop is that of `companion fly`, in a thread: whatever the script is busy with, the
-drone is looked after. Leaving the context lands it, for whatever reason it is left.
+The control loop is that of `companion fly`. It runs in a thread, independently of the script. The
+drone lands when the context ends, for any reason.
 """
 
 import threading
@@ -32,6 +32,7 @@ from companion.run.loop import fly
 
 T = TypeVar("T")
 LOOK_S = 0.2
+"""Period of the checks while the script waits, s. Chosen."""
 
 
 def connect(
@@ -43,14 +44,14 @@ def connect(
     settings: Mapping[str, object] | None = None,
     tell: Callable[[str], None] = print,
 ) -> "Drone":
-    """A drone, to be used as a context.
+    """Create a drone, to be used as a context manager.
 
-    `config` is the companion's TOML file; `link`, `bus` and `settings`, such as
-    {"mission.height_m": 1.0}, stand above it. `out` is a folder for recording and map. `tell`
-    hears warnings.
+    `config` is the companion's TOML file. `link`, `bus` and `settings`, such as
+    {"mission.height_m": 1.0}, override it. `out` is a folder for recording and map. `tell` receives
+    warnings.
 
     Raises:
-        ConfigError: one line that says what to mend.
+        ConfigError: the configuration is invalid; one line that names the key and the remedy.
     """
     given = {"link.url": link, "sensors.bus": bus, **(settings or {})}
     overrides = {key: value for key, value in given.items() if value is not None}
@@ -59,10 +60,10 @@ def connect(
 
 
 class Drone:
-    """One flight. Every step returns when it is done.
+    """One flight. Every step blocks until it is complete.
 
-    Each step raises FlightEndedError if the flight has ended instead: a fault, the pilot, or the
-    time limit; its words are those of `companion fly`.
+    Each step raises FlightEndedError if the flight ends first, by a fault, the pilot or the time
+    limit; its text is that of `companion fly`.
     """
 
     def __init__(self, config: Config, out: Path | None, tell: Callable[[str], None]) -> None:
@@ -80,10 +81,10 @@ class Drone:
         self._thread = threading.Thread(target=self._fly, name="control loop", daemon=True)
 
     def __enter__(self) -> "Drone":
-        """Returns when the autopilot is heard.
+        """Start the control loop and wait for the autopilot.
 
         Raises:
-            CompanionError: link or sensors cannot be opened, or no autopilot is heard.
+            CompanionError: link or sensors cannot be opened, or no autopilot responds.
         """
         self._thread.start()
         self._wait(lambda flight: flight.phase is not Phase.CONNECT)
@@ -97,7 +98,7 @@ class Drone:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """Land where it is, if it flies; Ctrl-C while it lands leaves it to the autopilot."""
+        """Land at the current position if in flight; Ctrl-C leaves the landing to the autopilot."""
         self._is_to_land = True
         while self._thread.is_alive():
             self._thread.join(LOOK_S)
@@ -107,25 +108,31 @@ class Drone:
     # Steps
 
     def take_off(self) -> None:
-        """To mission.height_m; waits for the gyro's rest and the autopilot's estimate first."""
+        """Take off to `mission.height_m`, after the gyro's calibration and a valid estimate."""
         self._do(Task.TAKE_OFF)
 
     def scan_room(self) -> None:
-        """PDPS round the room that it is in; ends where the room is closed."""
+        """Scan the current room with PDPS; ends when the outline of the room is closed."""
         self._do(Task.SCAN, "room")
 
     def explore(self, mission: str = "building") -> None:
-        """Everything that can be reached: building, exterior or layers of docs/missions.md."""
+        """Map all that is reachable, with mission "building", "exterior" or "layers".
+
+        docs/missions.md describes the missions.
+
+        Raises:
+            ValueError: another mission.
+        """
         if mission not in ("building", "exterior", "layers"):
             raise ValueError(f"mission = {mission!r}: should be building, exterior or layers")
         self._do(Task.SCAN, mission)
 
     def go_home(self) -> None:
-        """To where it took off, along free space."""
+        """Fly to the take-off point through free space."""
         self._do(Task.HOME)
 
     def land(self) -> None:
-        """Where it is; the flight is over then."""
+        """Land at the current position, which ends the flight."""
         self._order = Order(self._order.number + 1, Task.LAND)
         self._wait(lambda flight: flight.phase in FINAL_PHASES)
         self._thread.join()
@@ -134,28 +141,28 @@ class Drone:
         if not self._flight.completed:
             raise FlightEndedError(self._flight.ending)
 
-    # What is known
+    # State and map
 
     @property
     def activity(self) -> str:
-        """What it does, in words; how the flight ended, once it has."""
+        """Current activity as text; after the flight, its result."""
         flight = self._flight
         return flight.ending if flight.phase in FINAL_PHASES else flight.activity
 
     @property
     def pose(self) -> Pose | None:
-        """Where it is, local NED; None before the gyro has rested."""
+        """Current pose, local NED; None before the gyro is calibrated."""
         return self._latest.pose if self._latest else None
 
     @property
     def readings(self) -> Mapping[Beam, RangeReading]:
-        """The latest ranges."""
+        """Latest range readings by beam."""
         return self._latest.scan.readings if self._latest else {}
 
     def map(self) -> FloorPlan:
-        """The map so far; after landing the final one, with the whole flight smoothed.
+        """Current map; after landing, the final map with the whole flight smoothed.
 
-        So far, a wall may be in two pieces, or there twice a few centimetres apart.
+        Before landing, a wall may be in two pieces, or twice in the map a few centimetres apart.
         """
         asked: Future[FloorPlan] = Future()
         self._asked.put(lambda: asked.set_result(self._app.floor_plan()))
@@ -167,12 +174,12 @@ class Drone:
         return asked.result() if self._plan is None else self._plan
 
     def export(self, path: str | Path) -> None:
-        """The map as a file; its suffix is the format, as in docs/exports.md, or png.
+        """Write the map to a file; the suffix selects a format of docs/exports.md, or png.
 
         Raises:
-            ValueError: no such format.
-            MissingExtraError: its library is not installed.
-            OutputError: it cannot be written.
+            ValueError: unknown format.
+            MissingExtraError: the library of the format is not installed.
+            OutputError: the file cannot be written.
         """
         link = self._config.link
         place = Place(link.origin_lat_deg, link.origin_lon_deg)
@@ -232,7 +239,7 @@ class Drone:
             raise FlightEndedError(self._flight.ending)
 
     def _wait(self, is_so: Callable[[FlightState], bool]) -> None:
-        """Until it is so, or the flight has ended."""
+        """Wait until the condition is met or the flight has ended."""
 
         def is_done() -> bool:
             flight = self._flight
@@ -246,4 +253,4 @@ class Drone:
 
 
 def _nobody_at_a_terminal(progress: Progress) -> None:
-    """The script asks for what it wants to know."""
+    """Ignore the progress: a script reads the state it needs."""

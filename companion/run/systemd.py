@@ -1,7 +1,8 @@
-"""What systemd is told of a flight: that it is ready, how it goes, and that it is alive.
+"""Reports readiness, status and watchdog keep-alives of a flight to systemd.
 
-Datagrams to the socket that systemd names (sd_notify(3)). The watchdog is fed from the control
-loop, so a loop that hangs is killed; the autopilot then stops by its own setpoint timeout.
+The reports are datagrams to systemd's notification socket (sd_notify(3)). The control loop feeds
+the watchdog, so systemd kills a process whose loop hangs. The autopilot then stops by its own
+setpoint timeout.
 """
 
 import os
@@ -10,12 +11,16 @@ import time
 from collections.abc import Callable, Mapping
 
 FEEDS_PER_TIMEOUT = 4
+"""Keep-alives per watchdog timeout. Chosen."""
 MAP_TIMEOUT_S = 120
-"""The last smoothing of a long flight takes longer than a tick; by then it has landed."""
+"""Watchdog timeout after landing, s.
+
+Chosen: the final smoothing of a long flight takes longer than a tick.
+"""
 
 
 class Service:
-    """Speaks to nobody when systemd has not started it."""
+    """Connection to systemd; without NOTIFY_SOCKET, nothing is sent."""
 
     def __init__(
         self,
@@ -30,7 +35,7 @@ class Service:
         self._activity = ""
 
     def alive(self, activity: str) -> None:
-        """Another tick of the control loop has passed."""
+        """Report a tick of the control loop and its activity."""
         now_s = self._clock()
         if activity != self._activity:
             first = "" if self._activity else "READY=1\n"
@@ -41,7 +46,7 @@ class Service:
             self._tell("WATCHDOG=1\n")
 
     def landed(self) -> None:
-        """The loop has ended; what follows is the map."""
+        """Report the end of the control loop; the map is computed next."""
         self._tell(f"STATUS=saving the map\nWATCHDOG_USEC={MAP_TIMEOUT_S * 1_000_000}\n")
 
     def _tell(self, text: str) -> None:
@@ -49,8 +54,8 @@ class Service:
             return
         try:
             with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as to_systemd:
-                to_systemd.setblocking(False)  # the control loop waits for nobody
+                to_systemd.setblocking(False)  # the control loop must not block
                 to_systemd.connect(self._address)
                 to_systemd.send(text.encode())
         except OSError:
-            return  # a flight does not end because nobody listens, or no file can be opened
+            return  # a flight continues without a receiver or a free file descriptor

@@ -1,4 +1,4 @@
-"""A flight from connecting to its map with nobody at the keyboard, and its exit status."""
+"""Runs a flight without an operator, from connecting to the map, and sets the exit status."""
 
 import signal
 import time
@@ -17,10 +17,12 @@ from companion.run.loop import Record, Rig, fly, record_nothing
 from companion.run.systemd import Service
 
 EXIT_FAILED = 1
-"""As of any program that breaks off: whoever started it has the drone taken up again."""
+"""Exit status after an error, as of any program: the caller starts the recovery."""
 EXIT_ENDED = 3
-"""It has landed, or the pilot has it, but the mission is not complete or its map not saved: nobody
-else is to touch it."""
+"""Exit status of an incomplete mission or an unsaved map, without a recovery.
+
+The drone has landed or is under the pilot's control.
+"""
 
 
 def fly_to_the_end(
@@ -32,10 +34,10 @@ def fly_to_the_end(
     console: Console,
     look_on: Record = record_nothing,
 ) -> int:
-    """Fly, and leave the map; the exit status.
+    """Fly and save the map; returns the exit status.
 
-    An error leaves the map so far and the recording as they are, without delay, so that `companion
-    recover` can go on with them.
+    On an error, the current map is saved at once and the recording is kept, so that `companion
+    recover` can continue from them. `look_on` is called at every tick.
     """
     autosave = AutoSave(out, app.floor_plan, console.print)
     service = Service()
@@ -66,7 +68,7 @@ def fly_to_the_end(
 
 
 def exit_status(flight: FlightState) -> int:
-    """Of a flight that has ended; systemd's units go by it."""
+    """Exit status of an ended flight, which systemd's units evaluate."""
     if flight.completed:
         return 0
     is_broken_off = flight.phase is Phase.FAILED and not flight.is_others
@@ -82,7 +84,7 @@ def _leave(
     out: Path,
     console: Console,
 ) -> tuple[FloorPlan, list[Path]]:
-    """The map and its files; none if they cannot be written, which the drone in the air ignores."""
+    """Compute and save the map; returns it with its files, none if they cannot be written."""
     service.landed()
     autosave.settle()
     plan = FloorPlan()
@@ -90,14 +92,14 @@ def _leave(
         plan = app.final_floor_plan()
         recorder.close(plan)
         return plan, save(plan, out)
-    except Exception as error:  # the flight is over, one way or another, and keeps its status
+    except Exception as error:  # the flight is over and keeps its status
         reason = error if isinstance(error, CompanionError) else repr(error)
         console.print(f"the map is not saved: {reason}", soft_wrap=True)
         return plan, []
 
 
 class _Interruption:
-    """Ctrl-C or a stop of the service asks for landing; the second Ctrl-C ends the flight here."""
+    """Ctrl-C or a stop of the service requests a landing; a second Ctrl-C ends the program."""
 
     def __init__(self, console: Console) -> None:
         self._console = console

@@ -182,7 +182,7 @@ def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
         (claim(autopilot="GENERIC"), "an autopilot of kind GENERIC is heard"),
         (claim(autopilot="INVALID"), "no autopilot is heard"),
         (battery(15), "15 % of the battery is left"),
-        (mute("EXTENDED_SYS_STATE"), "it does not tell whether it has landed"),
+        (mute("EXTENDED_SYS_STATE"), "it does not report whether it has landed"),
         (mute("HEARTBEAT"), "no autopilot heard"),
     ],
 )

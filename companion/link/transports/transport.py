@@ -182,7 +182,7 @@ class UdpTransport:
             self._waiting += messages
 
     def _is_peer(self, sender: tuple[str, int]) -> bool:
-        """Whether the sender of a message is the peer, or becomes it now."""
+        """True if the sender of a message is the peer, or becomes it now."""
         if sender == self._peer:
             self._others_since_s = None
             return True

@@ -1,4 +1,4 @@
-"""What is heard on the link and not flown, and that nothing is asked of it."""
+"""Vehicles that are received but not flown, and that they get no requests."""
 
 from typing import Any
 
@@ -19,7 +19,7 @@ QUADROTOR, ROVER, PLANE, GCS, ONBOARD = 2, 10, 1, 6, 18
 
 
 class Air:
-    """A link on which anybody may speak; a `Transport`."""
+    """A `Transport` on which any component can send."""
 
     def __init__(self, **config: Any) -> None:
         self._waiting: list[Message] = []
@@ -119,7 +119,7 @@ def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
     told = Air().hears(beat(kind=ROVER))
     waiting = FlightState(Phase.CONNECT, since_s=99.0)
     patient, _ = step(waiting, view(told), PLAN)
-    assert patient.phase is Phase.CONNECT  # PX4 does not know its own type when it starts
+    assert patient.phase is Phase.CONNECT  # PX4 reports no valid type while it starts
     ended, _ = step(patient, view(told, time_s=99.1 + CONNECT_TIMEOUT_S), PLAN)
     assert (ended.phase, ended.trouble) == (Phase.FAILED, told.unfit)
 

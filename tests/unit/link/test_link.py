@@ -1,4 +1,4 @@
-"""The companion's view of the autopilot, against a scripted vehicle."""
+"""Vehicle state, odometry and requests of the link, against a scripted vehicle."""
 
 import itertools
 import math
@@ -19,7 +19,7 @@ TICK_S = 0.05
 
 
 class Vehicle:
-    """An autopilot that says what the test tells it to, and keeps what it is told."""
+    """An autopilot that sends the messages of the test and stores those it receives."""
 
     def __init__(self, config: LinkConfig | None = None) -> None:
         self.transport, companion = pipe_pair()
@@ -116,7 +116,7 @@ def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
 
 
 def asked(vehicle: Vehicle, message_id: int) -> list[float]:
-    """When a stream was asked for."""
+    """Times of the requests for a stream, s."""
     return [
         now_s
         for now_s, m in vehicle.heard_at
@@ -125,7 +125,7 @@ def asked(vehicle: Vehicle, message_id: int) -> list[float]:
 
 
 def streams(vehicle: Vehicle, seconds: float, attitude_hz: float) -> None:
-    """All streams come as they are asked for, but ATTITUDE at another rate."""
+    """All streams arrive at the requested rate, except ATTITUDE."""
     slow = (
         mavlink.MAVLink_extended_sys_state_message(0, 1),
         mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0),
@@ -243,7 +243,7 @@ def test_late_and_repeated_messages_never_step_back(vehicle: Vehicle) -> None:
 
 
 def test_a_pause_before_reading_costs_one_odometry(vehicle: Vehicle) -> None:
-    """What came meanwhile is younger than our clock was when it was looked at."""
+    """Messages received during the pause are newer than the last reading of our clock."""
     vehicle.says(heartbeat())
     for tick in range(1, 40):
         told_s = 0.05 * tick + (0.6 if tick >= 20 else 0.0)
@@ -338,7 +338,7 @@ def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> No
     assert math.isinf(vehicle.says().vehicle.silent_s)
 
 
-# Whose the drone is, and what became of what was asked
+# Control of the drone, and answers to commands
 
 
 def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
@@ -412,7 +412,7 @@ def test_the_refusal_of_one_command_is_not_told_of_the_next(vehicle: Vehicle) ->
     assert vehicle.says().vehicle.refusal == ""
 
 
-# The origin
+# Global origin
 
 
 def ticks_for(vehicle: Vehicle, seconds: float) -> list[Any]:
@@ -497,7 +497,7 @@ def ground_beats(messages: list[Any]) -> list[Any]:
 def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
     dll_act: int | None, beats: int
 ) -> None:
-    """Else the loss of a real one, on another link, would be hidden."""
+    """Otherwise it would mask the loss of a real ground station on another link."""
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat())
     if dll_act is not None:
@@ -527,7 +527,7 @@ def test_ardupilot_hears_no_ground_station(vehicle: Vehicle) -> None:
 
 
 def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
-    """The emulated PX4 tells texts to nobody else."""
+    """The emulated PX4 sends texts only to a ground station."""
     vehicle_end, companion_end = pipe_pair()
     link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, firmware="px4")
     texts: list[str] = []
@@ -575,7 +575,7 @@ PX4_POSE = {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
 
 
 class Told(Vehicle):
-    """Ready but for what its parameters say of our pose."""
+    """A vehicle that is ready except for its parameters on our pose."""
 
     def __init__(self, autopilot: str, parameters: dict[str, int]) -> None:
         super().__init__(LinkConfig(send_pose=True))
@@ -618,7 +618,7 @@ def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
     waits_for = Told(autopilot, {**right, name: wrong}).waits_for
     assert f"{name} is {wrong}, set it to {right[name]}" in waits_for
     without = {other: value for other, value in right.items() if other != name}
-    assert f"does not tell {name}" in Told(autopilot, without).waits_for
+    assert f"does not report {name}" in Told(autopilot, without).waits_for
 
 
 def test_without_our_pose_these_parameters_do_not_matter() -> None:
@@ -639,7 +639,7 @@ def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
         )
     )
     told.says(sent_by(message, component, 0))
-    assert f"component {component} tells it a pose" in told.waits_for
+    assert f"component {component} sends it a pose" in told.waits_for
     told.now_s += 6
     told.says(heartbeat())
     assert told.waits_for == ""

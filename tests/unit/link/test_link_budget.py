@@ -1,4 +1,4 @@
-"""Whether what is sent and asked for fits the baud rate of the link."""
+"""Load of the sent and requested messages against the baud rate of the link."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""What the autopilot and ground stations are told of us."""
+"""Reports to the autopilot and ground stations."""
 
 import math
 

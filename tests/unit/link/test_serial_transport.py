@@ -1,4 +1,4 @@
-"""MAVLink over a serial port: a stream, cut anywhere, that may vanish and come back."""
+"""MAVLink over a serial port: fragments of a stream, and a port that is unplugged."""
 
 import itertools
 import os
@@ -25,10 +25,11 @@ URL = "serial:/dev/ttyTEST:921600"
 
 
 class Port:
-    """Hands over what the test has put there, in the pieces in which it was put.
+    """Returns the bytes that the test supplies, in the same pieces.
 
-    What is written goes into a buffer of 4096 bytes, as the kernel's, that a UART empties at so
-    many bytes a second. `at_once` is the most that one write takes.
+    Written bytes go into a buffer of 4096 bytes, as in the kernel, which a UART empties at
+    `bytes_per_s`. `at_once` is the maximum number of bytes that one write accepts. `tells`: the
+    driver reports its backlog.
     """
 
     def __init__(
@@ -37,7 +38,7 @@ class Port:
         self.pieces: deque[bytes] = deque()
         self.written = b""
         self.left_at_s: list[float] = []
-        """Of each byte written."""
+        """Time at which each written byte was sent, s."""
         self.is_there = True
         self.now_s = 0.0
         self.bytes_per_s = bytes_per_s
@@ -73,7 +74,7 @@ class Port:
         return taken
 
     def takes(self, at_once: int) -> None:
-        """So many bytes from now on, in all."""
+        """Accept only `at_once` more bytes in all."""
         self._queued, self.bytes_per_s, self._drained_at_s = 4096.0 - at_once, 0.0, self.now_s
 
     def close(self) -> None: ...
@@ -142,7 +143,7 @@ TICK_S = 0.05
 
 
 def flown(port: Port, monkeypatch: pytest.MonkeyPatch, baud: int, ticks: int = 200) -> list[float]:
-    """How old each setpoint is when it has left the port, whole; poses are told as well."""
+    """Age of each setpoint when it is completely sent, s; poses are sent as well."""
     now_s = [0.0]
     monkeypatch.setattr(
         "companion.link.transports.serial_transport.time.monotonic", lambda: now_s[0]
@@ -175,7 +176,7 @@ def ages_s(port: Port) -> list[float]:
 def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
     monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, tells: bool
 ) -> None:
-    """More is told than 57600 baud carry: the poses give way."""
+    """The messages exceed 57600 baud: poses are dropped, setpoints are sent."""
     ages = flown(Port(baud / 10, at_once, tells=tells), monkeypatch, baud)
     assert len(ages) >= 198
     assert max(ages) < MAX_BACKLOG_S + 0.02
@@ -208,7 +209,7 @@ def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
 
 
 def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
-    """Half of it would swallow the next message, and whole it would be taken for a new one."""
+    """An incomplete message would corrupt the next; a complete one would seem new."""
     port = Port(tells=False)
     line = SerialLine(port, 57600)
     old, new = beats(1), beats(1)
@@ -232,7 +233,7 @@ def test_what_is_dropped_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def terminal() -> Iterator[str]:
-    """A real port whose other end nobody reads."""
+    """A real port whose other end is not read."""
     master, slave = pty.openpty()
     tty.setraw(master)
     yield os.ttyname(slave)

@@ -1,4 +1,4 @@
-"""Signing: keys, time stamps, and what is refused."""
+"""Signing: keys, time stamps, and rejected files and frames."""
 
 import errno
 import os
@@ -151,7 +151,7 @@ MEDIUM = [errno.ENOSPC, errno.EROFS, errno.EIO, errno.EDQUOT, errno.EMFILE]
 
 
 def fails(monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
-    """From now on this call of the operating system ends so."""
+    """Make this call of the operating system fail from now on."""
 
     def fail(*_: object, **__: object) -> None:
         raise OSError(number, os.strerror(number))

@@ -88,14 +88,14 @@ def test_garbage_is_no_message(udp_pair: UdpPair, garbage: bytes) -> None:
 
 @pytest.fixture
 def now_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The wall clock of the transports, in a test's hands."""
+    """Clock of the transports, set by the test."""
     now = [100.0]
     monkeypatch.setattr(transport, "time", SimpleNamespace(monotonic=lambda: now[0]))
     return now
 
 
 def says(sender: UdpTransport, to: UdpTransport) -> list[Message]:
-    """A heartbeat; what of it is taken in."""
+    """Send a heartbeat; returns the messages that are accepted."""
     sender.send(heartbeat())
     select.select([to._socket], [], [], 2.0)
     return to.receive()
@@ -120,7 +120,7 @@ def test_whoever_speaks_while_the_peer_is_silent_takes_over(
     autopilot, companion = udp_pair
     assert says(companion, autopilot)
     restarted = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 1, 191)
-    now_s[0] += 60.0  # the silence counts only from when somebody else is there
+    now_s[0] += 60.0  # the silence counts only from the first message of another sender
     heard = []
     for _ in range(3):
         heard.append(bool(says(restarted, autopilot)))

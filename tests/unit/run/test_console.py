@@ -1,4 +1,4 @@
-"""What a person reads of a flight."""
+"""Output of a flight on the terminal."""
 
 import io
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ def test_on_a_pipe_what_the_pilot_is_to_know_is_plain_text() -> None:
 
 
 def parameters(command: Any) -> Iterator[Any]:
-    """Of a command and all below it, those that are loaded only when asked for, too."""
+    """Parameters of a command and of all its subcommands, including lazily loaded ones."""
     yield from command.params
     if hasattr(command, "list_commands"):
         context = command.make_context("", [], resilient_parsing=True)
@@ -33,7 +33,7 @@ def parameters(command: Any) -> Iterator[Any]:
 
 @pytest.mark.parametrize("app", [companion.commands.cli.commands, sitl.commands.cli.commands])
 def test_nothing_in_the_help_is_taken_for_markup(app: typer.Typer) -> None:
-    """[mission] was left out of the sentence that names it."""
+    """The help text once lacked the name "[mission]", which Rich reads as markup."""
     told = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}
     assert len(told) > 20
     assert [n for n, text in told.items() if "[" in text.replace(r"\[", "")] == []

@@ -1,4 +1,4 @@
-"""What is installed on the drone: scripts, unit and files, as far as they can be held to here."""
+"""Files installed on the drone: scripts, units and configuration, tested off the drone."""
 
 import importlib.util
 import os
@@ -28,9 +28,9 @@ LEFT_OUT = (
     *("scipy.io", "scipy.signal", "scipy.odr", "scipy.cluster", "scipy.fftpack"),
     *("PIL._avif", "PIL._imagingcms", "PIL._imagingft", "PIL._imagingtk"),
 )
-"""By deploy/slim.sh."""
+"""Modules that deploy/slim.sh removes."""
 HARDWARE_ONLY = {"BRD_SER2_RTSCTS"}
-"""Of real boards; the emulated autopilot has no serial ports."""
+"""Parameters of real boards; the emulated autopilot has no serial ports."""
 STUB = """#!/bin/sh
 # Stands for python3: makes a venv of itself, installs nothing
 case "$1 $2" in
@@ -67,7 +67,7 @@ def test_the_units_are_hardened() -> None:
 def test_only_a_flight_that_failed_is_a_failure_to_systemd(
     unit: str, phase: Phase, is_failure: bool
 ) -> None:
-    """What follows a failure lands a drone that is in our mode, also one that was given back."""
+    """The unit after a failure lands a drone in our mode, also after a change back to it."""
     (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
     status = exit_status(FlightState(phase, trouble="so it ended"))
     assert (status not in (0, int(told))) == is_failure

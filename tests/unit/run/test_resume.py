@@ -1,4 +1,4 @@
-"""What `companion recover` does with a drone before it knows whose it is."""
+"""`companion recover` before the mode of the drone is known."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -13,7 +13,7 @@ from companion.run.resume import hold
 
 GUIDED, LOITER, LAND = 4, 5, 9
 REQUESTS = (511, 512)
-"""Of messages: they move nothing."""
+"""Commands that request messages and have no effect on the flight."""
 
 
 def beat(mode: int, *, armed: bool = True) -> Message:
@@ -21,7 +21,7 @@ def beat(mode: int, *, armed: bool = True) -> Message:
 
 
 class Vehicle:
-    """Tells what the test has written down for each time; the `Clock` of the companion."""
+    """Sends the messages of the test at their times; also the `Clock` of the companion."""
 
     def __init__(self, said: dict[float, Message]) -> None:
         self._end, companions = pipe_pair()
@@ -39,14 +39,14 @@ class Vehicle:
         return 0.0
 
     def close(self) -> None:
-        """Nothing to close."""
+        """No resource to release."""
 
     def heard_of(self, kind: str) -> list[Any]:
         return [m for m in self.heard if m.get_type() == kind]
 
 
 def busy(seconds: float) -> Iterator[None]:
-    """Work that takes so many of its ticks."""
+    """Work that takes this time, in ticks of 0.05 s."""
     for _ in range(round(seconds / 0.05)):
         yield
 

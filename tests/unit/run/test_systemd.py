@@ -1,4 +1,4 @@
-"""What systemd hears of a flight."""
+"""Messages of a flight to systemd."""
 
 import errno
 import socket

@@ -1,4 +1,4 @@
-"""How `companion fly` ends; systemd takes the drone up again by its status."""
+"""Exit status of `companion fly`, by which systemd starts the recovery."""
 
 import errno
 import os
