@@ -97,7 +97,7 @@ class Looker:
             try:
                 (length,) = LENGTH.unpack(_read(self._socket, LENGTH.size))
                 if length > MAX_BYTES:
-                    raise ViewError(f"a snapshot of {length} bytes exceeds {MAX_BYTES} bytes")
+                    raise ViewError(f"a snapshot of {length} bytes is too large")
                 self._tell(decode(_read(self._socket, length)))
                 has_heard = True
             except (OSError, msgspec.MsgspecError) as error:

@@ -1,7 +1,7 @@
 """Authorizes every request for the page before viser's server handles it.
 
 Without a token, the Host header must name the loopback interface. This blocks DNS rebinding, where
-another site's name resolves to this machine. The Origin of a WebSocket must match the Host. With a
+another site's name resolves to this machine. An Origin header must match the Host. With a
 token, a request must carry it: first in the address, `/?token=...`, then in a cookie.
 """
 
@@ -27,7 +27,7 @@ OTHER_SITE = (
 )
 NOT_FROM_HERE = (
     "This page is only for the machine that it runs on, and the request has Host {host!r}: open "
-    "127.0.0.1 or localhost, or allow other machines with --token-file (and --host without a proxy)."
+    "127.0.0.1 or localhost, or allow other machines with --token-file and --host."
 )
 NO_TOKEN = "This page needs its token: open the printed address with ?token=..."
 WRONG_TOKEN = (

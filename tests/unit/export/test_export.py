@@ -484,7 +484,7 @@ def test_the_report_tells_the_flight(recording: Path, tmp_path: Path) -> None:
         "mission complete",
         "scanning parallel to the wall",
         "room 1",
-        "nothing went wrong",
+        "no faults",
     ):
         assert told in page
 
