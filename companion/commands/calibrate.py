@@ -1,4 +1,4 @@
-"""Calibrates range sensors and gyro: `companion calibrate range` and `companion calibrate gyro`."""
+"""Calibrates sensors: `companion calibrate range` and `companion calibrate gyro`."""
 
 import math
 from pathlib import Path
@@ -78,7 +78,7 @@ def calibrate_gyro(
     bus: BusUrl = None,
     turns: Annotated[int, typer.Option(help="Number of full turns.", min=1, max=10)] = 3,
 ) -> None:
-    """Calibrate the gyro's scale factor with full turns by hand, after measuring its bias at rest."""
+    """Calibrate the gyro's scale factor with full turns by hand; remove its bias at rest first."""
     console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     rig = _rig(settings, console)

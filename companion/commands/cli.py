@@ -1,7 +1,7 @@
 """Runs the command line of `companion`; loads the module of a command only when it is called.
 
 After a crash in flight every tenth of a second counts. Loading the modules of a flight takes longer
-than the first heartbeat of `companion recover`.
+than sending the first heartbeat, so `companion recover` loads them afterwards.
 """
 
 from importlib import import_module

@@ -54,7 +54,7 @@ def _fly(settings: Config, out: Path, console: Console) -> int:
         console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
         try:
             code = fly_to_the_end(app, rig, recorder, out=out, console=console, look_on=feed.tick)
-        except CompanionError as error:  # the flight has not begun, so a status of 2 does not apply
+        except CompanionError as error:  # exit status 2 is for errors before this point
             console.print(f"companion: {error}", soft_wrap=True)
             return EXIT_FAILED
     if not app.flight.took_off:

@@ -46,7 +46,7 @@ def replay_command(
     same = is_same_map(app, recording)
     if same is None:
         console.print(
-            f"the recording was cut short at {_end_s(recording):.1f} s: no recorded map to compare with"
+            f"the recording was cut short at {_end_s(recording):.1f} s: it contains no map"
         )
     elif same:
         console.print("the map equals the recorded map, to the bit")
