@@ -48,9 +48,9 @@ def calibrate_range(
     if beam not in models:
         raise ConfigError(f"{beam.value}: no such sensor; {', '.join(models)} are configured")
     rig = _rig(settings, console)
-    asked_m = _metres(distances) or suggested_distances_m(models[beam])
+    distances_m = _metres(distances) or suggested_distances_m(models[beam])
     points = []
-    for true_m in asked_m:
+    for true_m in distances_m:
         console.input(
             f"put a flat, light board square to {beam.value}, {true_m:.2f} m from its front, "
             "then press Enter"

@@ -177,13 +177,13 @@ class TcpFeed:
     def _is_admitted(self, looker: socket.socket) -> bool:
         challenge = secrets.token_bytes(CHALLENGE_BYTES)
         looker.sendall(GREETING + challenge)
-        told = b""
-        while len(told) < ANSWER_BYTES:
-            piece = looker.recv(ANSWER_BYTES - len(told))
+        response = b""
+        while len(response) < ANSWER_BYTES:
+            piece = looker.recv(ANSWER_BYTES - len(response))
             if not piece:
                 return False
-            told += piece
-        return hmac.compare_digest(told, answer(self._token, challenge))
+            response += piece
+        return hmac.compare_digest(response, answer(self._token, challenge))
 
     def _send_news(self, looker: socket.socket) -> None:
         sent = 0

@@ -80,8 +80,8 @@ class Guard:
             return _refuse(WRONG_TOKEN.format(place="the address"))
         return _refuse(WRONG_TOKEN.format(place="the browser's cookie") if in_cookie else NO_TOKEN)
 
-    def _is_token(self, told: str) -> bool:
-        return hmac.compare_digest(told.encode(), (self._token or "").encode())
+    def _is_token(self, candidate: str) -> bool:
+        return hmac.compare_digest(candidate.encode(), (self._token or "").encode())
 
     def _in_cookie(self, request: Request) -> str:
         try:

@@ -54,8 +54,8 @@ class Turns:
 
     def complain(self, reason: str, client: ClientHandle | None = None) -> None:
         """Show a notification to one client, or to all if `client` is None."""
-        for told in [client] if client else self._server.get_clients().values():
-            told.add_notification("Not possible", reason, color="red", auto_close_seconds=15)
+        for receiver in [client] if client else self._server.get_clients().values():
+            receiver.add_notification("Not possible", reason, color="red", auto_close_seconds=15)
 
     def _try(self, act: Act, client: ClientHandle | None) -> None:
         try:

@@ -129,8 +129,8 @@ class MappedSide:
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
         """Label long walls above their middle with length and standard deviation."""
-        told = _apart(sorted(walls, key=lambda wall: -wall.length_m))
-        for number, wall in enumerate(told):
+        labelled = _apart(sorted(walls, key=lambda wall: -wall.length_m))
+        for number, wall in enumerate(labelled):
             text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
             place = ned_to_enu((*_middle(wall), -top_m - 0.1))
             label = self._labels.get(number)
@@ -147,7 +147,7 @@ class MappedSide:
             if label.text != text:
                 label.text = text
             label.position = place
-        for number in range(len(told), len(self._labels)):
+        for number in range(len(labelled), len(self._labels)):
             self._labels[number].visible = False
 
 
@@ -160,12 +160,14 @@ def colours_of(sigmas_m: Array) -> Array:
 
 def _apart(walls: list[WallSegment]) -> list[WallSegment]:
     """Select long walls whose labels do not overlap."""
-    told: list[WallSegment] = []
+    labelled: list[WallSegment] = []
     for wall in walls:
-        is_free = all(math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in told)
-        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MAX_LABELS:
-            told.append(wall)
-    return told
+        is_free = all(
+            math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in labelled
+        )
+        if wall.length_m >= LABELLED_FROM_M and is_free and len(labelled) < MAX_LABELS:
+            labelled.append(wall)
+    return labelled
 
 
 def _middle(wall: WallSegment) -> Vector2:
