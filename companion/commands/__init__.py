@@ -1,1 +1,1 @@
-"""The command line: one module a command."""
+"""Defines the command line; one module per command."""

@@ -1,4 +1,4 @@
-"""`companion calibrate range` and `gyro`: a walk with a tape measure, and a turn."""
+"""Calibrates sensors: `companion calibrate range` and `companion calibrate gyro`."""
 
 import math
 from pathlib import Path
@@ -21,43 +21,49 @@ from companion.run.clocks import open_clock
 from companion.run.hardware import make_rig
 from companion.run.loop import Rig
 
-commands = typer.Typer(no_args_is_help=True, help="Measure sensors, and write it into the config.")
-Written = Annotated[Path, typer.Option(help="TOML file; read, and written to.")]
+commands = typer.Typer(
+    no_args_is_help=True, help="Calibrate sensors and write the result to the config."
+)
+Written = Annotated[Path, typer.Option(help="TOML file that is read and updated.")]
 DRONE = Path("drone.toml")
 
 
 @commands.command("range")
 def calibrate_range(
-    beam: Annotated[Beam, typer.Argument(help="Which sensor.")],
+    beam: Annotated[Beam, typer.Argument(help="Range sensor to calibrate.")],
     config: Written = DRONE,
     link: LinkUrl = None,
     bus: BusUrl = None,
     distances: Annotated[
-        str, typer.Option(help="Metres from the sensor's front, as 1.2,1.4,1.7,2,2.5.")
+        str, typer.Option(help="Distances from the sensor's front, m, such as 1.2,1.4,1.7,2,2.5.")
     ] = "",
-    seconds: Annotated[float, typer.Option(help="How long to look at each.", min=1)] = 30.0,
+    seconds: Annotated[
+        float, typer.Option(help="Measuring time at each distance, s.", min=1)
+    ] = 30.0,
 ) -> None:
-    """Measure one range sensor against a tape measure, at three to five distances."""
+    """Calibrate one range sensor with a tape measure, at three to five distances."""
     console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     models = range_models(settings.sensors)
     if beam not in models:
         raise ConfigError(f"{beam.value}: no such sensor; {', '.join(models)} are configured")
     rig = _rig(settings, console)
-    asked_m = _metres(distances) or suggested_distances_m(models[beam])
+    distances_m = _metres(distances) or suggested_distances_m(models[beam])
     points = []
-    for true_m in asked_m:
+    for true_m in distances_m:
         console.input(
-            f"put a flat, light board square before {beam.value}, {true_m:.2f} m from its front, "
+            f"put a flat, light board square to {beam.value}, {true_m:.2f} m from its front, "
             "then press Enter"
         )
         points.append(tape_point(true_m, readings_of(rig, beam, seconds)))
-        console.print(f"  told {points[-1].measured_m:.3f} m ± {1000 * points[-1].sigma_m:.1f} mm")
+        console.print(
+            f"  measured {points[-1].measured_m:.3f} m ± {1000 * points[-1].sigma_m:.1f} mm"
+        )
     found = fit(points)
     gain, offset_m = found.calibration.gain, found.calibration.offset_m
     console.print(
         f"{beam.value} reads {gain:.4f} (± {100 * found.gain_sigma:.2f} %) × distance "
-        f"{1000 * offset_m:+.0f} mm; {1000 * found.residual_m:.1f} mm are left unexplained"
+        f"{1000 * offset_m:+.0f} mm; {1000 * found.residual_m:.1f} mm residual"
     )
     configuration.update(
         config, f"sensors.calibration.{beam.value}", found.calibration.model_dump()
@@ -70,13 +76,13 @@ def calibrate_gyro(
     config: Written = DRONE,
     link: LinkUrl = None,
     bus: BusUrl = None,
-    turns: Annotated[int, typer.Option(help="How many full turns.", min=1, max=10)] = 3,
+    turns: Annotated[int, typer.Option(help="Number of full turns.", min=1, max=10)] = 3,
 ) -> None:
-    """Measure the gyro against full turns by hand; its bias is measured before every flight."""
+    """Calibrate the gyro's scale factor with full turns by hand; remove its bias at rest first."""
     console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     rig = _rig(settings, console)
-    console.input("put the drone down on a mark, take your hands away, then press Enter")
+    console.input("put the drone on a mark, do not touch it, then press Enter")
     bias = rest_bias_rad_s(rig, settings.sensors.rest_s)
     console.print(f"  bias {math.degrees(bias):+.3f} °/s")
     console.print(f"turn it clockwise, seen from above, {turns} times, back onto the mark")
@@ -87,7 +93,7 @@ def calibrate_gyro(
 
 
 def _uncalibrated(config: Path, link: str | None, bus: str | None) -> Config:
-    """As the sensors read by themselves."""
+    """Load the configuration without the calibration of range sensors and gyro."""
     settings = load_settings(config if config.exists() else None, link, bus, None)
     raw = settings.sensors.model_copy(update={"calibration": {}, "gyro_gain": 1.0})
     return settings.model_copy(update={"sensors": raw})

@@ -1,4 +1,4 @@
-"""`companion check`: every part of the drone, live, with a verdict and what to do."""
+"""Checks every part of the drone and shows the results live: `companion check`."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -17,6 +17,7 @@ from companion.run.clocks import open_clock
 from companion.safety.health.lateness import TICK_S
 
 EXIT_NOT_READY = 1
+"""Exit status if a part is not good. Chosen."""
 COLOURS = {CheckResult.GOOD: "green", CheckResult.WAIT: "yellow", CheckResult.BAD: "red"}
 
 
@@ -29,9 +30,10 @@ def check(
     link: LinkUrl = None,
     bus: BusUrl = None,
     profile: Profile = None,
-    seconds: Annotated[float, typer.Option(help="How long to look.", min=1)] = 10.0,
+    seconds: Annotated[float, typer.Option(help="Duration of the check, s.", min=1)] = 10.0,
     hands: Annotated[
-        bool, typer.Option(help="Then ask for a hand before each sensor: are any swapped?")
+        bool,
+        typer.Option(help="Then ask for a hand before each sensor, to detect swapped sensors."),
     ] = False,
 ) -> None:
     """Show every sensor, the gyro, the link and the autopilot; exit status 0 if all are good."""
@@ -57,7 +59,7 @@ def check(
 
 
 def table(findings: Sequence[Finding]) -> Table:
-    """One row for each part, with the remedy under what is seen."""
+    """One row for each part; the remedy is below the observation."""
     rows = Table(box=None, pad_edge=False)
     for heading in ("part", "", "seen"):
         rows.add_column(heading, no_wrap=heading != "seen", overflow="fold")

@@ -1,7 +1,7 @@
-"""The commands on the drone; each is loaded only when it is asked for.
+"""Runs the command line of `companion`; loads the module of a command only when it is called.
 
-After a crash in flight every tenth of a second counts, and most of what a flight needs takes longer
-to load than to say that somebody is there again.
+After a crash in flight every tenth of a second counts. Loading the modules of a flight takes longer
+than sending the first heartbeat, so `companion recover` loads them afterwards.
 """
 
 from importlib import import_module
@@ -16,6 +16,7 @@ from companion.core import terminal
 from companion.core.errors import CompanionError
 
 EXIT_REFUSED = 2
+"""Exit status of a refused command. Chosen."""
 MODULES = {
     "fly": "companion.commands.fly",
     "recover": "companion.commands.recover",
@@ -31,7 +32,7 @@ MODULES = {
 
 
 class Commands(TyperGroup):
-    """By name, from their modules; those of a module with several are picked out of it."""
+    """Loads commands by name; selects one of several commands in a module."""
 
     def list_commands(self, ctx: Any) -> list[str]:
         return list(MODULES)
@@ -52,16 +53,16 @@ commands = typer.Typer(
 
 @commands.callback()
 def companion(version: Version = False) -> None:
-    """Fly a drone through rooms it has never seen and bring back the map; or map a log."""
+    """Map unknown rooms with a drone, or make a map from a recorded log."""
 
 
 def main() -> None:
-    """Run a command; anything refused is one line on stderr and exit status 2."""
+    """Run a command; an error is one line on stderr and exit status 2."""
     terminal.set_up()
     try:
         commands()
     except CompanionError as error:
-        # what is told may look like the console's markup
+        # markup off: the error text may contain brackets
         console = Console(stderr=True, highlight=False, markup=False)
         console.print(f"companion: {error}", soft_wrap=True)
         raise SystemExit(EXIT_REFUSED) from None

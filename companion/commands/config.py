@@ -1,4 +1,4 @@
-"""`companion config schema` and `reference`: every key of the configuration file."""
+"""Prints schema and reference of the configuration file: `companion config schema`, `reference`."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""The command that flies, and the one place where the flight's parts are put together."""
+"""Flies a mission: `companion fly`; the only place that assembles the parts of a flight."""
 
 from contextlib import closing
 from pathlib import Path
@@ -54,7 +54,7 @@ def _fly(settings: Config, out: Path, console: Console) -> int:
         console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")
         try:
             code = fly_to_the_end(app, rig, recorder, out=out, console=console, look_on=feed.tick)
-        except CompanionError as error:  # only what is not begun is refused
+        except CompanionError as error:  # exit status 2 is for errors before this point
             console.print(f"companion: {error}", soft_wrap=True)
             return EXIT_FAILED
     if not app.flight.took_off:

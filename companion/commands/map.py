@@ -1,4 +1,4 @@
-"""The command that maps a log which somebody else recorded."""
+"""Makes the map of a log that another program recorded: `companion map`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -20,7 +20,7 @@ commands = typer.Typer()
 def map_command(
     log: Annotated[Path, typer.Argument(help="CSV file; see docs/offline.md.")],
     config: Annotated[
-        Path | None, typer.Option(help="TOML file of the sensors; else LOG's name with .toml.")
+        Path | None, typer.Option(help="TOML file of the sensors; default: LOG's name with .toml.")
     ] = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
 ) -> None:
@@ -31,7 +31,7 @@ def map_command(
         result = map_log(read_log(log, progress.show), sensors, progress.show)
     try:
         files = save_results(result, out)
-    except OutputError:  # what is known of the log is told, whatever becomes of its files
+    except OutputError:  # print the summary even if a file cannot be written
         console.print(log_summary(result, []))
         raise
     console.print(log_summary(result, files))

@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Defines options that several commands share, and loads the configuration."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,10 +14,10 @@ LinkUrl = Annotated[
     str | None, typer.Option(help="udpin:HOST:PORT, udpout:HOST:PORT or serial:/dev/PORT:BAUD.")
 ]
 BusUrl = Annotated[str | None, typer.Option(help="/dev/i2c-N or sitl://HOST:PORT.")]
-Profile = Annotated[str | None, typer.Option(help="Range sensors, all of one kind.")]
+Profile = Annotated[str | None, typer.Option(help="Model of all range sensors.")]
 MissionSet = Annotated[
     list[str] | None,
-    typer.Option("--set", help=r"KEY=VALUE of \[mission], as in speed_m_s=0.6; repeatable."),
+    typer.Option("--set", help=r"KEY=VALUE of \[mission], such as speed_m_s=0.6; repeatable."),
 ]
 
 
@@ -30,10 +30,10 @@ def load_settings(
     mission: str | None = None,
     mission_set: Sequence[str] = (),
 ) -> Config:
-    """The file, with what was given on the command line above it.
+    """Load the configuration file; options of the command line override it.
 
     Raises:
-        ConfigError: one line that says what to mend.
+        ConfigError: the file or an option is not valid; one line with the remedy.
     """
     given = {
         "link.url": link,

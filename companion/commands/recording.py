@@ -1,4 +1,4 @@
-"""The commands that look at a recording: replay, export, report. They belong on a laptop."""
+"""Processes recordings: `companion replay`, `export` and `report`; runs on a laptop."""
 
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from companion.recording.reader import Recording
 
 EXIT_OTHER_MAP = 1
+"""Exit status if the replayed map differs from the recorded one. Chosen."""
 
 commands = typer.Typer()
-File = Annotated[Path, typer.Argument(metavar="FLIGHT.mcap", help="A flight's recording.")]
+File = Annotated[Path, typer.Argument(metavar="FLIGHT.mcap", help="Recording of a flight.")]
 Format = StrEnum(
     "Format", ["dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson", "json"]
 )
@@ -32,7 +33,7 @@ def replay_command(
     flight: File,
     out: Annotated[Path | None, typer.Option(help="Folder for the map.")] = None,
 ) -> None:
-    """Fly a recording once more; exit status 1 if the map is not the flight's own, to the bit."""
+    """Replay a recording; exit status 1 if the map differs from the recorded one in any bit."""
     from companion.export.map_files import save  # noqa: PLC0415 - not for the drone
     from companion.recording.reader import read  # noqa: PLC0415
     from companion.recording.replay import is_same_map, replay  # noqa: PLC0415
@@ -45,13 +46,13 @@ def replay_command(
     same = is_same_map(app, recording)
     if same is None:
         console.print(
-            f"the recording was cut short at {_end_s(recording):.1f} s: no map of its own"
+            f"the recording was cut short at {_end_s(recording):.1f} s: it contains no map"
         )
     elif same:
-        console.print("the map is the flight's own, to the bit")
+        console.print("the map equals the recorded map, to the bit")
     else:
         console.print(
-            f"the map is not the flight's own, which companion {recording.companion_version} made"
+            f"the map differs from the recorded map of companion {recording.companion_version}"
         )
         raise typer.Exit(EXIT_OTHER_MAP)
 
@@ -60,18 +61,22 @@ def replay_command(
 def export_command(
     flight: File,
     format_: Annotated[
-        list[Format], typer.Option("--format", help="Repeatable: one file, or two, for each.")
+        list[Format], typer.Option("--format", help="Repeatable; each writes one or two files.")
     ],
     out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("out"),
     lat_deg: Annotated[
-        float | None, typer.Option(help="Where it took off, for geojson; else link.origin_lat_deg.")
+        float | None,
+        typer.Option(help="Latitude of take-off, °, for geojson; default: link.origin_lat_deg."),
     ] = None,
-    lon_deg: Annotated[float | None, typer.Option(help="As --lat-deg.")] = None,
+    lon_deg: Annotated[
+        float | None,
+        typer.Option(help="Longitude of take-off, °, for geojson; default: link.origin_lon_deg."),
+    ] = None,
     heading_deg: Annotated[
-        float, typer.Option(help="True heading at take-off, for geojson.")
+        float, typer.Option(help="True heading at take-off, °, for geojson.")
     ] = 0.0,
 ) -> None:
-    """Write the map in the formats of other programs; docs/exports.md describes them."""
+    """Write the map in other formats; see docs/exports.md."""
     from companion.recording.reader import read  # noqa: PLC0415 - not for the drone
 
     recording = read(flight)
@@ -94,10 +99,10 @@ def export_command(
 def report_command(
     flight: File,
     out: Annotated[
-        Path | None, typer.Option(help="The page; the recording's name with .html if left out.")
+        Path | None, typer.Option(help="HTML file; default: the recording's name with .html.")
     ] = None,
 ) -> None:
-    """Write one HTML page from which somebody who was not there understands the flight."""
+    """Write a report of the flight as one HTML page."""
     from companion.recording.reader import read  # noqa: PLC0415 - not for the drone
 
     recording = read(flight)
@@ -110,7 +115,7 @@ def report_command(
 
 
 def _plan(recording: "Recording") -> FloorPlan:
-    """The flight's own map, or what can be made of a recording that was cut short."""
+    """The recorded map, or the map from a replay if the recording was cut short."""
     from companion.recording.replay import replay  # noqa: PLC0415 - not for the drone
 
     return recording.plan or replay(recording).final_floor_plan()
@@ -123,5 +128,5 @@ def _title(recording: "Recording") -> str:
 
 def _end_s(recording: "Recording") -> float:
     if not recording.ticks:
-        raise RecordingError(f"{recording.path}: it ends before the flight began")
+        raise RecordingError(f"{recording.path}: the recording ends before the flight begins")
     return recording.ticks[-1].now_s

@@ -1,4 +1,4 @@
-"""The command that takes a flying drone up again after a crash of this program."""
+"""Resumes control of a flying drone after a crash of this program: `companion recover`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -19,9 +19,11 @@ from companion.recording.crashed import find_crashed
 from companion.run.clocks import Clock, open_clock
 
 EXIT_FAILED = 1
-"""systemd starts it again, which it does not after a status of 2."""
+"""Exit status after which systemd restarts the program; it does not restart after status 2."""
 TICK_S = 0.05
+"""Time between polls of the link, s. Chosen."""
 LISTEN_S = 8.0
+"""Longest wait for the vehicle's mode, s. Chosen."""
 
 commands = typer.Typer()
 
@@ -32,9 +34,9 @@ def recover_command(
     link: LinkUrl = None,
     bus: BusUrl = None,
     profile: Profile = None,
-    out: Annotated[Path, typer.Option(help="Where the flight left its recording.")] = Path("out"),
+    out: Annotated[Path, typer.Option(help="Folder of the flight's recording.")] = Path("out"),
 ) -> None:
-    """After a crash in flight: land, or go on, as mission.after_crash says; never takes off."""
+    """After a crash in flight, land or continue as set by mission.after_crash; never take off."""
     with flight_console() as console:
         try:
             code = _recover(load_settings(config, link, bus, profile), out, console)
@@ -47,7 +49,7 @@ def recover_command(
 
 
 def _may_pass(error: CompanionError) -> bool:
-    """A configuration that is wrong will be refused again; all else is tried again."""
+    """Test whether a retry may succeed: not after a configuration error, unless from the OS."""
     return not isinstance(error, ConfigError) or isinstance(error.__cause__, OSError)
 
 
@@ -69,7 +71,10 @@ def _recover(settings: Config, out: Path, console: Console) -> int:
 
 
 def listen(link: Link, reports: Reports, clock: Clock, words: str) -> VehicleState:
-    """Say who is there as soon as somebody hears it; how the vehicle is."""
+    """Wait for the vehicle's mode, at most `LISTEN_S`, and return the vehicle's state.
+
+    Sends heartbeats from the first message of the vehicle, and status reports once it has a mode.
+    """
     now_s = clock.wait_until(0.0)
     end_s = now_s + LISTEN_S
     while True:

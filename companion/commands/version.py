@@ -1,4 +1,4 @@
-"""`--version` of both commands."""
+"""Defines the option `--version` of both command lines."""
 
 from importlib.metadata import version
 from typing import Annotated

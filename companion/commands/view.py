@@ -1,4 +1,4 @@
-"""`companion view`: a page in the browser, served until Ctrl-C."""
+"""Serves a page with the live map until Ctrl-C: `companion view`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -15,16 +15,18 @@ commands = typer.Typer()
 def view(
     drone: Annotated[
         str,
-        typer.Argument(metavar="HOST[:PORT]", help="Its view.listen; see docs/viewer.md."),
+        typer.Argument(
+            metavar="HOST[:PORT]", help="Address in the drone's view.listen; see docs/viewer.md."
+        ),
     ],
     drone_token_file: Annotated[
-        Path | None, typer.Option(help="File with the token of the drone's view.token_file.")
+        Path | None, typer.Option(help="File with the same token as the drone's view.token_file.")
     ] = None,
     host: Host = "127.0.0.1",
     port: Port = PAGE_PORT,
     token_file: TokenFile = None,
 ) -> None:
-    """Look on while a drone flies, on a page in the browser; Ctrl-C ends it."""
+    """Show a flying drone's map on a page in the browser; Ctrl-C ends it."""
     with needs_extra("viewer"):
         from companion.view.access.secret import read_token  # noqa: PLC0415
         from companion.view.access.server import open_page  # noqa: PLC0415

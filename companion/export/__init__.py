@@ -1,1 +1,1 @@
-"""The map in the formats that other programs open; for a laptop, not for the drone."""
+"""Writes the map in the formats of other programs; runs on a laptop, not on the drone."""

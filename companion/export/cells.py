@@ -1,4 +1,4 @@
-"""The map as cells seen from above: a wall, free, or never looked at."""
+"""Rasterizes the map into a 2-D grid of cells: occupied, free or unknown."""
 
 from dataclasses import dataclass
 
@@ -11,24 +11,30 @@ from companion.export.plan.survey import Survey
 from companion.export.rays import Rays, rays
 
 CELL_M = 0.05
+"""Edge length of a cell, m. Chosen."""
 MARGIN_M = 0.5
+"""Unknown margin around everything that was measured, m. Chosen."""
 OFF_WALLS, NEAR_M = 5, 0.1
-"""So many beams must have ended this near to each other, off all walls, if something is there."""
+"""An obstacle off all walls needs at least this many hits within this radius, m. Chosen."""
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
 
 
 @dataclass(frozen=True, slots=True)
 class Cells:
-    """Square cells of `CELL_M`, row 0 in the south, column 0 in the west."""
+    """A grid of square cells of `CELL_M`; row 0 is the southernmost, column 0 the westernmost."""
 
     states: NDArray[np.uint8]
     """(rows, columns): UNKNOWN, FREE or OCCUPIED."""
     corner_enu_m: tuple[float, float]
-    """Of the south-western cell."""
+    """Position of the south-western corner of the grid: x east, y north, m."""
 
 
 def cells(survey: Survey) -> Cells:
-    """Free where beams and the drone went, occupied where walls are and beams often ended."""
+    """Rasterize a map.
+
+    Cells that beams or the drone passed through are free. Cells of walls, and of hits off the
+    walls with enough neighbours, are occupied. Occupied overrides free.
+    """
     plan = survey.plan
     seen = rays(plan)
     flown = np.array([(pose.east_m, pose.north_m) for pose in plan.path]).reshape(-1, 2)
@@ -54,7 +60,7 @@ def cells(survey: Survey) -> Cells:
 
 
 def _along(segments: Rays) -> NDArray[np.float64]:
-    """Points on segments, no farther apart than half a cell."""
+    """Points (m, 2) on segments, at most half a cell apart."""
     if not len(segments):
         return np.empty((0, 2))
     lengths_m = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
@@ -68,7 +74,7 @@ def _along(segments: Rays) -> NDArray[np.float64]:
 
 
 def _crowded(points: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Those points that have others near."""
+    """The points (m, 2) with at least `OFF_WALLS` points, themselves included, within `NEAR_M`."""
     if not len(points):
         return points
     neighbours = cKDTree(points).query_ball_point(points, NEAR_M, return_length=True)

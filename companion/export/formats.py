@@ -1,4 +1,4 @@
-"""Which formats there are, and the writer of each."""
+"""Lists the export formats and calls the writer of each."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ WRITERS = {
     "geojson": ("geojson", "write_geojson"),
     "json": ("records", "write_json"),
 }
-"""Module of this package and function, for each format; only what is asked for is loaded."""
+"""Module of this package and function of each format; a module loads only when it is needed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Labels:
-    """What a map does not know of itself."""
+    """Title and geographic origin, which the map does not contain."""
 
     title: str
     place: Place
@@ -45,12 +45,12 @@ def export(
     *,
     tell: Callable[[Path], object] = lambda path: None,
 ) -> list[Path]:
-    """Write the map in each format as `stem`.format, as far as the others allow; the paths.
+    """Write the map in each format as `stem`.format and return the paths.
 
-    `tell` hears of each file that is written.
+    A format that fails does not stop the others. `tell` is called with each path written.
 
     Raises:
-        OutputError: some cannot be written, as for want of a library; names all of them.
+        OutputError: at least one file cannot be written; the message names every such file.
     """
     paths = [folder / f"{stem}.{name}" for name in formats]
 
@@ -71,7 +71,7 @@ def _write(survey: Survey, path: Path, name: str, labels: Labels) -> None:
         raise
     except OSError as error:
         raise OutputError(f"{path}: {error.strerror or error}") from error
-    except Exception as error:  # whatever a library makes of it, the next one may work
+    except Exception as error:  # a library may raise anything; the next format may work
         raise OutputError(f"{path}: {error!r}") from error
 
 

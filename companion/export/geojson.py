@@ -1,6 +1,7 @@
-"""GeoJSON for GIS programs: longitude and latitude in degrees, as RFC 7946 demands.
+"""Writes GeoJSON for GIS programs: longitude and latitude in degrees (RFC 7946).
 
-The map knows only its take-off point and first heading; where on Earth these are has to be told.
+The map is relative to the take-off point and the first heading. The caller passes the geographic
+position and true heading of take-off as a `Place`.
 """
 
 import json
@@ -13,11 +14,14 @@ from companion.core.frames import Place, Vector2
 from companion.export.plan.survey import Room, Survey
 
 DIGITS = 9
-"""0.1 mm."""
+"""Decimal places of a degree: a resolution of 0.1 mm."""
 
 
 def write_geojson(survey: Survey, path: Path, place: Place) -> None:
-    """Rooms as polygons, walls, openings and path as lines; `kind` tells which."""
+    """Write rooms as polygons, and walls, openings and the path as lines.
+
+    The property `kind` is "room", "wall", "opening" or "path".
+    """
 
     def position(point_ne_m: Vector2) -> tuple[float, ...]:
         return tuple(round(degrees, DIGITS) for degrees in place.lon_lat_deg(*point_ne_m))

@@ -1,7 +1,7 @@
-"""The map as files: JSON for programs, PNG for people, PLY for 3-D viewers.
+"""Writes the map as files: JSON for programs, PNG for people, PLY for 3-D viewers.
 
-JSON keeps local NED as the program has it; PNG and PLY are ENU, as their readers expect. Every
-file is written beside its place and then moved there, so that a crash never leaves half a map.
+JSON uses the local NED frame; PNG and PLY use ENU, as their readers expect. Every file is written
+under a temporary name and then renamed, so that a crash never leaves an incomplete file.
 """
 
 import contextlib
@@ -23,16 +23,16 @@ from companion.export.map_png import draw
 _T = TypeVar("_T")
 
 UNKNOWN_CEILING_M = 2.5
-"""How high walls are drawn when the up beam never met a ceiling."""
+"""Height of drawn walls if the up beam never detected a ceiling, m. Chosen."""
 WALL_COLOUR = (90, 110, 130, 255)
 HIT_COLOUR = (230, 120, 40, 255)
 
 
 def save(plan: FloorPlan, folder: Path) -> list[Path]:
-    """Write map.json, map.png and map.ply, each as far as the others allow; their paths.
+    """Write map.json, map.png and map.ply and return their paths; one failure stops no other.
 
     Raises:
-        OutputError: one cannot be written; names all of them.
+        OutputError: a file cannot be written; the message names every such file.
     """
     paths = [folder / name for name in MAP_WRITERS]
     each_by_itself(partial(save_as, MAP_WRITERS[path.name], plan, path) for path in paths)
@@ -40,10 +40,10 @@ def save(plan: FloorPlan, folder: Path) -> list[Path]:
 
 
 def each_by_itself(writings: Iterable[Callable[[], object]]) -> None:
-    """Write files, each as far as the others allow.
+    """Call each writer; one failure stops no other.
 
     Raises:
-        OutputError: some cannot be written; names all of them.
+        OutputError: a file cannot be written; the message names every such file.
     """
     complaints = []
     for write in writings:
@@ -56,17 +56,17 @@ def each_by_itself(writings: Iterable[Callable[[], object]]) -> None:
 
 
 def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> None:
-    """Write a file beside its place, then move it there.
+    """Write a file under a temporary name in the same folder, then rename it.
 
     Raises:
-        OutputError: that names the file, and why it cannot be written.
+        OutputError: the file cannot be written; the message names the file and the reason.
     """
     unfinished = path.with_name(f".unfinished-{path.name}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write(content, unfinished)
         unfinished.replace(path)
-    except Exception as error:  # also whatever a library makes of it
+    except Exception as error:  # a library may raise anything
         with contextlib.suppress(OSError):
             unfinished.unlink(missing_ok=True)
         if isinstance(error, CompanionError):
@@ -76,7 +76,7 @@ def save_as(write: Callable[[_T, Path], object], content: _T, path: Path) -> Non
 
 
 def save_json(plan: FloorPlan, path: Path) -> None:
-    """Walls with their uncertainty, and the path flown; local NED, metres, radians, seconds."""
+    """Write walls with their standard deviations, and the path; local NED, m, rad, s."""
     path.write_text(
         json.dumps(
             {
@@ -122,7 +122,7 @@ def _pose_record(pose: Pose) -> dict[str, float]:
 
 
 def load_json(path: Path) -> FloorPlan:
-    """The map of `save_json`; hits are not kept there."""
+    """Read a map that `save_json` wrote; the file does not contain hits."""
     record = json.loads(read_text(path))
     return FloorPlan(
         walls=tuple(
@@ -145,7 +145,7 @@ def load_json(path: Path) -> FloorPlan:
 
 
 def save_ply(plan: FloorPlan, path: Path) -> None:
-    """Walls from floor to ceiling as faces, hits as points; ENU metres, z = 0 at take-off."""
+    """Write walls from floor to ceiling as faces, hits as points; ENU, m, z = 0 at take-off."""
     import trimesh  # noqa: PLC0415 - slow to load, and only needed at the end
 
     ceiling_m = plan.ceiling_m if plan.ceiling_m is not None else UNKNOWN_CEILING_M
@@ -189,15 +189,17 @@ MAP_WRITERS: Mapping[str, Callable[[FloorPlan, Path], None]] = {
 
 
 class AutoSave:
-    """Keeps map.json on disk while the flight goes on, for the case that the program dies.
+    """Saves map.json periodically during the flight, so that a crash loses little of the map.
 
-    It is written aside. A disk that refuses it is told of once, and tried again.
+    A separate thread writes the file. A write error is reported once; later writes retry.
     """
 
     PERIOD_S = 5.0
+    """Time between saves, s. Chosen."""
     AT_ONCE_S = 1.0
-    """A program that has failed in the air does not wait longer: it is to be taken up again."""
+    """Longest wait for a save after an error in flight, s. Chosen: recovery must start soon."""
     SETTLE_S = 5.0
+    """Longest wait for the last write to finish, s. Chosen."""
 
     def __init__(
         self, folder: Path, plan: Callable[[], FloorPlan], warn: Callable[[str], None]
@@ -219,18 +221,18 @@ class AutoSave:
         self._give()
 
     def save_at_once(self) -> None:
-        """After an error, as far as it can be."""
+        """Save after an error; wait at most `AT_ONCE_S` for the write."""
         self._give()
         self._writer.wait(self.AT_ONCE_S)
 
     def settle(self) -> None:
-        """Let it finish, but not for ever, before somebody else writes the file."""
+        """Wait at most `SETTLE_S` for a write in progress, before another writer uses the file."""
         self._writer.wait(self.SETTLE_S)
 
     def _give(self) -> None:
         try:
             plan = self._plan()
-        except Exception as error:  # a map that cannot be drawn up is no reason to end the flight
+        except Exception as error:  # a failed map must not end the flight
             self._writer.trouble = repr(error)
             return
         self._writer.give(plan)

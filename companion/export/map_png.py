@@ -1,4 +1,4 @@
-"""The floor plan as a picture."""
+"""Draws the floor plan as a PNG image."""
 
 import math
 from pathlib import Path
@@ -16,7 +16,7 @@ PATH = "#3a86c8"
 
 
 def draw(plan: FloorPlan, path: Path) -> None:
-    """PNG of walls with lengths, hits, path and scale bar; east right, north up, metres."""
+    """Write a PNG of walls with lengths, hits, path and scale bar; east is right, north is up."""
     from companion.core.figures import Figure  # noqa: PLC0415 - slow to load, and only needed at the end
 
     figure = Figure(figsize=(8, 8), dpi=120, facecolor=PAPER, layout="constrained")

@@ -1,6 +1,6 @@
-"""GLB: floor, walls, ceiling and openings as four meshes; metres, y up as glTF has it.
+"""Writes GLB: floor, walls, ceiling and openings as four meshes; m, y up (glTF).
 
-Walls are surfaces without thickness, as the beams met them.
+Walls are the measured surfaces, without thickness.
 """
 
 from collections.abc import Sequence
@@ -22,13 +22,17 @@ WALL, FLOOR, CEILING, OPENING = (
     (0.93, 0.93, 0.92, 0.25),
     (0.25, 0.60, 0.85, 0.35),
 )
-"""Red, green, blue, opacity: one looks in from above."""
+"""Red, green, blue, opacity, 0 to 1. The ceiling is transparent: the view is from above."""
 Triangles = NDArray[np.float64]
-"""(n, 3, 3), glTF's axes."""
+"""Corners of triangles, (n, 3, 3): x, y, z in glTF's axes, m."""
 
 
 def write_glb(survey: Survey, path: Path) -> None:
-    """Raises `OutputError` without walls, for which the library has no file."""
+    """Write the meshes.
+
+    Raises:
+        OutputError: the map has no walls; the library cannot write an empty scene.
+    """
     if not survey.plan.walls:
         raise OutputError(f"{path}: the map has no walls")
     height_m = survey.height_m

@@ -1,6 +1,7 @@
-"""OctoMap's binary tree: ENU metres, z = 0 on the floor at take-off.
+"""Writes OctoMap's binary octree: ENU, m, z = 0 on the floor at take-off.
 
-Free is what beams went through, at the height they did. Walls stand from floor to ceiling.
+Cells that beams passed through are free, at the height of the beam. Cells of walls are occupied
+from floor to ceiling.
 """
 
 from pathlib import Path
@@ -14,7 +15,7 @@ from companion.export.points import points_enu_m
 from companion.export.rays import rays
 
 SURELY_OCCUPIED = 7.0
-"""Log odds: more than any number of beams that grazed the wall."""
+"""Log odds of a wall cell. Chosen: exceeds any number of beams that graze the wall."""
 
 
 def write_bt(survey: Survey, path: Path) -> None:
@@ -30,7 +31,7 @@ def write_bt(survey: Survey, path: Path) -> None:
 
 
 def _wall_points(survey: Survey) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """(n, 3), one for each cell of each wall, or more."""
+    """Points (n, 3), ENU, m: at least one for each cell of each wall."""
     heights_m = np.arange(CELL_M / 2, survey.height_m, CELL_M)
     pieces = [np.empty((0, 3))]
     for wall in survey.plan.walls:

@@ -1,4 +1,4 @@
-"""What the beams have met, as points: PLY and PCD; ENU metres, z = 0 on the floor at take-off."""
+"""Writes the hits as a point cloud, PLY or PCD: ENU, m, z = 0 on the floor at take-off."""
 
 from pathlib import Path
 
@@ -12,13 +12,17 @@ from companion.export.plan.survey import Survey
 
 
 def points_enu_m(survey: Survey) -> NDArray[np.float32]:
-    """(n, 3)."""
+    """Hits, (n, 3), ENU, m."""
     points = [ned_to_enu(hit.position_ned_m) for hit in survey.plan.hits]
     return np.array(points, dtype=np.float32).reshape(-1, 3)
 
 
 def write_ply(survey: Survey, path: Path) -> None:
-    """Raises `OutputError` without points, for which the library has no file."""
+    """Write a point cloud as PLY.
+
+    Raises:
+        OutputError: the map has no hits; the library cannot write an empty cloud.
+    """
     if not survey.plan.hits:
         raise OutputError(f"{path}: the map has no points")
     with path.open("wb") as file:
@@ -26,7 +30,7 @@ def write_ply(survey: Survey, path: Path) -> None:
 
 
 def write_pcd(survey: Survey, path: Path) -> None:
-    """Version 0.7, binary.
+    """Write a point cloud as PCD version 0.7, binary.
 
     https://pointclouds.org/documentation/tutorials/pcd_file_format.html
     """

@@ -1,4 +1,4 @@
-"""Along which lines the drone has looked."""
+"""Computes the line segments that the beams swept, from the drone to each hit."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -6,16 +6,17 @@ from numpy.typing import NDArray
 from companion.core.messages import FloorPlan
 
 Rays = NDArray[np.float64]
-"""(n, 2, 2): from where to where, each (x east, y north), metres."""
+"""Segments, (n, 2, 2): start and end, each (x east, y north), m."""
 
 MAX_NOISE_M = 1.0
-"""A hit no farther than this behind a wall was on it."""
+"""A hit at most this far behind a wall belongs to the wall, m. Chosen."""
 
 
 def rays(plan: FloorPlan) -> Rays:
-    """From the drone to each hit, or to the wall that the hit's noise has put it behind.
+    """Segments from the drone to each hit, cut off at a wall that the hit lies just behind.
 
-    The drone's place is interpolated on the path. A map from map.json has no hits: no rays.
+    The drone's position is interpolated on the path. A map read from map.json has no hits, so the
+    result is empty.
     """
     if not plan.hits or not plan.path:
         return np.empty((0, 2, 2))
@@ -30,7 +31,7 @@ def rays(plan: FloorPlan) -> Rays:
 
 
 def _up_to_walls(lines: Rays, walls: Rays) -> Rays:
-    """Lines that end just behind a wall end on it instead."""
+    """Shorten lines that end less than `MAX_NOISE_M` behind a wall, so that they end on it."""
     start, along = lines[:, None, 0], lines[:, None, 1] - lines[:, None, 0]
     wall, wall_along = walls[None, :, 0], walls[None, :, 1] - walls[None, :, 0]
     cross = _cross(along, wall_along)

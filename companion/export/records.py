@@ -1,4 +1,4 @@
-"""JSON: everything that the map knows, in its own frame, local NED, metres and radians."""
+"""Writes JSON with the whole content of the map: local NED, m, rad, s."""
 
 import json
 from pathlib import Path
@@ -44,7 +44,7 @@ def write_json(survey: Survey, path: Path) -> None:
 
 
 def _wall(wall: WallSegment) -> dict[str, object]:
-    """The covariance is of (place across the wall at its middle, direction): m², m·rad, rad²."""
+    """A wall; covariance of (offset across the wall at its middle, direction): m², m·rad, rad²."""
     return {
         "start_ne_m": wall.start_ne_m,
         "end_ne_m": wall.end_ne_m,

@@ -1,4 +1,4 @@
-"""ROS map_server: a PGM of the cells, and a YAML file that tells where they are.
+"""Writes a map for ROS map_server: a PGM of the cells and a YAML file with their position.
 
 x east, y north, origin at take-off. https://wiki.ros.org/map_server
 """
@@ -11,10 +11,11 @@ from companion.export.cells import CELL_M, FREE, OCCUPIED, UNKNOWN, cells
 from companion.export.plan.survey import Survey
 
 GREY = {UNKNOWN: 205, FREE: 254, OCCUPIED: 0}
+"""Grey values, 0 to 255, as map_server writes them."""
 
 
 def write_ros_map(survey: Survey, path: Path) -> None:
-    """`path` is the PGM's; the YAML file goes beside it."""
+    """Write the PGM to `path` and the YAML file beside it."""
     drawn = cells(survey)
     greys = np.array([GREY[state] for state in sorted(GREY)], dtype=np.uint8)
     picture = greys[drawn.states[::-1]]
@@ -33,7 +34,7 @@ def write_ros_map(survey: Survey, path: Path) -> None:
 
 
 def _quoted(text: str) -> str:
-    """As a YAML string, whatever is in it: a file's name may have #, colons, or quotes."""
+    """Double-quoted YAML string: a file name may contain #, colons or quotes."""
     return '"' + "".join(_escaped(letter) for letter in text) + '"'
 
 

@@ -1,4 +1,4 @@
-"""The map as one file, in the format that its name says."""
+"""Writes the map as one file in the format of the file name's suffix."""
 
 from pathlib import Path
 
@@ -12,12 +12,12 @@ FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt",
 
 
 def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:
-    """PNG and JSON as `companion fly` leaves them, everything else as `companion export`.
+    """Write PNG and JSON like `companion fly`, every other format like `companion export`.
 
     Raises:
-        ValueError: no such format.
-        MissingExtraError: the library that writes it is not installed.
-        OutputError: it cannot be written.
+        ValueError: the format is unknown.
+        MissingExtraError: the library for this format is not installed.
+        OutputError: the file cannot be written.
     """
     name = path.suffix.removeprefix(".")
     match name:

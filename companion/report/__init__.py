@@ -1,1 +1,1 @@
-"""A flight told to somebody who was not there."""
+"""Writes an HTML report of a recorded flight."""

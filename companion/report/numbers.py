@@ -1,4 +1,4 @@
-"""What a recording comes to, in numbers."""
+"""Computes the numbers of the report from a recording."""
 
 import math
 from collections.abc import Sequence
@@ -15,13 +15,16 @@ from companion.recording.reader import Recording
 from companion.recording.topics import PhaseRecord
 
 SAMPLE_M = 0.25
+"""Distance between sample points on a wall, m. Chosen."""
 MET_WITHIN_M = 0.35
+"""Largest distance of a hit from a sample point that it detects, m. Chosen."""
 Times = NDArray[np.float64]
+"""Times or shares, (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """One activity of the flight."""
+    """One activity of the flight, with its phase, begin and end."""
 
     activity: str
     phase: str
@@ -31,14 +34,14 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class BeamUse:
-    """What one range sensor had to say, as shares of all its readings."""
+    """Share of each state in all readings of a range sensor, 0 to 1."""
 
     beam: Beam
     shares: dict[RangeState, float]
 
 
 def spans(phases: Sequence[PhaseRecord], end_s: float) -> list[Span]:
-    """The activities one after the other, each until the next begins."""
+    """Activities in order of time; each ends when the next begins."""
     begins = [
         record
         for last, record in pairwise([None, *phases])
@@ -52,12 +55,12 @@ def spans(phases: Sequence[PhaseRecord], end_s: float) -> list[Span]:
 
 
 def ending(recording: Recording) -> str:
-    """How the flight ended, in one line."""
+    """Result of the flight in one line."""
     if not recording.phases:
-        return "it ended before it began"
+        return "the recording ends before the flight begins"
     last = recording.phases[-1]
     if recording.plan is None:
-        return f"cut short while {last.activity}"
+        return f"recording cut short during: {last.activity}"
     if last.phase == "DONE" and not last.trouble:
         return "mission complete"
     return f"{last.activity}: {last.trouble}" if last.trouble else last.activity
@@ -76,18 +79,18 @@ def beam_uses(recording: Recording) -> list[BeamUse]:
 
 
 def flown_m(plan: FloorPlan) -> float:
-    """Length of the path."""
+    """Horizontal length of the path, m."""
     places = [pose.ne_m for pose in plan.path]
     return sum(math.dist(*leg) for leg in pairwise(places))
 
 
 def outline_seen(plan: FloorPlan) -> float:
-    """Share of all directions from the start in which the map has a wall, 0 to 1."""
+    """Share of directions from take-off in which the map has a wall, 0 to 1."""
     return outline_closed(plan.walls, (0.0, 0.0))
 
 
 def walls_over_time(plan: FloorPlan) -> tuple[Times, Times]:
-    """Seconds, and the share of the final walls that beams had met by then, 0 to 1."""
+    """Times, s, and the share of the final walls that beams had detected by then, 0 to 1."""
     pieces = [_samples(wall) for wall in plan.walls]
     if not pieces or not plan.hits:
         return np.empty(0), np.empty(0)
@@ -99,7 +102,7 @@ def walls_over_time(plan: FloorPlan) -> tuple[Times, Times]:
 
 
 def _samples(wall: WallSegment) -> NDArray[np.float64]:
-    """Points along a wall, (n, 2), north and east."""
+    """Points along a wall, (n, 2), north and east, m."""
     share = np.linspace(0, 1, max(2, round(wall.length_m / SAMPLE_M)))[:, None]
     points: NDArray[np.float64] = (1 - share) * wall.start_ne_m + share * np.array(wall.end_ne_m)
     return points

@@ -1,4 +1,4 @@
-"""One HTML page with everything in it: no scripts, no other files."""
+"""Writes the report as one HTML page without scripts or other files."""
 
 import json
 import math
@@ -17,7 +17,7 @@ from companion.report.pictures import plan_picture, plots_picture, timeline_pict
 
 
 def write_report(recording: Recording, plan: FloorPlan, title: str, path: Path) -> None:
-    """Write the page.
+    """Write the report of a flight.
 
     Raises:
         OutputError: the file cannot be written.
@@ -67,9 +67,9 @@ def _facts(recording: Recording, found: Survey, end_s: float) -> str:
         ("flown", f"{flown_m(plan):.1f} m"),
         ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
         ("walls", f"{len(plan.walls)}, {length_m:.1f} m"),
-        ("walls lie within", f"± {100 * sigma_m:.1f} cm (1 σ)"),
-        ("ceiling", "never met" if plan.ceiling_m is None else f"{plan.ceiling_m:.2f} m"),
-        ("outline seen", f"{100 * outline_seen(plan):.0f} % of all directions"),
+        ("wall uncertainty", f"± {100 * sigma_m:.1f} cm (1 σ)"),
+        ("ceiling", "not detected" if plan.ceiling_m is None else f"{plan.ceiling_m:.2f} m"),
+        ("outline mapped", f"{100 * outline_seen(plan):.0f} % of all directions"),
         ("faults", f"{sum(not fault.is_over for fault in recording.faults)}"),
     ]
     return "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
@@ -77,14 +77,14 @@ def _facts(recording: Recording, found: Survey, end_s: float) -> str:
 
 def _rooms(found: Survey) -> str:
     rows = [(room.name, f"{room.area_m2:.2f} m²") for room in found.rooms]
-    return _table(("room", "area"), rows, "no room is closed: too much wall was not seen")
+    return _table(("room", "area"), rows, "no closed room: too many walls are missing")
 
 
 def _openings(found: Survey) -> str:
     rows = [
         (f"{gap.width_m:.2f} m", _place(gap.start_ne_m, gap.end_ne_m)) for gap in found.openings
     ]
-    return _table(("opening", "from – to (north, east), m"), rows, "none was looked through")
+    return _table(("opening", "from – to (north, east), m"), rows, "no opening detected")
 
 
 def _walls(plan: FloorPlan) -> str:
@@ -100,7 +100,7 @@ def _walls(plan: FloorPlan) -> str:
         for number, wall in enumerate(plan.walls, start=1)
     ]
     heads = ("wall", "length", "± across", "± direction", "returns", "from – to (north, east), m")
-    return _table(heads, rows, "no wall was mapped")
+    return _table(heads, rows, "no wall mapped")
 
 
 def _place(start_ne_m: Sequence[float], end_ne_m: Sequence[float]) -> str:
@@ -113,14 +113,14 @@ def _activities(activities: Sequence[Span]) -> str:
         (f"{span.begin_s:.1f} s", f"{span.end_s - span.begin_s:.1f} s", span.activity)
         for span in activities
     ]
-    return _table(("from", "for", "what the drone did"), rows, "nothing")
+    return _table(("from", "for", "activity"), rows, "no activity")
 
 
 def _faults(recording: Recording) -> str:
     rows = [(f"{fault.time_s:.1f} s", fault.source, fault.text) for fault in recording.faults]
     texts = [(f"{time_s:.1f} s", text) for time_s, text in recording.autopilot_texts]
-    return _table(("at", "of", "what"), rows, "nothing went wrong") + _table(
-        ("at", "the autopilot said"), texts, "the autopilot said nothing"
+    return _table(("at", "source", "fault"), rows, "no faults") + _table(
+        ("at", "autopilot message"), texts, "no messages from the autopilot"
     )
 
 

@@ -1,4 +1,4 @@
-"""The report's pictures, as SVG to stand in the page."""
+"""Draws the report's figures as inline SVG."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -54,7 +54,7 @@ STYLE: Any = {
 
 
 def plan_picture(survey: Survey, spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
-    """Walls with the numbers of the table, the path coloured by time, where faults happened."""
+    """Draw numbered walls, the path coloured by time, and the positions of faults."""
     with rc_context(STYLE):
         figure = Figure(figsize=(7.6, 7.0), layout="constrained")
         axes = figure.add_subplot(aspect="equal")
@@ -114,7 +114,7 @@ def _draw_faults(axes: Axes, plan: FloorPlan, faults: Sequence[RecordedFault]) -
 
 
 def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> str:
-    """One row for each activity, and one for faults."""
+    """Draw one row for each activity, and one for faults."""
     with rc_context(STYLE):
         rows = list(dict.fromkeys(span.activity for span in spans))
         figure = Figure(figsize=(10, 0.6 + 0.26 * (len(rows) + 1)), layout="constrained")
@@ -133,7 +133,7 @@ def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> 
 
 
 def plots_picture(recording: Recording, plan: FloorPlan) -> str:
-    """Ranges, height, speed, turning, certainty and how the map grew, over time."""
+    """Plot ranges, height, speed, heading, uncertainty and mapping progress over time."""
     with rc_context(STYLE):
         figure = Figure(figsize=(10, 11), layout="constrained")
         axes = figure.subplots(6, 1, sharex=True, height_ratios=(2, 1, 1, 1, 1, 1))
@@ -143,7 +143,7 @@ def plots_picture(recording: Recording, plan: FloorPlan) -> str:
         _plot_turning(axes[3], recording)
         _plot_certainty(axes[4], recording)
         axes[5].plot(*walls_over_time(plan), color=INK, linewidth=1)
-        axes[5].set_ylabel("share of the\nfinal walls met")
+        axes[5].set_ylabel("share of final\nwalls detected")
         axes[5].set_ylim(0, 1.02)
         axes[5].set_xlabel("time, s")
         for one in axes:
@@ -174,7 +174,7 @@ def _plot_height(axes: Axes, recording: Recording) -> None:
     poses = recording.poses
     axes.plot([p.time_s for p in poses], [p.height_m for p in poses], color=INK, linewidth=1)
     axes.axhline(recording.config.mission.height_m, color=FAINT, linewidth=0.8, linestyle="--")
-    axes.set_ylabel("height, m\n(dashed: asked)")
+    axes.set_ylabel("height, m\n(dashed: setpoint)")
 
 
 def _plot_speed(axes: Axes, recording: Recording) -> None:
@@ -186,7 +186,7 @@ def _plot_speed(axes: Axes, recording: Recording) -> None:
     asked_m_s = [float(np.hypot(s.forward_m_s, s.right_m_s)) for _, s in asked]
     axes.plot([o.time_s for o in odometry], speeds_m_s, color=INK, linewidth=1)
     axes.plot([time_s for time_s, _ in asked], asked_m_s, color=FAINT, linewidth=0.8, ls="--")
-    axes.set_ylabel("speed, m/s\n(dashed: asked)")
+    axes.set_ylabel("speed, m/s\n(dashed: setpoint)")
 
 
 def _plot_turning(axes: Axes, recording: Recording) -> None:
@@ -208,7 +208,7 @@ def _plot_certainty(axes: Axes, recording: Recording) -> None:
 
 
 def _svg(figure: Figure) -> str:
-    """Without the header that only a file of its own has."""
+    """SVG element of a figure, without the XML header of a separate file."""
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None})
     text = file.getvalue()

@@ -1,1 +1,1 @@
-"""Looking on: what the drone has mapped, live or from a recording, as a page in the browser."""
+"""Shows the map on a page in the browser, live or from a recording."""

@@ -1,4 +1,4 @@
-"""The finished map as a file in the browser's downloads."""
+"""Sends the finished map to the browser as a download."""
 
 import io
 import tempfile
@@ -13,11 +13,11 @@ from companion.export.write import write
 
 
 def send(client: ClientHandle, plan: FloorPlan, name: str, title: str, place: Place) -> None:
-    """One format; more than one file comes as a ZIP.
+    """Send the map in one format; a format of several files is sent as a ZIP archive.
 
     Raises:
-        MissingExtraError: the library that writes it is not installed.
-        OutputError: it cannot be written.
+        MissingExtraError: the library for this format is not installed.
+        OutputError: the file cannot be written.
     """
     with tempfile.TemporaryDirectory() as folder:
         write(plan, Path(folder) / f"map.{name}", title, place)

@@ -1,11 +1,12 @@
-"""The drone's side of looking on: snapshots over TCP, to be read and nothing else.
+"""Serves snapshots of the flight to viewers over TCP; the drone's end of the view protocol.
 
     drone  ─► "PDPS view 1", a line feed, 16 bytes of challenge
-    looker ─► HMAC-SHA256(token, challenge), 32 bytes
-    drone  ─► length, 4 bytes, big endian; a snapshot in MessagePack; again and again
+    viewer ─► HMAC-SHA256(token, challenge), 32 bytes
+    drone  ─► length, 4 bytes, big endian; a snapshot in MessagePack; repeated
 
-Nothing that a looker sends later is read, none is waited for, and without one nothing is done. Who
-is slow misses moments, but never the latest map.
+The drone reads nothing from a viewer after the challenge response. The control loop never waits for
+a viewer, and creates no snapshots without one. A slow viewer skips snapshots, but always receives
+the latest map.
 """
 
 import contextlib
@@ -28,15 +29,17 @@ GREETING = b"PDPS view 1\n"
 CHALLENGE_BYTES, ANSWER_BYTES = 16, 32
 LENGTH = struct.Struct(">I")
 PERIOD_S = 0.1
+"""Time between snapshots, s. Chosen."""
 SKETCH_PERIOD_S = 1.0
+"""Time between snapshots that contain the map, s. Chosen."""
 PATIENCE_S = 5.0
-"""With a looker that does not answer, or does not take what it is sent."""
+"""Timeout of a viewer that does not respond or does not receive, s. Chosen."""
 MAX_LOOKERS = 8
-"""At once, admitted or not yet."""
+"""Largest number of viewer connections, admitted or not. Chosen."""
 
 
 class Feed(Protocol):
-    """What the control loop tells those who look on."""
+    """Receives every tick of the control loop for publication to viewers."""
 
     def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None: ...
 
@@ -44,7 +47,7 @@ class Feed(Protocol):
 
 
 class NoFeed:
-    """Nobody may look on."""
+    """A feed without viewers, for a configuration without view.listen."""
 
     def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
         pass
@@ -54,10 +57,11 @@ class NoFeed:
 
 
 def open_feed(config: Config, app: App, warn: Callable[[str], None]) -> Feed:
-    """As [view] says.
+    """Open the feed that [view] of the configuration describes.
 
     Raises:
-        ViewError: others could look on and there is no token, or the address is taken.
+        ViewError: the address is reachable from other machines and there is no token, or the
+            address is in use.
     """
     view = config.view
     if not view.listen:
@@ -70,11 +74,11 @@ def open_feed(config: Config, app: App, warn: Callable[[str], None]) -> Feed:
         return TcpFeed((host, int(port)), token, app, config.sensors.mount_offset_m, warn)
     except (OSError, OverflowError) as error:
         reason = getattr(error, "strerror", None) or error
-        raise ViewError(f"view.listen = {view.listen!r}: {reason}; take another port") from error
+        raise ViewError(f"view.listen = {view.listen!r}: {reason}; choose another port") from error
 
 
 class TcpFeed:
-    """Keeps the latest moment and the latest map ready for every looker's thread."""
+    """Holds the latest snapshot and the latest map for the threads of all viewers."""
 
     def __init__(
         self,
@@ -110,7 +114,7 @@ class TcpFeed:
         return port
 
     def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        """Whatever goes wrong here ends the looking on, and not the flight."""
+        """Publish a snapshot if one is due; an error closes the feed but not the flight."""
         if self._is_closed or not self._lookers:
             return
         is_due = now_s - self._sent_s >= PERIOD_S - 1e-6
@@ -120,7 +124,7 @@ class TcpFeed:
         try:
             self._tell(now_s, outputs)
         except Exception as error:
-            self._warn(f"nobody can look on any more: {error!r}")
+            self._warn(f"the view feed is closed: {error!r}")
             self._send_away()
 
     def _tell(self, now_s: float, outputs: Outputs) -> None:
@@ -141,13 +145,13 @@ class TcpFeed:
         self._server.server_close()
 
     def _send_away(self) -> None:
-        """Those who look on; the control loop does not wait until they have gone."""
+        """Close the connections of all viewers, without waiting for them."""
         with self._news:
             self._is_closed = True
             self._news.notify_all()
 
     def _serve(self, looker: socket.socket) -> None:
-        """In the looker's own thread."""
+        """Serve one viewer; runs in the viewer's thread."""
         looker.settimeout(PATIENCE_S)
         if not self._seats.acquire(blocking=False):
             return
@@ -156,7 +160,7 @@ class TcpFeed:
                 with self._looking():
                     self._send_news(looker)
         except OSError:
-            return  # it has gone
+            return  # the viewer has disconnected
         finally:
             self._seats.release()
 
@@ -173,13 +177,13 @@ class TcpFeed:
     def _is_admitted(self, looker: socket.socket) -> bool:
         challenge = secrets.token_bytes(CHALLENGE_BYTES)
         looker.sendall(GREETING + challenge)
-        told = b""
-        while len(told) < ANSWER_BYTES:
-            piece = looker.recv(ANSWER_BYTES - len(told))
+        response = b""
+        while len(response) < ANSWER_BYTES:
+            piece = looker.recv(ANSWER_BYTES - len(response))
             if not piece:
                 return False
-            told += piece
-        return hmac.compare_digest(told, answer(self._token, challenge))
+            response += piece
+        return hmac.compare_digest(response, answer(self._token, challenge))
 
     def _send_news(self, looker: socket.socket) -> None:
         sent = 0
@@ -188,7 +192,10 @@ class TcpFeed:
             looker.sendall(frames)
 
     def _since(self, sent: int) -> tuple[int, bytes] | None:
-        """The latest moment, after the latest map if that was missed; None when all is over."""
+        """Number and bytes of the latest snapshot; None when the feed is closed.
+
+        The latest snapshot with a map precedes it if this viewer has not received that one.
+        """
         with self._news:
             self._news.wait_for(lambda: self._is_closed or self._number > sent)
             if self._number == sent:

@@ -1,4 +1,4 @@
-"""A drone that is in the air, on the page: the map and the pose, read-only."""
+"""Shows the map and pose of a flying drone on the page, read-only."""
 
 import time
 from collections import deque
@@ -12,11 +12,15 @@ from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot
 
 REMEMBERED = 700
-"""Moments, at ten a second: a minute and more."""
+"""Snapshots kept for the plots: 70 s at 10 Hz. Chosen: more than the plotted minute."""
 
 
 class Live:
-    """Raises ViewError if the drone cannot be reached."""
+    """The page of a live flight.
+
+    Raises:
+        ViewError: the drone cannot be reached.
+    """
 
     def __init__(self, server: PageServer, drone: tuple[str, int], token: str) -> None:
         self._server = server
@@ -26,7 +30,7 @@ class Live:
         self._heard_wall_s = self._plotted_wall_s = time.monotonic()
         gui = server.gui
         with gui.add_folder(f"Drone at {drone[0]}"):
-            gui.add_markdown("Read-only: nothing here reaches the drone.")
+            gui.add_markdown("Read-only: the page sends no commands to the drone.")
             bands = gui.add_slider("2σ bands ×", 1.0, 20.0, 1.0, 5.0)
             fit = gui.add_button("All in view")
         pressed = self._turns.pressed
@@ -40,7 +44,7 @@ class Live:
         )
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Until it is over."""
+        """Update the page until `is_over` returns True."""
         self._turns.run(is_over)
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""The other end of the feed: snapshots of a drone elsewhere, as they come."""
+"""Receives snapshots from a drone's feed; the viewer's end of the view protocol."""
 
 import contextlib
 import socket
@@ -13,32 +13,36 @@ from companion.view.feed import CHALLENGE_BYTES, GREETING, LENGTH, PATIENCE_S
 from companion.view.snapshot import Snapshot, decode
 
 FEED_PORT = 5795
+"""Default TCP port of the feed. Chosen."""
 MAX_BYTES = 1 << 24
-"""Of one snapshot."""
+"""Largest size of a snapshot, bytes. Chosen."""
 SILENT_S = 10.0
-"""A drone that flies tells ten moments a second."""
+"""Receive timeout, s. Chosen: a flying drone sends ten snapshots a second."""
 RETRY_S = 1.0
+"""Time between attempts to reconnect, s. Chosen."""
 
 
 def parse_address(text: str) -> tuple[str, int]:
-    """HOST or HOST:PORT.
+    """Parse HOST or HOST:PORT.
 
     Raises:
-        ViewError: it is neither.
+        ViewError: the text is neither.
     """
     host, colon, port = text.rpartition(":")
     if not colon:
         return text, FEED_PORT
     if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ViewError(f"{text}: should be HOST or HOST:PORT; the port is {FEED_PORT} if left out")
+        raise ViewError(f"{text}: should be HOST or HOST:PORT; the default port is {FEED_PORT}")
     return host, int(port)
 
 
 class Looker:
-    """Listens in a thread, which tells snapshots, and why there are none.
+    """Receives in a thread, passing snapshots to `tell` and connection errors to `complain`.
+
+    The thread reconnects after an error.
 
     Raises:
-        ViewError: nobody answers, or the token is not the drone's.
+        ViewError: no companion responds at the address.
     """
 
     def __init__(
@@ -70,14 +74,14 @@ class Looker:
         try:
             drone = socket.create_connection(self._address, PATIENCE_S)
         except OSError as error:
-            reason = error.strerror or "no answer"
+            reason = error.strerror or "no response"
             raise ViewError(
                 f"{where}: {reason}; the drone's configuration needs view.listen, "
-                "and a flight has to be under way"
+                "and a flight must be running"
             ) from error
         try:
             if _read(drone, len(GREETING)) != GREETING:
-                raise ViewError(f"{where}: this is no companion, or one of another version")
+                raise ViewError(f"{where}: not a companion, or a different version")
             drone.sendall(answer(self._token, _read(drone, CHALLENGE_BYTES)))
             drone.settimeout(SILENT_S)
         except OSError as error:
@@ -93,14 +97,14 @@ class Looker:
             try:
                 (length,) = LENGTH.unpack(_read(self._socket, LENGTH.size))
                 if length > MAX_BYTES:
-                    raise ViewError(f"a snapshot of {length} bytes")
+                    raise ViewError(f"a snapshot of {length} bytes is too large")
                 self._tell(decode(_read(self._socket, length)))
                 has_heard = True
             except (OSError, msgspec.MsgspecError) as error:
                 if self._is_closed.is_set():
                     return
-                hint = "" if has_heard else "; is --drone-token-file the drone's?"
-                self._complain(f"the drone is not heard: {error}{hint}")
+                hint = "" if has_heard else "; check that --drone-token-file is the drone's token"
+                self._complain(f"no data from the drone: {error}{hint}")
                 self._connect_again()
 
     def _connect_again(self) -> None:
@@ -112,7 +116,7 @@ class Looker:
 
 
 def _read(drone: socket.socket, count: int) -> bytes:
-    """Exactly so many bytes."""
+    """Read exactly `count` bytes."""
     data = b""
     while len(data) < count:
         piece = drone.recv(count - len(data))

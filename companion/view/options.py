@@ -1,4 +1,4 @@
-"""Options of the commands that serve a page, and their waiting for Ctrl-C."""
+"""Defines the options of the commands that serve a page, and handles Ctrl-C."""
 
 import os
 import signal
@@ -9,20 +9,19 @@ from typing import Annotated
 
 import typer
 
-Host = Annotated[
-    str, typer.Option(help="Address to serve the page at; others than 127.0.0.1 need a token.")
+Host = Annotated[str, typer.Option(help="Address of the page; any but 127.0.0.1 needs a token.")]
+Port = Annotated[
+    int, typer.Option(help="TCP port of the page; 0 selects a free port.", min=0, max=65535)
 ]
-Port = Annotated[int, typer.Option(help="TCP port of the page; 0: any.", min=0, max=65535)]
-TokenFile = Annotated[
-    Path | None, typer.Option(help="File with the token that the page's address must have.")
-]
+TokenFile = Annotated[Path | None, typer.Option(help="File with the token that the page requires.")]
 PAGE_PORT = 8080
+"""Default TCP port of the page. Chosen."""
 LEAVE_S = 8.0
-"""A browser that does not answer keeps the program no longer than this; nothing is to be saved."""
+"""Longest shutdown while a browser does not respond, s. Chosen: there is no data to save."""
 
 
 def until_interrupted() -> Callable[[], bool]:
-    """Whether Ctrl-C was pressed, or the program was told to end."""
+    """Handle SIGINT and SIGTERM; the function returned is True once one has arrived."""
     is_over = threading.Event()
 
     def end(number: int, frame: object) -> None:

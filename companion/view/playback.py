@@ -1,4 +1,4 @@
-"""A recording on the page, with a time to slide along."""
+"""Plays a recording on the page, with a slider for the time."""
 
 import bisect
 import time
@@ -22,20 +22,20 @@ from companion.view.snapshot import Snapshot, sketch_of
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
 FIRST_SPEED = "5 ×"
 PLOTTED = 700
-"""Moments, at ten a second: a minute and more."""
+"""Snapshots passed to the plots: 70 s at 10 Hz. Chosen: more than the plotted minute."""
 
 
 class Playback:
-    """Plays while the rest is still being worked out.
+    """Plays the snapshots available so far, while a process replays the rest of the recording.
 
     Raises:
-        RecordingError: there is no such recording, or nothing in it.
+        RecordingError: the file is missing, is not a recording, or contains no ticks.
     """
 
     def __init__(self, server: PageServer, path: Path) -> None:
         recording = read(path)
         if not recording.ticks:
-            raise RecordingError(f"{path}: it ends before the flight began")
+            raise RecordingError(f"{path}: the recording ends before the flight begins")
         self._config = recording.config
         self._title = path.stem
         self._server = server
@@ -43,7 +43,7 @@ class Playback:
         self._snapshots: list[Snapshot] = []
         self._times_s: list[float] = []
         self._sketched: list[int] = []
-        """Which of them bring a map."""
+        """Indices of the snapshots that contain a map."""
         self._plan: FloorPlan | None = None
         self._now_s = self._frame_wall_s = self._plotted_wall_s = 0.0
         self._is_playing = False
@@ -53,7 +53,7 @@ class Playback:
         self._replayed = Replayed(path, lambda news: self._turns.put(lambda: self._take(news)))
 
     def run(self, is_over: Callable[[], bool]) -> None:
-        """Until it is over."""
+        """Update the page until `is_over` returns True."""
         self._turns.run(is_over, self._play)
 
     def close(self) -> None:
@@ -93,7 +93,7 @@ class Playback:
 
     def _seek(self) -> None:
         self._now_s = self._slider.value
-        self._shown_sketch = -1  # the path since the last map is another one
+        self._shown_sketch = -1  # the path since the last map has changed
 
     def _play_or_pause(self) -> None:
         if not self._is_playing and self._now_s >= self._slider.max:
@@ -106,7 +106,7 @@ class Playback:
         self._button.label = "Pause" if is_playing else "Play"
 
     def _play(self) -> None:
-        """One frame."""
+        """Advance the time and show its snapshot; called once a frame."""
         if not self._times_s:
             return
         if self._is_playing:
@@ -134,7 +134,7 @@ class Playback:
             self._screen.plot(self._snapshots[max(number - PLOTTED, 0) : number + 1])
 
     def _send_map(self, event: Event) -> None:
-        """In viser's thread: a drawing takes a second."""
+        """Send the map; runs in viser's thread, because drawing takes about a second."""
         if self._plan is None or event.client is None:
             return
         link = self._config.link

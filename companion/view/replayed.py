@@ -1,4 +1,4 @@
-"""A recording flown once more, moment by moment, in a process of its own."""
+"""Replays a recording in a separate process and passes on its snapshots."""
 
 import multiprocessing
 import threading
@@ -12,13 +12,16 @@ from companion.recording.reader import read
 from companion.view.snapshot import Snapshot, snapshot
 
 PERIOD_S = 0.1
+"""Flight time between snapshots, s. Chosen: as in `companion.view.feed`."""
 SKETCH_PERIOD_S = 1.0
+"""Flight time between snapshots that contain the map, s. Chosen: as in `companion.view.feed`."""
 END_TIMEOUT_S = 5.0
+"""Longest wait for process and thread to end, s. Chosen."""
 _SPAWN = multiprocessing.get_context("spawn")
 
 
 def replay_to(path: Path, page: Connection) -> None:
-    """Send a snapshot ten times a second of the flight's time, and at last the map."""
+    """Replay a recording; send ten snapshots per second of flight time, then the final map."""
     recording = read(path)
     app = App(recording.config)
     mount_offset_m = recording.config.sensors.mount_offset_m
@@ -38,7 +41,7 @@ def replay_to(path: Path, page: Connection) -> None:
 
 
 class Replayed:
-    """`tell` hears snapshots and at last the map, in a thread of its own."""
+    """Calls `tell` with each snapshot and then the final map, in a separate thread."""
 
     def __init__(self, path: Path, tell: Callable[[Snapshot | FloorPlan], None]) -> None:
         self._tell = tell

@@ -1,4 +1,4 @@
-"""One moment of a flight, for people who look on, and its bytes."""
+"""Defines the snapshot of a flight that viewers receive, and its encoding."""
 
 from collections.abc import Mapping
 from dataclasses import field
@@ -13,26 +13,26 @@ from companion.estimation.estimator import Estimator
 
 @value
 class Snapshot:
-    """What the companion knows and does at one moment."""
+    """State of the companion at one time."""
 
     time_s: float
     activity: str
     trouble: str = ""
     has_ended: bool = False
     pose: Pose | None = None
-    """None before the estimate has begun."""
+    """None before the first estimate."""
     gyro_bias_rad_s: float | None = None
     readings: Mapping[Beam, RangeReading] = field(default_factory=dict)
     mount_offset_m: float = 0.0
-    """Of the sensors from the drone's centre."""
+    """Distance of the range sensors from the drone's centre, m."""
     sketch: Sketch | None = None
-    """None: as it was."""
+    """None: unchanged since the last snapshot with a map."""
 
 
 def snapshot(
     app: App, now_s: float, outputs: Outputs, mount_offset_m: float, *, with_sketch: bool
 ) -> Snapshot:
-    """After a tick."""
+    """Take a snapshot after a tick; the map is included if `with_sketch`."""
     flight = outputs.flight
     return Snapshot(
         now_s,
@@ -52,7 +52,7 @@ def _bias_rad_s(estimator: Estimator | None) -> float | None:
 
 
 def sketch_of(plan: FloorPlan) -> Sketch:
-    """A finished map, for the eye."""
+    """Reduce a finished map for display, to at most `MAX_SKETCHED` hits."""
     stride = max(1, -(-len(plan.hits) // MAX_SKETCHED))
     points = tuple(hit.position_ned_m for hit in plan.hits[::stride])
     path = tuple((pose.north_m, pose.east_m, pose.down_m) for pose in plan.path)
@@ -64,5 +64,9 @@ encode = msgpack.Encoder().encode
 
 
 def decode(data: bytes) -> Snapshot:
-    """Raises msgspec.MsgspecError if these are not the bytes of a snapshot."""
+    """Decode a snapshot.
+
+    Raises:
+        msgspec.MsgspecError: the bytes are not a snapshot.
+    """
     return _decoder.decode(data)

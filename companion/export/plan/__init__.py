@@ -1,1 +1,1 @@
-"""The floor plan as a drawing: sheet, dimensions, DXF, areas."""
+"""Draws the floor plan: rooms and openings, dimensions, paper sheet, DXF."""

@@ -1,4 +1,4 @@
-"""On which side of a wall its length is written."""
+"""Selects the side of a wall on which its dimension is drawn."""
 
 from shapely import Point
 
@@ -7,16 +7,20 @@ from companion.core.messages import WallSegment
 from companion.export.plan.survey import Survey
 
 MIN_LENGTH_M = 0.6
-"""Shorter pieces are drawn, not dimensioned."""
+"""Shortest wall that gets a dimension, m. Chosen."""
 OFF_M = 0.35
+"""Distance from a wall to its dimension line, m. Chosen."""
 BESIDE_M = 0.1
+"""A room contains the point this far beside the middle of its wall, m. Chosen."""
 THICKEST_WALL_M = 0.6
+"""Distance at which the other side of a wall is checked for a room, m. Chosen."""
 
 
 def dimension_side_ne(survey: Survey, wall: WallSegment) -> Vector2:
-    """Unit vector across the wall: outside, or into its room where the other side is a room, too.
+    """Unit vector (north, east) across the wall, towards its dimension.
 
-    The two faces of a partition so have their dimensions apart.
+    The vector points out of the room. If there is a room on the other side as well, it points into
+    the wall's own room, so that the dimensions of a partition's two faces do not overlap.
     """
     (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
     across = (east_a - east_b) / wall.length_m, (north_b - north_a) / wall.length_m

@@ -1,4 +1,4 @@
-"""DXF for CAD: x east, y north, one drawing unit is one metre."""
+"""Writes DXF for CAD: x east, y north, one drawing unit is one metre."""
 
 from pathlib import Path
 
@@ -15,13 +15,15 @@ from companion.export.plan.dimensions import MIN_LENGTH_M, OFF_M, dimension_side
 from companion.export.plan.survey import Survey
 
 LAYERS = {"WALLS": 7, "OPENINGS": 5, "ROOMS": 8, "LABELS": 7, "DIMENSIONS": 3, "PATH": 4}
-"""With their AutoCAD colours."""
+"""Layer names and their AutoCAD colour indices."""
 TEXT_M = 0.18
+"""Text height, m. Chosen."""
 WINDOW_ASPECT = 4 / 3
-"""Of what is seen; most windows are wider."""
+"""Width to height of the initial view. Chosen: most windows are wider."""
 AROUND = 1.1
+"""Height of the initial view, relative to what is drawn. Chosen."""
 NOTHING_M = Vec3(5.0, 5.0, 0.0)
-"""Half of what is seen of an empty map."""
+"""Upper right corner of the initial view of an empty map, m; the view is centred. Chosen."""
 
 
 def write_dxf(survey: Survey, path: Path) -> None:
@@ -50,7 +52,7 @@ def write_dxf(survey: Survey, path: Path) -> None:
 
 
 def _show(document: Drawing) -> None:
-    """What a CAD program shows first is all that is drawn: its own first view is 1000 m high."""
+    """Set the initial view to the whole drawing; the default view is 1000 m high."""
     space = document.modelspace()
     drawn = extents(space, fast=True)
     low, high = (drawn.extmin, drawn.extmax) if drawn.has_data else (-NOTHING_M, NOTHING_M)
@@ -76,7 +78,7 @@ def _document() -> Drawing:
 
 
 def _dimension(space: Modelspace, start: Vec2, end: Vec2, side: Vec2) -> None:
-    """The line's length, beside it on one side; from left to right, so that it can be read."""
+    """Draw the line's length on the given side, from left to right for readability."""
     start, end = sorted((start, end), key=lambda point: (round(point.x, 3), point.y))
     is_left = (end - start).orthogonal().dot(side) > 0
     dimension = space.add_aligned_dim(

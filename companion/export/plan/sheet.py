@@ -1,7 +1,7 @@
-"""SVG and PDF: the floor plan as a drawing to scale, on a sheet of paper.
+"""Writes SVG and PDF: the floor plan as a drawing to scale on a sheet of paper.
 
-East is right and north, the drone's first heading, is up. One metre on paper is the scale's
-share of a metre: a ruler on the print tells true lengths.
+East is right; north, the drone's first heading, is up. The sheet has its true size, so that a ruler
+on the print measures lengths at the scale given.
 """
 
 import math
@@ -25,32 +25,36 @@ INK, FAINT, PATH, RETURNS, ROOM, DOOR = (
 )
 MM_PER_INCH = 25.4
 EDGE_MM = 10.0
+"""Margin of the sheet, mm. Chosen."""
 FOOT_MM = 24.0
+"""Height of the title block at the bottom, mm. Chosen."""
 AROUND_M = 1.0
-"""Room for dimensions around the plan."""
+"""Margin around the plan for dimensions, m. Chosen."""
 SCALES = (20, 25, 50, 100, 200, 250, 500, 1000, 2000)
+"""Denominators of the available scales. Chosen."""
 PAPERS_MM = (("A4", 297.0, 210.0), ("A3", 420.0, 297.0))
+"""Name, long side and short side (ISO 216), mm."""
 LARGEST_SCALE_ON_A4 = 100
-"""Smaller drawings than 1:100 go to the larger paper."""
+"""Largest denominator on A4; smaller scales use A3. Chosen."""
 SVG_IDS: Any = {"svg.hashsalt": "plan", "svg.fonttype": "none", "text.parse_math": False}
-"""The same map gives the same file, and its texts stay texts: a $ begins no formula."""
+"""Settings for a reproducible file with text as text; a $ starts no formula."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sheet:
-    """A paper and what of the map lies on it."""
+    """A sheet of paper and the part of the map on it."""
 
     paper: str
     width_mm: float
     height_mm: float
     scale: int
-    """1 : scale."""
+    """Denominator of the scale 1 : scale."""
     west_m: float
     south_m: float
 
     @property
     def span_m(self) -> tuple[float, float]:
-        """East and north of the drawing area."""
+        """Extent of the drawing area, (east, north), m."""
         return (
             (self.width_mm - 2 * EDGE_MM) * self.scale / 1000,
             (self.height_mm - 2 * EDGE_MM - FOOT_MM) * self.scale / 1000,
@@ -69,7 +73,7 @@ def write_pdf(survey: Survey, path: Path, title: str) -> None:
 
 
 def choose_sheet(survey: Survey) -> Sheet:
-    """The largest scale that fits; A4 if that is 1:100 or larger, else A3; upright or across."""
+    """Choose the largest scale that fits: A4 down to 1:100, else A3; landscape or portrait."""
     corners = [end for wall in survey.plan.walls for end in (wall.start_ne_m, wall.end_ne_m)]
     corners += [pose.ne_m for pose in survey.plan.path] or [(0.0, 0.0)]
     south_m, north_m = min(n for n, _ in corners), max(n for n, _ in corners)
@@ -116,7 +120,7 @@ def _draw(survey: Survey, title: str) -> Figure:
 
 
 def _axes(figure: Figure, sheet: Sheet, low_mm: float, high_mm: float) -> Axes:
-    """A part of the sheet, from edge to edge."""
+    """Axes over the full width between two heights from the bottom of the sheet, mm."""
     axes = figure.add_axes(
         (
             EDGE_MM / sheet.width_mm,
@@ -200,7 +204,7 @@ def _draw_opening(axes: Axes, opening: Opening) -> None:
 
 
 def _draw_dimension(axes: Axes, survey: Survey, wall: WallSegment, sheet: Sheet) -> None:
-    """A line with ticks beside the wall, and its length."""
+    """Draw a line with ticks beside the wall, and the wall's length."""
     (north_a, east_a), (north_b, east_b) = wall.start_ne_m, wall.end_ne_m
     side = dimension_side_ne(survey, wall)
     off_m = OFF_M * max(1.0, sheet.scale / 100)
@@ -226,7 +230,7 @@ def _draw_dimension(axes: Axes, survey: Survey, wall: WallSegment, sheet: Sheet)
 
 
 def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, title: str) -> None:
-    """Scale bar, title and what the drawing is worth; millimetres on paper."""
+    """Draw scale bar, title and accuracy; coordinates in mm on paper."""
     width_mm = sheet.width_mm - 2 * EDGE_MM
     axes.plot([0, width_mm], [FOOT_MM - 1, FOOT_MM - 1], color=FAINT, linewidth=0.4)
     _draw_scale_bar(axes, sheet)
@@ -239,7 +243,7 @@ def _draw_foot(axes: Axes, survey: Survey, sheet: Sheet, title: str) -> None:
         f"{len(survey.rooms)} room{'' if len(survey.rooms) == 1 else 's'}, {area_m2:.1f} m²; "
         f"{length_m:.1f} m of wall, ± {100 * sigma_m:.1f} cm (1 σ){ceiling}"
     )
-    notes = "metres; wall surfaces as the sensors met them; up is the drone's heading at take-off"
+    notes = "metres; wall surfaces as measured; up is the drone's heading at take-off"
     left_mm = 72.0
     axes.text(left_mm, FOOT_MM - 7, title, fontsize=11, color=INK, weight="bold", va="center")
     axes.text(left_mm, FOOT_MM - 13, facts, fontsize=8, color=INK, va="center")

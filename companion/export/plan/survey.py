@@ -1,13 +1,13 @@
-"""What a surveyor reads out of the map: rooms with their areas, and openings.
+"""Derives rooms with their areas, and openings, from the walls of the map.
 
     walls ─► cuts across narrow gaps ─► faces between walls and cuts ─► rooms
-                                                    └─ cuts looked or flown through ─► openings
+                                                    └─ cuts crossed by beams or path ─► openings
 
-Walls seldom close a room: there are doors, corners that no beam met, and cupboards in the way. So
-each wall is continued beyond its ends until it meets another, if that is no farther than a doorway
-is wide, or to one in line with it, if what is between them is hidden. Between walls and these cuts
-lie faces; a face that the drone has seen into, and that is wide enough to stand in, is a room. The
-smaller ones belong to the room beside them, or lie inside walls.
+Mapped walls rarely close a room, because of doors, undetected corners and cupboards. Each wall is
+therefore extended beyond its ends by a cut. The cut reaches another wall within a doorway's width,
+or a wall in line with it if no beam crossed the gap. Walls and cuts bound faces. A face is a room
+if beams or the path entered it and it is wide enough to stand in. A smaller face belongs to the
+room beside it or lies inside a wall.
 """
 
 import math
@@ -24,32 +24,36 @@ from companion.core.messages import FloorPlan, WallSegment
 from companion.export.rays import rays
 
 WIDEST_DOOR_M = 1.5
+"""Longest cut towards another wall, m. Chosen."""
 NARROWEST_DOOR_M = 0.5
+"""Shortest cut that counts as an opening, m. Chosen."""
 WIDEST_HIDDEN_M = 4.0
-"""Of a wall behind furniture: a gap as wide that is open has beams that went through."""
+"""Widest gap between walls in line that furniture hides, m. Chosen: beams cross an open gap."""
 IN_LINE_M, SAME_DIRECTION = 0.15, math.sin(math.radians(20))
-"""How far aside of a wall's continuation the end of a wall of the same direction may be, to be what
-it leads to, and how much the two may be turned."""
+"""Largest lateral offset, m, and sine of the largest angle between two walls in line. Chosen."""
 TOUCHING_M = 1e-9
+"""Distance below which a point lies on the end of a wall, m. Chosen."""
 GRID_M = 1e-4
-"""Points nearer than this are one."""
+"""Points closer than this are merged, m. Chosen."""
 STANDING_WIDTH_M = 0.6
+"""Diameter of the circle that fits into a room, m. Chosen."""
 MIN_ROOM_M2 = 1.0
+"""Smallest area of a room, m². Chosen."""
 THICKEST_WALL_M = 0.6
-"""Two parallel openings this near are the two sides of one doorway."""
+"""Two openings whose middles are closer than this are the two sides of one doorway, m. Chosen."""
 LOOKS = 3
-"""So many beams go through what is open."""
+"""Smallest number of beams and path legs that cross an opening. Chosen."""
 UNKNOWN_HEIGHT_M = 2.5
-"""Of walls, where the up beam never met a ceiling."""
+"""Height of walls if the up beam never detected a ceiling, m. Chosen."""
 
 Array = NDArray[np.float64]
 Lines = NDArray[np.object_]
-"""(n,) of shapely's LineString."""
+"""Shapely LineStrings, (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A gap in a wall through which the drone has looked or flown, local NED."""
+    """A gap in a wall that beams or the path crossed, local NED."""
 
     start_ne_m: Vector2
     end_ne_m: Vector2
@@ -61,38 +65,38 @@ class Opening:
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """A closed outline, local NED, with holes for what stands in the room."""
+    """A closed outline, local NED, with holes for obstacles such as pillars."""
 
     name: str
     outline_ne_m: tuple[Vector2, ...]
-    """The corners once round; the first is not repeated."""
+    """Corners in order, (north, east), m; the first is not repeated."""
     holes_ne_m: tuple[tuple[Vector2, ...], ...]
     area_m2: float
 
     @property
     def polygon(self) -> Polygon:
-        """X east, y north."""
+        """The room as a polygon: x east, y north, m."""
         return Polygon(_xy(self.outline_ne_m), [_xy(hole) for hole in self.holes_ne_m])
 
     @property
     def label_ne_m(self) -> Vector2:
-        """A place well inside, for its name."""
+        """Position of the room's name: centre of the largest circle that fits, (north, east), m."""
         point = shapely.maximum_inscribed_circle(self.polygon, tolerance=0.05).coords[0]
         return point[1], point[0]
 
 
 @dataclass(frozen=True, slots=True)
 class Survey:
-    """The map and what was read out of it."""
+    """The map with its rooms and openings."""
 
     plan: FloorPlan
     rooms: tuple[Room, ...]
-    """The largest first."""
+    """Sorted by area, the largest first."""
     openings: tuple[Opening, ...]
 
     @property
     def height_m(self) -> float:
-        """Of walls and ceiling above the floor that the drone took off from."""
+        """Height of walls and ceiling above the floor at take-off, m."""
         return UNKNOWN_HEIGHT_M if self.plan.ceiling_m is None else self.plan.ceiling_m
 
 
@@ -114,14 +118,14 @@ def _xy(points_ne_m: Sequence[Vector2]) -> list[Vector2]:
 
 
 def _looks(plan: FloorPlan) -> Lines:
-    """Beams and the path flown, as shapely's lines."""
+    """Beams and legs of the path, as shapely lines."""
     flown = np.array([(pose.east_m, pose.north_m) for pose in plan.path]).reshape(-1, 2)
     legs = np.stack([flown[:-1], flown[1:]], axis=1)
     return np.array(shapely.linestrings(np.concatenate([rays(plan), legs])), ndmin=1)
 
 
 def _cuts(walls: Sequence[WallSegment], looks: Lines) -> list[LineString]:
-    """Each wall continued beyond both ends to what it leads to, if that is near."""
+    """Cuts from both ends of each wall to the nearest target ahead, if there is one."""
     lines = [_line(wall.start_ne_m, wall.end_ne_m) for wall in walls]
     cuts = []
     for number, line in enumerate(lines):
@@ -137,10 +141,13 @@ def _cuts(walls: Sequence[WallSegment], looks: Lines) -> list[LineString]:
 def _continued(
     end: Array, behind: Array, others: Sequence[LineString], looks: Lines
 ) -> Array | None:
-    """What is ahead of a wall's end: the nearest wall across, or the end of one in line.
+    """Target point ahead of a wall's end, (east, north), m, or None.
 
-    If there is none within a doorway's width, the end of one in line that is hidden; if there is
-    none of those, the corner where two continued walls meet.
+    The first rule with a result applies; it returns the nearest point.
+
+    1. A wall across, or the end of a wall in line, within a doorway's width.
+    2. The end of a wall in line, farther away, if the gap is not open.
+    3. The corner where two extended walls meet.
     """
     ahead = _ahead(end, behind)
     in_line = [point for other in others for point in _in_line(end, behind, other)]
@@ -157,7 +164,7 @@ def _continued(
 
 
 def _in_line(end: Array, behind: Array, other: LineString) -> list[Array]:
-    """The ends of another wall of the same direction that lie ahead, and not aside."""
+    """Ends ahead of another wall that is in line with this one."""
     along = (end - behind) / np.linalg.norm(end - behind)
     across = np.array([-along[1], along[0]])
     ends = np.array(other.coords)
@@ -173,7 +180,7 @@ def _ahead(end: Array, behind: Array) -> LineString:
 
 
 def _crossing(ahead: LineString, other: LineString) -> list[Array]:
-    """Where, if anywhere, and if not right at the beginning."""
+    """Intersection as a list of one point, (east, north), m; empty if none or at the start."""
     point = ahead.intersection(other)
     if not isinstance(point, shapely.Point) or point.is_empty:
         return []
@@ -200,13 +207,16 @@ def _rooms(faces: Sequence[Polygon], cuts: Sequence[LineString], looks: Lines) -
         ]
         if len(beside) == 1:
             joined = shapely.union(rooms[beside[0]], corner, grid_size=GRID_M)
-            assert isinstance(joined, Polygon)  # they have a side in common
+            assert isinstance(joined, Polygon)  # the two polygons share a side
             rooms[beside[0]] = joined
     return sorted(rooms, key=lambda room: -room.area)
 
 
 def _longest_m(sides: shapely.Geometry) -> float:
-    """Of its pieces: the ends of a wall's two faces do not open its inside to a room together."""
+    """Length of the longest continuous piece, m.
+
+    Two short pieces, such as the ends of a wall's two faces, do not add up to an opening.
+    """
     merged = shapely.line_merge(sides)
     return float(shapely.length(shapely.get_parts(merged)).max(initial=0.0))
 
@@ -228,7 +238,7 @@ def _named(rooms: Sequence[Polygon]) -> tuple[Room, ...]:
 
 
 def _corners(ring: shapely.LinearRing) -> tuple[Vector2, ...]:
-    """(north, east) of the corners; points on a straight line are left out."""
+    """Corners, (north, east), m; points on a straight line are omitted."""
     straightened = ring.simplify(GRID_M)
     return tuple((y, x) for x, y in straightened.coords[:-1])
 
@@ -236,7 +246,7 @@ def _corners(ring: shapely.LinearRing) -> tuple[Vector2, ...]:
 def _openings(
     cuts: Sequence[LineString], rooms: Sequence[Polygon], looks: Lines
 ) -> tuple[Opening, ...]:
-    """Cuts along a room's outline with something to be seen through them."""
+    """Cuts on a room's outline that beams or the path crossed; one for each doorway."""
     doors: list[LineString] = []
     for cut in sorted(cuts, key=lambda cut: cut.length):
         is_other_side = any(
@@ -251,7 +261,7 @@ def _openings(
 
 
 def _is_door(cut: LineString, rooms: Sequence[Polygon], looks: Lines) -> bool:
-    """Wide enough, on a room's outline, and the drone has looked or flown through it."""
+    """Test whether a cut is wide enough, lies on a room's outline, and is open."""
     strip = cut.buffer(GRID_M)
     return (
         cut.length >= NARROWEST_DOOR_M

@@ -1,1 +1,1 @@
-"""Who may see the page, and the server behind that check."""
+"""Serves the page and checks who may open it."""

@@ -1,8 +1,8 @@
-"""Nobody gets at the page who may not: asked at every request, before the page's own server is.
+"""Authorizes every request for the page before viser's server handles it.
 
-On this machine a request must name it as its host, which another site's page that has made a name
-of its own point here cannot; and a WebSocket must come from the page itself. From elsewhere it must
-have the token: once in the address, `/?token=...`, from then on in a cookie.
+Without a token, the Host header must name the loopback interface. This blocks DNS rebinding, where
+another site's name resolves to this machine. An Origin header must match the Host. With a
+token, a request must carry it: first in the address, `/?token=...`, then in a cookie.
 """
 
 import hmac
@@ -19,35 +19,36 @@ from companion.view.access.secret import is_loopback
 
 Answer = Callable[[ServerConnection, Request], Response | None]
 
-TWICE = "A request must have one Host and at most one Origin: what stands between makes them more."
+TWICE = "A request must have one Host and at most one Origin; a proxy may have added another."
 OTHER_SITE = (
-    "This request has Host {host!r} and Origin {origin!r}, which differ: another site has made it, "
-    "or a proxy stands between. A proxy must pass Host as the browser sends it, with its port; "
+    "This request has Host {host!r} and Origin {origin!r}, which differ: another site sent it, "
+    "or a proxy changed them. A proxy must pass Host as the browser sends it, with its port; "
     "for nginx: proxy_set_header Host $http_host;"
 )
 NOT_FROM_HERE = (
     "This page is only for the machine that it runs on, and the request has Host {host!r}: open "
-    "127.0.0.1 or localhost, or let others in with --token-file, and --host if no proxy does."
+    "127.0.0.1 or localhost, or allow other machines with --token-file and --host."
 )
-NO_TOKEN = "This page needs its token: open the address with ?token=... that was printed."
+NO_TOKEN = "This page needs its token: open the printed address with ?token=..."
 WRONG_TOKEN = (
-    "The token in {place} is not this page's: open the address with ?token=... that was printed "
-    "when the page was last started."
+    "The token in {place} is not this page's: open the address with ?token=... "
+    "that was printed when the page was last started."
 )
 USUAL_PORTS = {"http": 80, "https": 443}
+"""Default port of each scheme."""
 SHOWN = 100
-"""Letters of a header that a refusal repeats."""
+"""Largest number of characters of a header that a refusal quotes. Chosen."""
 
 
 class Guard:
-    """`token` is needed wherever it is given; without one, only this machine comes in."""
+    """Requires `token` in every request; if it is None, allows only this machine."""
 
     def __init__(self, token: str | None, port: int) -> None:
         self._token = token
-        self._cookie = f"pdps_view_{port}"  # cookies do not tell ports apart
+        self._cookie = f"pdps_view_{port}"  # cookies do not distinguish ports
 
     def before(self, answer: Answer) -> Answer:
-        """Answers as `answer` does, to those who may ask."""
+        """Wrap `answer` so that it only handles authorized requests."""
 
         def guarded(connection: ServerConnection, request: Request) -> Response | None:
             return self.refusal(request) or answer(connection, request)
@@ -55,8 +56,8 @@ class Guard:
         return guarded
 
     def refusal(self, request: Request) -> Response | None:
-        """What a request gets instead of the page; None if it may pass."""
-        # get_all: a header that stands there twice is not to be read in two ways
+        """Response that replaces the page; None if the request is authorized."""
+        # get_all: a duplicate header is ambiguous
         hosts, origins = request.headers.get_all("Host"), request.headers.get_all("Origin")
         if len(hosts) != 1 or len(origins) > 1:
             return _refuse(TWICE)
@@ -69,7 +70,7 @@ class Guard:
         return self._without_token(request)
 
     def _without_token(self, request: Request) -> Response | None:
-        """What a request gets that has not the token; None if it has."""
+        """Response to a request without a valid cookie; None if the cookie is valid."""
         in_cookie, in_address = self._in_cookie(request), _in_address(request)
         if self._is_token(in_cookie):
             return None
@@ -79,8 +80,8 @@ class Guard:
             return _refuse(WRONG_TOKEN.format(place="the address"))
         return _refuse(WRONG_TOKEN.format(place="the browser's cookie") if in_cookie else NO_TOKEN)
 
-    def _is_token(self, told: str) -> bool:
-        return hmac.compare_digest(told.encode(), (self._token or "").encode())
+    def _is_token(self, candidate: str) -> bool:
+        return hmac.compare_digest(candidate.encode(), (self._token or "").encode())
 
     def _in_cookie(self, request: Request) -> str:
         try:
@@ -90,15 +91,15 @@ class Guard:
         return cookies[self._cookie].value if self._cookie in cookies else ""
 
     def _let_in(self) -> Response:
-        """The page once more, without the token in the address bar."""
+        """Redirect that sets the cookie and removes the token from the address bar."""
         cookie = f"{self._cookie}={self._token}; Path=/; HttpOnly; SameSite=Strict"
-        # relative, since a proxy may have the page below a path
+        # relative, because a proxy may serve the page below a path
         headers = Headers({"Location": "./", "Set-Cookie": cookie, "Content-Length": "0"})
         return Response(HTTPStatus.SEE_OTHER, "See Other", headers)
 
 
 def _is_at(origin: str, host: str) -> bool:
-    """Whether a page of this origin is at this host; a port that its scheme implies may be told."""
+    """Test whether an origin matches a host; the scheme's default port may be explicit."""
     try:
         site = urlsplit(origin)
         port = USUAL_PORTS.get(site.scheme)

@@ -1,4 +1,4 @@
-"""Who may look on: everybody on this machine, and elsewhere who has the token."""
+"""Reads tokens and computes challenge responses; only loopback addresses need no token."""
 
 import hashlib
 import hmac
@@ -10,12 +10,15 @@ from companion.core.errors import ViewError
 from companion.core.textfile import NotTextError, read_text, reason
 
 MIN_LETTERS = 16
+"""Shortest token, characters. Chosen."""
 MORE_THAN_OWNER = 0o077
+"""Permission bits of group and others, which a token file must not have."""
 MAKE_ONE = "(umask 077; openssl rand -hex 16 > {file})"
+"""Shell command that creates a token file."""
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine can reach it."""
+    """Test whether only this machine can reach the host."""
     if host == "localhost":
         return True
     try:
@@ -25,19 +28,21 @@ def is_loopback(host: str) -> bool:
 
 
 def needs_token(key: str, value: str, token_key: str) -> str:
-    """What is said of an address that others can reach, when there is no token."""
+    """Error text for an address that other machines can reach without a token."""
     made = MAKE_ONE.format(file="token")
     return (
         f"{key} {value}: others can reach this address, so it needs {token_key}, "
-        f"a file with a token: {made}; or keep to 127.0.0.1"
+        f"a file with a token: {made}; or use 127.0.0.1"
     )
 
 
 def read_token(file: Path, key: str) -> str:
-    """The token in a file that only its owner can read; `key` is how the user named the file.
+    """Read a token from a file that only its owner can read.
+
+    `key` is the option or configuration key that names the file, for error texts.
 
     Raises:
-        ViewError: the file is not there, others can read it, or the token is too short.
+        ViewError: the file is missing, others can read it, or the token is too short.
     """
     try:
         mode = stat.S_IMODE(file.stat().st_mode)
@@ -46,7 +51,7 @@ def read_token(file: Path, key: str) -> str:
         raise ViewError(f"{key} {file}: {reason(error)}; {MAKE_ONE.format(file=file)}") from error
     if mode & MORE_THAN_OWNER:
         raise ViewError(
-            f"{key} {file}: mode {mode:o}, others can read it; chmod 600 {file}, and take a new one"
+            f"{key} {file}: mode {mode:o}, others can read it; chmod 600 {file}, and replace it"
         )
     if len(token) < MIN_LETTERS or not token.isascii() or not token.isalnum():
         raise ViewError(
@@ -57,5 +62,5 @@ def read_token(file: Path, key: str) -> str:
 
 
 def answer(token: str, challenge: bytes) -> bytes:
-    """What proves that somebody has the token, without telling it."""
+    """HMAC-SHA256 of the challenge: proves knowledge of the token without sending it."""
     return hmac.digest(token.encode(), challenge, hashlib.sha256)

@@ -1,4 +1,4 @@
-"""The page's server: viser's, behind our guard."""
+"""Starts viser's server with `Guard` in front of it."""
 
 import os
 import socket
@@ -19,30 +19,33 @@ BRAND = (42, 157, 143)
 
 
 class PageServer(viser.ViserServer):
-    """Without the tunnel by which viser shares pages with the whole world."""
+    """Viser's server without the public tunnel that viser offers."""
 
     def request_share_url(self, verbose: bool = True) -> str | None:
-        """Never: whoever is let in asks for it with one click."""
+        """Return None: any client could otherwise publish the page with one click."""
         return None
 
 
 def open_page(host: str, port: int, token_file: Path | None, title: str) -> tuple[PageServer, str]:
-    """A page without anything on it yet, and the address to open; port 0 is any that is free.
+    """Serve an empty page and return its server and address; port 0 selects a free port.
 
     Raises:
-        ViewError: others could reach it and there is no token, or the port is taken.
+        ViewError: other machines can reach the address and there is no token, or the port is in
+            use.
     """
     if token_file is None and not is_loopback(host):
         raise ViewError(needs_token("--host", host, "--token-file"))
     token = read_token(token_file, "--token-file") if token_file else None
     listener = _listen(host, port)
     port = listener.getsockname()[1]
-    rich.get_console().quiet = True  # viser talks to people on it
+    rich.get_console().quiet = True  # viser prints to this console
     with _guarding(Guard(token, port), listener) as is_guarded:
         server = PageServer("127.0.0.1", 0, label=title, verbose=False)
     if not is_guarded:
         server.stop()
-        raise ViewError("this version of viser cannot be guarded: pip install 'viser<1.2'")
+        raise ViewError(
+            "this version of viser does not support the access check: pip install 'viser<1.2'"
+        )
     server.gui.configure_theme(show_logo=False, show_share_button=False, brand_color=BRAND)
     server.scene.configure_default_lights(cast_shadow=False)
     server.scene.add_grid(
@@ -66,12 +69,15 @@ def _listen(host: str, port: int) -> socket.socket:
     except OSError as error:
         is_named = error.errno is not None and error.errno > 0
         reason = os.strerror(error.errno) if is_named else error.strerror  # type: ignore[arg-type]
-        raise ViewError(f"--host {host} --port {port}: {reason}; take another") from error
+        raise ViewError(f"--host {host} --port {port}: {reason}; choose another") from error
 
 
 @contextmanager
 def _guarding(guard: Guard, listener: socket.socket) -> Iterator[list[bool]]:
-    """While viser starts, its server is given our listener and guard; noted when it was."""
+    """Pass our listener and guard to the server that viser starts.
+
+    The list yielded is not empty once viser has used them.
+    """
     serve = websocket_server.serve
     is_guarded: list[bool] = []
 

@@ -1,4 +1,4 @@
-"""What happens on a page, in turn: what people press and what news come, one act at a time."""
+"""Runs the actions of a page one at a time in one thread: input events and new data."""
 
 import queue
 import time
@@ -10,21 +10,22 @@ from viser import ClientHandle, GuiEvent, ViserServer
 from companion.core.errors import CompanionError
 
 FRAME_S = 0.05
+"""Time between frames, s. Chosen."""
 Act = Callable[[], None]
 Event = GuiEvent[Any]
 
 
 def nothing() -> None:
-    """Between two acts."""
+    """Do nothing in a frame."""
 
 
 class Turns:
-    """Acts are put here by any thread, and carried out by that of `run`."""
+    """A queue of actions: any thread adds them, the thread of `run` executes them."""
 
     def __init__(
         self, server: ViserServer, refusals: tuple[type[Exception], ...] = (CompanionError,)
     ) -> None:
-        """`refusals` are errors in one line, which are told on the page."""
+        """`refusals` are the errors that the page reports as a notification."""
         self._server = server
         self._refusals = refusals
         self._acts: queue.SimpleQueue[Act] = queue.SimpleQueue()
@@ -33,16 +34,16 @@ class Turns:
         self._acts.put(act)
 
     def pressed(self, act: Act) -> Callable[[Event], None]:
-        """A callback for viser: the act, when somebody has touched a control."""
+        """Wrap an action as a viser callback that ignores changes by the program itself."""
 
         def put_off(event: Event) -> None:
-            if event.client is not None:  # and not the program itself
+            if event.client is not None:  # None: the program changed the control
                 self.put(lambda: self._try(act, event.client))
 
         return put_off
 
     def run(self, is_over: Callable[[], bool], each_frame: Act = nothing) -> None:
-        """Until it is over; `each_frame` twenty times a second."""
+        """Execute actions until `is_over` returns True; call `each_frame` every `FRAME_S`."""
         frame_s = time.monotonic()
         while not is_over():
             try:
@@ -52,9 +53,9 @@ class Turns:
                 each_frame()
 
     def complain(self, reason: str, client: ClientHandle | None = None) -> None:
-        """A notification; to everybody, if it is nobody's own."""
-        for told in [client] if client else self._server.get_clients().values():
-            told.add_notification("Not possible", reason, color="red", auto_close_seconds=15)
+        """Show a notification to one client, or to all if `client` is None."""
+        for receiver in [client] if client else self._server.get_clients().values():
+            receiver.add_notification("Not possible", reason, color="red", auto_close_seconds=15)
 
     def _try(self, act: Act, client: ClientHandle | None) -> None:
         try:

@@ -1,1 +1,1 @@
-"""What the page shows: the map, the drone, numbers and plots."""
+"""Draws the page: map, drone, numbers and plots."""

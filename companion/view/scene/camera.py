@@ -1,4 +1,4 @@
-"""Where the page looks from: south of what is shown and above it, all of it in view."""
+"""Places the camera south of and above the map, so that the whole map is in view."""
 
 import math
 
@@ -8,23 +8,29 @@ from viser import CameraHandle, ClientHandle, ViserServer
 from companion.core.frames import Vector2, Vector3
 
 ELEVATION_RAD = math.radians(58)
+"""Elevation of the camera above the floor, seen from the centre, rad. Chosen."""
 FIELD_RAD = math.radians(40)
+"""Vertical field of view, rad. Chosen."""
 MIN_EXTENT_M = 4.0
+"""Smallest extent in view, m. Chosen."""
 MIN_ASPECT = 0.3
+"""Smallest width to height of a window that is taken into account. Chosen."""
 PANEL_PX = 320
-"""Of the panels on either side of the scene."""
+"""Width of the panels on both sides of the scene, pixels. Chosen."""
 MOVED_M = 0.1
+"""Camera displacement above which the user has moved the camera, m. Chosen."""
 RESIZED = 0.02
+"""Change of width to height above which the window has been resized. Chosen."""
 
 
 class Framing:
-    """A rectangle of floor, (north, east), that everybody gets to see until they look elsewhere."""
+    """Keeps a rectangle of floor, (north, east), m, in view until the user moves the camera."""
 
     def __init__(self, server: ViserServer, least_ne_m: Vector2, most_ne_m: Vector2) -> None:
         self._server = server
         self._extent = least_ne_m, most_ne_m
         self._placed: dict[int, tuple[Vector3, float]] = {}
-        """Where each client's camera was put, and for which shape of its window."""
+        """Camera position (ENU, m) set for each client, and its window's width to height."""
         server.on_client_connect(self._welcome)
         server.on_client_disconnect(self._forget)
 
@@ -44,7 +50,10 @@ class Framing:
         self._placed.pop(client.client_id, None)
 
     def _follow_window(self, client: ClientHandle, camera: CameraHandle) -> None:
-        """A window that has another shape, as when panels come up, from where it was put."""
+        """Place the camera again after a resize, for example when panels open.
+
+        A camera that the user has moved stays where it is.
+        """
         place, aspect = self._placed.get(client.client_id, ((0.0, 0.0, 0.0), camera.aspect))
         is_where_put = np.allclose(camera.position, place, atol=MOVED_M)
         if is_where_put and abs(camera.aspect - aspect) > RESIZED:
@@ -62,12 +71,12 @@ class Framing:
 
 
 def _framed(least_ne_m: Vector2, most_ne_m: Vector2, aspect: float) -> tuple[Vector3, float]:
-    """The middle in ENU, and from how far all is seen."""
+    """Centre (ENU, m), and the camera distance that has the whole rectangle in view, m."""
     (south, west), (north, east) = least_ne_m, most_ne_m
     deep_m = max(north - south, MIN_EXTENT_M)
     wide_m = max(east - west, MIN_EXTENT_M)
     half = math.tan(FIELD_RAD / 2)
-    # the near edge stands nearer to the eye, and so wider, than the middle
+    # the near edge is closer to the camera than the centre and appears wider
     nearer_m = 0.5 * deep_m * math.cos(ELEVATION_RAD)
     for_width_m = 0.5 * wide_m / (half * max(aspect, MIN_ASPECT)) + nearer_m
     for_depth_m = 0.5 * deep_m * math.sin(ELEVATION_RAD) / half + nearer_m

@@ -1,4 +1,4 @@
-"""Numbers and plots beside the scene: ranges, heading and what the gyro is off by."""
+"""Shows numbers and plots beside the scene: ranges, heading and gyro bias."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -13,19 +13,23 @@ from companion.view.snapshot import Snapshot
 
 Series = NDArray[np.float64]
 WINDOW_S = 60.0
+"""Time span of the plots, s. Chosen."""
 PERIOD_S = 1.0
-"""By the clock on the wall: plots cost a browser more than the scene does."""
+"""Wall-clock time between updates, s. Chosen: plots load a browser more than the scene."""
 MAX_DOTS = 150
-"""Of one series."""
+"""Target number of dots of a series. Chosen."""
 PLOTTED = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 COLOURS = ("#e76f51", "#2a9d8f", "#3a86c8", "#b5838d", "#8d99ae")
 HEIGHT_PX = 150
+"""Height of a plot, pixels. Chosen."""
 MAX_RANGE_M = 8.0
+"""Upper end of the axis of ranges, m. Chosen."""
 BIAS_DEG_S = (-1.0, 1.0)
+"""Axis of the gyro bias, °/s. Chosen."""
 
 
 class Instruments:
-    """A table of numbers, which others may add to, and three plots over the last minute."""
+    """A table of numbers, to which callers add rows, and three plots of the last minute."""
 
     def __init__(self, gui: GuiApi) -> None:
         self._table = gui.add_html("")
@@ -37,20 +41,23 @@ class Instruments:
         self._bias = _plot(gui, "gyro bias, °/s", ("estimated",), (COLOURS[0],), BIAS_DEG_S)
 
     def tell(self, snapshot: Snapshot, more: Mapping[str, str]) -> None:
-        """The numbers of this moment."""
+        """Show the numbers of a snapshot, and the rows in `more`."""
         pose = snapshot.pose
         rows = {
             "doing": snapshot.activity,
             **({"trouble": snapshot.trouble} if snapshot.trouble else {}),
             "time": f"{snapshot.time_s:.2f} s",
             "height": "–" if pose is None else f"{pose.height_m:.2f} m",
-            "position known to": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
+            "position, 1σ": "–" if pose is None else f"{100 * pose.position_sigma_m:.1f} cm",
             **more,
         }
         self._table.content = _html_table(rows)
 
     def plot(self, window: Sequence[Snapshot], true_yaw_rad: Sequence[float] | None = None) -> None:
-        """The last minute of these snapshots, in their order."""
+        """Plot the last minute of the snapshots, which are in order of time.
+
+        `true_yaw_rad` has one element per snapshot.
+        """
         if not window:
             return
         since_s = window[-1].time_s - WINDOW_S
@@ -92,9 +99,9 @@ def _plot(
     colours: Sequence[str],
     between: tuple[float, float],
 ) -> GuiUplotHandle:
-    """What is not known is NaN, of which uPlot can make no scale."""
+    """Add an empty plot. Missing values are NaN, so the scale is fixed: uPlot cannot derive one."""
     empty = np.zeros(1)
-    # dots, because a line would go on where there is nothing
+    # dots, because a line would bridge missing values
     dots = [
         uplot.Series(
             label=str(name),
@@ -124,14 +131,14 @@ def _html_table(rows: Mapping[str, str]) -> str:
 
 
 def _plain(text: str) -> str:
-    """As text, whatever stands in it."""
+    """Escape text for HTML."""
     return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;")
 
 
 def _legend() -> str:
     gradient = ",".join("rgb({},{},{})".format(*colour) for colour in SIGMA_COLOURS)
     return (
-        '<div style="font-size:.8em;margin:.2em 1em .6em">walls are known to (1σ): 0 '
+        '<div style="font-size:.8em;margin:.2em 1em .6em">wall uncertainty (1σ): 0 '
         '<span style="display:inline-block;width:7em;height:.7em;'
         f'background:linear-gradient(90deg,{gradient})"></span> {100 * UNSURE_M:.0f} cm</div>'
     )

@@ -1,4 +1,4 @@
-"""The mapped side of the scene: what the drone knows, and how sure it is of it."""
+"""Draws the map and its uncertainty, the path and the drone."""
 
 import math
 import time
@@ -22,23 +22,30 @@ from companion.view.scene.shapes import (
 from companion.view.snapshot import Snapshot
 
 UNSURE_M = 0.10
-"""The sigma from which on a wall has the last of these colours."""
+"""Standard deviation at which a wall gets the last colour, m. Chosen."""
 SIGMA_COLOURS = ((0, 150, 136), (255, 193, 7), (211, 47, 47))
+"""Colours from 0 to `UNSURE_M`, interpolated linearly."""
 BAND_SIGMAS = 2
+"""Half width of the uncertainty band, standard deviations. Chosen."""
 BAND_HEIGHT_M = 0.02
+"""Height of the uncertainty band above the floor, m. Chosen."""
 LABELLED_FROM_M = 1.5
+"""Shortest wall with a label, m. Chosen."""
 MAX_LABELS = 60
+"""Largest number of labels. Chosen."""
 LABELS_APART_M = 1.0
+"""Smallest distance between two labels, m. Chosen."""
 LABEL_SCALE = 1.2
+"""Size of labels relative to viser's default. Chosen."""
 LABEL_PERIOD_S = 2.0
-"""By the clock on the wall; letters cost a browser much."""
+"""Wall-clock time between updates of labels, s. Chosen: text loads a browser heavily."""
 POINT_COLOUR = (84, 98, 111)
 PATH_COLOUR = (58, 134, 200)
 DRONE_COLOUR = (29, 53, 87)
 
 
 class MappedSide:
-    """Walls in the colour of their sigma with a band of so many times two sigma, points, path."""
+    """Walls coloured by standard deviation, exaggerated 2σ bands, hits, path and drone."""
 
     def __init__(self, server: ViserServer, name: str = "/mapped") -> None:
         scene = server.scene
@@ -64,18 +71,18 @@ class MappedSide:
         self._labelled_wall_s = 0.0
 
     def place(self, origin_ned_m: Vector3, heading_rad: float) -> None:
-        """Where in the scene the take-off is drawn, and whither it pointed."""
+        """Set the take-off position (NED, m) and heading (rad) of the map in the scene."""
         self._frame.position = ned_to_enu(origin_ned_m)
         self._frame.wxyz = about_up(-heading_rad)
 
     def exaggerate(self, times: float) -> None:
-        """How much wider than true to scale the bands of uncertainty are drawn."""
+        """Set the factor by which the uncertainty bands are wider than 2σ."""
         self._exaggeration = times
         self._draw(self._sketch)
 
     def show(self, snapshot: Snapshot) -> None:
         if snapshot.has_ended:
-            self._labelled_wall_s = 0.0  # the last map is labelled in any case
+            self._labelled_wall_s = 0.0  # always label the final map
         if snapshot.sketch is not None:
             self._draw(snapshot.sketch)
         if snapshot.pose is None:
@@ -91,7 +98,7 @@ class MappedSide:
 
     @property
     def in_numbers(self) -> dict[str, str]:
-        """What is mapped so far."""
+        """Rows for the table of numbers."""
         walls = self._sketch.walls
         length_m = sum(wall.length_m for wall in walls)
         return {"walls mapped": f"{len(walls)}, {length_m:.1f} m"}
@@ -121,9 +128,9 @@ class MappedSide:
                 self._label(sketch.walls, top_m)
 
     def _label(self, walls: tuple[WallSegment, ...], top_m: float) -> None:
-        """Sigma of each longer wall, over its middle."""
-        told = _apart(sorted(walls, key=lambda wall: -wall.length_m))
-        for number, wall in enumerate(told):
+        """Label long walls above their middle with length and standard deviation."""
+        labelled = _apart(sorted(walls, key=lambda wall: -wall.length_m))
+        for number, wall in enumerate(labelled):
             text = f"{wall.length_m:.1f} m ± {100 * wall.sigma_m:.1f} cm"
             place = ned_to_enu((*_middle(wall), -top_m - 0.1))
             label = self._labels.get(number)
@@ -140,25 +147,27 @@ class MappedSide:
             if label.text != text:
                 label.text = text
             label.position = place
-        for number in range(len(told), len(self._labels)):
+        for number in range(len(labelled), len(self._labels)):
             self._labels[number].visible = False
 
 
 def colours_of(sigmas_m: Array) -> Array:
-    """The colour of each sigma, (n, 3)."""
+    """Colours of standard deviations, (n,) m to (n, 3) RGB, 0 to 255."""
     steps_m = np.linspace(0, UNSURE_M, len(SIGMA_COLOURS))
     channels = np.array(SIGMA_COLOURS, dtype=float).T
     return np.column_stack([np.interp(sigmas_m, steps_m, channel) for channel in channels])
 
 
 def _apart(walls: list[WallSegment]) -> list[WallSegment]:
-    """Those that get a label: long ones whose labels do not cover each other."""
-    told: list[WallSegment] = []
+    """Select long walls whose labels do not overlap."""
+    labelled: list[WallSegment] = []
     for wall in walls:
-        is_free = all(math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in told)
-        if wall.length_m >= LABELLED_FROM_M and is_free and len(told) < MAX_LABELS:
-            told.append(wall)
-    return told
+        is_free = all(
+            math.dist(_middle(wall), _middle(other)) > LABELS_APART_M for other in labelled
+        )
+        if wall.length_m >= LABELLED_FROM_M and is_free and len(labelled) < MAX_LABELS:
+            labelled.append(wall)
+    return labelled
 
 
 def _middle(wall: WallSegment) -> Vector2:
@@ -167,7 +176,7 @@ def _middle(wall: WallSegment) -> Vector2:
 
 
 def extent_ne_m(sketch: Sketch) -> tuple[Vector2, Vector2]:
-    """Least and greatest north and east of the map, with some room around it."""
+    """Smallest and largest (north, east) of the map, with a margin, m."""
     places = [point for wall in sketch.walls for point in (wall.start_ne_m, wall.end_ne_m)]
     places += [(north, east) for north, east, _ in sketch.path_ned_m]
     norths, easts = zip(*places, strict=True) if places else ((0.0,), (0.0,))

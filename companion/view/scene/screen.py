@@ -1,4 +1,4 @@
-"""A page without a truth to compare with: the map, the numbers and the plots."""
+"""Arranges a page without ground truth: map, numbers and plots."""
 
 from collections.abc import Sequence
 
@@ -12,7 +12,7 @@ from companion.view.snapshot import Snapshot
 
 
 class Screen:
-    """The camera steps back when the map outgrows the view."""
+    """A page whose camera moves back when the map exceeds the view."""
 
     def __init__(self, server: PageServer) -> None:
         self._server = server

@@ -1,4 +1,4 @@
-"""What scenes are made of: upright boxes, lines, the drone. The scene is ENU, as viser has it."""
+"""Draws upright boxes, paths and the drone in a viser scene, which is ENU, m."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -16,16 +16,19 @@ Colour = tuple[int, int, int]
 Quaternion = tuple[float, float, float, float]
 
 SHOWN_HEIGHT_M = 1.2
-"""Walls are cut off here, so that one looks in from above."""
+"""Height at which walls are cut off, m. Chosen: the view from above stays open."""
 MIN_THICKNESS_M = 0.06
+"""Thickness of a drawn wall, m. Chosen."""
 SEEN_COLOUR: Colour = (231, 111, 81)
 NOTHING_COLOUR: Colour = (170, 178, 184)
 TOO_NEAR_COLOUR: Colour = (214, 40, 40)
 NOSE_COLOUR: Colour = (244, 162, 97)
 TRAIL_STEP_M = 0.05
+"""Smallest distance between points of a drawn path, m. Chosen."""
 MAX_END = 50
+"""Largest number of points in the updated end of a path. Chosen."""
 NOTHING_TO_M = 3.0
-"""So far a beam is drawn that meets nothing."""
+"""Drawn length of a beam without a return, m. Chosen."""
 BEAM_FLU: Mapping[Beam, Vector3] = {
     Beam.FRONT: (1.0, 0.0, 0.0),
     Beam.BACK: (-1.0, 0.0, 0.0),
@@ -34,21 +37,22 @@ BEAM_FLU: Mapping[Beam, Vector3] = {
     Beam.UP: (0.0, 0.0, 1.0),
     Beam.DOWN: (0.0, 0.0, -1.0),
 }
+"""Unit vector of each beam, body frame forward-left-up."""
 
 
 def to_scene(points_ned: Sequence[Vector3] | Array) -> Array:
-    """NED (n, 3) to the scene's ENU."""
+    """Convert points (n, 3) from NED to the scene's ENU."""
     points = np.asarray(points_ned, dtype=float).reshape(-1, 3)
     return points[:, [1, 0, 2]] * [1, 1, -1]
 
 
 def about_up(angle_rad: float) -> Quaternion:
-    """(w, x, y, z) of a turn anticlockwise seen from above."""
+    """Quaternion (w, x, y, z) of a rotation about the up axis, anticlockwise from above."""
     return math.cos(angle_rad / 2), 0.0, 0.0, math.sin(angle_rad / 2)
 
 
 class Upright:
-    """Many upright boxes as one node, each with a colour of its own, set anew at will."""
+    """Many upright boxes as one scene node, each with its own colour."""
 
     def __init__(self, scene: SceneApi, name: str, *, opacity: float | None = None) -> None:
         self._scene = scene
@@ -67,9 +71,9 @@ class Upright:
         *,
         overlap_m: float = 0.0,
     ) -> None:
-        """Boxes along lines seen from above, (north, east), between two heights.
+        """Replace the boxes: along segments (north, east) between two heights, m.
 
-        `overlap_m` makes each so much longer, for corners without a gap.
+        `overlap_m` lengthens each box, so that corners have no gap.
         """
         count = len(ends_ne_m)
         if not count:
@@ -105,7 +109,7 @@ class Upright:
 
 
 class Trail:
-    """A path that grows: of a long one, only the end is sent at every step."""
+    """A growing path; an extension sends only the last `MAX_END` points."""
 
     def __init__(self, scene: SceneApi, name: str, colour: Colour) -> None:
         self._flown: list[Vector3] = []
@@ -118,7 +122,7 @@ class Trail:
         ]
 
     def show(self, points_ned: Sequence[Vector3]) -> None:
-        """Another path."""
+        """Replace the path."""
         self._flown, self._end = list(points_ned), list(points_ned[-1:])
         self._draw(0, self._flown)
         self._draw(1, self._end)
@@ -141,7 +145,7 @@ class Trail:
 
 
 class Drone:
-    """Four rotors, a nose, and the beams with what they read."""
+    """The drone with four rotors, a nose, and beams as long as their readings."""
 
     def __init__(self, scene: SceneApi, name: str, colour: Colour) -> None:
         self._frame = scene.add_frame(name, show_axes=False, visible=False)
@@ -162,7 +166,7 @@ class Drone:
         self._frame.wxyz = about_up(yaw_ned_to_enu(yaw_rad))
 
     def look(self, readings: Mapping[Beam, RangeReading], mount_offset_m: float) -> None:
-        """The beams, as far as they read."""
+        """Draw the beams to the length of their readings."""
         seen = [
             (np.array(BEAM_FLU[beam]), *drawn)
             for beam, reading in readings.items()
@@ -190,7 +194,7 @@ def position_ned_m(pose: Pose) -> Vector3:
 
 
 def _drawn(reading: RangeReading) -> tuple[float, Colour] | None:
-    """How long a beam is drawn, and how; None if it says nothing."""
+    """Drawn length (m) and colour of a beam; None if the reading is not valid."""
     match reading.state:
         case RangeState.DISTANCE:
             return reading.distance_m, SEEN_COLOUR
@@ -204,7 +208,7 @@ def _drawn(reading: RangeReading) -> tuple[float, Colour] | None:
 
 
 def _body() -> tuple[trimesh.Trimesh, trimesh.Trimesh]:
-    """A drone as large as its sphere of 0.2 m, nose along x, and what marks the nose."""
+    """Meshes of the body (radius 0.2 m, nose along x) and of the nose."""
     parts = [trimesh.creation.box((0.16, 0.10, 0.06))]
     for turn in range(4):
         angle_rad = math.pi / 4 + turn * math.pi / 2

@@ -1,4 +1,4 @@
-"""Each export, read back by a program that is not ours, is where the truth is."""
+"""Tests each export: another library reads the file, and its content matches the ground truth."""
 
 import json
 import math
@@ -53,7 +53,7 @@ Points = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Exported:
-    """A flight, and its map in all formats."""
+    """A flight and its map in all formats."""
 
     flight: Flight
     found: Survey
@@ -63,7 +63,7 @@ class Exported:
         return self.folder / f"map.{suffix}"
 
     def off_truth_m(self, points_enu_m: Points) -> Points:
-        """Distances (n,) of points, x east and y north of take-off, from the nearest true wall."""
+        """Distances (n,), m, of points (x east, y north of take-off) from the nearest true wall."""
         take_off = self.flight.truth.take_off
         cos, sin = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
         turned = points_enu_m[:, 1::-1] @ np.array([[cos, sin], [-sin, cos]])
@@ -75,7 +75,10 @@ class Exported:
         return distances
 
     def assert_walls(self, points_enu_m: Points, beyond_m: float = 0.0) -> None:
-        """They are where the truth is, as exactly as the map itself; `beyond_m` is the format's."""
+        """Assert that points match the ground truth as well as the map does.
+
+        `beyond_m` is the additional error of the format.
+        """
         assert len(points_enu_m)
         error_m = self.off_truth_m(points_enu_m).mean()
         assert error_m <= self.flight.report.wall_error_cm / 100 + beyond_m + 0.002
@@ -91,7 +94,7 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
 
 
 def along(ends_enu_m: Points) -> Points:
-    """Points every few centimetres on segments (n, 2, 2 or more)."""
+    """Points (m, 2) on segments (n, 2, 2 or more), 200 on each."""
     share = np.linspace(0, 1, 200)[None, :, None]
     start, end = ends_enu_m[:, None, 0, :2], ends_enu_m[:, None, 1, :2]
     points: Points = ((1 - share) * start + share * end).reshape(-1, 2)
@@ -216,7 +219,7 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
 
 
 def off_paper(survey: Survey, points_up_pt: Points) -> Points:
-    """Points (n, 2) on the sheet, in printer's points from its lower left corner, as ENU metres."""
+    """Convert points (n, 2) on the sheet, in pt from its lower left corner, to ENU, m."""
     sheet = choose_sheet(survey)
     inset_m = np.array([EDGE_MM, EDGE_MM + FOOT_MM]) * sheet.scale / 1000
     enu_m: Points = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
@@ -224,7 +227,7 @@ def off_paper(survey: Survey, points_up_pt: Points) -> Points:
 
 
 def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Points) -> None:
-    """Its size, and that each wall's ends are drawn where the map has them, and the truth."""
+    """Assert the sheet's size, and that the ends of walls match the map and the ground truth."""
     sheet, walls = choose_sheet(exported.found), exported.flight.plan.walls
     assert np.array(size_pt) * PT_M == pytest.approx(
         [sheet.width_mm / 1000, sheet.height_mm / 1000]
@@ -301,7 +304,7 @@ def test_a_folder_in_the_way_is_told_in_one_line(exported: Exported, tmp_path: P
 
 
 def true_plan(name: str, way_ne_m: list[tuple[float, float]]) -> FloorPlan:
-    """The true walls as a map would have them, and a flight to and fro."""
+    """A map of the true walls, with a path flown back and forth."""
     walls = (WallSegment(*ends, 0.01, 100) for ends in wall_surfaces(load_world(name), 1.2))
     way = way_ne_m + way_ne_m[::-1] + way_ne_m
     return FloorPlan(
@@ -335,7 +338,7 @@ def test_rooms_and_doors_of_the_papers_buildings(
 
 
 def test_the_area_of_a_flown_room_is_true_to_two_percent(exported: Exported) -> None:
-    """Those of other rooms are asked for where they are flown: tests/flights."""
+    """tests/flights checks the areas of other rooms."""
     assert [room.area_m2 for room in exported.found.rooms] == pytest.approx([100.0], rel=0.02)
 
 
@@ -363,7 +366,7 @@ def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
 
 
 def test_the_inside_of_a_wall_is_no_part_of_a_room_though_its_ends_open_to_it() -> None:
-    """It is 14 cm thick, one face ends 3 cm before the outer wall, and noise looks into it."""
+    """The partition is 14 cm thick; one face ends 3 cm before the outer wall; noisy hits lie inside."""
     outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
     south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
     north = [((4.54, 0), (4.54, 2.01)), ((4.54, 2.99), (4.54, 5))]
@@ -484,7 +487,7 @@ def test_the_report_tells_the_flight(recording: Path, tmp_path: Path) -> None:
         "mission complete",
         "scanning parallel to the wall",
         "room 1",
-        "nothing went wrong",
+        "no faults",
     ):
         assert told in page
 

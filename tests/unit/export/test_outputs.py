@@ -1,4 +1,4 @@
-"""Outputs: each is written as far as it can be, whatever becomes of the others, under any name."""
+"""Tests the output files: one that fails does not stop the others, and any file name works."""
 
 import json
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""What the commands of the pages refuse, in one line, and what the drone does not load for them."""
+"""Tests that view commands report errors in one line, and that other commands do not load viser."""
 
 import subprocess
 import sys

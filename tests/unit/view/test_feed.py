@@ -1,4 +1,4 @@
-"""What a drone tells those who look on, and whom it tells nothing."""
+"""Tests the feed: snapshots reach authorized viewers only, and never delay the flight."""
 
 import socket
 import struct
@@ -61,7 +61,7 @@ def feed() -> Iterator[TcpFeed]:
 
 
 def tick_until(feed: TcpFeed, is_done: Callable[[], bool], first_s: float = 0.0) -> float:
-    """Let the flight go on until then; its time."""
+    """Tick the feed until `is_done`; return the flight's time, s."""
     for number in range(20 * DEADLINE_S):
         if is_done():
             return first_s + number * 0.05

@@ -1,4 +1,4 @@
-"""Who gets at the page, and who does not, over the wire."""
+"""Tests the access check of the page over real connections."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import closing
@@ -32,7 +32,7 @@ def token_file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def local() -> Iterator[PageServer]:
-    """A page for this machine."""
+    """A page without a token, for this machine only."""
     server, _ = open_page("127.0.0.1", 0, None, "test")
     yield server
     server.stop()
@@ -40,14 +40,14 @@ def local() -> Iterator[PageServer]:
 
 @pytest.fixture
 def public(token_file: Path) -> Iterator[PageServer]:
-    """A page for whoever has the token."""
+    """A page that requires the token."""
     server, _ = open_page("0.0.0.0", 0, token_file, "test")
     yield server
     server.stop()
 
 
 def refusal(headers: Mapping[str, str], path: str = "/", token: str | None = TOKEN) -> str:
-    """What a request is told; nothing if it is let in."""
+    """Text of the refusal of a request; empty if the guard admits it."""
     refused = Guard(token, 8080).refusal(Request(path, Headers(headers)))
     return refused.body.decode() if refused and refused.status_code == 403 else ""
 
@@ -55,7 +55,7 @@ def refusal(headers: Mapping[str, str], path: str = "/", token: str | None = TOK
 def get(
     server: PageServer, path: str = "/", headers: Mapping[str, str] | None = None
 ) -> tuple[int, Message]:
-    """Status and headers of an answer."""
+    """Status and headers of a response."""
     connection = HTTPConnection("127.0.0.1", server.get_port(), timeout=TIMEOUT_S)
     with closing(connection):
         connection.request("GET", path, headers=dict(headers or {}))
@@ -66,7 +66,7 @@ def get(
 def open_socket(
     server: PageServer, origin: str | None = None, headers: Mapping[str, str] | None = None
 ) -> int:
-    """The status of a WebSocket's handshake, as the page makes it."""
+    """Status of a WebSocket handshake like the page's."""
     try:
         with connect(
             f"ws://127.0.0.1:{server.get_port()}",
