@@ -26,6 +26,7 @@ commands = typer.Typer(
 )
 Written = Annotated[Path, typer.Option(help="TOML file that is read and updated.")]
 DRONE = Path("drone.toml")
+"""Default configuration file."""
 
 
 @commands.command("range")
