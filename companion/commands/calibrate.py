@@ -26,6 +26,7 @@ commands = typer.Typer(
 )
 Written = Annotated[Path, typer.Option(help="TOML file that is read and updated.")]
 DRONE = Path("drone.toml")
+"""Default configuration file."""
 
 
 @commands.command("range")
@@ -78,7 +79,7 @@ def calibrate_gyro(
     bus: BusUrl = None,
     turns: Annotated[int, typer.Option(help="Number of full turns.", min=1, max=10)] = 3,
 ) -> None:
-    """Calibrate the gyro's scale factor with full turns by hand; remove its bias at rest first."""
+    """Calibrate the gyro's scale factor with full turns by hand; every flight measures the bias."""
     console = Console(highlight=False, markup=False)
     settings = _uncalibrated(config, link, bus)
     rig = _rig(settings, console)

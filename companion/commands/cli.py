@@ -29,6 +29,7 @@ MODULES = {
     "view": "companion.commands.view",
     "config": "companion.commands.config",
 }
+"""Module of each command, in the order of the help."""
 
 
 class Commands(TyperGroup):

@@ -19,6 +19,7 @@ SURELY_OCCUPIED = 7.0
 
 
 def write_bt(survey: Survey, path: Path) -> None:
+    """Write the octree with cells of `CELL_M`."""
     tree = pyoctomap.OcTree(CELL_M)
     for ray, point in zip(rays(survey.plan), points_enu_m(survey).astype(float), strict=False):
         eye = np.array([*ray[0], point[2]])

@@ -8,6 +8,7 @@ from companion.export.plan.survey import Survey
 
 
 def write_json(survey: Survey, path: Path) -> None:
+    """Write walls with covariance, openings, rooms and path."""
     plan = survey.plan
     record = {
         "frame": "local NED: origin at take-off, x along the first heading, z down",

@@ -9,6 +9,7 @@ from companion.export.map_files import save_as, save_json
 from companion.export.map_png import draw
 
 FORMATS = ("png", "json", "dxf", "svg", "pdf", "pgm", "ply", "pcd", "glb", "bt", "geojson")
+"""Known suffixes of file names, without the dot."""
 
 
 def write(plan: FloorPlan, path: Path, title: str, place: Place) -> None:

@@ -67,6 +67,7 @@ def ending(recording: Recording) -> str:
 
 
 def beam_uses(recording: Recording) -> list[BeamUse]:
+    """Shares of reading states, for each range sensor in the recording."""
     counts: dict[Beam, dict[RangeState, int]] = {}
     for tick in recording.ticks:
         for beam, reading in tick.inputs.scan.readings.items():

@@ -31,6 +31,7 @@ def write_report(recording: Recording, plan: FloorPlan, title: str, path: Path) 
 
 
 def report_page(recording: Recording, found: Survey, title: str) -> str:
+    """HTML text of the report."""
     end_s = recording.ticks[-1].now_s if recording.ticks else 0.0
     activities = spans(recording.phases, end_s)
     template = Template((files("companion.report") / "page.html").read_text(encoding="utf-8"))

@@ -26,8 +26,11 @@ from companion.view.access.secret import answer, is_loopback, needs_token, read_
 from companion.view.snapshot import encode, snapshot
 
 GREETING = b"PDPS view 1\n"
+"""First bytes from the drone; the number is the version of the protocol."""
 CHALLENGE_BYTES, ANSWER_BYTES = 16, 32
+"""Length of the challenge, and of an HMAC-SHA256, bytes."""
 LENGTH = struct.Struct(">I")
+"""Length of a snapshot, bytes, before the snapshot."""
 PERIOD_S = 0.1
 """Time between snapshots, s. Chosen."""
 SKETCH_PERIOD_S = 1.0

@@ -21,6 +21,7 @@ from companion.view.snapshot import Snapshot, sketch_of
 
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
 FIRST_SPEED = "5 ×"
+"""Playback speed at the start, times real time. Chosen."""
 PLOTTED = 700
 """Snapshots passed to the plots: 70 s at 10 Hz. Chosen: more than the plotted minute."""
 

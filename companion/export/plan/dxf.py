@@ -27,6 +27,7 @@ NOTHING_M = Vec3(5.0, 5.0, 0.0)
 
 
 def write_dxf(survey: Survey, path: Path) -> None:
+    """Write walls, openings, rooms, labels, dimensions and path, each on its own layer."""
     document = _document()
     space = document.modelspace()
     for wall in survey.plan.walls:

@@ -62,11 +62,13 @@ class Sheet:
 
 
 def write_svg(survey: Survey, path: Path, title: str) -> None:
+    """Write the sheet as SVG."""
     with rc_context(SVG_IDS):
         _draw(survey, title).savefig(path, format="svg", metadata={"Date": None, "Title": title})
 
 
 def write_pdf(survey: Survey, path: Path, title: str) -> None:
+    """Write the sheet as PDF."""
     _draw(survey, title).savefig(
         path, format="pdf", metadata={"CreationDate": None, "Title": title}
     )

@@ -190,6 +190,7 @@ class Drone:
 
 
 def position_ned_m(pose: Pose) -> Vector3:
+    """Position of a pose, local NED, m."""
     return pose.north_m, pose.east_m, pose.down_m
 
 

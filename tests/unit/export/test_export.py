@@ -289,7 +289,7 @@ def test_the_same_map_gives_the_same_files(exported: Exported, tmp_path: Path) -
 
 @pytest.mark.parametrize("name", WRITERS)
 def test_an_empty_map_is_exported(name: str, tmp_path: Path) -> None:
-    if name in ("ply", "glb"):  # they cannot hold nothing
+    if name in ("ply", "glb"):  # these formats cannot be empty
         with pytest.raises(OutputError, match="the map has no"):
             export(survey(FloorPlan()), [name], tmp_path, "map", LABELS)
         return
@@ -366,7 +366,7 @@ def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
 
 
 def test_the_inside_of_a_wall_is_no_part_of_a_room_though_its_ends_open_to_it() -> None:
-    """The partition is 14 cm thick; one face ends 3 cm before the outer wall; noisy hits lie inside."""
+    """The partition is 14 cm thick; one face ends 3 cm before the outer wall; hits lie inside."""
     outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
     south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
     north = [((4.54, 0), (4.54, 2.01)), ((4.54, 2.99), (4.54, 5))]
