@@ -115,7 +115,7 @@ def test_a_heading_that_was_turned_by_a_bias_that_no_gyro_has_is_doubted(seed: i
 
 
 @pytest.mark.parametrize(
-    "looking", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
+    "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
 )
 def test_hits_given_to_a_wrong_wall_are_given_back(search: Search) -> None:
     """The cabinet's hits were associated with the wall, which shifted the path by half a metre.

@@ -84,7 +84,7 @@ def test_two_walls_taken_for_one_are_doubted(seed: int, apart_m: float) -> None:
 
 
 @pytest.mark.parametrize(
-    "looking", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
+    "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
 )
 def test_each_of_them_is_given_its_own(search: Search) -> None:
     m, taken_for_one = flight_past_two_walls(1, 0.4)
