@@ -1,4 +1,4 @@
-"""Configuration of the range sensors: for each beam what looks there, and where it is connected."""
+"""Configuration of the range sensors: type and connection of each beam's sensor."""
 
 from typing import Annotated, Literal, get_args
 
@@ -9,16 +9,17 @@ from companion.core.messages import Beam
 SharpCurve = Literal["gp2y0a710k0f", "paper"]
 Profile = Literal["gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna"]
 PROFILES: tuple[str, ...] = get_args(Profile)
+"""Names of all sensor profiles."""
 
 
 class Group(BaseModel):
-    """Keys that belong together; an unknown one is refused."""
+    """A group of keys; unknown keys are rejected."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
 
 class AdcChannel(Group):
-    """Where a Sharp sensor is wired."""
+    """ADC input of a Sharp sensor."""
 
     address: int = Field(ge=0x48, le=0x4B)
     """I2C address of the ADS1115."""
@@ -27,9 +28,9 @@ class AdcChannel(Group):
 
 class _Mounted(Group):
     mount_offset_m: float | None = Field(None, ge=0, le=1)
-    """From the drone's centre along the beam; None: sensors.mount_offset_m."""
+    """Distance from the drone's centre along the beam, m; None: sensors.mount_offset_m."""
     bearing_deg: float | None = Field(None, ge=-180, le=180)
-    """From ahead, clockwise seen from above; None: that of the beam's name."""
+    """Bearing, clockwise from the nose seen from above; None: that of the beam's name."""
 
 
 class SharpOnAds1115(_Mounted, AdcChannel):
@@ -47,12 +48,13 @@ class SharpOnMcp3008(_Mounted):
     """SPI bus and chip select."""
     channel: int = Field(ge=0, le=7)
     reference_v: float = Field(3.3, ge=3.2, le=5.5)
-    """Voltage at the chip's VREF: above what a sensor puts out, so that a rail is told from it."""
+    """Voltage at the chip's VREF, above the sensor's output range, so that a short to a rail is
+    detected."""
     curve: SharpCurve = "gp2y0a710k0f"
 
 
 class Vl53l1xSensor(_Mounted):
-    """A VL53L1X, by itself or behind a TCA9548A: all of them wake up with the same address."""
+    """A VL53L1X, alone or behind a TCA9548A: all of them start with the same address."""
 
     kind: Literal["vl53l1x"] = "vl53l1x"
     address: int = Field(0x29, ge=0x08, le=0x77)
@@ -69,13 +71,13 @@ class TfminiSensor(_Mounted):
 
 
 class AutopilotRange(_Mounted):
-    """A sensor of the autopilot's, told as DISTANCE_SENSOR with the beam's orientation."""
+    """A sensor of the autopilot, reported as DISTANCE_SENSOR with the beam's orientation."""
 
     kind: Literal["autopilot"] = "autopilot"
     min_m: float = Field(0.2, gt=0, le=5)
     max_m: float = Field(8.0, gt=0, le=50)
     sigma_m: float = Field(0.05, gt=0, le=1)
-    """Of a reading whose message tells no covariance."""
+    """Sigma of a reading whose message contains no covariance, m."""
 
 
 RangeSensor = Annotated[
@@ -85,18 +87,20 @@ RangeSensor = Annotated[
 
 
 class Calibration(Group):
-    """What a tape measure says of one unit: it reads gain × distance + offset_m."""
+    """Calibration of one unit by tape measure: it reads gain × distance + offset_m."""
 
     gain: float = Field(1.0, ge=0.5, le=2)
     offset_m: float = Field(0.0, ge=-0.5, le=0.5)
 
 
 USUAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
+"""Beams of the default wiring, in order of channels and ports."""
 USUAL_MUX = 0x70
+"""Default I2C address of the multiplexer."""
 
 
 def usual_channels() -> dict[Beam, AdcChannel]:
-    """Five Sharp sensors on two ADS1115."""
+    """Default wiring: five Sharp sensors on two ADS1115."""
     return {
         Beam.FRONT: AdcChannel(address=0x48, channel=0),
         Beam.LEFT: AdcChannel(address=0x48, channel=1),
@@ -107,7 +111,7 @@ def usual_channels() -> dict[Beam, AdcChannel]:
 
 
 def usual_sensors(profile: Profile, channels: dict[Beam, AdcChannel]) -> dict[Beam, RangeSensor]:
-    """Five sensors of one kind, wired in the usual way; Sharp ones as `channels` says."""
+    """Five sensors of one type in the default wiring; `channels` are those of Sharp sensors."""
     match profile:
         case "gp2y0a710k0f" | "paper":
             return {

@@ -1,7 +1,7 @@
-"""Configuration: typed groups with unit, default and bounds, read from one TOML file.
+"""Configuration: typed groups with units, defaults and bounds, read from one TOML file.
 
-Whatever cannot be used ends in a `ConfigError` of one line that names file, key, value and what
-is allowed; an unknown key is refused, never ignored.
+Every error is a `ConfigError` of one line with file, key, value and allowed values. Unknown keys
+are rejected.
 """
 
 import math
@@ -34,7 +34,9 @@ _G = TypeVar("_G", bound=Group)
 MissionKind = Literal["room", "building", "exterior", "layers"]
 MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
 STANDOFFS = ("range", "accurate")
+"""Named stand-offs of `mission.standoff`."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
+"""Bounds of `mission.standoff`, m. Chosen."""
 
 
 def _standoff(value: object) -> object:
@@ -51,104 +53,107 @@ Standoff = Annotated[float | Literal["range", "accurate"], PlainValidator(_stand
 
 
 class LinkConfig(Group):
-    """MAVLink to the autopilot."""
+    """MAVLink connection to the autopilot."""
 
     url: str = Field(
         "udpin:127.0.0.1:14550",
         pattern=r"^((udpin|udpout):[^:]+:\d{1,5}|serial:/dev/[^:\s]+:\d{4,7})$",
     )
-    """udpin waits for the autopilot at this address; udpout speaks first; serial:/dev/PORT:BAUD."""
+    """udpin waits for the autopilot at this address; udpout sends first; serial:/dev/PORT:BAUD."""
     system_id: int = Field(1, ge=1, le=255)
     """The vehicle's system id, which the companion shares."""
     component_id: int = Field(191, ge=1, le=255)
     """MAV_COMP_ID_ONBOARD_COMPUTER."""
     signing_key: Path | None = None
-    """File of 64 hexadecimal digits, mode 600: frames are signed with it, and others refused."""
+    """File of 64 hexadecimal digits, mode 600: our frames are signed, and unsigned ones
+    rejected."""
     signing_timestamp: Path | None = None
-    """Where the latest time stamp is kept; None: beside the key."""
+    """File of the latest time stamp; None: beside the key."""
     tell_ranges: Literal["none", "distance_sensor", "obstacle_distance"] = "none"
-    """What the autopilot's own avoidance and terrain following get to know of our ranges."""
+    """Message that reports our ranges to the autopilot's own avoidance and terrain following."""
     tell_texts: bool = True
-    """Phases and faults as STATUSTEXT, for whoever looks on at a ground station."""
+    """Send phases and faults as STATUSTEXT to ground stations."""
     origin_lat_deg: float = Field(47.3977, ge=-90, le=90)
-    """Where on Earth the autopilot is told to be; roughly right is good enough for its compass.
-    All three at zero count as not told."""
+    """Position on Earth sent to the autopilot; an approximate one is sufficient for its compass.
+    All three at zero: not sent."""
     origin_lon_deg: float = Field(8.5456, ge=-180, le=180)
     origin_alt_m: float = Field(488.0, ge=-500, le=9000)
     send_pose: bool = False
-    """Tell the autopilot our pose as ODOMETRY; its parameters must say that it is to be used."""
+    """Send our pose to the autopilot as ODOMETRY; its parameters must enable its use."""
     setpoint_loss_s: float = Field(0.5, ge=0.2, le=5)
-    """So long after the last setpoint ArduPilot stops and PX4 lands, which each is set to."""
+    """Timeout of setpoints, s: ArduPilot then stops and PX4 lands, by their parameters."""
 
 
 class SensorsConfig(Group):
     """Range sensors and gyro."""
 
     bus: str = Field("/dev/i2c-1", pattern=r"^(/dev/i2c-\d+|sitl://[^:]+:\d{1,5})$")
-    """Where all wires end: I2C adapter, SPI devices and serial ports of this machine, or SITL's."""
+    """Location of all buses: I2C adapter, SPI devices and serial ports of this machine, or
+    SITL's."""
     profile: Profile = "gp2y0a710k0f"
-    """Five sensors of one kind, wired in the usual way."""
+    """Five sensors of one type in the default wiring."""
     ranges: dict[Beam, RangeSensor] = Field(default_factory=dict)
-    """Each beam's own sensor; where any is given, `profile` and `channels` do not count."""
+    """Sensor of each beam. If any is given, `profile` and `channels` are ignored."""
     calibration: dict[Beam, Calibration] = Field(default_factory=dict)
-    """Of each unit against a tape measure, written by `companion calibrate range`."""
+    """Calibration of each unit by tape measure, written by `companion calibrate range`."""
     channels: dict[Beam, AdcChannel] = Field(default_factory=usual_channels)
     mount_offset_m: float = Field(0.08, ge=0, le=1)
-    """How far from the drone's centre each sensor sits, along its own beam."""
+    """Distance of each sensor from the drone's centre along its beam, m."""
     gyro: Literal["lsm9ds1", "autopilot"] = "lsm9ds1"
-    """Ours, or the autopilot's, told as HIGHRES_IMU or SCALED_IMU."""
+    """Our gyro, or the autopilot's, reported as HIGHRES_IMU or SCALED_IMU."""
     gyro_gain: float = Field(1.0, ge=0.8, le=1.2)
-    """What it reads is gain × rate, written by `companion calibrate gyro`."""
+    """The reading is gain × rate; written by `companion calibrate gyro`."""
     gyro_address: int = Field(0x6B, ge=0x6A, le=0x6B)
     rest_s: float = Field(3.0, ge=1, le=60)
-    """How long the gyro's bias is averaged before arming."""
+    """Averaging time of the gyro's bias before arming, s."""
 
     @cached_property
     def beams(self) -> dict[Beam, RangeSensor]:
-        """What looks where."""
+        """The sensor of each beam."""
         return self.ranges or usual_sensors(self.profile, self.channels)
 
     def mount_of_m(self, beam: Beam) -> float:
-        """How far from the drone's centre along its beam."""
+        """Distance of the sensor from the drone's centre along its beam."""
         own = self.beams[beam].mount_offset_m
         return self.mount_offset_m if own is None else own
 
     def bearing_of_rad(self, beam: Beam) -> float:
-        """Where a level beam points, clockwise from the nose."""
+        """Bearing of a level beam, clockwise from the nose."""
         own_deg = self.beams[beam].bearing_deg
         return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
 
     @model_validator(mode="after")
-    def _can_be_wired_so(self) -> Self:
+    def _check_wiring(self) -> Self:
         check_places(self.beams, self.gyro_address if self.gyro == "lsm9ds1" else None)
         return self
 
 
 class MissionConfig(Group):
-    """How the room is flown."""
+    """Flight and mission parameters."""
 
     kind: MissionKind = "room"
-    """room: trace the walls of one room; building: see everything that can be reached; exterior:
-    go round whatever stands there, and not far off; layers: a building at several heights."""
+    """room: trace the walls of one room; building: explore all reachable space; exterior: fly
+    around the outside walls of nearby structures; layers: a building at several heights."""
     height_m: float = Field(1.2, ge=0.5, le=10)
     standoff: Standoff = 1.5
-    """Of the room's trace: metres, or as far as the sensor reaches, or where it is most exact."""
+    """Stand-off of the room's trace: metres, or "range" for the sensor's range, or "accurate" for
+    the distance of its best accuracy."""
     layer_spacing_m: float = Field(0.6, ge=0.2, le=5)
-    """Between the layers, from `height_m` up to the ceiling."""
+    """Spacing of the layers from `height_m` up to the ceiling, m."""
     speed_m_s: float = Field(1.0, ge=0.1, le=2)
     turn_rate_deg_s: float = Field(45.0, ge=10, le=90)
     clearance_m: float = Field(0.3, ge=0.1, le=2)
-    """Between the drone's body and anything, as far as the mission plans it."""
+    """Clearance between the drone's body and obstacles in planning, m."""
     time_limit_s: float = Field(600.0, gt=0, le=3600)
-    """Of the flight: the drone turns back in time to be home by then."""
+    """Limit of the flight time, s. The drone returns in time to be home by then."""
     reserve_s: float = Field(20.0, ge=0, le=600)
-    """Left of the limit, and of what the battery lasts, when it is home."""
+    """Reserve of flight time and of battery time at the return, s."""
     after_crash: Literal["land", "resume"] = "land"
-    """What `companion recover` does with a drone that it finds in the air."""
+    """Action of `companion recover` for a drone in the air."""
     battery_home_percent: float = Field(20.0, ge=0, le=100)
-    """With no more than this the drone turns back; 0: never."""
+    """Battery level at which the drone returns, %; 0: never."""
     battery_land_percent: float = Field(10.0, ge=0, le=100)
-    """With no more than this it lands where it is, or on floor nearby."""
+    """Battery level at which the drone lands in place, or on clear floor nearby, %."""
 
 
 class RecordingConfig(Group):
@@ -158,16 +163,17 @@ class RecordingConfig(Group):
 
 
 class ViewConfig(Group):
-    """Looking on while it flies: map and pose, read-only."""
+    """Read-only live view of map and pose in flight."""
 
     listen: str = Field("", pattern=r"^([^:]+:\d{1,5})?$")
-    """HOST:PORT for `companion view`; empty: nobody looks on."""
+    """HOST:PORT for `companion view`; empty: disabled."""
     token_file: Path | None = None
-    """File with the token that lookers must have; needed unless only this machine can connect."""
+    """File of the token that viewers must present; required unless only this machine can
+    connect."""
 
 
 class Config(Group):
-    """Everything that can be set."""
+    """All settings."""
 
     link: LinkConfig = LinkConfig()
     sensors: SensorsConfig = SensorsConfig()
@@ -176,7 +182,7 @@ class Config(Group):
     view: ViewConfig = ViewConfig()
 
     @model_validator(mode="after")
-    def _no_sensor_at_the_links_port(self) -> Self:
+    def _check_serial_ports(self) -> Self:
         for beam, sensor in self.sensors.beams.items():
             if isinstance(sensor, TfminiSensor) and self.link.url.startswith(
                 f"serial:{sensor.port}:"
@@ -192,7 +198,7 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
     """The configuration in `path`, or the defaults, with `overrides` such as {"link.url": ...}.
 
     Raises:
-        ConfigError: one line that says what to mend.
+        ConfigError: one line with the error and its location.
     """
     source = str(path) if path else "command line"
     values: dict[str, Any] = read_toml(path) if path else {}
@@ -203,10 +209,10 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
 
 
 def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
-    """Of the command line: "speed_m_s=0.6" as {"mission.speed_m_s": 0.6}, for `load`.
+    """Convert command-line assignments, "speed_m_s=0.6" to {"mission.speed_m_s": 0.6}, for `load`.
 
     Raises:
-        ConfigError: one is not KEY=VALUE.
+        ConfigError: an assignment is not KEY=VALUE.
     """
     settings: dict[str, object] = {}
     for assignment in assignments:
@@ -218,7 +224,7 @@ def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
 
 
 def _toml_value(text: str) -> object:
-    """As in a file; a word needs no quotes on the command line."""
+    """Parse a value as in a file; on the command line a word needs no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -226,15 +232,15 @@ def _toml_value(text: str) -> object:
 
 
 def to_toml(config: Config) -> str:
-    """The text of a file that `load` makes the same configuration of."""
+    """TOML text of a configuration, which `load` reads back unchanged."""
     return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
-    """Set one key, such as "sensors.calibration.front"; the rest of the file stays as it is.
+    """Set one key, such as "sensors.calibration.front", and keep the rest of the file.
 
     Raises:
-        ConfigError: the file cannot be read or written, or could not be used afterwards.
+        ConfigError: the file cannot be read or written, or would not be valid.
     """
     document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
     group: Any = document
@@ -253,7 +259,7 @@ def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
 
 
 def _item(value: Mapping[str, object] | float) -> Any:
-    """As it is written into a file: groups on one line."""
+    """Value as it is written into a file: groups on one line."""
     if not isinstance(value, Mapping):
         return tomlkit.item(value)
     table = tomlkit.inline_table()
@@ -262,16 +268,16 @@ def _item(value: Mapping[str, object] | float) -> Any:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """What a file says, not yet checked."""
+    """Contents of a file, not yet checked."""
     text = _text(path)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+    except (ValueError, RecursionError) as error:  # also for numbers and lists of excessive size
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 
 def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
-    """The settings, or a `ConfigError` of one line about the first that cannot be used."""
+    """The settings, or a `ConfigError` of one line about the first invalid one."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -295,12 +301,12 @@ def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
         known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
     complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-    told = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
-    return f"{told}: {complaint}"
+    setting = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
+    return f"{setting}: {complaint}"
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """The keys that are known at a place: in a group, or in one of a table's entries."""
+    """Known keys at a path: of a group, or of an entry of a table."""
     if not path:
         return list(group.model_fields)
     field, *rest = path
@@ -314,7 +320,7 @@ def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
 
 
 def _groups(entry: Any) -> list[type[BaseModel]]:
-    """Of a union that is told apart by `kind`, or of one group."""
+    """Groups of a union discriminated by `kind`, or of one group."""
     if isinstance(entry, type):
         return [entry]
     union, *_ = get_args(entry)
