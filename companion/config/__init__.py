@@ -1,1 +1,1 @@
-"""The configuration: typed groups with unit, default and bounds, from one TOML file."""
+"""Configuration: typed groups with units, defaults and bounds, from one TOML file."""

@@ -1,7 +1,7 @@
-"""Where the sensors are connected: what cannot work there is refused.
+"""Checks the sensors' connections and rejects conflicting ones.
 
-On I2C every chip with an address answers to it. Those on the bus itself are always connected; of
-those behind a TCA9548A the branch that is read is, and no other one.
+On I2C every chip answers to its address. Chips on the bus itself are always connected. Of the chips
+behind a TCA9548A only those of the selected branch are connected.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -18,10 +18,10 @@ from companion.core.messages import Beam
 
 
 def check_places(sensors: Mapping[Beam, RangeSensor], gyro_address: int | None) -> None:
-    """Whether all of them can be read; `gyro_address` is that of a gyro on the same bus.
+    """Check that all sensors can be read; `gyro_address` is that of a gyro on the same bus.
 
     Raises:
-        ValueError: one line that names two that cannot be, and the remedy.
+        ValueError: one line with two conflicting sensors and the remedy.
     """
     _check_inputs(sensors)
     _check_references(sensors)
@@ -29,23 +29,23 @@ def check_places(sensors: Mapping[Beam, RangeSensor], gyro_address: int | None) 
 
 
 def mux_addresses(sensors: Collection[RangeSensor]) -> list[int]:
-    """Of all multiplexers."""
+    """Addresses of all multiplexers."""
     found = {s.mux_address for s in sensors if isinstance(s, Vl53l1xSensor)}
     return sorted(address for address in found if address is not None)
 
 
 def _check_inputs(sensors: Mapping[Beam, RangeSensor]) -> None:
-    taken: dict[tuple[object, ...], Beam] = {}
+    users: dict[tuple[object, ...], Beam] = {}
     for beam, sensor in sensors.items():
-        if (where := _place(sensor)) and taken.setdefault(where, beam) is not beam:
+        if (where := _place(sensor)) and users.setdefault(where, beam) is not beam:
             raise ValueError(
-                f"{taken[where].value} and {beam.value} are wired to the same place; "
+                f"{users[where].value} and {beam.value} are wired to the same place; "
                 "give each an address, channel or port of its own"
             )
 
 
 def _place(sensor: RangeSensor) -> tuple[object, ...]:
-    """What no two sensors can share; those of the autopilot are told apart by their beam."""
+    """Connection that no two sensors can share; empty for the autopilot's, which differ by beam."""
     match sensor:
         case SharpOnAds1115():
             return "ADS1115", sensor.address, sensor.channel
@@ -69,7 +69,7 @@ def _check_references(sensors: Mapping[Beam, RangeSensor]) -> None:
         if volts != sensor.reference_v:
             raise ValueError(
                 f"ranges.{other.value}.reference_v = {volts:g} and ranges.{beam.value}.reference_v "
-                f"= {sensor.reference_v:g} are of one chip, {sensor.device}; it has only one"
+                f"= {sensor.reference_v:g} differ, but {sensor.device} is one chip"
             )
 
 
@@ -88,7 +88,7 @@ def _check_addresses(sensors: Mapping[Beam, RangeSensor], gyro_address: int | No
 def _chips_on_bus(
     sensors: Mapping[Beam, RangeSensor], gyro_address: int | None
 ) -> Iterator[tuple[int, str]]:
-    """Address and name of all that are always connected."""
+    """Address and name of all chips that are always connected."""
     if gyro_address is not None:
         yield gyro_address, "the gyro"
     for beam, sensor in sensors.items():

@@ -9,6 +9,7 @@ from companion.core.messages import Beam
 SharpCurve = Literal["gp2y0a710k0f", "paper"]
 Profile = Literal["gp2y0a710k0f", "paper", "vl53l1x", "tfmini_s", "tf_luna"]
 PROFILES: tuple[str, ...] = get_args(Profile)
+"""Names of all sensor profiles."""
 
 
 class Group(BaseModel):
@@ -108,7 +109,9 @@ class Calibration(Group):
 
 
 USUAL_BEAMS = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
+"""Beams of the default wiring, in order of channels and ports."""
 USUAL_MUX = 0x70
+"""Default I2C address of the multiplexer."""
 
 
 def usual_channels() -> dict[Beam, AdcChannel]:

@@ -1,7 +1,7 @@
-"""Configuration: typed groups with unit, default and bounds, read from one TOML file.
+"""Configuration: typed groups with units, defaults and bounds, read from one TOML file.
 
-Whatever cannot be used ends in a `ConfigError` of one line that names file, key, value and what
-is allowed; an unknown key is refused, never ignored.
+Every error is a `ConfigError` of one line with file, key, value and allowed values. Unknown keys
+are rejected.
 """
 
 import math
@@ -41,7 +41,9 @@ _G = TypeVar("_G", bound=Group)
 MissionKind = Literal["room", "building", "exterior", "layers"]
 MISSION_KINDS: tuple[str, ...] = get_args(MissionKind)
 STANDOFFS = ("range", "accurate")
+"""Named stand-offs of `mission.standoff`."""
 MIN_STANDOFF_M, MAX_STANDOFF_M = 0.6, 5.0
+"""Bounds of `mission.standoff`, m. Chosen."""
 
 
 def _standoff(value: object) -> object:
@@ -134,21 +136,21 @@ class SensorsConfig(Group):
 
     @cached_property
     def beams(self) -> dict[Beam, RangeSensor]:
-        """What looks where."""
+        """The sensor of each beam."""
         return self.ranges or usual_sensors(self.profile, self.channels)
 
     def mount_of_m(self, beam: Beam) -> float:
-        """How far from the drone's centre along its beam."""
+        """Distance of the sensor from the drone's centre along its beam."""
         own = self.beams[beam].mount_offset_m
         return self.mount_offset_m if own is None else own
 
     def bearing_of_rad(self, beam: Beam) -> float:
-        """Where a level beam points, clockwise from the nose."""
+        """Bearing of a level beam, clockwise from the nose."""
         own_deg = self.beams[beam].bearing_deg
         return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
 
     @model_validator(mode="after")
-    def _can_be_wired_so(self) -> Self:
+    def _check_wiring(self) -> Self:
         check_places(self.beams, self.gyro_address if self.gyro == "lsm9ds1" else None)
         return self
 
@@ -211,7 +213,7 @@ class Config(Group):
     view: ViewConfig = ViewConfig()
 
     @model_validator(mode="after")
-    def _no_sensor_at_the_links_port(self) -> Self:
+    def _check_serial_ports(self) -> Self:
         for beam, sensor in self.sensors.beams.items():
             if isinstance(sensor, TfminiSensor) and self.link.url.startswith(
                 f"serial:{sensor.port}:"
@@ -227,7 +229,7 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
     """The configuration in `path`, or the defaults, with `overrides` such as {"link.url": ...}.
 
     Raises:
-        ConfigError: one line that says what to mend.
+        ConfigError: one line with the error and its location.
     """
     source = str(path) if path else "command line"
     values: dict[str, Any] = read_toml(path) if path else {}
@@ -238,10 +240,10 @@ def load(path: Path | None, overrides: Mapping[str, object] | None = None) -> Co
 
 
 def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
-    """Of the command line: "speed_m_s=0.6" as {"mission.speed_m_s": 0.6}, for `load`.
+    """Convert command-line assignments, "speed_m_s=0.6" to {"mission.speed_m_s": 0.6}, for `load`.
 
     Raises:
-        ConfigError: one is not KEY=VALUE.
+        ConfigError: an assignment is not KEY=VALUE.
     """
     settings: dict[str, object] = {}
     for assignment in assignments:
@@ -253,7 +255,7 @@ def mission_settings(assignments: Sequence[str]) -> dict[str, object]:
 
 
 def _toml_value(text: str) -> object:
-    """As in a file; a word needs no quotes on the command line."""
+    """Parse a value as in a file; on the command line a word needs no quotes."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except (ValueError, RecursionError):
@@ -261,15 +263,15 @@ def _toml_value(text: str) -> object:
 
 
 def to_toml(config: Config) -> str:
-    """The text of a file that `load` makes the same configuration of."""
+    """TOML text of a configuration, which `load` reads back unchanged."""
     return tomlkit.dumps(config.model_dump(mode="json", exclude_none=True))
 
 
 def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
-    """Set one key, such as "sensors.calibration.front"; the rest of the file stays as it is.
+    """Set one key, such as "sensors.calibration.front", and keep the rest of the file.
 
     Raises:
-        ConfigError: the file cannot be read or written, or could not be used afterwards.
+        ConfigError: the file cannot be read or written, or would not be valid.
     """
     document = tomlkit.parse(_text(path)) if path.exists() else tomlkit.document()
     group: Any = document
@@ -288,7 +290,7 @@ def update(path: Path, key: str, value: Mapping[str, object] | float) -> None:
 
 
 def _item(value: Mapping[str, object] | float) -> Any:
-    """As it is written into a file: groups on one line."""
+    """Value as it is written into a file: groups on one line."""
     if not isinstance(value, Mapping):
         return tomlkit.item(value)
     table = tomlkit.inline_table()
@@ -297,16 +299,16 @@ def _item(value: Mapping[str, object] | float) -> Any:
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """What a file says, not yet checked."""
+    """Contents of a file, not yet checked."""
     text = _text(path)
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:  # also of numbers and lists without end
+    except (ValueError, RecursionError) as error:  # also for numbers and lists of excessive size
         raise ConfigError(f"{path}: not TOML: {error}") from error
 
 
 def validated(model: type[_G], values: Mapping[str, Any], source: str) -> _G:
-    """The settings, or a `ConfigError` of one line about the first that cannot be used."""
+    """The settings, or a `ConfigError` of one line about the first invalid one."""
     try:
         return model.model_validate(values)
     except ValidationError as error:
@@ -330,12 +332,12 @@ def _first_complaint(model: type[BaseModel], error: ValidationError) -> str:
         known = ", ".join(sorted(_keys_at(model, first["loc"][:-1])))
         return f"{key} = {first['input']!r}: no such key; known here: {known}"
     complaint = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-    told = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
-    return f"{told}: {complaint}"
+    setting = key if isinstance(first["input"], Mapping) else f"{key} = {first['input']!r}"
+    return f"{setting}: {complaint}"
 
 
 def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
-    """The keys that are known at a place: in a group, or in one of a table's entries."""
+    """Known keys at a path: of a group, or of an entry of a table."""
     if not path:
         return list(group.model_fields)
     field, *rest = path
@@ -349,7 +351,7 @@ def _keys_at(group: type[BaseModel], path: tuple[int | str, ...]) -> list[str]:
 
 
 def _groups(entry: Any) -> list[type[BaseModel]]:
-    """Of a union that is told apart by `kind`, or of one group."""
+    """Groups of a union discriminated by `kind`, or of one group."""
     if isinstance(entry, type):
         return [entry]
     union, *_ = get_args(entry)

@@ -1,1 +1,1 @@
-"""Words that every room uses: messages between the stages, frames, values, errors, text."""
+"""Types shared by all packages: messages, frames, values, errors, text files."""

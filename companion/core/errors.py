@@ -1,16 +1,16 @@
-"""Everything the companion can refuse, under one root, with words for the person reading it."""
+"""Exceptions of the companion, under one root, with texts for the user."""
 
 
 class CompanionError(Exception):
-    """Root of all errors that are told to the user as one line."""
+    """Root of all errors that are shown to the user as one line."""
 
 
 class ConfigError(CompanionError, ValueError):
-    """A configuration file, key or value that cannot be used."""
+    """A configuration file, key or value is not valid."""
 
 
 class SensorError(CompanionError, OSError):
-    """A sensor that is absent, is not what it should be, or cannot be trusted."""
+    """A sensor is absent, has the wrong identity, or is not reliable."""
 
 
 class LinkError(CompanionError, OSError):
@@ -18,24 +18,24 @@ class LinkError(CompanionError, OSError):
 
 
 class LogError(CompanionError, ValueError):
-    """A recorded log that holds nothing to make a map of."""
+    """A recorded log contains no data for a map."""
 
 
 class OutputError(CompanionError, OSError):
-    """A result that cannot be written."""
+    """A result cannot be written."""
 
 
 class RecordingError(CompanionError, OSError):
-    """A recording that cannot be written or read."""
+    """A recording cannot be written or read."""
 
 
 class ViewError(CompanionError, OSError):
-    """A page or a feed that cannot be opened."""
+    """A page or a feed cannot be opened."""
 
 
 class FlightEndedError(CompanionError, RuntimeError):
-    """A flight that ended otherwise than its script meant it to."""
+    """A flight ended differently than its script expects."""
 
 
 class MissingExtraError(CompanionError, ImportError):
-    """A library that only an extra brings along."""
+    """A library of an optional extra is missing."""

@@ -1,32 +1,34 @@
-"""What only some machines have installed."""
+"""Optional dependencies, which not every machine has installed."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 from companion.core.errors import MissingExtraError
 
-BRINGS = {
+PACKAGES_OF_EXTRA = {
     "sitl": ("fcl", "evo", "PIL", "shapely", "yaml"),
     "export": ("ezdxf", "pyoctomap"),
     "viewer": ("viser", "websockets"),
 }
-"""Packages that an extra of pyproject.toml installs, by the name that they are imported by."""
+"""Packages of each extra of pyproject.toml, by import name."""
 
 
 @contextmanager
 def needs_extra(extra: str) -> Iterator[None]:
-    """Whatever is missing inside is told of in one line, with the remedy.
+    """Report a missing optional dependency in one line, with the remedy.
 
-    A package that another extra is known to bring along is told with that one.
+    A package that belongs to another extra is reported with that extra.
 
     Raises:
-        MissingExtraError: in place of ModuleNotFoundError.
+        MissingExtraError: replaces ModuleNotFoundError.
     """
     try:
         yield
     except ModuleNotFoundError as error:
         package = (error.name or "").partition(".")[0]
-        its = next((name for name, packages in BRINGS.items() if package in packages), extra)
+        name = next(
+            (name for name, packages in PACKAGES_OF_EXTRA.items() if package in packages), extra
+        )
         raise MissingExtraError(
-            f"this needs {error.name}, which is not installed: pip install 'pdps-companion[{its}]'"
+            f"this needs {error.name}, which is not installed: pip install 'pdps-companion[{name}]'"
         ) from error

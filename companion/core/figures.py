@@ -1,7 +1,7 @@
-"""matplotlib's figures, which are drawn without a backend, whichever one the environment names.
+"""Imports of matplotlib's figures, which are drawn without a display backend.
 
-matplotlib refuses to be loaded where MPLBACKEND names a backend that is not installed, as in a
-process that a notebook has started. A program whose own backend is there keeps it.
+matplotlib fails to import if MPLBACKEND names a backend that is not installed, as in a process
+started by a notebook. A program whose own backend is installed keeps it.
 """
 
 import os
@@ -9,6 +9,7 @@ import sys
 from contextlib import suppress
 
 VARIABLE = "MPLBACKEND"
+"""Environment variable that names matplotlib's backend."""
 
 _is_first = "matplotlib" not in sys.modules
 _named = os.environ.pop(VARIABLE, "") if _is_first else ""
@@ -23,7 +24,7 @@ finally:
     if _named:
         os.environ[VARIABLE] = _named
 if _named:
-    with suppress(ValueError):  # not installed here, and no figure of ours needs it
+    with suppress(ValueError):  # not installed here, and no figure needs it
         rcParams["backend"] = _named
 
 __all__ = ["Axes", "Figure", "LineCollection", "Outline", "PathPatch", "Polygon", "rc_context"]

@@ -1,13 +1,13 @@
-"""Frames, and every conversion between them.
+"""Coordinate frames and all conversions between them.
 
-Two frames live inside the program, both right-handed with z down:
+The program uses two frames, both right-handed with z down:
 
-- **local NED**: origin where the drone took off; x along its first heading ("north"),
-  y to the right of it ("east"), z down. Yaw is clockwise seen from above, zero at the start.
+- **local NED**: origin at the take-off point; x along the first heading ("north"), y to the right
+  of it ("east"), z down. Yaw is clockwise seen from above, zero at the start.
 - **body FRD**: x forward, y right, z down.
 
-Recordings and exports follow their readers' habits: ENU (x east, y north, z up) and body FLU
-(x forward, y left, z up) as ROS, PLY and DXF have them, y up as glTF has it, or degrees on Earth.
+Recordings and exports use their readers' conventions: ENU (x east, y north, z up) and body FLU
+(x forward, y left, z up) for ROS, PLY and DXF, y up for glTF, or geographic degrees.
 """
 
 import math
@@ -21,7 +21,7 @@ Vector3 = tuple[float, float, float]
 
 
 def wrap_rad(angle_rad: float) -> float:
-    """The same direction in [-π, π)."""
+    """Wrap an angle to [-π, π)."""
     return (angle_rad + math.pi) % math.tau - math.pi
 
 
@@ -69,7 +69,7 @@ EARTH_ECCENTRICITY_2 = 6.694_379_990_141e-3
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Where on Earth, WGS 84, the local frame has its origin, and whither its x axis points."""
+    """Position of the local frame's origin on Earth, WGS 84, and direction of its x axis."""
 
     lat_deg: float
     lon_deg: float
@@ -79,8 +79,8 @@ class Place:
     def lon_lat_deg(self, north: float, east: float) -> Vector2:
         """Local NED (north, east) to longitude and latitude.
 
-        On the ellipsoid's tangent plane at the origin, by its radii of curvature there; within
-        a millimetre over 100 m.
+        Uses the ellipsoid's tangent plane at the origin and its radii of curvature; exact to a
+        millimetre within 100 m.
         """
         true_north_m, true_east_m = frd_to_ned(north, east, self.heading_rad)
         lat_rad = math.radians(self.lat_deg)

@@ -1,4 +1,4 @@
-"""The mapped walls, and how well they are known together."""
+"""The mapped walls with their joint covariance."""
 
 import math
 from dataclasses import dataclass
@@ -10,58 +10,58 @@ from companion.core.frames import Vector2
 
 Array = NDArray[np.float64]
 OPPOSITE_RAD = math.radians(10)
-"""Two walls are opposite within this."""
+"""Walls are opposite within this angle, rad. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class KnownWalls:
-    """Lines {p : p·n = offset}, the normals away from where they were seen; local NED, metres."""
+    """Lines {p : p·n = offset}, normals away from the drone; local NED, metres."""
 
     normals: Array
-    """(w, 2)."""
+    """(w, 2): unit normals."""
     offsets_m: Array
-    """(w,)."""
+    """(w,): distances from the origin."""
     reach_m: Array
-    """(w, 2): from where to where along (-sin, cos)(normal)."""
+    """(w, 2): interval along (-sin, cos)(normal)."""
     covariance_m2: Array
-    """(w, w): of the walls' distances from the origin, at their middles."""
+    """(w, w): covariance of the walls' offsets at their middles."""
 
     @classmethod
     def none(cls) -> "KnownWalls":
-        """Before any was mapped."""
+        """An empty set of walls."""
         return cls(np.empty((0, 2)), np.empty(0), np.empty((0, 2)), np.empty((0, 0)))
 
     @property
     def tangents(self) -> Array:
-        """(w, 2)."""
+        """(w, 2): unit vectors along the walls."""
         return np.column_stack([-self.normals[:, 1], self.normals[:, 0]])
 
     @property
     def lengths_m(self) -> Array:
-        """(w,)."""
+        """(w,): lengths of the walls."""
         lengths_m: Array = np.ptp(self.reach_m, axis=1)
         return lengths_m
 
     @property
     def sigmas_m(self) -> Array:
-        """(w,): of their distances from the origin."""
+        """(w,): sigmas of the walls' offsets."""
         sigmas_m: Array = np.sqrt(np.diag(self.covariance_m2))
         return sigmas_m
 
     def distances_m(self, places_ne_m: Array) -> Array:
-        """(p, w): how far it is from places (p, 2) straight to the walls; < 0 from behind."""
-        away_m: Array = self.offsets_m - places_ne_m @ self.normals.T
-        return away_m
+        """(p, w): perpendicular distances from positions (p, 2) to the walls; < 0 from behind."""
+        distance_m: Array = self.offsets_m - places_ne_m @ self.normals.T
+        return distance_m
 
     def foot_ne_m(self, wall: int, place_ne_m: Vector2) -> Vector2:
-        """Where a beam straight to the wall meets it."""
+        """Foot of the perpendicular from a position to the wall."""
         north, east = self.normals[wall].tolist()
-        away_m = float(self.offsets_m[wall]) - place_ne_m[0] * north - place_ne_m[1] * east
-        return place_ne_m[0] + away_m * north, place_ne_m[1] + away_m * east
+        distance_m = float(self.offsets_m[wall]) - place_ne_m[0] * north - place_ne_m[1] * east
+        return place_ne_m[0] + distance_m * north, place_ne_m[1] + distance_m * east
 
     def gap_sigmas_m(self) -> Array:
-        """(w, w): of the distance between walls that face one another; 0 for all others."""
+        """(w, w): sigma of the distance between walls that face each other; 0 for all others."""
         variance = np.diag(self.covariance_m2)
         gap_m2 = variance + variance[:, None] + 2 * self.covariance_m2
-        faces = self.normals @ self.normals.T < -math.cos(OPPOSITE_RAD)
-        return np.where(faces, np.sqrt(np.maximum(gap_m2, 0.0)), 0.0)
+        is_facing = self.normals @ self.normals.T < -math.cos(OPPOSITE_RAD)
+        return np.where(is_facing, np.sqrt(np.maximum(gap_m2, 0.0)), 0.0)

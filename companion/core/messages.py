@@ -1,7 +1,7 @@
-"""The values that the stages of a flight hand to each other.
+"""Messages between the stages of a flight.
 
-All frozen, all SI and radians, local NED and body FRD as in `frames`. `time_s` is the flight's
-own clock, which may be virtual.
+All are frozen, in SI units and radians, in the frames local NED and body FRD of `frames`. `time_s`
+is the flight's own clock, which may be virtual.
 """
 
 import enum
@@ -14,7 +14,7 @@ from companion.core.values import value
 
 
 class Beam(enum.StrEnum):
-    """Where a range sensor looks, in body FRD."""
+    """Direction of a range sensor's beam, in body FRD."""
 
     FRONT = "front"
     RIGHT = "right"
@@ -24,7 +24,7 @@ class Beam(enum.StrEnum):
     DOWN = "down"
 
     __hash__ = str.__hash__
-    """Readings are looked up by beam all the time, and an enum's own hash is slow."""
+    """Readings are looked up by beam often, and an enum's own hash is slow."""
 
 
 BEARING_FRD_RAD: Mapping[Beam, float] = {
@@ -33,11 +33,11 @@ BEARING_FRD_RAD: Mapping[Beam, float] = {
     Beam.BACK: math.pi,
     Beam.LEFT: -math.pi / 2,
 }
-"""Where the level beams look, clockwise from the nose."""
+"""Bearings of the level beams, clockwise from the nose, rad."""
 
 
 class RangeState(enum.Enum):
-    """What a range sensor has to say; the five never look alike."""
+    """Result of a range measurement; the five states are distinct."""
 
     DISTANCE = "distance"
     NOTHING = "nothing in range"
@@ -48,17 +48,17 @@ class RangeState(enum.Enum):
 
 @value
 class RangeReading:
-    """One range: a distance with its variance, or the reason why there is none.
+    """One range reading: a distance with its variance, or the state without one.
 
-    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE; of what is TOO_NEAR,
-    `distance_m` may be a guess, not fit for a map.
+    `distance_m` and `variance_m2` are NaN unless `state` is DISTANCE. With TOO_NEAR, `distance_m`
+    may be a rough estimate that is not fit for a map.
     """
 
     state: RangeState
     distance_m: float = float("nan")
     variance_m2: float = float("nan")
     raw: float = float("nan")
-    """What the sensor itself put out, in its own unit, if that says more than the distance."""
+    """Raw output of the sensor in its own unit, if it contains more than the distance."""
 
     @property
     def is_distance(self) -> bool:
@@ -66,12 +66,12 @@ class RangeReading:
 
     @property
     def is_alive(self) -> bool:
-        """The sensor answered, whatever it saw."""
+        """True if the sensor answered, with or without a distance."""
         return self.state not in (RangeState.STALE, RangeState.FAILED)
 
 
 class RangeModel(Protocol):
-    """What is known of a kind of range sensor."""
+    """Measurement model of a type of range sensor."""
 
     @property
     def min_m(self) -> float: ...
@@ -81,12 +81,12 @@ class RangeModel(Protocol):
 
     @property
     def gain_sigma(self) -> float:
-        """What calibration leaves of the unit's gain error, relative; part of `sigma_m`."""
+        """Relative sigma of the unit's gain error after calibration; part of `sigma_m`."""
         ...
 
     @property
     def mean_age_s(self) -> float:
-        """How old a reading is on average: half the time between two fresh ones."""
+        """Mean age of a reading: half the interval between two measurements."""
         ...
 
     def sigma_m(self, distance_m: float) -> float:
@@ -94,7 +94,7 @@ class RangeModel(Protocol):
         ...
 
     def alias_m(self, distance_m: float) -> float | None:
-        """The distance below its least one at which it reads the same; None if there is none."""
+        """The distance below the least one that gives the same reading; None if there is none."""
         ...
 
 
@@ -104,14 +104,14 @@ class RangeUnit:
 
     model: RangeModel
     bearing_frd_rad: float
-    """Where its beam points, clockwise from the nose."""
+    """Bearing of its beam, clockwise from the nose."""
     offset_m: float
-    """From the drone's centre to the sensor, along its beam."""
+    """Distance from the drone's centre to the sensor, along its beam."""
 
 
 @value
 class RangeScan:
-    """One sweep over all range sensors."""
+    """One reading of all range sensors."""
 
     time_s: float
     readings: Mapping[Beam, RangeReading]
@@ -124,14 +124,14 @@ class GyroSample:
     time_s: float
     yaw_rate_rad_s: float
     turn_variance_rad2: float = 0.0
-    """Of the turn since the sample before, beside the gyro's own noise: it was bridged."""
+    """Additional variance of the turn since the last sample, if a gap was bridged."""
 
 
 @value
 class Odometry:
     """The autopilot's own estimate in its own drifting local NED frame.
 
-    From LOCAL_POSITION_NED (32) and ATTITUDE (30), carried to `time_s`.
+    From LOCAL_POSITION_NED (32) and ATTITUDE (30), extrapolated to `time_s`.
     """
 
     time_s: float
@@ -139,13 +139,13 @@ class Odometry:
     velocity_ned_m_s: Vector3
     yaw_rad: float
     follows_us: bool = False
-    """The autopilot is told our pose: its heading knows nothing that we did not say."""
+    """The autopilot receives our pose, so its heading contains no information of its own."""
     pulled_rad: float = 0.0
-    """So far in all its estimator has pulled `yaw_rad` beyond what its rates add up to."""
+    """Sum of the estimator's corrections of `yaw_rad` beyond its integrated rates."""
 
     @property
     def turned_rad(self) -> float:
-        """What its rates add up to, but for whole turns: how it has turned, not where north is."""
+        """Integral of its rates except for whole turns: a turn, not a direction to north."""
         return wrap_rad(self.yaw_rad - self.pulled_rad)
 
 
@@ -160,64 +160,65 @@ class LandedState(enum.Enum):
 
 
 LINK_SILENT_S = 1.0
-JUST_TOLD_S = 0.1
-"""Two ticks of the control loop."""
+"""A longer silence is a lost link, not random message loss, s. Chosen."""
+RECENT_MODE_S = 0.1
+"""A mode report is recent within this time, s: two ticks of the control loop."""
 
 
 @value
 class VehicleState:
-    """What the link knows of the autopilot at this moment."""
+    """State of the autopilot as the link reports it."""
 
     connected: bool = False
     silent_s: float = float("inf")
-    """How long nothing at all has been heard from it."""
+    """Time since the last message of any kind."""
     unfit: str = ""
-    """Why what is heard there is not flown, and what to do; empty: nothing against it."""
+    """Reason not to fly with this autopilot, and the remedy; empty if there is none."""
     mode: str = ""
     mode_age_s: float = 0.0
-    """How long ago a HEARTBEAT has told the mode, and whether it is armed."""
+    """Time since the last HEARTBEAT, which reports mode and armed state."""
     in_offboard_mode: bool = False
-    """The mode in which the autopilot follows our setpoints: GUIDED or OFFBOARD."""
+    """True in the mode that follows our setpoints: GUIDED or OFFBOARD."""
     left_offboard: bool = False
-    """Since the last look at it, it has left that mode, even if it is back in it by now."""
+    """It has left that mode since the last tick, even if it has returned to it."""
     takes_off_by_setpoint: bool = False
-    """It lifts off by a climbing setpoint (PX4) rather than by a command (ArduPilot)."""
+    """Take-off is by a climbing setpoint (PX4), not by a command (ArduPilot)."""
     armed: bool = False
     landed_state: LandedState = LandedState.UNKNOWN
     estimate_ready: bool = False
-    """The autopilot claims a usable position and sends it."""
+    """The autopilot reports a usable position estimate and sends it."""
     waits_for: str = ""
-    """Why not, in words."""
+    """Text of the reason if it does not."""
     refusal: str = ""
-    """The latest reason why a command was refused, in the autopilot's own words."""
+    """Latest reason for a refused command, as the autopilot's text."""
     is_refused: bool = False
-    """The command that was asked for last has got no answer but refusals."""
+    """The last command has received refusals only."""
     battery: float | None = None
-    """Share left, 0 to 1; None: it does not tell."""
+    """Remaining share, 0 to 1; None if not reported."""
 
     @property
     def is_silent(self) -> bool:
-        """For longer than messages are lost by chance."""
+        """True if the silence exceeds random message loss."""
         return self.silent_s > LINK_SILENT_S
 
     @property
     def is_mode_recent(self) -> bool:
-        """So lately that a pilot's change since then is unlikely."""
-        return self.mode_age_s <= JUST_TOLD_S
+        """True if the mode report is so recent that the pilot has hardly changed it since."""
+        return self.mode_age_s <= RECENT_MODE_S
 
 
 def is_ours(vehicle: VehicleState) -> bool:
-    """It flies, and follows us."""
+    """True if the vehicle is armed and follows our setpoints."""
     return vehicle.armed and vehicle.in_offboard_mode
 
 
 @value
 class Fault:
-    """Something is not well: the drone holds, and lands if it lasts."""
+    """A fault: the drone holds, and lands if the fault lasts."""
 
     text: str
     lasts_s: float
-    """So long it is borne."""
+    """Time after which the drone lands."""
 
 
 @value
@@ -232,7 +233,7 @@ class Pose:
     position_sigma_m: float = 0.0
     yaw_sigma_rad: float = 0.0
     reset_counter: int = 0
-    """One more each time that the pose has been set right by a step."""
+    """Incremented with each step of the pose by a correction."""
 
     @property
     def ne_m(self) -> Vector2:
@@ -241,13 +242,13 @@ class Pose:
 
     @property
     def height_m(self) -> float:
-        """Above the take-off point."""
+        """Height above the take-off point."""
         return -self.down_m
 
 
 @value
 class Setpoint:
-    """Velocity in body FRD and yaw rate; what the drone is asked to do until the next one."""
+    """Velocity in body FRD and yaw rate, valid until the next setpoint."""
 
     forward_m_s: float = 0.0
     right_m_s: float = 0.0
@@ -256,13 +257,14 @@ class Setpoint:
 
 
 HOLD = Setpoint()
+"""The setpoint to hover in place."""
 FIRST_LAG_S = 0.6
-"""How long a drone goes on at its velocity when it is stopped, until that has been learnt: between
-ArduCopter 4.6 and PX4 1.17 (docs/autopilot.md)."""
+"""Initial lag of the velocity response, s, until it has been estimated: between those of ArduCopter
+4.6 and PX4 1.17 (docs/autopilot.md)."""
 
 
 class CommandKind(enum.Enum):
-    """What the companion may ask of the autopilot besides setpoints."""
+    """Commands to the autopilot besides setpoints."""
 
     OFFBOARD_MODE = "follow setpoints"
     ARM = "arm"
@@ -275,11 +277,11 @@ class CommandKind(enum.Enum):
 class Command:
     kind: CommandKind
     height_m: float = 0.0
-    """For TAKE_OFF: above the ground."""
+    """Height above the ground for TAKE_OFF."""
 
 
 class Task(enum.Enum):
-    """What a script may order, step by step."""
+    """Tasks of a script, executed one by one."""
 
     WAIT = "wait"
     TAKE_OFF = "take off"
@@ -290,46 +292,46 @@ class Task(enum.Enum):
 
 @value
 class Order:
-    """One step of a script; a higher number is a new one."""
+    """One step of a script; a higher number is a new step."""
 
     number: int = 0
     task: Task = Task.WAIT
     mission: str = ""
-    """Which mission is scanned by; empty: the configuration's."""
+    """Mission of a scan; empty: that of the configuration."""
 
 
 @value
 class Hit:
-    """A point where a beam met something, local NED, with the variance along the beam."""
+    """End of a beam on an obstacle, local NED, with the variance along the beam."""
 
     time_s: float
     beam: Beam
     position_ned_m: Vector3
     variance_m2: float
     wall: int | None = None
-    """Which of the map's wall lines it is on, if any."""
+    """Index of its wall line in the map, if any."""
 
 
 @value
 class WallLine:
-    """A wall as the estimator knows it, local NED: {p : p·n = offset}, n = (cos, sin)(normal)."""
+    """A wall of the estimator, local NED: {p : p·n = offset}, n = (cos, sin)(normal)."""
 
     normal_rad: float
     offset_m: float
     sigma_m: float
-    """Of the offset, `anchor_m` along the wall, that is at p·t = anchor_m, t = (-sin, cos)(normal).
-    There it does not depend on the error of the direction."""
+    """Sigma of the offset at `anchor_m` along the wall, at p·t = anchor_m, t = (-sin, cos)(normal).
+    There it is independent of the error of the direction."""
     normal_sigma_rad: float = 0.0
     anchor_m: float = 0.0
 
     def sigma_at_m(self, along_m: float) -> float:
-        """Across the wall, at a place along it."""
+        """Sigma across the wall at a position along it."""
         return math.hypot(self.sigma_m, (along_m - self.anchor_m) * self.normal_sigma_rad)
 
 
 @value
 class WallSegment:
-    """A straight piece of wall seen from above, local NED (north, east)."""
+    """A straight piece of wall in the plan view, local NED (north, east)."""
 
     start_ne_m: Vector2
     end_ne_m: Vector2
@@ -337,7 +339,7 @@ class WallSegment:
     """Standard deviation across the wall, at its middle."""
     hits: int
     normal_sigma_rad: float = 0.0
-    """Of its direction."""
+    """Sigma of its direction."""
 
     @property
     def length_m(self) -> float:
@@ -346,20 +348,20 @@ class WallSegment:
 
 @value
 class Surface:
-    """Something level above the floor, such as a table top, local NED."""
+    """A level surface above the floor, such as a table top, local NED."""
 
     centre_ne_m: Vector2
     height_m: float
-    """Above the take-off point."""
+    """Height above the take-off point."""
     area_m2: float
-    """So much of it was seen."""
+    """Measured part of its area."""
 
 
 @value
 class FloorPlan:
     """The map: walls, the points they were fitted to, the path flown, and heights.
 
-    `ceiling_m` and `floor_m` are above the take-off point; None if no beam ever met one.
+    `ceiling_m` and `floor_m` are above the take-off point; None if not measured.
     """
 
     walls: tuple[WallSegment, ...] = ()
@@ -372,11 +374,11 @@ class FloorPlan:
 
 @value
 class Sketch:
-    """The map so far, for the eye: thinned out to what can be sent and drawn every second."""
+    """A reduced map for display, small enough to send and draw every second."""
 
     walls: tuple[WallSegment, ...] = ()
     points_ned_m: tuple[Vector3, ...] = ()
-    """Where beams have met something."""
+    """Ends of beams on obstacles."""
     path_ned_m: tuple[Vector3, ...] = ()
     ceiling_m: float | None = None
-    """Above the take-off point."""
+    """Height above the take-off point."""

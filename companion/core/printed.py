@@ -1,7 +1,7 @@
-"""What is printed during a flight: a terminal that is gone, or stands still, does not matter to it.
+"""Prints during a flight without blocking: a closed or stalled terminal does not affect the flight.
 
-The control loop hands its lines over and goes on. A thread writes them; once that has failed, as to
-a closed pipe or a full disk, the rest is dropped.
+The control loop queues its lines, and a thread writes them. After a write error, such as a closed
+pipe or a full disk, the rest is dropped.
 """
 
 import io
@@ -16,10 +16,10 @@ from typing import IO, TextIO, cast
 
 from rich.console import Console
 
-MAX_WAITING = 1000
-"""Pieces of text; a reader who is this far behind stands still."""
-LAST_WORDS_S = 2.0
-"""So long the end of the program waits for its last lines to be taken."""
+MAX_PENDING = 1000
+"""Largest number of queued texts; a longer queue means that the reader has stalled. Chosen."""
+CLOSE_TIMEOUT_S = 2.0
+"""Time that the end of the program waits for the last lines, s. Chosen."""
 
 
 class Printed(io.TextIOBase):
@@ -29,7 +29,7 @@ class Printed(io.TextIOBase):
         self._stream = stream
         self._fd = stream.fileno()
         self._queue: SimpleQueue[bytes | threading.Event] = SimpleQueue()
-        self._is_heard = True
+        self._is_open = True
         threading.Thread(target=self._run, daemon=True).start()
 
     @property
@@ -43,52 +43,52 @@ class Printed(io.TextIOBase):
         return self._fd
 
     def write(self, text: str) -> int:
-        if self._is_heard and self._queue.qsize() < MAX_WAITING:
+        if self._is_open and self._queue.qsize() < MAX_PENDING:
             self._queue.put(text.encode(self.encoding, "replace"))
         return len(text)
 
     def flush(self) -> None:
-        """It is written as soon as it can be."""
+        """No action: the thread writes as soon as it can."""
 
-    def say_all(self) -> None:
-        """Wait for the last lines, but not for ever."""
-        said = threading.Event()
-        self._queue.put(said)
-        said.wait(LAST_WORDS_S)
+    def drain(self) -> None:
+        """Wait until the last lines are written, at most `CLOSE_TIMEOUT_S`."""
+        is_drained = threading.Event()
+        self._queue.put(is_drained)
+        is_drained.wait(CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
         while True:
             item = self._queue.get()
             if isinstance(item, threading.Event):
                 item.set()
-            elif self._is_heard:
-                self._say(item)
+            elif self._is_open:
+                self._write(item)
 
-    def _say(self, data: bytes) -> None:
+    def _write(self, data: bytes) -> None:
         try:
             while data:
-                select.select((), (self._fd,), ())  # it may have been opened not to block
+                select.select((), (self._fd,), ())  # the stream may be non-blocking
                 data = data[os.write(self._fd, data) :]
         except (OSError, ValueError):
-            self._is_heard = False
-            self._say_nothing_more()
+            self._is_open = False
+            self._discard_output()
 
-    def _say_nothing_more(self) -> None:
-        """Nor does Python stumble over it at its end."""
-        nowhere = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(nowhere, self._fd)
-        os.close(nowhere)
+    def _discard_output(self) -> None:
+        """Redirect the stream to the null device, so that Python exits without an error."""
+        null_fd = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null_fd, self._fd)
+        os.close(null_fd)
 
 
 @contextmanager
 def flight_console() -> Iterator[Console]:
-    """A console on the standard output that never holds up, nor ends, a flight."""
+    """A console on standard output that never blocks nor ends a flight."""
     try:
         printed = Printed(sys.stdout)
-    except (AttributeError, OSError, ValueError):  # closed, none, or a test's, in memory
+    except (AttributeError, OSError, ValueError):  # closed, missing, or in memory in a test
         yield Console(highlight=False, markup=False)
         return
     try:
         yield Console(highlight=False, markup=False, file=cast(IO[str], printed))
     finally:
-        printed.say_all()
+        printed.drain()

@@ -1,4 +1,4 @@
-"""What a command does before all else about the terminal, or the notebook, that it is run from."""
+"""Prepares a command for the terminal or notebook that it runs in."""
 
 import io
 import os
@@ -6,11 +6,11 @@ import sys
 
 
 def set_up() -> None:
-    """Have the command work the same wherever it is run; for programs, not for libraries.
+    """Make output independent of the terminal; for programs, not for libraries.
 
-    What the terminal's encoding lacks is written as ?. Pictures are drawn without a window, so
-    that a notebook's or a desktop's matplotlib backend, which may not be installed here, is not
-    asked for, nor by processes that are started from here.
+    Characters that the terminal's encoding lacks are written as ?. Figures are drawn without a
+    window, so the matplotlib backend of a notebook or desktop, which may not be installed here, is
+    not loaded. This also holds for child processes.
     """
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):

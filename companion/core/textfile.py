@@ -1,7 +1,7 @@
-"""Text files that people write, with whichever editor, on whichever machine.
+"""Reads text files written by people with any editor on any machine.
 
-UTF-8, whatever the machine's locale says, with or without a byte order mark, as Notepad writes it;
-or UTF-16 with its mark, as PowerShell does.
+UTF-8 with or without a byte order mark, independent of the machine's locale; or UTF-16 with a mark,
+as PowerShell writes it.
 """
 
 import codecs
@@ -9,38 +9,39 @@ from pathlib import Path
 
 MARKS = (
     (codecs.BOM_UTF8, "utf-8-sig"),
-    # before UTF-16, whose mark begins alike
+    # before UTF-16, whose mark has the same first bytes
     (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
 )
+"""Byte order marks and their encodings."""
 
 
 class NotTextError(ValueError):
-    """Bytes that are no text; says where, and what to do."""
+    """The bytes are no text; the message contains the line and the remedy."""
 
 
 def encoding_of(begin: bytes) -> str:
-    """The encoding of a file that begins so: what its mark says, else UTF-8."""
+    """The encoding of a file by its first bytes: that of its mark, or UTF-8."""
     return next((encoding for mark, encoding in MARKS if begin.startswith(mark)), "utf-8")
 
 
 def read_text(path: Path) -> str:
-    r"""The text of a file, its lines ended by \n.
+    r"""The text of a file, with lines that end in \n.
 
     Raises:
-        OSError: it cannot be read.
-        NotTextError: it is in an encoding that it does not tell.
+        OSError: the file cannot be read.
+        NotTextError: its encoding is unknown.
     """
     return decoded(path.read_bytes())
 
 
 def decoded(data: bytes) -> str:
-    r"""The text of a file's bytes, its lines ended by \n.
+    r"""The text of a file's bytes, with lines that end in \n.
 
     Raises:
-        NotTextError: they are in an encoding that they do not tell.
+        NotTextError: the encoding is unknown.
     """
     encoding = encoding_of(data)
     try:
@@ -52,10 +53,10 @@ def decoded(data: bytes) -> str:
             f"line {line}: byte 0x{data[error.start]:02x} is not {name}; save the file as UTF-8"
         ) from error
     if encoding == "utf-8" and "\0" in text[:2]:
-        raise NotTextError("looks like UTF-16 without its mark; save the file as UTF-8")
+        raise NotTextError("probably UTF-16 without a byte order mark; save the file as UTF-8")
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def reason(error: OSError | ValueError) -> str:
-    """Why a file cannot be read, to stand behind its name."""
+    """Reason why a file cannot be read, to follow its name in a message."""
     return getattr(error, "strerror", None) or str(error)

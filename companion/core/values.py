@@ -1,4 +1,4 @@
-"""How the values that the stages hand to each other are declared."""
+"""Declares the frozen values that stages pass to each other."""
 
 from dataclasses import dataclass
 from typing import TypeVar, dataclass_transform
@@ -8,9 +8,9 @@ T = TypeVar("T")
 
 @dataclass_transform(frozen_default=True)
 def value(cls: type[T]) -> type[T]:
-    """A frozen dataclass whose type checker does the freezing.
+    """A dataclass that the type checker treats as frozen.
 
-    Some fifty values are made at every tick, and `frozen=True` makes each of them three times
-    slower to make: its `__init__` has to get round its own guard, field by field.
+    Each tick creates some fifty values, and `frozen=True` makes each creation three times slower,
+    because `__init__` has to bypass its own guard for every field.
     """
     return dataclass(slots=True, unsafe_hash=True)(cls)

@@ -1,1 +1,1 @@
-"""The map: from wall lines and hits to a floor plan, and files of it that other programs open."""
+"""Builds the map: floor plan, occupancy grid and heights, from wall lines, hits and readings."""

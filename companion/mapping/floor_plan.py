@@ -1,4 +1,4 @@
-"""From wall lines with hits along them to wall segments with ends and corners."""
+"""Builds wall segments with ends and corners from wall lines and their hits."""
 
 import math
 from collections.abc import Sequence
@@ -12,18 +12,22 @@ from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import WallLine, WallSegment
 
 Along = NDArray[np.float64]
-"""(n,): coordinates along a line, metres."""
+"""(n,): coordinates along a line, m."""
 
 LARGEST_GAP_M = 0.6
-"""Hits farther apart than this along a wall leave an opening between them."""
+"""A larger gap between hits along a wall is an opening, m. Chosen."""
 MIN_HITS = 5
-TOGETHER_SHARE, TOGETHER_SPACINGS = 0.5, 6.0
-"""Within so much of the largest gap, or so many usual spacings, there is another hit where there is
-wall; one by itself may be of something else that the line passes by, or seen through a doorway."""
+"""Least hits of a segment. Chosen."""
+NEIGHBOUR_SHARE, NEIGHBOUR_SPACINGS = 0.5, 6.0
+"""A hit without another within this share of the largest gap, or within this many median spacings,
+is dropped. Chosen: it may be on another surface that the line crosses, or behind a doorway."""
 MIN_LENGTH_M = 0.2
+"""Least length of a segment, m. Chosen."""
 CORNER_REACH_M = 0.5
-"""Two ends this close to where their lines meet are one corner."""
+"""Ends of two segments within this distance of their lines' intersection form a corner, m.
+Chosen."""
 MIN_SIN_BETWEEN = math.sin(math.radians(15))
+"""Sine of the least angle between lines that form a corner. Chosen: 15°."""
 
 
 def wall_segments(
@@ -32,9 +36,9 @@ def wall_segments(
     wall_of: NDArray[np.int64],
     largest_gap_m: float = LARGEST_GAP_M,
 ) -> tuple[WallSegment, ...]:
-    """Straight pieces of wall where hits (n, 2) lie along the lines, joined at corners.
+    """Straight pieces of wall along the lines where they have hits (n, 2), joined at corners.
 
-    `wall_of` (n,) is the line that each hit is on, or negative.
+    `wall_of` (n,): index of the line of each hit, or negative.
     """
     rows = [
         (line, row)
@@ -43,7 +47,7 @@ def wall_segments(
     ]
     pieces = [_segment(line, _without_overhang(line, row, rows)) for line, row in rows]
     for first, second in combinations(range(len(pieces)), 2):
-        corner = _meeting_point(rows[first][0], rows[second][0])
+        corner = _intersection(rows[first][0], rows[second][0])
         one, other = (_with_end_at(pieces[i], corner) for i in (first, second))
         if one and other:
             pieces[first], pieces[second] = one, other
@@ -51,24 +55,24 @@ def wall_segments(
 
 
 def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> Along:
-    """The sorted coordinates p·t, t = (-sin, cos)(normal), of hits on a line."""
+    """Sorted coordinates p·t, t = (-sin, cos)(normal), of hits on a line."""
     return np.sort(points_ne_m @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
 
 
 def _rows(along_m: Along, largest_gap_m: float) -> list[Along]:
-    """Sorted coordinates, parted where there are gaps."""
-    along_m = _without_lonely(along_m, TOGETHER_SHARE * largest_gap_m)
+    """Split sorted coordinates at gaps."""
+    along_m = _without_isolated(along_m, NEIGHBOUR_SHARE * largest_gap_m)
     gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
     return [row for row in np.split(along_m, gaps) if len(row) >= MIN_HITS]
 
 
 def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine, Along]]) -> Along:
-    """Without the few hits beyond another wall: they are of that, or of what is beside it."""
+    """Drop the few hits beyond a crossing wall: they belong to that wall or to an adjacent one."""
     for other, its_row in rows:
-        meeting = _meeting_point(line, other)
-        if meeting is None:
+        intersection = _intersection(line, other)
+        if intersection is None:
             continue
-        at_m, its_at_m = (_along(one, np.array([meeting]))[0] for one in (line, other))
+        at_m, its_at_m = (_along(one, np.array([intersection]))[0] for one in (line, other))
         if not its_row[0] - CORNER_REACH_M < its_at_m < its_row[-1] + CORNER_REACH_M:
             continue
         for kept in (row[row <= at_m], row[row >= at_m]):
@@ -87,14 +91,14 @@ def _segment(line: WallLine, row: Along) -> WallSegment:
     )
 
 
-def _without_lonely(along_m: Along, together_m: float) -> Along:
-    """Sorted coordinates without those that have no other near."""
+def _without_isolated(along_m: Along, neighbour_m: float) -> Along:
+    """Drop coordinates without another one nearby."""
     if len(along_m) < MIN_HITS:
         return along_m
-    apart_m = np.diff(along_m)
-    is_near = apart_m <= max(together_m, TOGETHER_SPACINGS * float(np.median(apart_m)))
-    together: Along = along_m[np.append(is_near, False) | np.append(False, is_near)]
-    return together
+    spacing_m = np.diff(along_m)
+    is_near = spacing_m <= max(neighbour_m, NEIGHBOUR_SPACINGS * float(np.median(spacing_m)))
+    neighbours: Along = along_m[np.append(is_near, False) | np.append(False, is_near)]
+    return neighbours
 
 
 def _point(line: WallLine, along_m: float) -> Vector2:
@@ -103,7 +107,7 @@ def _point(line: WallLine, along_m: float) -> Vector2:
 
 
 def _with_end_at(segment: WallSegment, corner: Vector2 | None) -> WallSegment | None:
-    """The segment, its nearer end moved to the corner, if that is near."""
+    """The segment with its nearer end moved to the corner; None if the corner is not near."""
     if corner is None:
         return None
     to_start = math.dist(segment.start_ne_m, corner)
@@ -115,8 +119,8 @@ def _with_end_at(segment: WallSegment, corner: Vector2 | None) -> WallSegment | 
     return replace(segment, end_ne_m=corner)
 
 
-def _meeting_point(a: WallLine, b: WallLine) -> Vector2 | None:
-    """Of two lines; None if they are nearly parallel."""
+def _intersection(a: WallLine, b: WallLine) -> Vector2 | None:
+    """Intersection of two lines; None if they are nearly parallel."""
     sin_between = math.sin(b.normal_rad - a.normal_rad)
     if abs(sin_between) < MIN_SIN_BETWEEN:
         return None
@@ -128,7 +132,7 @@ def _meeting_point(a: WallLine, b: WallLine) -> Vector2 | None:
 def outline_closed(walls: tuple[WallSegment, ...], viewpoint_ne_m: Vector2) -> float:
     """Share of all directions from a viewpoint in which the map has a wall, 0 to 1.
 
-    What the drone can know of its coverage while it flies: 1 once the outline has no gap left.
+    An estimate of the coverage without ground truth: 1 for a closed outline.
     """
     degrees: set[int] = set()
     for wall in walls:

@@ -1,9 +1,9 @@
-"""Floor and table tops: how high above the start is what the down beam meets.
+"""Maps floor and table tops from the heights measured by the down beam.
 
-A reading between the floor and the flight height is one of a cell of the plan. Cells side by side
-at the same height are one surface. The sensor folds back below half a metre, so what is close
-under the drone reads as if it were deep: a height below the floor, or of the floor itself, is not
-told from it. That is why tops are mapped only from layers high enough above them.
+A reading between floor and flight height belongs to a cell of the plan. Adjacent cells at the same
+height form one surface. The sensor aliases below half a metre, so an obstacle close below the
+drone reads like a distant one, such as the floor. Therefore tops are mapped only from layers that
+are high enough above them.
 """
 
 import math
@@ -18,23 +18,27 @@ from companion.core.frames import Vector2
 from companion.core.messages import Beam, Pose, RangeScan, Surface
 
 CELL_M = 0.2
+"""Size of a cell, m. Chosen."""
 MIN_READINGS = 3
+"""Least readings above the floor in a cell of a surface. Chosen."""
 SAME_HEIGHT_M = 0.08
+"""Cells whose heights differ by less may be one surface, m. Chosen."""
 ABOVE_FLOOR_M = 0.15
-"""A surface as near to the floor as this is the floor."""
+"""A surface lower than this is the floor, m. Chosen."""
 MIN_CELLS = 3
+"""Least cells of a surface. Chosen."""
 Cell = tuple[int, int]
 
 
 class Heights:
-    """What the down beam has met, by cells."""
+    """Heights measured by the down beam, by cells."""
 
     def __init__(self, mount_offset_m: float) -> None:
         self._mount_offset_m = mount_offset_m
         self._readings_m: defaultdict[Cell, list[float]] = defaultdict(list)
 
     def see(self, scan: RangeScan, pose: Pose) -> None:
-        """Take in a sweep from a level pose."""
+        """Add a reading taken in level attitude."""
         reading = scan.readings.get(Beam.DOWN)
         if reading is not None and reading.is_distance:
             height_m = pose.height_m - self._mount_offset_m - reading.distance_m
@@ -42,7 +46,7 @@ class Heights:
 
     @property
     def floor_m(self) -> float | None:
-        """Median of all that is not a top; None if the beam never met anything."""
+        """Median of all readings of the floor; None without readings."""
         every = [m for readings in self._readings_m.values() for m in readings]
         if not every:
             return None
@@ -50,7 +54,7 @@ class Heights:
         return statistics.median([m for m in every if m < low + ABOVE_FLOOR_M])
 
     def is_floor(self) -> dict[Vector2, bool]:
-        """Of each cell that the beam has met, by its middle: whether all that was met is floor."""
+        """True for each measured cell, by its middle, if all its readings are of the floor."""
         floor_m = self.floor_m
         if floor_m is None:
             return {}
@@ -82,13 +86,13 @@ def _middle(cell: Cell) -> Vector2:
 
 
 def _top_m(readings_m: list[float], floor_m: float) -> float | None:
-    """Of a cell, if enough readings agree that something stands in it."""
+    """Height of a cell's surface; None if too few readings are above the floor."""
     above = [m for m in readings_m if m > floor_m + ABOVE_FLOOR_M]
     return statistics.median(above) if len(above) >= MIN_READINGS else None
 
 
 def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
-    """Neighbouring cells of the same height."""
+    """Clusters of adjacent cells at the same height."""
     clusters: list[list[Cell]] = []
     for level in _levels(sorted(high.values())):
         cells = [cell for cell, m in high.items() if level[0] <= m <= level[1]]
@@ -105,7 +109,7 @@ def _clusters(high: Mapping[Cell, float]) -> list[list[Cell]]:
 
 
 def _levels(heights_m: list[float]) -> list[tuple[float, float]]:
-    """Ranges of heights with no gap in them."""
+    """Intervals of heights without gaps."""
     levels: list[tuple[float, float]] = []
     for m in heights_m:
         if levels and m - levels[-1][1] < SAME_HEIGHT_M:

@@ -1,7 +1,7 @@
-"""What hangs lower than a drone may fly, met by the up beam on the way below it.
+"""Maps obstacles above the drone that are lower than a planned flight height, by the up beam.
 
-The beams to the sides see only what stands at their own height. The lintel of a door shows from
-below, while the drone passes: from the next layer it would be seen only when it is too late.
+The side beams detect obstacles at the drone's own height only. The up beam detects a door's lintel
+while the drone passes below it. In the next layer the side beams would detect it too late.
 """
 
 import math
@@ -12,22 +12,23 @@ from companion.core.messages import Beam, Pose, RangeScan, RangeState
 from companion.mapping.occupancy import CELL_M
 
 MIN_READINGS, MIN_SHARE = 2, 0.25
-"""So many readings in a cell, and such a share of all there, have to say so."""
+"""Least readings in a cell, and least share of its readings, that are low. Chosen."""
 MARGIN_M = 0.1
+"""Margin on the height up to which the sensor can measure the ceiling, m. Chosen."""
 Cell = tuple[int, int]
 
 
 class Overhead:
-    """What the up beam has met, by cells of the plan."""
+    """Readings of the up beam, by cells of the plan."""
 
     def __init__(self, mount_offset_m: float, near_limit_m: float) -> None:
-        """`near_limit_m`: nearer than that the sensor cannot measure."""
+        """`near_limit_m`: least distance that the sensor measures."""
         self._mount_offset_m, self._near_limit_m = mount_offset_m, near_limit_m
         self._met_m: defaultdict[Cell, list[tuple[float, float]]] = defaultdict(list)
-        """The sensor's height, and what is above it at least."""
+        """Height of the sensor, and least distance to the obstacle above it."""
 
     def see(self, scan: RangeScan, pose: Pose) -> None:
-        """Take in a sweep; what is too near to be measured may be right above the sensor."""
+        """Add a reading. TOO_NEAR may be an obstacle directly above the sensor."""
         reading = scan.readings.get(Beam.UP)
         if reading is None or reading.state not in (RangeState.DISTANCE, RangeState.TOO_NEAR):
             return
@@ -36,15 +37,15 @@ class Overhead:
         self._met_m[cell].append((pose.height_m + self._mount_offset_m, above_m))
 
     def lower_than(self, height_m: float, ceiling_m: float | None) -> tuple[Vector2, ...]:
-        """Middles of the cells above which something hangs, or may hang, lower than that.
+        """Middles of the cells whose obstacles above are, or may be, lower than this.
 
-        Where the ceiling itself is too near to be measured, nothing is told of what hangs there.
+        Where the ceiling itself may be TOO_NEAR, such readings are not used.
         """
-        tells_to_m = math.inf if ceiling_m is None else ceiling_m - self._near_limit_m - MARGIN_M
+        usable_to_m = math.inf if ceiling_m is None else ceiling_m - self._near_limit_m - MARGIN_M
         places = []
         for (row, column), met_m in self._met_m.items():
             above_m_all = [
-                at_m + above_m for at_m, above_m in met_m if above_m or at_m < tells_to_m
+                at_m + above_m for at_m, above_m in met_m if above_m or at_m < usable_to_m
             ]
             low = sum(m < height_m for m in above_m_all)
             if low >= max(MIN_READINGS, MIN_SHARE * len(above_m_all)):

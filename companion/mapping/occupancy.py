@@ -1,9 +1,9 @@
-"""What is known of the space at flight height: free, occupied or unknown, in cells.
+"""Occupancy grid at flight height: cells are free, occupied or unknown.
 
-Every reading frees the cells along its beam and fills the one where it ended; a beam that met
-nothing frees them too, but nothing is filled. Each cell holds the log-odds that it is occupied
-(Moravec and Elfes 1985), so that later, surer or closer readings overrule earlier ones, and a
-person who has walked on is forgotten. Free space and ignorance never look alike.
+Every reading frees the cells along its beam and fills the cell at its end. A beam without a return
+only frees cells. Each cell holds the log-odds of occupancy (Moravec and Elfes 1985), so later or
+more accurate readings override earlier ones, and a person who has left is removed. Free and unknown
+cells are distinct.
 """
 
 import math
@@ -19,29 +19,35 @@ from scipy.ndimage import binary_closing, binary_dilation
 from companion.core.frames import Vector2
 
 CELL_M = 0.1
+"""Size of a cell, m. Chosen."""
 CHUNK_CELLS = 64
-"""The grid grows by so much at a time."""
+"""The grid grows by this many cells. Chosen."""
 HIT, MISS = 1.2, -0.5
+"""Log-odds added by a hit, and by a beam that passes. Chosen."""
 MAX_LOG_ODDS = 4.0
+"""Limit of the log-odds. Chosen."""
 OCCUPIED_ABOVE, FREE_BELOW = 0.6, -0.4
+"""Log-odds above which a cell is occupied, and below which it is free. Chosen."""
 EXACT_SIGMA_M, MIN_EXACT_SIGMA_M = 0.04, 0.12
-"""A reading as exact as this fills its cell at once; one less exact counts for less, one less
-exact than the other for nothing: its wall would be smeared."""
+"""A reading with at most the first sigma has full weight, m; above it the weight falls. A reading
+with more than the second fills no cell, because its wall would be smeared. Chosen."""
 WELL_SIGMA_M = 0.055
-"""A reading as exact as this has seen a surface well,"""
+"""Largest sigma of a reading that maps a surface well, m. Chosen."""
 MIN_FACING = 0.1
-"""on those sides of a cell from which it has come, by so much at least: a wall lies askew in the
-grid, and has two of them on either side."""
+"""Least cosine between beam and a side of the cell to map that side. Chosen: a wall that is oblique
+to the grid has two sides of its cells facing the beam."""
 SIDES = ((1, 0), (0, 1), (-1, 0), (0, -1))
-"""North, east, south and west of a cell, in rows and columns."""
+"""North, east, south and west side of a cell, in rows and columns."""
 GAP_CELLS = 1
-"""Across a strip of space, so many cells may lie unseen between two beams."""
+"""A strip of space is known free with up to this many unknown cells across, between beams.
+Chosen."""
 STEP_CELLS = 0.5
-"""Along a beam, from one place that it frees to the next."""
+"""Step along a beam between freed points, cells. Chosen."""
 LOW_WITHIN_M = 0.5
-"""What hangs low goes on for so far, or farther: it was met only where the drone flew."""
+"""A low ceiling is extended by this, m, because it was measured only along the flight path.
+Chosen."""
 FREE_TO_SIGMAS = 2.0
-"""Cells are freed up to so many sigmas before where the beam ended."""
+"""Cells are freed up to this many sigmas before the end of the beam. Chosen."""
 
 Cells = NDArray[np.bool_]
 LogOdds = NDArray[np.float32]
@@ -51,20 +57,20 @@ Bits = NDArray[np.uint8]
 
 @dataclass(frozen=True, slots=True)
 class Ray:
-    """One reading from one place, local NED; `end_m` is from the drone's centre."""
+    """One reading from one position, local NED. `end_m` is measured from the drone's centre."""
 
     origin_ne_m: Vector2
     bearing_rad: float
     end_m: float
     sigma_m: float
     is_hit: bool
-    """False: nothing was met up to `end_m`."""
+    """False: no return up to `end_m`."""
     time_s: float
 
 
 @dataclass(frozen=True, slots=True)
 class Rays:
-    """The same of many readings, (r, 2) and (r,)."""
+    """Many readings, (r, 2) and (r,)."""
 
     origin_ne_m: Metres
     bearing_rad: Metres
@@ -86,19 +92,19 @@ class Rays:
 
 
 class _Layers(NamedTuple):
-    """What is kept of each cell; all of one shape."""
+    """Data of all cells; arrays of one shape."""
 
     log_odds: LogOdds
     well_seen: Bits
-    """One for each of the SIDES."""
+    """One bit for each of the SIDES."""
     flown: Cells
     allowed: Cells
     met_s: Metres
-    """When a beam last ended there."""
+    """Time of the last hit in the cell."""
 
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> Self:
-        """Nothing has been seen, and nothing is forbidden."""
+        """No cell is measured, and all are allowed."""
         return cls(
             np.zeros(shape, dtype=np.float32),
             np.zeros(shape, dtype=np.uint8),
@@ -108,19 +114,19 @@ class _Layers(NamedTuple):
         )
 
     def each(self, change: Callable[[NDArray[Any]], NDArray[Any]]) -> Self:
-        """The same done to all of them."""
+        """Apply a function to all arrays."""
         return type(self)(*(change(layer) for layer in self))
 
 
 class Occupancy:
-    """A grid that grows with what is seen. Rows go north, columns east."""
+    """A grid that grows with the measurements. Rows go north, columns east."""
 
     def __init__(self) -> None:
         half = CHUNK_CELLS // 2
         self._low = (-half, -half)
         self._layers = _Layers.unknown((CHUNK_CELLS, CHUNK_CELLS))
         self._is_all_allowed = True
-        """So is what lies beyond the grid."""
+        """True if cells outside the grid are allowed."""
 
     def _with(self, low: tuple[int, int], layers: _Layers) -> "Occupancy":
         other = Occupancy()
@@ -129,23 +135,26 @@ class Occupancy:
         return other
 
     def layer_above(self, low_ne_m: Sequence[Vector2]) -> "Occupancy":
-        """Nothing is known there; it may be flown where this is free, but for some low places."""
+        """A new grid for the layer above.
+
+        Cells that are free here are allowed, except at low ceilings.
+        """
         seen = binary_closing(self.free, iterations=GAP_CELLS + 1) & ~self.occupied
         low = np.zeros_like(self.allowed)
         for cell in filter(self.has, map(self.cell, low_ne_m)):
             low[cell] = True
-        hangs_low = binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
-        allowed = (seen | self.free) & self.allowed & ~hangs_low
+        is_low = binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
+        allowed = (seen | self.free) & self.allowed & ~is_low
         above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
         above._is_all_allowed = False
         return above
 
     def copy(self) -> "Occupancy":
-        """Another one, as it is now."""
+        """A copy."""
         return self._with(self._low, self._layers.each(np.copy))
 
     def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
-        """A copy of the part around some places."""
+        """A copy of the part around some positions."""
         cells = np.array([self.cell(place) for place in places_ne_m])
         margin = math.ceil(margin_m / CELL_M)
         top, left = np.maximum(cells.min(axis=0) - margin, 0).tolist()
@@ -154,7 +163,7 @@ class Occupancy:
         return self._with((self._low[0] + top, self._low[1] + left), part)
 
     def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
-        """A copy of no more than has been seen, and a place."""
+        """A copy of the measured part, extended to contain a position."""
         seen = self._layers.log_odds != 0
         rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
         corners = [(rows[0], columns[0]), (rows[-1], columns[-1])] if len(rows) else []
@@ -174,52 +183,49 @@ class Occupancy:
         return self._layers.log_odds > OCCUPIED_ABOVE
 
     def well_seen(self, side: int) -> Cells:
-        """From this one of its SIDES a reading exact enough to map by has ended here."""
+        """Cells in which an accurate reading has hit this one of the SIDES."""
         seen: Cells = (self._layers.well_seen >> side & 1).astype(np.bool_)
         return seen
 
     @property
     def flown(self) -> Cells:
-        """The drone's centre has been here."""
+        """Cells that the drone's centre has crossed."""
         return self._layers.flown
 
     @property
     def allowed(self) -> Cells:
-        """What stands or hangs at other heights is not in the way."""
+        """Cells without obstacles from other heights."""
         return self._layers.allowed
 
     def cell(self, place_ne_m: Vector2) -> tuple[int, int]:
-        """Row and column; may lie outside the grid."""
+        """Row and column; may be outside the grid."""
         return (
             math.floor(place_ne_m[0] / CELL_M) - self._low[0],
             math.floor(place_ne_m[1] / CELL_M) - self._low[1],
         )
 
     def has(self, cell: tuple[int, int]) -> bool:
-        """Whether the cell lies inside the grid."""
+        """True if the cell is inside the grid."""
         return 0 <= cell[0] < self.shape[0] and 0 <= cell[1] < self.shape[1]
 
     def place(self, cell: tuple[int, int]) -> Vector2:
-        """The middle of a cell."""
+        """Middle of a cell."""
         return (
             (cell[0] + self._low[0] + 0.5) * CELL_M,
             (cell[1] + self._low[1] + 0.5) * CELL_M,
         )
 
     def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Metres, Metres]:
-        """Middles (n, 2) of the occupied cells that are so near, or hardly farther.
-
-        And when each was last met (n,).
-        """
+        """Occupied cells within about this distance: middles (n, 2) and last hits' times (n,)."""
         cells = self._near(place_ne_m, within_m, lambda near: near.log_odds > OCCUPIED_ABOVE)
         return self._middles(cells), self._layers.met_s[cells[:, 0], cells[:, 1]]
 
     def met_before(
         self, time_s: float, place_ne_m: Vector2, within_m: float, flown_m: float
     ) -> Metres:
-        """Middles (n, 2) of the occupied cells so near that a beam ended in last before `time_s`.
+        """Middles (n, 2) of occupied cells within a distance, last hit before `time_s`.
 
-        None of those within `flown_m` of where the drone has been.
+        Cells within `flown_m` of the flight path are excluded.
         """
         met_ne_m, met_s = self.met_near(place_ne_m, within_m)
         before = met_ne_m[(met_s > 0) & (met_s < time_s)]
@@ -234,7 +240,7 @@ class Occupancy:
     def _near(
         self, place_ne_m: Vector2, within_m: float, which: Callable[[_Layers], Cells]
     ) -> NDArray[np.int64]:
-        """Rows and columns (n, 2) of some of the cells that are so near, or hardly farther."""
+        """Rows and columns (n, 2) of the selected cells within about this distance."""
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)
         top, left = max(row - reach, 0), max(column - reach, 0)
@@ -243,11 +249,11 @@ class Occupancy:
         return np.add(cells, (top, left))
 
     def _middles(self, cells: NDArray[np.int64]) -> Metres:
-        """(n, 2): of cells (n, 2)."""
+        """(n, 2): middles of cells (n, 2)."""
         return CELL_M * ((cells + self._low).astype(np.float64) + 0.5)
 
     def nearest_m(self, place_ne_m: Vector2, within_m: float) -> float:
-        """Distance to the nearest occupied cell; `within_m` if none is as near as that."""
+        """Distance to the nearest occupied cell, at most `within_m`."""
         near, _ = self.met_near(place_ne_m, within_m)
         off = near - self.place(self.cell(place_ne_m))
         return min(float(np.hypot(*off.T).min(initial=within_m)), within_m)
@@ -255,7 +261,7 @@ class Occupancy:
     def known_free_m(
         self, from_ne_m: Vector2, bearing_rad: float, half_width_m: float, most_m: float
     ) -> float:
-        """How far a strip of space is known to be free; gaps between beams do not count."""
+        """Length of a strip of space that is known free; gaps between beams are tolerated."""
         along = np.arange(0.0, most_m, CELL_M)
         aside = np.arange(-half_width_m, half_width_m + 0.5 * CELL_M, CELL_M)
         cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
@@ -269,11 +275,11 @@ class Occupancy:
         return float(along[blocked.argmax()]) if blocked.any() else most_m
 
     def add(self, ray: Ray) -> None:
-        """Take in one reading."""
+        """Add one reading."""
         self.draw(Rays.of([ray]))
 
     def draw(self, rays: Rays) -> None:
-        """Take in many."""
+        """Add many readings."""
         if not len(rays.end_m):
             return
         unit = np.column_stack([np.cos(rays.bearing_rad), np.sin(rays.bearing_rad)])
@@ -285,20 +291,20 @@ class Occupancy:
         log_odds = self._layers.log_odds
         north_m, east_m = rays.origin_ne_m.T
         self.flown[self._indices(north_m, 0), self._indices(east_m, 1)] = True
-        exact = rays.is_hit & (rays.sigma_m <= MIN_EXACT_SIGMA_M)
+        is_accurate = rays.is_hit & (rays.sigma_m <= MIN_EXACT_SIGMA_M)
         weight = HIT * np.minimum(1.0, EXACT_SIGMA_M / np.maximum(rays.sigma_m, 1e-3))
         rows, columns = self._indices(ends[:, 0], 0), self._indices(ends[:, 1], 1)
-        well = exact & (rays.sigma_m <= WELL_SIGMA_M)
+        is_well_measured = is_accurate & (rays.sigma_m <= WELL_SIGMA_M)
         for side, towards in enumerate(SIDES):
-            faces = well & (unit @ towards < -MIN_FACING)
-            self._layers.well_seen[rows[faces], columns[faces]] |= np.uint8(1 << side)
-        met = rows[exact], columns[exact]
-        np.add.at(log_odds, met, weight[exact])
+            is_facing = is_well_measured & (unit @ towards < -MIN_FACING)
+            self._layers.well_seen[rows[is_facing], columns[is_facing]] |= np.uint8(1 << side)
+        met = rows[is_accurate], columns[is_accurate]
+        np.add.at(log_odds, met, weight[is_accurate])
         log_odds[met] = np.minimum(log_odds[met], MAX_LOG_ODDS)
-        np.maximum.at(self._layers.met_s, met, rays.time_s[exact])
+        np.maximum.at(self._layers.met_s, met, rays.time_s[is_accurate])
 
     def _free(self, rays: Rays, unit: Metres) -> None:
-        """Each cell that a ray went through, once for every ray."""
+        """Free each cell that a ray crossed, once per ray."""
         before_m = np.where(rays.is_hit, FREE_TO_SIGMAS * rays.sigma_m + CELL_M, 0.0)
         free_to_m = np.maximum(rays.end_m - before_m, CELL_M)
         steps = np.ceil(free_to_m / (STEP_CELLS * CELL_M)).astype(np.int64)
@@ -316,7 +322,7 @@ class Occupancy:
         flat[cells] = np.maximum(flat[cells], -MAX_LOG_ODDS)
 
     def block(self, place_ne_m: Vector2, radius_m: float) -> None:
-        """Something is there, whatever the beams have said."""
+        """Mark a disc as occupied, independent of the readings."""
         self._reach(place_ne_m)
         row, column = self.cell(place_ne_m)
         reach = math.ceil(radius_m / CELL_M)
@@ -329,7 +335,7 @@ class Occupancy:
         return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]
 
     def _reach(self, place_ne_m: Vector2) -> None:
-        """Grow until the place, and two cells around it, are inside."""
+        """Grow the grid so that a position is at least two cells inside."""
         for axis in (0, 1):
             index = self.cell(place_ne_m)[axis]
             before = CHUNK_CELLS * max(0, math.ceil((2 - index) / CHUNK_CELLS))

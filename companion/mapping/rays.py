@@ -1,4 +1,4 @@
-"""From range readings to what they say of the space: rays that ended, or met nothing."""
+"""Converts range readings to rays of the occupancy grid, with and without a hit."""
 
 import math
 from collections.abc import Mapping
@@ -16,11 +16,11 @@ from companion.core.messages import (
 from companion.mapping.occupancy import Ray
 
 SEES_SIGMA_M = 0.15
-"""Where the sensor's noise has grown to this, it may well have missed something."""
+"""With a larger noise the sensor may miss an obstacle, m. Chosen."""
 
 
 def sees_to_m(sensor: RangeModel) -> float:
-    """As far as a reading of nothing in range is believed."""
+    """Distance up to which a reading of nothing in range frees space."""
     distance_m = sensor.max_m
     while sensor.sigma_m(distance_m) > SEES_SIGMA_M:
         distance_m -= 0.1
@@ -28,7 +28,7 @@ def sees_to_m(sensor: RangeModel) -> float:
 
 
 def rays(pose: Pose, scan: RangeScan, units: Mapping[Beam, RangeUnit]) -> list[Ray]:
-    """Of the horizontal beams; one that is too near, stale or failed says nothing."""
+    """Rays of the horizontal beams. TOO_NEAR, STALE and FAILED give none."""
     found = []
     here = pose.ne_m
     for beam in BEARING_FRD_RAD:

@@ -1,4 +1,4 @@
-"""Configuration is read whole or refused in one line."""
+"""A configuration is read completely or rejected in one line."""
 
 from pathlib import Path
 

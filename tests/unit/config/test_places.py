@@ -1,4 +1,4 @@
-"""Sensors that cannot be read where they are said to be are refused, in one line."""
+"""Sensors with conflicting connections are rejected in one line."""
 
 from collections.abc import Mapping
 from pathlib import Path

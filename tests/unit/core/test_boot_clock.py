@@ -1,4 +1,4 @@
-"""Odometry by an autopilot's clock that runs apart from ours, is set, or stands still."""
+"""Odometry with an autopilot's clock that drifts, steps or stops relative to ours."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,16 +17,16 @@ from companion.link.odometry import OdometryReader
 TICK_S = 0.05
 SPEED_M_S, YAW_RATE_RAD_S = 0.5, math.radians(45)
 SET_AT_S = 4.0
-Told = tuple[float, Odometry]
-"""True time, and what was told then."""
+Report = tuple[float, Odometry]
+"""True time, and the odometry reported then."""
 BootOf = Callable[[float], float]
 """True time -> the autopilot's time since boot."""
 
 
-def told(
+def reports(
     boot_of: BootOf, ours_of: BootOf, *, until_s: float = 10.0, late_s: float = 0.005, seed: int = 1
-) -> Iterator[Told]:
-    """Of a drone that flies north and turns: positions at 20 Hz, attitudes at 25."""
+) -> Iterator[Report]:
+    """Odometry of a drone that flies north and turns: positions at 20 Hz, attitudes at 25."""
     reader, random = OdometryReader(follows_us=False), Random(seed)
     sent: list[tuple[float, object]] = []
     for hz, is_attitude in ((20.0, False), (25.0, True)):
@@ -61,18 +61,18 @@ def attitude(boot_ms: int, yaw_rad: float, yaw_rate_rad_s: float) -> object:
     return mavlink.MAVLink_attitude_message(boot_ms, 0.0, 0.0, yaw_rad, 0.0, 0.0, yaw_rate_rad_s)
 
 
-def gaps_s(all_told: list[Told]) -> list[float]:
-    times_s = [true_s for true_s, _ in all_told]
+def gaps_s(all_reports: list[Report]) -> list[float]:
+    times_s = [true_s for true_s, _ in all_reports]
     return [b - a for a, b in pairwise(times_s)]
 
 
-def off_m(told_one: Told) -> float:
-    true_s, odometry = told_one
+def off_m(report: Report) -> float:
+    true_s, odometry = report
     return abs(odometry.position_ned_m[0] - SPEED_M_S * true_s)
 
 
-def turned_off_rad(told_one: Told) -> float:
-    true_s, odometry = told_one
+def turned_off_rad(report: Report) -> float:
+    true_s, odometry = report
     return abs(math.remainder(odometry.turned_rad - YAW_RATE_RAD_S * true_s, math.tau))
 
 
@@ -85,31 +85,31 @@ def ours(true_s: float) -> float:
 def test_a_clock_that_is_set_leaves_no_gap_and_no_jump(
     step_s: float, is_ours: bool, seed: int
 ) -> None:
-    """The autopilot's, or ours, which a paused computer lets stand still."""
+    """A step of the autopilot's clock, or of ours, which stops in a paused computer."""
 
     def stepped(true_s: float) -> float:
         return 100.0 + true_s + (step_s if true_s > SET_AT_S else 0.0)
 
     clocks = (lambda true_s: 100.0 + true_s, stepped) if is_ours else (stepped, ours)
-    all_told = list(told(*clocks, seed=seed))
-    assert max(gaps_s(all_told)) < 0.5
-    assert max(map(off_m, all_told)) < 0.12
-    settled = [one for one in all_told if not SET_AT_S < one[0] < SET_AT_S + 1.0]
+    all_reports = list(reports(*clocks, seed=seed))
+    assert max(gaps_s(all_reports)) < 0.5
+    assert max(map(off_m, all_reports)) < 0.12
+    settled = [one for one in all_reports if not SET_AT_S < one[0] < SET_AT_S + 1.0]
     assert max(map(off_m, settled)) < 0.02
     assert max(map(turned_off_rad, settled)) < math.radians(2.5)
 
 
 @pytest.mark.parametrize("ppm", [-1000, -300, 50, 300, 1000])
 def test_clocks_that_run_apart_are_followed(ppm: float) -> None:
-    all_told = list(told(lambda true_s: true_s * (1 + ppm * 1e-6), ours, until_s=120.0))
-    assert max(gaps_s(all_told)) < 0.11
-    assert max(map(off_m, all_told[10:])) < 0.01
+    all_reports = list(reports(lambda true_s: true_s * (1 + ppm * 1e-6), ours, until_s=120.0))
+    assert max(gaps_s(all_reports)) < 0.11
+    assert max(map(off_m, all_reports[10:])) < 0.01
 
 
 def test_a_link_that_makes_messages_late_is_no_clock_that_was_set() -> None:
-    all_told = list(told(lambda true_s: true_s, ours, until_s=60.0, late_s=0.3))
-    assert max(gaps_s(all_told[20:])) < 0.6
-    assert max(map(off_m, all_told[20:])) < 0.06
+    all_reports = list(reports(lambda true_s: true_s, ours, until_s=60.0, late_s=0.3))
+    assert max(gaps_s(all_reports[20:])) < 0.6
+    assert max(map(off_m, all_reports[20:])) < 0.06
 
 
 @given(st.floats(-3.0, 3.0))
@@ -132,7 +132,7 @@ def test_the_autopilots_gyro_follows_its_clock(step_s: float) -> None:
 def test_a_heading_that_is_pulled_has_not_turned(
     pull_deg: float, steps: int, rate_deg_s: float
 ) -> None:
-    """By its estimator, at once or over some seconds, while it turns or not."""
+    """A heading correction by the estimator, sudden or gradual, with and without a turn."""
     reader, rate_rad_s = OdometryReader(follows_us=False), math.radians(rate_deg_s)
     for i in range(120):
         time_s = 1.0 + 0.04 * i

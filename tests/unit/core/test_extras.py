@@ -1,4 +1,4 @@
-"""Without an extra, what does not need it works, and what does names it."""
+"""Without an extra, all that does not need it works, and the error names the extra."""
 
 import os
 import subprocess
@@ -27,7 +27,7 @@ PROJECT = Path(__file__).parents[3]
 
 
 def run(tmp_path: Path, gone: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Python with our modules, in a folder of somebody else's, without some packages."""
+    """Python with our modules in a foreign folder, without some packages."""
     (tmp_path / "sitecustomize.py").write_text(BLOCKER)
     paths = os.pathsep.join([str(tmp_path), str(PROJECT)])
     return subprocess.run(
@@ -41,7 +41,7 @@ def run(tmp_path: Path, gone: str, *arguments: str) -> subprocess.CompletedProce
 
 
 def run_tests(tmp_path: Path, text: str) -> subprocess.CompletedProcess[str]:
-    """Run pytest with our plugin alone, for a test file of somebody else's."""
+    """Run pytest with our plugin alone, for a foreign test file."""
     (tmp_path / "test_other.py").write_text(text)
     given = ("-p", "no:sitl", "-p", "sitl.pytest_plugin", "-p", "no:cacheprovider")
     return run(tmp_path, OF_SITL, "-m", "pytest", *given, "test_other.py")

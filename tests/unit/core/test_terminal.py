@@ -1,4 +1,4 @@
-"""A command works the same from whichever terminal or notebook it is run."""
+"""Commands behave the same in any terminal or notebook."""
 
 import os
 import subprocess

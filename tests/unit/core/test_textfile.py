@@ -1,4 +1,4 @@
-"""Files that people write are read whichever editor, system or locale wrote them."""
+"""Text files are read from any editor, system and locale."""
 
 import codecs
 import json
@@ -42,7 +42,7 @@ AS_SAVED = {
 
 @pytest.fixture(params=AS_SAVED)
 def saved(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    """Saves a text as an editor does; the machine's own encoding is another one."""
+    """Saves a text like an editor; the machine's own encoding is a different one."""
     monkeypatch.setattr("locale.getpreferredencoding", lambda *_: "cp437")
     monkeypatch.setattr("io.text_encoding", lambda encoding, *_: encoding or "cp437")
 

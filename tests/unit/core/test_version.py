@@ -12,5 +12,5 @@ from sitl.commands import cli as sitl
 
 @pytest.mark.parametrize("commands", [companion.commands, sitl.commands])
 def test_both_commands_tell_their_version(commands: typer.Typer) -> None:
-    told = CliRunner().invoke(commands, ["--version"])
-    assert (told.exit_code, told.stdout.strip()) == (0, version("pdps-companion"))
+    result = CliRunner().invoke(commands, ["--version"])
+    assert (result.exit_code, result.stdout.strip()) == (0, version("pdps-companion"))

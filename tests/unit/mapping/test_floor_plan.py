@@ -1,4 +1,4 @@
-"""From lines and hits to walls, and the files of the map."""
+"""Wall segments from lines and hits, and the files of the map."""
 
 import errno
 import json
@@ -130,24 +130,24 @@ def test_a_disk_that_refuses_the_map_so_far_is_told_of_once(
         raise OSError(number, os.strerror(number))
 
     monkeypatch.setattr(Path, "write_text", refuse)
-    told: list[str] = []
-    autosave = AutoSave(tmp_path, square, told.append)
+    messages: list[str] = []
+    autosave = AutoSave(tmp_path, square, messages.append)
     for second in range(40):
         autosave.update(float(second))
         autosave.settle()
-    assert len(told) == 1
-    assert os.strerror(number) in told[0]
+    assert len(messages) == 1
+    assert os.strerror(number) in messages[0]
 
 
 def test_a_map_so_far_that_cannot_be_drawn_up_does_not_end_the_flight(tmp_path: Path) -> None:
     def broken() -> FloorPlan:
         raise ArithmeticError("singular")
 
-    told: list[str] = []
-    autosave = AutoSave(tmp_path, broken, told.append)
+    messages: list[str] = []
+    autosave = AutoSave(tmp_path, broken, messages.append)
     for second in range(20):
         autosave.update(float(second))
-    assert len(told) == 1
+    assert len(messages) == 1
 
 
 def test_one_file_of_the_map_that_cannot_be_written_leaves_the_others(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Floor and table tops, from the down beam."""
+"""Floor and table tops from the down beam."""
 
 import pytest
 
@@ -9,7 +9,7 @@ OFFSET_M = 0.08
 
 
 def flown_over(tops_m: dict[tuple[int, int], float], height_m: float = 2.0) -> Heights:
-    """A room of 4 × 4 m over which the drone flew in lines; tops by decimetres (north, east)."""
+    """A flight in lines over a room of 4 × 4 m; tops by decimetres (north, east)."""
     heights = Heights(OFFSET_M)
     for north in range(40):
         for east in range(40):

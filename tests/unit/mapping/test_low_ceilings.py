@@ -1,4 +1,4 @@
-"""How high the drone is, and where higher layers must not be flown."""
+"""Height of the drone, and areas where higher layers must not be flown."""
 
 import pytest
 from hypothesis import given
@@ -50,11 +50,11 @@ def test_without_a_down_beam_it_is_the_autopilots() -> None:
     assert height.metres == 1.2
 
 
-# What hangs low, and what stands below
+# Low ceilings, and obstacles below
 
 
 def passed_under(up: RangeReading, times: int = 2) -> Overhead:
-    """Once on the way north, at a height of 1.2 m."""
+    """One pass to the north at a height of 1.2 m."""
     overhead = Overhead(OFFSET_M, near_limit_m=1.0)
     for _ in range(times):
         overhead.see(RangeScan(0.0, {Beam.UP: up}), Pose(0.0, 2.05, 0.05, -1.2, 0.0))
@@ -71,7 +71,7 @@ def test_a_lintel_is_low_and_a_ceiling_is_not() -> None:
 def test_what_is_too_near_to_be_measured_may_be_right_above() -> None:
     passed = passed_under(RangeReading(RangeState.TOO_NEAR))
     assert passed.lower_than(1.7, CEILING_M)
-    assert not passed.lower_than(1.7, 2.2)  # it is the ceiling that is too near
+    assert not passed.lower_than(1.7, 2.2)  # the ceiling itself is too near
 
 
 def test_a_stray_reading_closes_no_doorway() -> None:
@@ -79,7 +79,7 @@ def test_a_stray_reading_closes_no_doorway() -> None:
 
 
 def corridor() -> Occupancy:
-    """Two metres wide, from 3 m south to 3 m north; north is up to a wall."""
+    """Two metres wide, from 3 m south to 3 m north, with a wall at its north end."""
     grid = Occupancy()
     for _ in range(3):
         for step in range(-10, 11):

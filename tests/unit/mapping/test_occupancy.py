@@ -1,4 +1,4 @@
-"""Space in cells: free, occupied and unknown never look alike."""
+"""Occupancy grid: free, occupied and unknown cells are distinct."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""The space around, drawn from rays, and drawn anew when the trajectory has been set right."""
+"""The grid is drawn from rays, and redrawn after corrections of the trajectory."""
 
 import math
 
@@ -11,16 +11,16 @@ from companion.mapping.redrawn_grid import RedrawnGrid
 
 STEP_M, KEYFRAMES = 0.1, 400
 LAST = 40
-"""Keyframes that are set right in the end."""
-EXACT = 0.01, True, 0.0
-"""Sigma, a hit, and when."""
+"""Keyframes that are corrected at the end."""
+A_HIT = 0.01, True, 0.0
+"""Sigma, hit, and time."""
 
 
 @pytest.fixture
 def forgetful(monkeypatch: pytest.MonkeyPatch) -> None:
-    """As after an hour of flight."""
+    """Memory limits as after an hour of flight."""
     monkeypatch.setattr(spaces, "MAX_RAYS", 900)
-    monkeypatch.setattr(spaces, "RAYS_A_STAGE", 50)
+    monkeypatch.setattr(spaces, "RAYS_PER_STAGE", 50)
 
 
 def way_north() -> np.ndarray:
@@ -28,11 +28,14 @@ def way_north() -> np.ndarray:
 
 
 def along_a_corridor() -> RedrawnGrid:
-    """Two metres wide; at every keyframe both walls are met, aslant, too."""
+    """A corridor two metres wide.
+
+    Each keyframe has perpendicular and oblique hits on both walls.
+    """
     space, keyframes = RedrawnGrid(), way_north()
     for k, (north_m, _, _) in enumerate(keyframes.tolist()):
         rays = [
-            Ray((north_m, 0.0), side * math.radians(deg), 1 / math.sin(math.radians(deg)), *EXACT)
+            Ray((north_m, 0.0), side * math.radians(deg), 1 / math.sin(math.radians(deg)), *A_HIT)
             for side in (-1, 1)
             for deg in (60, 90)
         ]
@@ -47,7 +50,7 @@ def draw(space: RedrawnGrid) -> None:
 
 
 def is_known(space: RedrawnGrid, to_m: float) -> bool:
-    """Free all along the middle, and both walls stand."""
+    """True if the middle is free and both walls are occupied."""
     grid = space.grid
     places = np.arange(1.0, to_m, STEP_M).tolist()
     is_free = all(grid.free[grid.cell((north_m, 0.05))] for north_m in places)
@@ -57,7 +60,7 @@ def is_known(space: RedrawnGrid, to_m: float) -> bool:
 
 @pytest.mark.usefixtures("forgetful")
 def test_what_was_seen_long_ago_stays_as_it_was_drawn() -> None:
-    """The way home of a long flight had faded to single rays when the map was drawn anew."""
+    """Regression: the return path of a long flight was reduced to single rays by a redraw."""
     space = along_a_corridor()
     assert is_known(space, STEP_M * KEYFRAMES - 1)
     corrected = way_north()
