@@ -1,5 +1,5 @@
-"""Maps from logs recorded elsewhere: read, estimate in one batch, judge, write.
+"""Maps logs of other robots: reads a log, estimates in one batch, checks the map, writes files.
 
-log file ─► `reading` (a reader for each format) ─► `record` ─► estimation ─► `mapper` ─► `files`
-            `reading.sensors` (TOML beside it) ─────────┘
+log file ─► `reading` (one reader per format) ─► `record` ─► estimation ─► `mapper` ─► `files`
+            `reading.sensors` (TOML beside it) ───┘
 """

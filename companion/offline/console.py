@@ -1,4 +1,4 @@
-"""What a person at the terminal sees of the mapping of a log."""
+"""Terminal output of `companion map`."""
 
 import math
 from collections.abc import Iterator
@@ -17,7 +17,7 @@ from companion.offline.reading.log import Log
 
 
 class LogProgress:
-    """A bar for each thing that is done with a log; nothing on a pipe."""
+    """A progress bar per activity; none if the output is not a terminal."""
 
     def __init__(self, console: Console) -> None:
         self._bars = Progress(
@@ -49,7 +49,7 @@ class LogProgress:
 
 
 def log_summary(result: LogMap, files: list[Path]) -> Table:
-    """What came of a log, and how far it may be trusted."""
+    """A table of the result and its verdict."""
     table = Table(title=Text("log"), show_header=False, title_justify="left")
     for name, value in (
         ("verdict", f"{result.verdict.word}: {result.verdict.reason}"),
@@ -77,13 +77,13 @@ def _result_rows(result: LogMap) -> Iterator[tuple[str, str]]:
     if plan.ceiling_m is not None:
         yield "ceiling", f"{plan.ceiling_m:.2f} m"
     if result.verdict.trusted:
-        off = result.path - result.log.odometry
+        error = result.path - result.log.odometry
         yield "ranges", f"{100 * result.agreement.rms_m:.1f} cm rms from their walls"
         yield (
             "odometry",
-            f"off by up to {np.hypot(off[:, 0], off[:, 1]).max():.2f} m and "
-            f"{math.degrees(np.abs(off[:, 2]).max()):.1f}°, "
-            f"scale by {100 * result.odometry_scale_error:+.1f} %",
+            f"error up to {np.hypot(error[:, 0], error[:, 1]).max():.2f} m and "
+            f"{math.degrees(np.abs(error[:, 2]).max()):.1f}°, "
+            f"scale error {100 * result.odometry_scale_error:+.1f} %",
         )
     else:
-        yield "odometry", "taken as it is"
+        yield "odometry", "uncorrected"

@@ -1,4 +1,4 @@
-"""What `companion map` leaves besides the map: the trajectory, and a report on how it went."""
+"""Files of `companion map` besides the map: trajectory and report."""
 
 import json
 import math
@@ -19,10 +19,10 @@ Report = dict[str, object]
 
 
 def save_results(result: LogMap, folder: Path) -> list[Path]:
-    """Write map.json, map.png, map.ply, trajectory.tum and report.json; their paths.
+    """Write map.json, map.png, map.ply, trajectory.tum and report.json; returns their paths.
 
     Raises:
-        OutputError: some cannot be written, and all others are; names them.
+        OutputError: names the files that cannot be written; all others are written.
     """
     texts = {"trajectory.tum": trajectory_tum, "report.json": report_json}
     files: list[Path] = []
@@ -44,7 +44,7 @@ def report_json(result: LogMap) -> str:
 
 
 def trajectory_tum(result: LogMap) -> str:
-    """A line for each row: time x y z qx qy qz qw, in the log's own NED frame."""
+    """One line per row: time x y z qx qy qz qw, in the log's own NED frame."""
     half = result.path[:, 2] / 2
     zero = np.zeros(len(half))
     columns = (*result.path[:, :2].T, zero, zero, zero, np.sin(half), np.cos(half))
@@ -56,7 +56,7 @@ def trajectory_tum(result: LogMap) -> str:
 
 
 def report(result: LogMap) -> Report:
-    """All that is known of how the log was read and how well it fits together."""
+    """Report on how the log was read and how consistent the map is."""
     log = result.log
     return {
         "verdict": result.verdict.word,
@@ -97,13 +97,13 @@ def _length_m(path: Array) -> float:
 
 
 def _correction(result: LogMap) -> Report:
-    """How far the trajectory lies from the odometry, and the scales found."""
-    off = result.path - result.log.odometry
-    off_m = np.hypot(off[:, 0], off[:, 1])
+    """Differences between trajectory and odometry, and the estimated scale errors."""
+    difference = result.path - result.log.odometry
+    distance_m = np.hypot(difference[:, 0], difference[:, 1])
     return {
-        "mean_m": float(off_m.mean()),
-        "max_m": float(off_m.max()),
-        "max_yaw_deg": math.degrees(float(np.abs(off[:, 2]).max())),
+        "mean_m": float(distance_m.mean()),
+        "max_m": float(distance_m.max()),
+        "max_yaw_deg": math.degrees(float(np.abs(difference[:, 2]).max())),
         "odometry_scale_error": result.odometry_scale_error if result.verdict.trusted else None,
         "gyro_scale_error": result.gyro_scale_error if result.verdict.trusted else None,
     }

@@ -1,10 +1,10 @@
-"""Trajectory and walls from nothing but a record, a few steps at a time.
+"""Estimates trajectory and walls of a record from scratch, some keyframes at a time.
 
-The smoother needs walls to begin with. Here the flight is gone through once more: the next key
-frames follow from odometry and gyro as far as these are known by now, their hits are given to the
-walls known so far, what is left over makes new walls, and all of it is solved. A long flight is
-solved as a whole each time it has grown, and in between only its last part, with the rest as a
-belief.
+The smoother needs initial walls. Therefore the record is processed in stages. The next keyframes
+are predicted by odometry and gyro with the present corrections. Their hits are associated with the
+present walls, new walls are detected in the remaining hits, and all is solved. A long flight is
+solved as a whole each time it has grown. In between only its last part is solved, with the rest as
+a marginal prior.
 """
 
 import math
@@ -34,52 +34,63 @@ from companion.estimation.smoothing.state import (
 Mask = NDArray[np.bool_]
 
 STAGE_M = 1.5
+"""A stage ends after this path length, m, this turn, rad, or this number of keyframes. Chosen."""
 STAGE_RAD = math.radians(45)
 STAGE_KEYFRAMES = 25
 WHOLE_KEYFRAMES = 300
-"""Up to this long the whole is solved at every stage."""
+"""Up to this length the whole is solved at every stage, keyframes. Chosen."""
 WINDOW_KEYFRAMES = 120
-"""The last part begins this long before what was added."""
+"""The last part begins this many keyframes before the new ones. Chosen."""
 GROWN_BY = 1.2
-"""Later it is solved each time it has become this much longer."""
+"""A longer flight is solved as a whole each time it has grown by this factor. Chosen."""
 DETECTION_KEYFRAMES = 80
-"""Over which dead reckoning is straight enough for hits to show a wall."""
+"""Walls are detected in hits of this many keyframes. Chosen: dead reckoning is accurate over
+them."""
 STAGE_GATES = (
     Gate(0.3, 2.0, detect_keyframes=DETECTION_KEYFRAMES),
     Gate(0.15, 1.5),
     Gate(0.08, 1.0),
 )
+"""Gates at each stage. Chosen."""
 WHOLE_GATES = (
     *(Gate(0.3, 1.5, detect_keyframes=DETECTION_KEYFRAMES),) * 2,
     *(Gate(0.15, 1.0, detect_keyframes=DETECTION_KEYFRAMES),) * 2,
     *(Gate(0.05, 0.6, prunes_see_through=True),) * 4,
 )
-ANEW_GATES = Gate(0.05, 0.6, detect_keyframes=WHOLE), *WHOLE_GATES[3:]
+"""Gates of the final solution. Chosen."""
+REDETECTION_GATES = Gate(0.05, 0.6, detect_keyframes=WHOLE), *WHOLE_GATES[3:]
+"""Gates of the solution with newly detected walls. Chosen."""
 STEPS_WITHOUT = 2
-"""Of Gauss-Newton, from what all hits made it; chosen."""
+"""Gauss-Newton steps without some hits, from the solution with all. Chosen."""
 NO_SCALE_SIGMA = 1e-3
+"""Sigma of the odometry's scale when it is held. Chosen."""
 STEPS_TO_SCALE = 6
-"""Of Gauss-Newton, from a map of another scale; chosen."""
+"""Gauss-Newton steps to a map of another scale. Chosen."""
 MIN_HITS_FOR_NOISE = 50
+"""Least hits to estimate the range noise. Chosen."""
 MAD_TO_SIGMA = 1.4826
+"""Median absolute deviation to sigma of a Gaussian."""
 
 
-class Growth:
-    """Trajectory and walls of one record; `estimate` is what is known of them so far."""
+class IncrementalMap:
+    """Trajectory and walls of one record, built incrementally.
+
+    `estimate` is the present solution.
+    """
 
     def __init__(self, smoother: Smoother, m: Measured, start: Array) -> None:
-        """`start` (3,) is the pose of the first key frame, by definition."""
+        """`start` (3,): pose of the first keyframe, by definition of the frame."""
         self.smoother = smoother
         self._m = m
         self._start = smoother.from_start(start)
-        self._past = self._start
+        self._prior = self._start
         self._whole_frames = 0
         self.x = Unknowns.at(start.reshape(1, 3).copy(), 0.0)
         self.wall_of: Indices = np.empty(0, dtype=np.int64)
         self.estimate: Estimate | None = None
 
     def grow(self, watch: Callable[[float], None]) -> None:
-        """Go through the record; `watch` is told the share done."""
+        """Process the record; `watch` is called with the share done."""
         frames = len(self._m.dt_s) + 1
         for end in stages(self._m):
             self.extend(end)
@@ -90,7 +101,7 @@ class Growth:
             watch(end / frames)
 
     def extend(self, end: int) -> None:
-        """Dead reckoning on to key frame `end`, scales and bias as known by now."""
+        """Predict poses up to keyframe `end` by dead reckoning with the present scales and bias."""
         poses, x = self.x.poses, self.x
         yaw, bias = poses[-1, [YAW, BIAS]]
         k = np.arange(len(poses) - 1, end - 1)
@@ -98,22 +109,22 @@ class Growth:
         yaws = yaw + np.concatenate([[0.0], np.cumsum(turns)])
         steps = to_ned((1 + x.odometry_scale) * self._m.moved_frd_m[k], yaws[:-1])
         places = poses[-1, :2] + np.cumsum(steps, axis=0)
-        ahead = np.tile(poses[-1], (len(k), 1))
-        ahead[:, :YAW], ahead[:, YAW] = places, yaws[1:]
-        x.poses = np.vstack([poses, ahead])
+        predicted = np.tile(poses[-1], (len(k), 1))
+        predicted[:, :YAW], predicted[:, YAW] = places, yaws[1:]
+        x.poses = np.vstack([poses, predicted])
 
     def finish(self) -> None:
-        """All at once; then once more with walls looked for anew where the path now puts them."""
-        self._keep(self.smoother.smooth(self.x, self._m, self._start, WHOLE_GATES))
+        """Solve the whole; then solve again with walls newly detected along the resulting path."""
+        self._store(self.smoother.smooth(self.x, self._m, self._start, WHOLE_GATES))
         self.wall_of = self.x.keep_walls(np.empty(0, dtype=np.int64), self.wall_of)
-        self._keep(self.smoother.smooth(self.x, self._m, self._start, ANEW_GATES))
+        self._store(self.smoother.smooth(self.x, self._m, self._start, REDETECTION_GATES))
 
-    def held_to_scale(self) -> "Growth":
-        """The same, had the odometry no scale error; with walls looked for anew."""
+    def with_fixed_scale(self) -> "IncrementalMap":
+        """The same record without a scale error of the odometry, with newly detected walls."""
         models = self.smoother.models
         odometry = replace(models.odometry, scale_sigma=NO_SCALE_SIGMA)
         smoother = Smoother(replace(models, odometry=odometry), self.smoother.support)
-        held = Growth(smoother, self._m, self._start.at[: YAW + 1])
+        held = IncrementalMap(smoother, self._m, self._start.at[: YAW + 1])
         held.x, held.wall_of = self.x.since(0), self.wall_of
         held.x.odometry_scale = 0.0
         for _ in range(STEPS_TO_SCALE):
@@ -122,9 +133,9 @@ class Growth:
         return held
 
     def without(self, left_out: Mask) -> Unknowns:
-        """What comes out if some hits (n,) are left out, and all others stay on their walls.
+        """The solution without the masked hits (n,); the associations of all others stay.
 
-        Walls that are left with too few hits to be one are gone.
+        Walls with too few remaining hits are dropped.
         """
         wall_of = np.where(left_out, NO_WALL, self.wall_of)
         x = self.x.since(0)
@@ -136,16 +147,16 @@ class Growth:
         return x
 
     def noise_factor(self) -> float:
-        """How much noisier the ranges on walls are than they are taken to be."""
-        off = hit_residuals(self.x, self._m, self.wall_of, self.smoother.models.ranges)
-        if len(off) < MIN_HITS_FOR_NOISE:
+        """Ratio of the actual noise of ranges on walls to the assumed noise."""
+        residual = hit_residuals(self.x, self._m, self.wall_of, self.smoother.models.ranges)
+        if len(residual) < MIN_HITS_FOR_NOISE:
             return 1.0
-        return MAD_TO_SIGMA * float(np.median(np.abs(off)))
+        return MAD_TO_SIGMA * float(np.median(np.abs(residual)))
 
     def motion_misfit(self) -> float:
-        """How much the trajectory strains the odometry, in its sigmas.
+        """RMS residual of the odometry in sigmas.
 
-        Of the equations of motion as many only tell of the wander, which nothing else asks for.
+        The equations of the wander are not counted: they determine only the wander itself.
         """
         no_walls = replace(self.x, walls=np.empty((0, 2)))
         motion = self.smoother.motion(no_walls, self._m)
@@ -153,25 +164,25 @@ class Growth:
 
     def _solve_whole(self, gates: tuple[Gate, ...]) -> None:
         m = self._m.between(0, len(self.x.poses))
-        self._take(self.smoother.smooth(self.x, m, self._start, gates), m, self._start)
+        self._accept(self.smoother.smooth(self.x, m, self._start, gates), m, self._start)
         self._whole_frames = len(self.x.poses)
 
     def _solve_part(self) -> None:
-        """What was added last, and some before it."""
-        first = self._past.frame
+        """Solve the new keyframes and some before them."""
+        first = self._prior.frame
         m = self._m.between(first, len(self.x.poses))
-        part = self.smoother.smooth(self.x.since(first), m, self._past, STAGE_GATES)
-        self._take(part, m, self._past)
+        part = self.smoother.smooth(self.x.since(first), m, self._prior, STAGE_GATES)
+        self._accept(part, m, self._prior)
 
-    def _take(self, found: Estimate, m: Measured, past: MarginalPrior) -> None:
-        """Go on from an estimate from the past's key frame on, and perhaps from a later past."""
+    def _accept(self, found: Estimate, m: Measured, prior: MarginalPrior) -> None:
+        """Accept an estimate that begins at the prior's keyframe. Advance the prior if possible."""
         frame = len(found.x.poses) - WINDOW_KEYFRAMES
         if frame > 0:
-            self._past, found = self.smoother.marginalize_before(frame, found, m, past)
-        self._keep(found, past.frame)
+            self._prior, found = self.smoother.marginalize_before(frame, found, m, prior)
+        self._store(found, prior.frame)
 
-    def _keep(self, found: Estimate, since: int = 0) -> None:
-        """An estimate from a key frame on."""
+    def _store(self, found: Estimate, since: int = 0) -> None:
+        """Store an estimate that begins at a keyframe."""
         poses = self.x.poses.copy()
         poses[since:] = found.x.poses
         self.x = replace(found.x, poses=poses)
@@ -179,8 +190,8 @@ class Growth:
 
 
 def stages(m: Measured) -> list[int]:
-    """Where each stage ends: after some way, some turn, or some key frames."""
-    way = np.hypot(*m.moved_frd_m.T) / STAGE_M
-    effort = way + np.abs(m.turned_rad) / STAGE_RAD + 1 / STAGE_KEYFRAMES
-    ends = np.flatnonzero(np.diff(np.floor(np.cumsum(effort))) > 0) + 2
+    """Ends of the stages: after some path length, some turn, or some keyframes."""
+    length = np.hypot(*m.moved_frd_m.T) / STAGE_M
+    progress = length + np.abs(m.turned_rad) / STAGE_RAD + 1 / STAGE_KEYFRAMES
+    ends = np.flatnonzero(np.diff(np.floor(np.cumsum(progress))) > 0) + 2
     return [*ends.tolist(), len(m.dt_s) + 1]

@@ -1,4 +1,4 @@
-"""The map of a log: estimated in one batch, judged, and given up for the odometry's if doubtful."""
+"""Maps a log: estimates in one batch, and uses the odometry alone if the result is doubtful."""
 
 from dataclasses import dataclass, replace
 
@@ -12,7 +12,7 @@ from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import project
 from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
-from companion.offline.growth import Growth
+from companion.offline.growth import IncrementalMap
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
 from companion.offline.reading.log import Array, Log, Watch
@@ -22,27 +22,28 @@ from companion.offline.scale import with_supported_scale
 from companion.offline.verdict import Agreement, MapVerdict, agreement, judge
 
 ROWS_TO_OPEN = 2.5
-"""An opening is wider than this many steps between rows."""
+"""Least width of an opening, in steps between rows. Chosen."""
 MIN_WORTH = 30.0
+"""χ² that a wall must save (`Support.worth`). Chosen."""
 MIN_STEP_M = 0.01
-"""Shorter steps are no motion."""
+"""Shorter steps are no motion, m. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class LogMap:
-    """What came out."""
+    """Result for one log."""
 
     log: Log
     jumps: int
-    """Of the odometry."""
+    """Number of jumps of the odometry."""
     path: Array
     """(rows, 3): north, east, yaw, in the frame of the log's odometry."""
     plan: FloorPlan
     verdict: MapVerdict
     agreement: Agreement
-    """Of the hits with the map."""
+    """Agreement of ranges and odometry with this map."""
     odometry_agreement: Agreement
-    """The same, had the odometry been right."""
+    """The same for the map by uncorrected odometry."""
     odometry_scale_error: float
     gyro_scale_error: float
 
@@ -53,16 +54,18 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
     record, support = to_record(log, beams), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})
     odometry_path = _held_to_odometry(record, units, support)
-    estimate = Growth(Smoother(Models(units), support), record.measured, log.odometry[0])
+    estimate = IncrementalMap(Smoother(Models(units), support), record.measured, log.odometry[0])
     estimate.grow(lambda share: watch("mapping", share))
     estimate.finish()
-    if not sensors.tells_noise:
+    if not sensors.has_noise:
         estimate.smoother = Smoother(Models(units.noisier(estimate.noise_factor())), support)
         estimate.finish()
     noise = estimate.smoother.models.ranges
     estimate = with_supported_scale(estimate, record.measured, noise)
-    found, told = (agreement(growth, record, noise) for growth in (estimate, odometry_path))
-    verdict = judge(found, told)
+    found, uncorrected = (
+        agreement(solution, record, noise) for solution in (estimate, odometry_path)
+    )
+    verdict = judge(found, uncorrected)
     chosen = estimate if verdict.trusted else odometry_path
     path = poses_of_rows(record, estimate.x.poses[:, :3]) if verdict.trusted else log.odometry
     return LogMap(
@@ -72,30 +75,30 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
         _floor_plan(log, record, chosen, sensors),
         verdict,
         found,
-        told,
+        uncorrected,
         estimate.x.odometry_scale,
         estimate.x.gyro_scale,
     )
 
 
 def odometry_map(log: Log, sensors: SensorsConfig) -> FloorPlan:
-    """The map that the odometry as it was told makes."""
+    """The map by uncorrected odometry."""
     beams, support = horizontal_beams(log, sensors), _support(log)
     units = RangeUnits({beam: one.unit for beam, one in beams.items()})
     record = to_record(log, beams)
     return _floor_plan(log, record, _held_to_odometry(record, units, support), sensors)
 
 
-def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> Growth:
+def _held_to_odometry(record: Record, units: RangeUnits, support: Support) -> IncrementalMap:
     smoother = OdometryPath(Models(units), support)
-    held = Growth(smoother, record.measured, record.motion[0])
+    held = IncrementalMap(smoother, record.measured, record.motion[0])
     held.extend(len(record.rows))
     held.finish()
     return held
 
 
 def _support(log: Log) -> Support:
-    """How near to each other hits on a wall must be, which depends on how far rows are apart."""
+    """Support of walls, adapted to the distance between rows."""
     steps = np.hypot(*np.diff(log.odometry[:, :2], axis=0).T)
     moving = steps[steps > MIN_STEP_M]
     wide_m = ROWS_TO_OPEN * float(np.median(moving)) if len(moving) else 0.0
@@ -103,12 +106,14 @@ def _support(log: Log) -> Support:
     return replace(usual, gap_m=max(usual.gap_m, wide_m), opening_m=max(usual.opening_m, wide_m))
 
 
-def _floor_plan(log: Log, record: Record, growth: Growth, sensors: SensorsConfig) -> FloorPlan:
-    x, m = growth.x, record.measured
+def _floor_plan(
+    log: Log, record: Record, solution: IncrementalMap, sensors: SensorsConfig
+) -> FloorPlan:
+    x, m = solution.x, record.measured
     points = project(x, m).points
-    sigma_m = growth.smoother.models.ranges.sigma_m(m.beam, m.distance_m)
+    sigma_m = solution.smoother.models.ranges.sigma_m(m.beam, m.distance_m)
     height_m, ceiling_m = _heights(log, sensors)
-    lines = growth.estimate.wall_lines if growth.estimate else ()
+    lines = solution.estimate.wall_lines if solution.estimate else ()
     times_s = log.time_s[record.hit_rows].tolist()
     hits = tuple(
         Hit(time_s, BEAMS[number], (north, east, -height_m), variance)
@@ -122,13 +127,13 @@ def _floor_plan(log: Log, record: Record, growth: Growth, sensors: SensorsConfig
             log.time_s[record.rows].tolist(), x.poses.tolist(), strict=True
         )
     )
-    opening_m = max(LARGEST_GAP_M, growth.smoother.support.opening_m)
-    walls = wall_segments(lines, points, growth.wall_of, opening_m)
+    opening_m = max(LARGEST_GAP_M, solution.smoother.support.opening_m)
+    walls = wall_segments(lines, points, solution.wall_of, opening_m)
     return FloorPlan(walls, hits, path, ceiling_m)
 
 
 def _heights(log: Log, sensors: SensorsConfig) -> tuple[float, float | None]:
-    """Of the drone, and of the ceiling, above the floor; the drone is at zero without down beam."""
+    """Heights of drone and ceiling above the floor; the drone is at zero without a down beam."""
     vertical = {
         beam: usable_ranges(log.ranges_m[beam], sensors.of(beam)) + (sensors.of(beam).offset_m or 0)
         for beam in (Beam.UP, Beam.DOWN)

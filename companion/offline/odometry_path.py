@@ -1,8 +1,8 @@
-"""Walls along a path that is taken as it was told: nothing but walls is solved for.
+"""Solves for walls along a path that is not corrected.
 
-The equations are those of the smoother without the poses: a wall's line by the hits on it. Where
-odometry drifts for an hour every wall is there many times, and with all poses beside hundreds of
-walls the equations would need minutes and a GB.
+The equations are those of the smoother without the poses: each wall's line by its hits. With
+odometry that drifts for an hour every wall exists many times. With all poses and hundreds of walls
+the equations would need minutes and a GB.
 """
 
 from companion.estimation.smoothing import factors
@@ -13,15 +13,15 @@ from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, U
 
 
 class OdometryPath(Smoother):
-    """Finds walls, and leaves the poses where they are."""
+    """A smoother that detects and fits walls and keeps the poses."""
 
     def system(
-        self, x: Unknowns, m: Measured, wall_of: Indices, past: MarginalPrior
+        self, x: Unknowns, m: Measured, wall_of: Indices, prior: MarginalPrior
     ) -> BorderedSystem:
-        """All equations; of the poses there is one, which stays for all of them."""
+        """All equations; one dummy pose replaces the chain."""
         system = _OnlyShared(POSE_SIZE, factors.WALLS + x.walls.size, 2 * POSE_SIZE)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
-        self.add_prior(system, x, past)
+        self.add_prior(system, x, prior)
         return system
 
 
@@ -29,5 +29,5 @@ class _OnlyShared(BorderedSystem):
     def add(
         self, residual: Array, sigma: Array | float, chained: Gradient, shared: Gradient = ()
     ) -> None:
-        """As if the poses that a residual touches were known."""
+        """Add residuals as if their poses were known."""
         super().add(residual, sigma, [], shared)

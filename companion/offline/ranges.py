@@ -1,4 +1,4 @@
-"""What the log itself tells of its range sensors: where they end, and how noisy they are."""
+"""Estimates limits and noise of the range sensors from the log itself."""
 
 from dataclasses import dataclass
 
@@ -9,27 +9,34 @@ from companion.offline.reading.log import Array, Log
 from companion.offline.reading.sensors import RangeConfig, RangeSensor, SensorsConfig
 
 SATURATED_SHARE = 0.02
+"""Share of a sensor's readings, see below. Chosen."""
 SATURATED_READINGS = 5
-"""A largest value told this often is what the sensor says when it sees nothing."""
+"""A largest value that occurs this often is the sensor's code for nothing in range. Chosen."""
 STRAIGHT_RAD = np.radians(6)
-"""Between rows that turn less than this the range to a wall changes evenly."""
+"""Between rows with a smaller turn the range to a wall changes evenly, rad. Chosen."""
 MAX_DT_S = 1.0
+"""Rows with a longer interval are not used for the noise, s. Chosen."""
 MIN_TRIPLES = 40
+"""Least row triples to estimate the noise. Chosen."""
 UNKNOWN_SIGMA_M = 0.05
+"""Sigma if the noise cannot be estimated, m. Chosen."""
 MIN_SIGMA_M = 0.01
+"""Least constant sigma, m. Chosen."""
 MAX_SIGMA_M = 0.15
+"""Largest constant sigma, m. Chosen."""
 MAD_TO_SIGMA = 1.4826
+"""Median absolute deviation to sigma of a Gaussian."""
 
 
 @dataclass(frozen=True, slots=True)
 class HorizontalBeam:
-    """One beam of a log: its usable ranges, and what is known of its sensor."""
+    """One beam of a log: usable ranges and sensor model."""
 
     bearing_frd_rad: float
     offset_m: float
     sensor: RangeSensor
     range_m: Array
-    """(n,): NaN where there is none that can be used."""
+    """(n,): NaN without a usable range."""
 
     @property
     def unit(self) -> RangeUnit:
@@ -37,7 +44,7 @@ class HorizontalBeam:
 
 
 def horizontal_beams(log: Log, sensors: SensorsConfig) -> dict[Beam, HorizontalBeam]:
-    """The log's horizontal beams that have ever told a distance."""
+    """The log's horizontal beams that have at least one distance."""
     usable = {
         beam: usable_ranges(log.ranges_m[beam], sensors.of(beam))
         for beam in BEARING_FRD_RAD
@@ -57,32 +64,32 @@ def horizontal_beams(log: Log, sensors: SensorsConfig) -> dict[Beam, HorizontalB
 
 
 def usable_ranges(ranges_m: Array, config: RangeConfig) -> Array:
-    """The ranges (n,) without those that the sensor cannot mean."""
+    """The ranges (n,) without those outside the sensor's limits."""
     usable = ranges_m.copy()
     if config.min_m is not None:
         usable[usable < config.min_m] = np.nan
     if config.max_m is not None:
         usable[usable > config.max_m] = np.nan
-    told = usable[np.isfinite(usable)]
-    if len(told):
-        at_end = int((told == told.max()).sum())
-        if at_end >= max(SATURATED_READINGS, SATURATED_SHARE * len(told)):
-            usable[usable == told.max()] = np.nan
+    known = usable[np.isfinite(usable)]
+    if len(known):
+        at_end = int((known == known.max()).sum())
+        if at_end >= max(SATURATED_READINGS, SATURATED_SHARE * len(known)):
+            usable[usable == known.max()] = np.nan
     return usable
 
 
 def _sensor(config: RangeConfig, noise: tuple[float, float], largest_m: float) -> RangeSensor:
-    told = config.sigma_m is not None or config.sigma_per_m2 is not None
-    constant_m, per_m2 = (config.sigma_m or 0.0, config.sigma_per_m2 or 0.0) if told else noise
+    known = config.sigma_m is not None or config.sigma_per_m2 is not None
+    constant_m, per_m2 = (config.sigma_m or 0.0, config.sigma_per_m2 or 0.0) if known else noise
     max_m = config.max_m or largest_m
     return RangeSensor(min(config.min_m or 0.0, max_m), max_m, constant_m, per_m2)
 
 
 def _noise(log: Log, ranges: list[Array]) -> tuple[float, float]:
-    """Constant and quadratic part of sigma, from how unevenly ranges change from row to row.
+    """Constant and quadratic part of sigma, by second differences of the ranges.
 
-    While the drone moves evenly past straight walls the second difference of a range is only
-    noise, of √6 sigmas; the median does not mind corners.
+    While the drone moves evenly past straight walls the second difference of a range is only noise,
+    of √6 sigmas. The median is robust against corners.
     """
     if len(log.time_s) < 3 or not ranges:
         return UNKNOWN_SIGMA_M, 0.0

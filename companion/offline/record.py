@@ -1,4 +1,4 @@
-"""From a log's rows to the smoother's measurements, and from its key frames back to rows."""
+"""Converts a log's rows to the smoother's measurements, and keyframe poses back to rows."""
 
 import math
 from collections.abc import Mapping
@@ -15,36 +15,40 @@ from companion.offline.ranges import HorizontalBeam
 from companion.offline.reading.log import Array, Log
 
 KEYFRAME_PERIOD_S = 0.2
+"""Interval of the keyframes, s. Chosen."""
 MAX_KEYFRAMES = 5_000
+"""Most keyframes; a longer log gets a longer interval. Chosen."""
 MAX_HITS = 20_000
-"""A longer log has fewer key frames, and hits of fewer of its rows. With four times as many hits a
+"""Most hits; of a longer log only every n-th row is used. Chosen: with four times as many hits a
 map of ten minutes at 50 Hz is no better, and takes 75 s instead of 45."""
 MAX_SPEED_M_S = 5.0
 LONGEST_STEP_M = 1.5
-"""An odometry step longer and faster than these is a jump of the estimate, not motion."""
+"""A longer and faster odometry step is a jump of the estimate, not motion; m/s, m. Chosen."""
 YAW_JUMP_RAD = math.radians(8)
 GYRO_HOLDS_S = 0.5
-"""Between rows no farther apart, a turn that the gyro contradicts by more is a jump of the yaw."""
+"""A turn between rows at most this far apart, s, that differs from the gyro's by more than this,
+rad, is a jump of the yaw. Chosen."""
 MAX_DT_S = 30.0
-"""A longer gap tells no less than this; the gyro's bias would else claim to know too much."""
+"""A longer gap counts as this long, s. Chosen: otherwise the gyro's bias would appear to be known
+too exactly."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """A log as the smoother takes it."""
+    """A log as measurements of the smoother."""
 
     measured: Measured
     rows: Indices
-    """(k,): the row of each key frame."""
+    """(k,): row of each keyframe."""
     hit_rows: Indices
-    """(n,): the row of each hit."""
+    """(n,): row of each hit."""
     motion: Array
-    """(rows, 3): the odometry without its jumps."""
+    """(rows, 3): odometry without its jumps."""
     jumps: int
 
 
 def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
-    """Key frames no closer than their period, and every hit relative to the one before it."""
+    """Select keyframes, and store each hit relative to the preceding one."""
     motion, jumps = _without_jumps(log)
     since_s = log.time_s - log.time_s[0]
     period_s = max(KEYFRAME_PERIOD_S, float(since_s[-1]) / MAX_KEYFRAMES)
@@ -57,10 +61,10 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
     since = relative(motion[rows[frame_of]], motion)
     bearing, distance_m, mount_m = (np.zeros(len(hit_row)) for _ in range(3))
     for beam, one in beams.items():
-        mine = beam_of == BEAMS.index(beam)
-        bearing[mine] = since[hit_row[mine], 2] + one.bearing_frd_rad
-        distance_m[mine] = one.range_m[hit_row[mine]]
-        mount_m[mine] = one.offset_m
+        of_beam = beam_of == BEAMS.index(beam)
+        bearing[of_beam] = since[hit_row[of_beam], 2] + one.bearing_frd_rad
+        distance_m[of_beam] = one.range_m[hit_row[of_beam]]
+        mount_m[of_beam] = one.offset_m
     moved = relative(motion[rows[:-1]], motion[rows[1:]])
     dt_s = np.minimum(np.diff(log.time_s[rows]), MAX_DT_S)
     measured = Measured(
@@ -83,7 +87,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
 
 
 def _hits(beams: Mapping[Beam, HorizontalBeam], used: NDArray[np.bool_]) -> tuple[Indices, Indices]:
-    """Row and number of the beam of each hit, in order of rows."""
+    """Row and beam number of each hit, in order of rows."""
     row = [np.flatnonzero(np.isfinite(beam.range_m) & used) for beam in beams.values()]
     number = [np.full(len(r), BEAMS.index(beam)) for beam, r in zip(beams, row, strict=True)]
     if not row:
@@ -94,7 +98,7 @@ def _hits(beams: Mapping[Beam, HorizontalBeam], used: NDArray[np.bool_]) -> tupl
 
 
 def _without_jumps(log: Log) -> tuple[Array, int]:
-    """Odometry (n, 3) in which jumps of the estimate are no motion, and how many there were."""
+    """Odometry (n, 3) with its jumps removed, and their number."""
     steps, dt_s = np.diff(log.odometry, axis=0), np.diff(log.time_s)
     length = np.hypot(steps[:, 0], steps[:, 1])
     jump = length > np.maximum(LONGEST_STEP_M, MAX_SPEED_M_S * dt_s)
@@ -113,14 +117,14 @@ def _without_jumps(log: Log) -> tuple[Array, int]:
 
 
 def relative(start: Array, end: Array) -> Array:
-    """Poses (n, 3) seen from others (n, 3): forward, right, turn."""
+    """Poses (n, 3) relative to others (n, 3): forward, right, turn."""
     north, east, turn = (end - start).T
     cos, sin = np.cos(start[:, 2]), np.sin(start[:, 2])
     return np.column_stack([cos * north + sin * east, cos * east - sin * north, turn])
 
 
 def poses_of_rows(record: Record, poses: Array) -> Array:
-    """Poses (rows, 3) from those of key frames (k, 3): by odometry, misfits spread evenly."""
+    """Poses (rows, 3) between keyframes (k, 3): by odometry, with its residuals spread evenly."""
     count = len(record.motion)
     frame = np.searchsorted(record.rows, np.arange(count), side="right") - 1
     first = record.motion[record.rows[frame]]

@@ -1,27 +1,33 @@
-"""Whether walls tell how wrong the odometry's scale is.
+"""Checks whether the walls determine the odometry's scale.
 
-Along a corridor they do not. If headings err by more than the odometry's model allows, the odometry
-leads through the corridor's walls, by less the shorter the way is. So the scale shrinks, and all
-hits still lie on the two walls. A scale error that is unlikely by the model is therefore kept only
-if the map predicts left-out ranges better with it than without.
+Along a corridor they do not. If the heading errors exceed the odometry's model, the odometry leads
+through the corridor's walls, and less so for a shorter path. So the estimated scale shrinks while
+all hits stay on the two walls. Therefore a scale error that is unlikely by the model is kept only
+if the map with it predicts held-out ranges better.
 """
 
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import Measured
-from companion.offline.growth import Growth
+from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gain
 
 LIKELY_SIGMAS = 2.0
-"""Of the odometry's scale; 1 in 20 is farther off."""
+"""A larger scale error is unlikely, in sigmas of the odometry's scale; 1 in 20 exceeds it.
+Chosen."""
 MIN_DIFFERENCE = 0.15
-"""Nats a range. Measured on made-up logs: up to 0.08 in corridors where the scale shrank by 20 to
-40 %, 0.24 and more in rooms and corridors with ends where odometry was off by 20 %."""
+"""Least difference of the gains, nats per range. Measured on synthetic logs: up to 0.08 in
+corridors where the scale shrank by 20 to 40 %; 0.24 and more in rooms and closed corridors where
+odometry was off by 20 %."""
 
 
-def with_supported_scale(found: Growth, m: Measured, units: RangeUnits) -> Growth:
-    """What was found, or the same with the odometry's own scale."""
-    sigma = found.smoother.models.odometry.scale_sigma
-    if abs(found.x.odometry_scale) < LIKELY_SIGMAS * sigma:
-        return found
-    held = found.held_to_scale()
-    return found if gain(found, m, units) - gain(held, m, units) > MIN_DIFFERENCE else held
+def with_supported_scale(
+    estimated: IncrementalMap, m: Measured, units: RangeUnits
+) -> IncrementalMap:
+    """The solution itself, or the solution with the odometry's own scale."""
+    sigma = estimated.smoother.models.odometry.scale_sigma
+    if abs(estimated.x.odometry_scale) < LIKELY_SIGMAS * sigma:
+        return estimated
+    fixed = estimated.with_fixed_scale()
+    return (
+        estimated if gain(estimated, m, units) - gain(fixed, m, units) > MIN_DIFFERENCE else fixed
+    )

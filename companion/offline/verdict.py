@@ -1,4 +1,4 @@
-"""Whether a log supports the map made of it, and by what that is known."""
+"""Decides whether a log supports the map made of it."""
 
 import math
 from dataclasses import dataclass
@@ -10,49 +10,54 @@ from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import project
-from companion.offline.growth import Growth
+from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gain
 from companion.offline.record import Record
 
 MIN_GAIN = 0.3
-"""Nats a range: with the map it is 1.35 times as likely as by what its beam tells on the whole.
+"""Least gain, nats per range: the map makes a held-out range 1.35 times as likely as its beam's own
+distribution does.
 
-Chosen, on 175 logs. With ranges shuffled in time, late or of another beam it is 0 to 0.24. Where
-the path is right it is 0.3 to 1.3 in nine of ten, and where it is a metre off mostly less.
-"""
+Chosen by 175 logs. With ranges shuffled in time, delayed or of another beam the gain is 0 to
+0.24. With a correct path it is 0.3 to 1.3 in nine of ten, and with an error of a metre mostly
+less."""
 MIN_HITS = 30
+"""Least hits of a trusted map. Chosen."""
 MAX_MOTION_MISFIT = 3.0
+"""Largest RMS residual of the odometry, in sigmas. Chosen."""
 MAX_SCALE_ERROR = 0.3
+"""Largest scale error. Chosen: beyond it ranges or odometry are in another unit."""
 MIN_SUPPORTED = 0.3
+"""Least share of keyframes near hits on walls. Chosen."""
 NEAR_KEYFRAMES = 25
-"""A key frame is supported if a hit on a wall is this near in the record."""
+"""A keyframe is supported by a hit on a wall within this many keyframes. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class Agreement:
-    """Of hits with the walls of a map, and of its trajectory with the odometry."""
+    """Agreement of hits with the walls of a map, and of its trajectory with the odometry."""
 
     hits: int
     walls: int
     explained: float
-    """Share of the hits that lie on a wall."""
+    """Share of the hits that are on a wall."""
     rms_m: float
-    """Of those hits' distances from their walls; NaN if there are none."""
+    """RMS distance of those hits from their walls; NaN without any."""
     rms_sigmas: float
     """The same in sigmas of the ranges."""
     supported: float
-    """Share of the key frames with a hit on a wall nearby."""
+    """Share of the keyframes with a hit on a wall nearby."""
     gain: float
-    """Nats by which the map makes a range likelier that it was not made from (`held_out.py`)."""
+    """Nats by which the map makes a held-out range likelier (`held_out.py`)."""
     motion_misfit: float
     """Root mean square of the odometry's residuals in its sigmas."""
     scale_error: float
-    """Of the odometry or the gyro, whichever is larger."""
+    """Scale error of odometry or gyro, the larger one."""
 
 
 @dataclass(frozen=True, slots=True)
 class MapVerdict:
-    """What to think of a result."""
+    """Verdict on a map."""
 
     trusted: bool
     reason: str
@@ -62,51 +67,49 @@ class MapVerdict:
         return "trusted" if self.trusted else "doubtful"
 
 
-def agreement(growth: Growth, record: Record, units: RangeUnits) -> Agreement:
-    """How well it all fits together; `units` tell the noise by which ranges are predicted."""
-    x, m = growth.x, record.measured
-    mine = np.flatnonzero(growth.wall_of != NO_WALL)
-    wall = growth.wall_of[mine]
-    across = (project(x, m).points[mine] * x.normals[wall]).sum(axis=1) - x.walls[wall, 1]
-    off = hit_residuals(x, m, growth.wall_of, growth.smoother.models.ranges)
+def agreement(solution: IncrementalMap, record: Record, units: RangeUnits) -> Agreement:
+    """Compute the agreement; `units` contain the noise by which held-out ranges are predicted."""
+    x, m = solution.x, record.measured
+    on_wall = np.flatnonzero(solution.wall_of != NO_WALL)
+    wall = solution.wall_of[on_wall]
+    across = (project(x, m).points[on_wall] * x.normals[wall]).sum(axis=1) - x.walls[wall, 1]
+    residuals = hit_residuals(x, m, solution.wall_of, solution.smoother.models.ranges)
     frames = np.zeros(len(x.poses), dtype=bool)
     for shift in range(-NEAR_KEYFRAMES, NEAR_KEYFRAMES + 1):
-        frames[np.clip(m.frame[mine] + shift, 0, len(frames) - 1)] = True
+        frames[np.clip(m.frame[on_wall] + shift, 0, len(frames) - 1)] = True
     return Agreement(
         hits=len(m.beam),
         walls=len(x.walls),
-        explained=len(mine) / max(len(m.beam), 1),
-        gain=gain(growth, m, units),
+        explained=len(on_wall) / max(len(m.beam), 1),
+        gain=gain(solution, m, units),
         rms_m=_rms(across),
-        rms_sigmas=_rms(off),
+        rms_sigmas=_rms(residuals),
         supported=float(frames.mean()),
-        motion_misfit=growth.motion_misfit(),
+        motion_misfit=solution.motion_misfit(),
         scale_error=max(abs(x.odometry_scale), abs(x.gyro_scale)),
     )
 
 
-def judge(found: Agreement, told: Agreement) -> MapVerdict:
-    """Of the map found, against the one that the odometry as it was told would make."""
+def judge(found: Agreement, uncorrected: Agreement) -> MapVerdict:
+    """Judge the estimated map against the one by uncorrected odometry."""
     share = f"{100 * found.explained:.0f} % of the ranges agree with the map"
-    likelier = f"ranges that it was not made from are {math.exp(found.gain):.2f} times as likely"
-    strain = (
-        f"{found.motion_misfit:.1f} of its sigmas, scale off by {100 * found.scale_error:.0f} %"
-    )
+    likelier = f"the map makes held-out ranges {math.exp(found.gain):.2f} times as likely"
+    strain = f"{found.motion_misfit:.1f} sigmas RMS, scale error {100 * found.scale_error:.0f} %"
     objections = (
-        (found.hits < MIN_HITS, f"only {found.hits} ranges to go by"),
+        (found.hits < MIN_HITS, f"only {found.hits} ranges"),
         (not found.walls, "no straight wall found"),
         (
             found.gain < MIN_GAIN,
-            f"only {share}, and {likelier} with it; {math.exp(MIN_GAIN):.2f} times they should",
+            f"only {share}, and {likelier}; the limit is {math.exp(MIN_GAIN):.2f}",
         ),
         (
-            found.gain < told.gain - MIN_GAIN,
-            f"{share}, but {likelier} with it, and {math.exp(told.gain):.2f} times with that of "
-            "the odometry as it is",
+            found.gain < uncorrected.gain - MIN_GAIN,
+            f"{share}, but {likelier}, and the map of the uncorrected odometry "
+            f"{math.exp(uncorrected.gain):.2f} times",
         ),
         (
             found.supported < MIN_SUPPORTED,
-            f"walls are near in only {100 * found.supported:.0f} % of the time",
+            f"hits on walls in only {100 * found.supported:.0f} % of the time",
         ),
         (
             found.motion_misfit > MAX_MOTION_MISFIT or found.scale_error > MAX_SCALE_ERROR,

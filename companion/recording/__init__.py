@@ -1,1 +1,1 @@
-"""The flight recorder: what came in and what came of it, as files that other programs open too."""
+"""Flight recorder: stores inputs and results of a flight in files of common formats."""

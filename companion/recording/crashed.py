@@ -1,6 +1,6 @@
-"""The recording of a flight that a crash has cut short, looked at in some milliseconds.
+"""Finds the recording of a flight that was interrupted by a crash, within milliseconds.
 
-It loads little: what takes longer to load must wait until the autopilot has heard of us.
+The module has few imports: a slow import would delay the first messages to the autopilot.
 """
 
 import json
@@ -16,24 +16,26 @@ from mcap.stream_reader import StreamReader, breakup_chunk
 from companion.recording.shortest_end import SHORTEST_END
 
 ESTIMATE = "/estimate"
+"""Topic of the pose estimates."""
 FRESH_S = 30.0
-"""Who comes back later does not know where the drone has gone meanwhile."""
+"""Maximum age of a recording for a recovery, s. Chosen: later the drone's motion since is
+unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class Crashed:
-    """A flight without an end."""
+    """A recording of a flight without an end."""
 
     path: Path
     age_s: float
-    """Since the last of it was written; negative if the clock on the wall was set back."""
+    """Time since its last write; negative if the system clock was set back."""
 
     @property
     def is_fresh(self) -> bool:
         return 0 <= self.age_s <= FRESH_S
 
     def words(self) -> str:
-        """Where it was, for people; it may not be known."""
+        """Text of the last known position, if any."""
         pose = _last_pose(self.path)
         if pose is None:
             return "back after a crash"
@@ -42,7 +44,7 @@ class Crashed:
 
 
 def find_crashed(folder: Path) -> Crashed | None:
-    """The newest recording there, if it was not closed in order; none if the disk refuses it."""
+    """The newest recording in a folder if it was not closed; None also if the disk fails."""
     try:
         recordings = [(path.stat().st_mtime, path) for path in folder.glob("flight_*.mcap")]
         if not recordings:
@@ -65,13 +67,13 @@ def _last_pose(path: Path) -> dict[str, float] | None:
             r.id for r in breakup_chunk(chunks[0]) if isinstance(r, Channel) and r.topic == ESTIMATE
         }
         for chunk in reversed(chunks):
-            told = [
+            estimates = [
                 record
                 for record in breakup_chunk(chunk)
                 if isinstance(record, Message) and record.channel_id in ids
             ]
-            if told:
-                pose: dict[str, float] = json.loads(told[-1].data)
+            if estimates:
+                pose: dict[str, float] = json.loads(estimates[-1].data)
                 return pose
     except (OSError, ValueError, McapError):
         return None

@@ -1,8 +1,8 @@
-"""A file that grows while the drone flies, and never makes it wait.
+"""Writes a growing file in flight without blocking the control loop.
 
-The control loop hands bytes over and goes on. One thread writes them, so that they outlive the
-process at once; another brings them to the medium once a second, which on an SD card may take
-longer than that, so that they outlive the power, too.
+The control loop queues bytes. One thread writes them, so they survive the end of the process.
+Another thread syncs them to the medium once a second, which may take longer on an SD card, so they
+also survive a power loss.
 """
 
 import os
@@ -14,25 +14,28 @@ from queue import SimpleQueue
 from companion.core.errors import RecordingError
 
 SYNC_PERIOD_S = 1.0
+"""Interval of the syncs, s. Chosen."""
 MIN_FREE_BYTES = 16_000_000
-"""Less than this is left for the map, which is what the flight is for."""
-MAX_WAITING_BYTES = 16_000_000
-"""Five minutes of flight; a disk that is this far behind will not catch up."""
+"""Free space reserved for the map. Chosen."""
+MAX_PENDING_BYTES = 16_000_000
+"""Largest queue: five minutes of flight. Chosen: a disk with a larger backlog will not catch up."""
 CLOSE_TIMEOUT_S = 5.0
+"""Longest wait for each thread at the end, s. Chosen."""
 
 
 class Disk:
-    """One file, written from its start to its end.
+    """One file, written from start to end.
 
     Raises:
-        RecordingError: from `append` and `close`, once the disk has failed, is full or hangs. From
-            the start: the file exists already or cannot be made.
+        RecordingError: `append` and `close` raise it after the disk has failed, is full or hangs.
+    The
+            constructor raises it if the file exists or cannot be created.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._trouble = ""
-        self._waiting_bytes = 0
+        self._error = ""
+        self._pending_bytes = 0
         self._lock = threading.Lock()
         self._queue: SimpleQueue[tuple[bytes, bytes] | None] = SimpleQueue()
         self._closing = threading.Event()
@@ -41,42 +44,42 @@ class Disk:
             self._file = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o644)
         except OSError as error:
             raise RecordingError(f"{path}: {error.strerror}") from error
-        # daemons: a hanging disk must not keep the program from ending
+        # daemons: a hanging disk must not block the program's exit
         self._writer = threading.Thread(target=self._guarded, args=(self._write,), daemon=True)
         self._syncer = threading.Thread(target=self._guarded, args=(self._sync,), daemon=True)
         self._writer.start()
         self._syncer.start()
 
     def append(self, data: bytes, tail: bytes = b"") -> None:
-        """Hand over the file's next bytes; `tail` stands behind them until more follow."""
+        """Queue the file's next bytes; `tail` follows them until more are appended."""
         with self._lock:
-            self._waiting_bytes += len(data)
-            if self._waiting_bytes > MAX_WAITING_BYTES:
-                self._trouble = self._trouble or "the disk does not keep up"
-        self._refuse_trouble()
+            self._pending_bytes += len(data)
+            if self._pending_bytes > MAX_PENDING_BYTES:
+                self._error = self._error or "the disk does not keep up"
+        self._raise_error()
         self._queue.put((data, tail))
 
     def close(self) -> None:
-        """Wait until everything is on the medium, but not for ever."""
+        """Wait until all data is on the medium, with a timeout."""
         self._queue.put(None)
         self._writer.join(CLOSE_TIMEOUT_S)
         self._closing.set()
         self._syncer.join(CLOSE_TIMEOUT_S)
         if self._writer.is_alive() or self._syncer.is_alive():
-            self._trouble = self._trouble or "the disk hangs"
+            self._error = self._error or "the disk hangs"
         else:
             os.close(self._file)
-        self._refuse_trouble()
+        self._raise_error()
 
-    def _refuse_trouble(self) -> None:
-        if self._trouble:
-            raise RecordingError(f"{self.path}: {self._trouble}")
+    def _raise_error(self) -> None:
+        if self._error:
+            raise RecordingError(f"{self.path}: {self._error}")
 
     def _guarded(self, work: Callable[[], None]) -> None:
         try:
             work()
         except OSError as error:
-            self._trouble = error.strerror or str(error)
+            self._error = error.strerror or str(error)
 
     def _write(self) -> None:
         end = 0
@@ -85,7 +88,7 @@ class Disk:
             self._write_at(end, data + tail)
             end += len(data)
             with self._lock:
-                self._waiting_bytes -= len(data)
+                self._pending_bytes -= len(data)
 
     def _write_at(self, offset: int, data: bytes) -> None:
         while data:
@@ -99,6 +102,4 @@ class Disk:
             os.fdatasync(self._file)
             space = os.fstatvfs(self._file)
             if space.f_bavail * space.f_frsize < MIN_FREE_BYTES:
-                self._trouble = (
-                    f"less than {MIN_FREE_BYTES / 1e6:.0f} MB left, which the map may need"
-                )
+                self._error = f"less than {MIN_FREE_BYTES / 1e6:.0f} MB left, reserved for the map"

@@ -1,7 +1,7 @@
-"""Ticks and maps as bytes, exactly: every float keeps its 64 bits, NaN and infinity too.
+"""Encodes ticks and maps as bytes without loss: floats keep their 64 bits, also NaN and infinity.
 
-MessagePack with the names of the fields, so that a recording can be read without this program, and
-so that fields with a default may be added to the values later.
+The format is MessagePack with field names. Recordings are readable without this program, and fields
+with a default may be added later.
 """
 
 from msgspec import msgpack
@@ -13,14 +13,14 @@ from companion.core.values import value
 
 @value
 class Tick:
-    """What `App.step` was called with."""
+    """Arguments of `App.step`."""
 
     now_s: float
     inputs: Inputs
 
 
 def _plain(number: object) -> float:
-    """A numpy float as the float that it is."""
+    """Convert a numpy float to a Python float."""
     if isinstance(number, float):
         return float(number)
     raise TypeError(f"{type(number).__name__} is not recorded")
@@ -40,7 +40,7 @@ def decode_ticks(data: bytes) -> list[Tick]:
 
 
 def encode_plan(plan: FloorPlan) -> bytes:
-    """Equal bytes are equal maps, to the bit."""
+    """Equal bytes mean identical maps."""
     return _encoder.encode(plan)
 
 

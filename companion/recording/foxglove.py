@@ -1,7 +1,7 @@
-"""The flight as Foxglove's own messages: what its 3D, plot and log panels show at once.
+"""Encodes the flight as Foxglove messages for its 3D, plot and log panels.
 
-Frames are as those panels expect them: "map" is ENU with its origin at take-off, "base_link" is
-FLU. https://docs.foxglove.dev/docs/sdk/schemas describes the messages.
+Frames follow the panels' conventions: "map" is ENU with its origin at take-off, "base_link" is FLU.
+https://docs.foxglove.dev/docs/sdk/schemas describes the messages.
 """
 
 import math
@@ -20,14 +20,19 @@ from companion.core.frames import ned_to_enu, yaw_ned_to_enu
 from companion.core.messages import Beam, Pose, RangeReading, RangeScan, RangeState, WallSegment
 
 MAP_FRAME, BODY_FRAME = "map", "base_link"
+"""Frame ids of local ENU and of the body."""
 HORIZONTAL_BEAMS = (Beam.RIGHT, Beam.FRONT, Beam.LEFT, Beam.BACK)
-"""Anticlockwise, as a LaserScan has them."""
+"""Beams in the anticlockwise order of a LaserScan."""
 FIRST_ANGLE_RAD, LAST_ANGLE_RAD = -math.pi / 2, math.pi
+"""Angles of the first and the last beam, anticlockwise from the nose."""
 WALL_THICKNESS_M = 0.03
+"""Drawn thickness of a wall, m. Chosen."""
 UNKNOWN_CEILING_M = 2.5
+"""Drawn height of walls without a measured ceiling, m. Chosen."""
 POSE_SIZE = 6
+"""Rows of a pose covariance."""
 _X, _Y, _YAW = (row * (POSE_SIZE + 1) for row in (0, 1, 5))
-"""Where a 6 × 6 covariance, row by row, has these variances."""
+"""Indices of these variances in a 6 × 6 covariance, row by row."""
 
 
 def to_ns(time_s: float) -> int:
@@ -42,7 +47,7 @@ def transform(pose: Pose) -> FrameTransform:
 
 
 def pose_with_covariance(pose: Pose) -> Odometry:
-    """The sigma of the position stands for both axes."""
+    """The sigma of the position applies to both axes."""
     message = Odometry(frame_id=MAP_FRAME, body_frame_id=BODY_FRAME)
     _set_time(message.timestamp, pose.time_s)
     _set_place(message.pose.position, message.pose.orientation, pose)
@@ -54,7 +59,7 @@ def pose_with_covariance(pose: Pose) -> Odometry:
 
 
 def laser_scan(scan: RangeScan, mount_offset_m: float) -> LaserScan:
-    """The horizontal beams from the drone's centre; NaN is no distance, infinity is free space."""
+    """Horizontal beams from the drone's centre; NaN: no distance, infinity: free space."""
     message = LaserScan(
         frame_id=BODY_FRAME,
         start_angle=FIRST_ANGLE_RAD,
@@ -75,7 +80,7 @@ def _set_place(position: Vector3, orientation: Quaternion, pose: Pose) -> None:
 
 
 def _turn_about_up(orientation: Quaternion, angle_rad: float) -> None:
-    """Anticlockwise seen from above."""
+    """Rotation about the up axis, anticlockwise seen from above."""
     orientation.z, orientation.w = math.sin(angle_rad / 2), math.cos(angle_rad / 2)
 
 
@@ -90,7 +95,7 @@ def _range_m(reading: RangeReading | None, mount_offset_m: float) -> float:
 def walls_scene(
     time_s: float, walls: Sequence[WallSegment], ceiling_m: float | None = None
 ) -> SceneUpdate:
-    """Walls as thin boxes from the floor to the ceiling; each update replaces the last."""
+    """Walls as thin boxes from floor to ceiling; each update replaces the last."""
     scene = SceneUpdate()
     entity = scene.entities.add(frame_id=MAP_FRAME, id="walls")
     _set_time(entity.timestamp, time_s)

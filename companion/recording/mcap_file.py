@@ -1,8 +1,8 @@
-"""An MCAP file that is whole at every moment.
+"""Writes an MCAP file that is valid at every moment.
 
-The format ends with an index and a footer, which a program that is killed never writes. So
-behind each piece stands the shortest end that the format allows, without an index; the next piece
-takes its place, and the last one brings the index.
+The format ends with an index and a footer, which a killed program cannot write. Therefore each
+piece is followed by the shortest valid end, without an index. The next piece overwrites it, and the
+last piece contains the index.
 """
 
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from companion.recording.foxglove import to_ns
 from companion.recording.shortest_end import SHORTEST_END
 
 CHUNK_BYTES = 1 << 20
-"""More than ever comes together between two flushes."""
+"""Larger than all data between two flushes. Chosen."""
 
 
 class McapFile:
-    """Messages on the topics of `topics`, to a disk.
+    """Writes messages on the topics of `topics` to a disk.
 
     Raises:
-        RecordingError: the disk's.
+        RecordingError: the disk failed.
     """
 
     def __init__(self, disk: Disk) -> None:
@@ -37,7 +37,7 @@ class McapFile:
         self._channels = topics.register(self._writer)
 
     def note(self, name: str, entries: Mapping[str, str]) -> None:
-        """Metadata of the whole file."""
+        """Write metadata of the whole file."""
         self._writer.add_metadata(name, dict(entries))
 
     def add(self, topic: str, time_s: float, data: bytes) -> None:
@@ -45,7 +45,7 @@ class McapFile:
         self._writer.add_message(self._channels[topic], time_ns, data, time_ns)
 
     def flush(self) -> None:
-        """Hand over all that was added; from then on a crash does not lose it."""
+        """Pass all added messages to the disk; a crash no longer loses them."""
         self._writer.flush()
         self._disk.append(self._output.take(), SHORTEST_END)
 
@@ -56,7 +56,7 @@ class McapFile:
 
 
 class _Output:
-    """What the MCAP library writes to: it asks for the offset, and never goes back."""
+    """Output of the MCAP library, which appends only and reads the offset."""
 
     def __init__(self) -> None:
         self._data = bytearray()
@@ -70,7 +70,7 @@ class _Output:
         return self._taken + len(self._data)
 
     def flush(self) -> None:
-        """There is nothing behind it."""
+        """No action: there is no further buffer."""
 
     def take(self) -> bytes:
         data, self._data = bytes(self._data), bytearray()

@@ -1,4 +1,4 @@
-"""What is recorded for people: to plot, to look at, to read."""
+"""Records human-readable topics: for plots, 3D views and logs."""
 
 from collections.abc import Sequence
 
@@ -14,20 +14,22 @@ from companion.recording.mcap_file import McapFile
 from companion.recording.topics import PhaseRecord
 
 NUMBERS_PERIOD_S = 0.1
+"""Interval of the topics for plots, s. Chosen."""
 SCENE_PERIOD_S = 0.2
-"""For the eye; each message costs some ten microseconds."""
+"""Interval of the topics for 3D views, s. Chosen: each message costs some ten microseconds."""
 PHASE_PERIOD_S = 1.0
+"""Interval of repeated phase messages, s. Chosen."""
 
 
 class Notes:
-    """Ticks as they come, onto the topics of one file."""
+    """Writes ticks to the topics of one file."""
 
     def __init__(self, file: McapFile, mount_offset_m: float) -> None:
         self._file = file
         self._mount_offset_m = mount_offset_m
         self._gyro: list[GyroSample] = []
         self._failures: dict[Beam, str] = {}
-        """What each beam says instead of a reading, if it does."""
+        """State of each beam that gives no reading."""
         self._flight: FlightState | None = None
         self._numbers_s = self._scene_s = self._phase_s = float("-inf")
 
@@ -69,7 +71,7 @@ class Notes:
         flight, last = outputs.flight, self._flight
         if last is not None and flight.trouble != last.trouble:
             level = Log.ERROR if flight.phase is Phase.FAILED else Log.WARNING
-            self._log_fault(now_s, "flight", flight.trouble, level, "the trouble is over")
+            self._log_fault(now_s, "flight", flight.trouble, level, "fault cleared")
         for beam, reading in inputs.scan.readings.items():
             failure = "" if reading.is_alive else reading.state.value
             if failure != self._failures.get(beam, ""):
@@ -82,7 +84,7 @@ class Notes:
     def _log_fault(
         self, now_s: float, source: str, fault: str, level: Log.Level.ValueType, when_over: str
     ) -> None:
-        """A new fault, or that there is none any more."""
+        """Log a new fault, or the end of a fault."""
         entry = (
             foxglove.log(now_s, level, source, fault)
             if fault
@@ -91,7 +93,7 @@ class Notes:
         self._add(topics.FAULTS, now_s, entry)
 
     def _add_phase(self, now_s: float, flight: FlightState) -> None:
-        """When it changes, and once a second for those who look in later."""
+        """Record the phase when it changes, and once a second."""
         last, self._flight = self._flight, flight
         is_new = flight is not last and (last is None or _texts(flight) != _texts(last))
         if is_new or now_s - self._phase_s >= PHASE_PERIOD_S:

@@ -1,4 +1,4 @@
-"""A recording read back, whether or not its flight came to an end."""
+"""Reads a recording, complete or interrupted."""
 
 import struct
 from collections.abc import Iterator
@@ -22,12 +22,20 @@ from companion.recording.recorder import FORMAT
 from companion.recording.topics import PhaseRecord
 
 LARGEST_RECORD_BYTES = 1 << 28
+"""A larger record length is a sign of a damaged file. Chosen."""
 OUR_COMPRESSIONS = ("", "lz4")
-_TORN = (
+"""Compressions of chunks that this program writes."""
+_DAMAGE_ERRORS = (
     *(McapError, CRCValidationError, struct.error),
-    *(RuntimeError, ValueError, EOFError, OverflowError, MemoryError),  # lz4's, and torn lengths
+    *(
+        RuntimeError,
+        ValueError,
+        EOFError,
+        OverflowError,
+        MemoryError,
+    ),  # errors of lz4, and of damaged lengths
 )
-"""What the end of a torn file may look like to the MCAP library."""
+"""Errors of the MCAP library at the end of an interrupted file."""
 _pose_decoder = json.Decoder(Pose)
 _phase_decoder = json.Decoder(PhaseRecord)
 _setpoint_decoder = json.Decoder(Setpoint)
@@ -35,7 +43,7 @@ _setpoint_decoder = json.Decoder(Setpoint)
 
 @dataclass(frozen=True, slots=True)
 class RecordedFault:
-    """Something that went wrong, or was over again, in the words of the flight."""
+    """A fault or its end, with the flight's text."""
 
     time_s: float
     source: str
@@ -45,7 +53,7 @@ class RecordedFault:
 
 @dataclass(slots=True)
 class Recording:
-    """All that a flight left."""
+    """All contents of a recording."""
 
     path: Path
     config: Config = field(default_factory=Config)
@@ -53,52 +61,52 @@ class Recording:
     began_unix_s: float = 0.0
     ticks: list[Tick] = field(default_factory=list)
     poses: list[Pose] = field(default_factory=list)
-    """As the flight took them to be at the time, not smoothed."""
+    """Poses as estimated in flight, not smoothed."""
     setpoints: list[tuple[float, Setpoint]] = field(default_factory=list)
     phases: list[PhaseRecord] = field(default_factory=list)
     faults: list[RecordedFault] = field(default_factory=list)
     autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
     plan: FloorPlan | None = None
-    """The flight's final map; None if it was cut short."""
+    """The flight's final map; None if it was interrupted."""
     continues: bool = False
-    """It begins with what another file has, that a crash had ended."""
+    """It includes the contents of an earlier file that ended in a crash."""
     is_whole: bool = False
-    """The file was closed in order."""
+    """The file was closed."""
 
 
 def read(path: Path) -> Recording:
-    """Everything up to where the recording ends, or tears.
+    """Read everything up to the end of the recording, or up to damaged data.
 
     Raises:
-        RecordingError: there is no such file, or it is no recording of this program's.
+        RecordingError: there is no such file, or it is not a recording of this program.
     """
     recording = Recording(path)
     try:
         for topic, record in _records(path, recording):
-            _take(recording, topic, record)
+            _add(recording, topic, record)
     except (MsgspecError, DecodeError, ValidationError, KeyError, ValueError) as error:
         reason = " ".join(f"{type(error).__name__}: {error}".split())
-        raise RecordingError(f"{path}: not recorded by this version: {reason}") from error
+        raise RecordingError(f"{path}: not readable by this version: {reason}") from error
     if not recording.companion_version:
-        raise RecordingError(f"{path}: not a recording of companion's")
+        raise RecordingError(f"{path}: not a recording of companion")
     return recording
 
 
 def _records(path: Path, recording: Recording) -> Iterator[tuple[str, Message]]:
-    """Messages with their topics; metadata and the end are noted in `recording`."""
+    """Messages with their topics; metadata and the end are stored in `recording`."""
     channels: dict[int, str] = {}
-    for record in _until_torn(path):
+    for record in _until_damage(path):
         if isinstance(record, Channel):
             channels[record.id] = record.topic
         elif isinstance(record, Message):
             yield channels[record.channel_id], record
         elif isinstance(record, Metadata) and record.name == "recording":
-            _take_metadata(recording, record.metadata)
+            _add_metadata(recording, record.metadata)
         elif isinstance(record, Footer):
             recording.is_whole = record.summary_start > 0
 
 
-def _until_torn(path: Path) -> Iterator[McapRecord]:
+def _until_damage(path: Path) -> Iterator[McapRecord]:
     try:
         with path.open("rb") as file:
             reader = StreamReader(
@@ -113,27 +121,27 @@ def _until_torn(path: Path) -> Iterator[McapRecord]:
                 elif record.compression in OUR_COMPRESSIONS:
                     yield from breakup_chunk(record, validate_crc=True)
                 else:
-                    return  # a byte of it is wrong, or it is none of ours
+                    return  # a damaged byte, or a foreign file
     except OSError as error:
         raise RecordingError(f"{path}: {error.strerror}") from error
-    except _TORN:
+    except _DAMAGE_ERRORS:
         return
 
 
-def _take_metadata(recording: Recording, entries: dict[str, str]) -> None:
+def _add_metadata(recording: Recording, entries: dict[str, str]) -> None:
     if entries["format"] != FORMAT:
         raise RecordingError(
             f"{recording.path}: recorded in format {entries['format']}, this program reads "
             f"{FORMAT}; use companion {entries['companion']}"
         )
     if continues := entries.get("continues"):
-        _begin_with(recording, read(recording.path.with_name(Path(continues).name)))
+        _prepend(recording, read(recording.path.with_name(Path(continues).name)))
     recording.companion_version = entries["companion"]
     recording.began_unix_s = float(entries["began_unix_s"])
 
 
-def _begin_with(recording: Recording, before: Recording) -> None:
-    """The flight had begun in another file, before a crash."""
+def _prepend(recording: Recording, before: Recording) -> None:
+    """Prepend the contents of the file that a crash interrupted."""
     recording.continues = True
     recording.ticks += before.ticks
     recording.poses += before.poses
@@ -143,7 +151,7 @@ def _begin_with(recording: Recording, before: Recording) -> None:
     recording.autopilot_texts += before.autopilot_texts
 
 
-def _take(recording: Recording, topic: str, message: Message) -> None:
+def _add(recording: Recording, topic: str, message: Message) -> None:
     time_s, data = message.log_time * 1e-9, message.data
     match topic:
         case topics.INPUTS:

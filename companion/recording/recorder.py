@@ -1,6 +1,6 @@
-"""Writes a flight down while it goes on: an MCAP file of it, and a tlog of its MAVLink.
+"""Records a flight: an MCAP file, and a tlog of its MAVLink messages.
 
-Whatever goes wrong here ends the recording with one warning, and never the flight.
+Any error here ends the recording with one warning, and never the flight.
 """
 
 import time
@@ -25,33 +25,35 @@ from companion.recording.notes import Notes
 from companion.recording.tlog import Tap, TlogEncoder
 
 FLUSH_PERIOD_S = 0.5
-"""By the clock on the wall; what a crash costs at most, and the writing itself."""
+"""Interval of writes, s of real time: limits the loss by a crash, and the cost of writing.
+Chosen."""
 WALLS_PERIOD_S = 10.0
+"""Interval of the walls, s. Chosen."""
 FORMAT = "1"
-"""Of `/inputs` and `/map`; one more whenever older programs would read them wrongly."""
+"""Format of `/inputs` and `/map`; incremented whenever older programs would misread them."""
 
 Warn = Callable[[str], None]
 Clock = Callable[[], float]
 
 
 class Recorder(Protocol):
-    """What the control loop tells of the flight."""
+    """Interface of the recorder for the control loop."""
 
     def tap(self, transport: Transport) -> Transport:
-        """The transport to fly with, so that its messages are recorded."""
+        """Wrap the transport, so that its messages are recorded."""
         ...
 
     def tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        """One tick, after its setpoint has been sent."""
+        """Record one tick, after its setpoint has been sent."""
         ...
 
     def close(self, plan: FloorPlan) -> None:
-        """The flight has ended with this map."""
+        """End the recording with the final map."""
         ...
 
 
 class NotRecorded:
-    """For flights that nobody will look at again."""
+    """Does not record."""
 
     def tap(self, transport: Transport) -> Transport:
         return transport
@@ -75,12 +77,12 @@ def open_recorder(
     *,
     continues: str = "",
 ) -> Recorder:
-    """A recorder into new files in `folder`, named by the time; if it cannot be, a warning.
+    """Open a recorder with new files in `folder`, named by the time; on failure only warn.
 
-    `continues` names the recording beside it that a crash has ended.
+    `continues` names the recording in the same folder that a crash has interrupted.
 
-    `clock` tells when to write, and nothing else: a simulated flight, which may take a second in
-    all, is written in a few pieces, and so as quickly as it is flown.
+    `clock` determines only the times of writes. A simulated flight that takes a second of real time
+    is written in a few pieces, without slowing it down.
     """
     if not config.recording.enabled:
         return NOT_RECORDED
@@ -88,18 +90,18 @@ def open_recorder(
     path = folder / f"flight_{began:%Y-%m-%d_%H-%M-%S}.mcap"
     number = 1
     try:
-        while path.exists():  # a Raspberry Pi without network may start at the same time twice
+        while path.exists():  # a Raspberry Pi without network may start twice at the same time
             number += 1
             path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
         return FlightRecorder(path, config, began_unix_s, warn, clock, continues=continues)
-    except (OSError, RuntimeError) as error:  # a disk that refuses, or no more threads
+    except (OSError, RuntimeError) as error:  # a failing disk, or no more threads
         warn(f"this flight is not recorded: {error}")
         return NOT_RECORDED
 
 
 @value
 class _Tick:
-    """All of one tick."""
+    """All data of one tick."""
 
     exact: Tick
     outputs: Outputs
@@ -108,7 +110,7 @@ class _Tick:
 
 
 class FlightRecorder:
-    """Into `path` and, beside it, a tlog."""
+    """Records to `path` and to a tlog beside it."""
 
     def __init__(
         self,
@@ -129,7 +131,7 @@ class FlightRecorder:
         self._tlog = Disk(path.with_suffix(".tlog"))
         self._tlog_encoder = TlogEncoder(began_unix_s)
         self._tap: Tap | None = None
-        self._waiting: list[_Tick] = []
+        self._pending: list[_Tick] = []
         self._flushed_s = clock()
         self._last_s = self._walls_s = 0.0
         self._file.note(
@@ -156,32 +158,32 @@ class FlightRecorder:
             self._guarded(lambda: self._close(plan))
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Any error, even one of this module, matters less than the flight."""
+        """Any error, including bugs of this module, ends only the recording."""
         try:
             work()
         except Exception as error:
             self._is_recording = False
-            self._waiting = []
+            self._pending = []
             if self._tap is not None:
-                self._tap.forget()
+                self._tap.stop()
             reason = error if isinstance(error, RecordingError) else repr(error)
             self._warn(f"recording stopped: {reason}")
 
     def _tick(self, now_s: float, inputs: Inputs, outputs: Outputs) -> None:
-        """Ticks are put aside and written many at once, which takes half the time."""
+        """Queue the tick; many are written together, which takes half the time."""
         self._last_s = now_s
         walls = None
         if now_s - self._walls_s >= WALLS_PERIOD_S:
             self._walls_s = now_s
             walls = outputs.progress.map_walls()
         mavlink = self._tap.take() if self._tap is not None else []
-        self._waiting.append(_Tick(Tick(now_s, inputs), outputs, walls, mavlink))
+        self._pending.append(_Tick(Tick(now_s, inputs), outputs, walls, mavlink))
         if self._clock() - self._flushed_s >= FLUSH_PERIOD_S:
             self._flushed_s = self._clock()
             self._flush()
 
     def _flush(self) -> None:
-        ticks, self._waiting = self._waiting, []
+        ticks, self._pending = self._pending, []
         if not ticks:
             return
         exact = encode_ticks([tick.exact for tick in ticks])

@@ -1,7 +1,7 @@
-"""Whether what a flight leaves can be kept, asked before the motors run.
+"""Checks before take-off that the flight's files can be written.
 
-In flight a disk that fails is told of and flown on with: the drone has to come home. On the ground
-there is time to put in another card.
+In flight a disk failure only ends the recording, because the drone has to return. On the ground the
+card can still be replaced.
 """
 
 import os
@@ -14,24 +14,25 @@ from companion.core.errors import OutputError
 from companion.recording.disk import MIN_FREE_BYTES
 
 BYTES_PER_MIN = 2_000_000
-"""More than recording and tlog take; see docs/recording.md."""
+"""Upper limit of recording and tlog; see docs/recording.md."""
 ANSWER_S = 10.0
+"""Longest wait for the disk, s. Chosen."""
 
 
 def refuse_no_room(folder: Path, config: Config) -> None:
-    """See that files can be written there, and that there is room for the flight's.
+    """Check that files can be written to a folder, and that it has room for the flight's files.
 
     Raises:
-        OutputError: they cannot, or there is not; it names the folder.
+        OutputError: names the folder and the reason.
     """
-    attempt = Aside[Path](_write_something)
+    attempt = Aside[Path](_try_write)
     attempt.give(folder)
     if not attempt.wait(ANSWER_S):
-        raise OutputError(f"{folder}: the disk does not answer; take another one, or another --out")
+        raise OutputError(f"{folder}: the disk does not answer; use another disk or another --out")
     if attempt.trouble:
         raise OutputError(
-            f"{folder}: {attempt.trouble}; nothing of the flight could be kept there: "
-            "mend it, or take another --out"
+            f"{folder}: {attempt.trouble}; the flight could not be saved there; "
+            "fix this or use another --out"
         )
     needed = MIN_FREE_BYTES
     if config.recording.enabled:
@@ -39,12 +40,12 @@ def refuse_no_room(folder: Path, config: Config) -> None:
     free = shutil.disk_usage(folder).free
     if free < needed:
         raise OutputError(
-            f"{folder}: {free / 1e6:.0f} MB are free, and recording and map of a flight may take "
-            f"{needed / 1e6:.0f} MB: make room, or take another --out"
+            f"{folder}: {free / 1e6:.0f} MB are free, but recording and map may need up to "
+            f"{needed / 1e6:.0f} MB; free some space or use another --out"
         )
 
 
-def _write_something(folder: Path) -> None:
+def _try_write(folder: Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     trial = folder / f".trial-{os.getpid()}"
     try:

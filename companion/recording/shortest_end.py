@@ -1,9 +1,10 @@
-"""The shortest end that an MCAP file may have: no index, no checksum."""
+"""The shortest valid end of an MCAP file: without index and checksum."""
 
 from mcap.data_stream import RecordBuilder
 from mcap.records import DataEnd, Footer
 
 MAGIC = b"\x89MCAP0\r\n"
+"""Last bytes of every MCAP file."""
 
 
 def _shortest_end() -> bytes:
@@ -14,3 +15,4 @@ def _shortest_end() -> bytes:
 
 
 SHORTEST_END = _shortest_end()
+"""DataEnd, Footer and magic."""

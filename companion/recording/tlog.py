@@ -1,4 +1,4 @@
-"""MAVLink as ground stations log it: before each packet its time, 64 bits, in µs since 1970.
+"""MAVLink log format of ground stations: each packet follows its time, 64 bits, in µs since 1970.
 
 Mission Planner, MAVExplorer and mavlogdump open it.
 """
@@ -12,40 +12,40 @@ _TIME = struct.Struct(">Q")
 
 
 class Tap:
-    """A transport that remembers what went through it, both ways."""
+    """A transport that records its messages, both ways."""
 
     def __init__(self, transport: Transport) -> None:
         self._transport = transport
-        self._passed: list[Message] = []
-        self._remembers = True
+        self._recorded: list[Message] = []
+        self._is_recording = True
 
     def receive(self) -> list[Message]:
         messages = self._transport.receive()
-        if self._remembers:
-            self._passed += messages
+        if self._is_recording:
+            self._recorded += messages
         return messages
 
     def send(self, message: Message) -> None:
         self._transport.send(message)
-        if self._remembers:
-            self._passed.append(message)
+        if self._is_recording:
+            self._recorded.append(message)
 
-    def forget(self) -> None:
-        """Nobody will take it: the recording has stopped."""
-        self._remembers = False
-        self._passed = []
+    def stop(self) -> None:
+        """Stop recording; the messages are no longer needed."""
+        self._is_recording = False
+        self._recorded = []
 
     def close(self) -> None:
         self._transport.close()
 
     def take(self) -> list[Message]:
-        """What has passed since the last call, in order."""
-        passed, self._passed = self._passed, []
-        return passed
+        """Messages since the last call, in order."""
+        recorded, self._recorded = self._recorded, []
+        return recorded
 
 
 class TlogEncoder:
-    """Messages to a tlog's bytes."""
+    """Encodes messages as bytes of a tlog."""
 
     def __init__(self, began_unix_s: float) -> None:
         self._began_unix_s = began_unix_s
@@ -56,7 +56,7 @@ class TlogEncoder:
         return b"".join(time + self._packet(message) for message in messages)
 
     def _packet(self, message: Message) -> bytes:
-        """As it was on the wire; a message that was handed over as an object never was there."""
+        """Bytes as on the wire; a message that was passed as an object is encoded here."""
         packet = message.get_msgbuf()
         if not packet:
             sender = message.get_srcSystem(), message.get_srcComponent()

@@ -1,19 +1,19 @@
-"""What a recording has in it: its topics, their schemas, and how often each is written.
+"""Topics of a recording, their schemas, and their contents.
 
-| topic | schema | what, in which frame |
+| topic | schema | contents, frame |
 |---|---|---|
-| /inputs | MessagePack | all that the flight was given at a tick, exactly; replay needs it |
+| /inputs | MessagePack | all inputs of each tick, lossless; needed for replay |
 | /ranges | companion.Ranges | every beam with its state, metres |
 | /scan | foxglove.LaserScan | the horizontal beams, FLU |
 | /gyro | companion.Gyro | samples since the last message, rad/s clockwise |
 | /estimate | companion.Pose | yaw and position with their sigmas, local NED |
 | /pose, /tf | foxglove.Odometry, foxglove.FrameTransform | the same in ENU, with covariance |
-| /setpoint | companion.Setpoint | velocity FRD and yaw rate; nothing is sent between messages |
-| /walls | foxglove.SceneUpdate | the map so far, ENU |
-| /phase | companion.Phase | the flight's phase in one word, in words, and what troubles it |
-| /faults, /autopilot | foxglove.Log | troubles and failing beams; the autopilot's texts |
+| /setpoint | companion.Setpoint | velocity FRD and yaw rate; no message: no setpoint sent |
+| /walls | foxglove.SceneUpdate | the present map, ENU |
+| /phase | companion.Phase | the flight's phase by name and in words, and its trouble |
+| /faults, /autopilot | foxglove.Log | faults of flight and beams; the autopilot's texts |
 | /config | companion.Config | the effective configuration |
-| /map | MessagePack | the final map, exactly |
+| /map | MessagePack | the final map, lossless |
 """
 
 import json
@@ -87,7 +87,7 @@ _EXACT: Sequence[str] = (INPUTS, MAP)
 
 
 def register(writer: Writer) -> dict[str, int]:
-    """Make all topics known to a writer; the channel of each."""
+    """Register all topics with a writer; returns the channel of each."""
     channels = {}
     for topic, kind in _PROTOBUF.items():
         descriptors = build_file_descriptor_set(kind).SerializeToString()

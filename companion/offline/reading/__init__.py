@@ -1,1 +1,1 @@
-"""Readers of logs: from a file's text to arrays in SI units."""
+"""Reads logs: from a file's text to arrays in SI units."""

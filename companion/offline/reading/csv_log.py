@@ -1,7 +1,7 @@
-"""Reader of logs as plain CSV; docs/offline.md describes the columns.
+"""Reads logs in plain CSV; docs/offline.md describes the columns.
 
-What cannot be used is skipped and counted, row by row or range by range, with the line where it
-was first met; only a file without a usable row is refused.
+Invalid rows and ranges are skipped and counted, with the line of the first. Only a file without any
+valid row is rejected.
 """
 
 import math
@@ -22,25 +22,32 @@ from companion.offline.reading.dialect import Numbers, opened, read_header
 from companion.offline.reading.log import Array, Log, Reading, Watch
 
 MOTION = ("time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad")
+"""Required columns."""
 MAX_VALUES = (1e11, 1e6, 1e6, 1e4)
-"""Larger values than these, whatever the sign, are no time, place or heading."""
+"""Limits of their absolute values: time, s, place, m, and heading, rad. Chosen."""
 GYRO = "gyro_z_rad_s"
+"""Optional column of the gyro's yaw rate."""
 BEAM_COLUMNS = {f"{beam}_m": beam for beam in Beam}
+"""Optional columns of the ranges."""
 KNOWN = {*MOTION, *BEAM_COLUMNS, GYRO}
+"""Names of all known columns."""
 MAX_RANGE_M = 200.0
-ROWS_BETWEEN_NEWS = 20_000
-MIN_SIGNS = 10
-"""So many different ranges beyond the most are no sign for nothing, but another unit."""
-SHOWN = 40
-"""Characters of a cell that a message repeats."""
+"""Largest valid range, m. Chosen."""
+ROWS_PER_REPORT = 20_000
+"""Rows between two progress reports. Chosen."""
+MIN_DIFFERENT = 10
+"""With this many different ranges beyond the limit the unit is wrong; a single value would be the
+code for nothing in range. Chosen."""
+MAX_SHOWN = 40
+"""Characters of a cell that a message shows. Chosen."""
 
 
 def read_csv(path: Path, watch: Watch) -> Log:
-    """The log in a CSV file.
+    """Read the log in a CSV file.
 
     Raises:
-        LogError: not readable, a column is missing, there is no row to use, or the numbers are in
-            other units than the columns' names tell.
+        LogError: not readable, a column is missing, no row is valid, or the numbers are not in the
+            units of the columns' names.
     """
     try:
         with opened(path) as (text, raw):
@@ -56,7 +63,7 @@ def read_csv(path: Path, watch: Watch) -> Log:
 
 @dataclass(frozen=True, slots=True)
 class _Header:
-    """Where each column stands."""
+    """Positions of the columns."""
 
     width: int
     motion: tuple[int, ...]
@@ -65,7 +72,7 @@ class _Header:
     ignored: tuple[str, ...]
 
 
-def _read(file: TextIO, news: Callable[[], None]) -> Log:
+def _read(file: TextIO, report: Callable[[], None]) -> Log:
     lines, dialect, names = read_header(file, KNOWN)
     header, numbers = _header(names, lines), Numbers()
     reading = Reading(columns_ignored=header.ignored)
@@ -76,8 +83,8 @@ def _read(file: TextIO, news: Callable[[], None]) -> Log:
             continue
         row = _of_width(dialect.cells(text), header.width)
         reading.rows += 1
-        if reading.rows % ROWS_BETWEEN_NEWS == 0:
-            news()
+        if reading.rows % ROWS_PER_REPORT == 0:
+            report()
         where = f"line {line + lines + 1}"
         values = _motion(row, header, numbers, reading, where)
         if values is None:
@@ -94,7 +101,7 @@ def _read(file: TextIO, news: Callable[[], None]) -> Log:
 
 
 def _of_width(row: list[str], width: int) -> list[str]:
-    """Without the empty cells that spreadsheets write behind a row."""
+    """Drop the empty cells that spreadsheets append to a row."""
     return row[:width] if not any(cell.strip() for cell in row[width:]) else row
 
 
@@ -103,11 +110,11 @@ def _header(names: list[str], line: int) -> _Header:
         raise LogError(f"line {line}: no header; expected {','.join(MOTION)} and beams")
     missing = [name for name in MOTION if name not in names]
     if missing:
-        found = ",".join(names)[: 2 * SHOWN]
+        found = ",".join(names)[: 2 * MAX_SHOWN]
         raise LogError(f"line {line}: no column {', '.join(missing)}; found {found!r}")
     twice = sorted({name for name in names if name in KNOWN and names.count(name) > 1})
     if twice:
-        raise LogError(f"line {line}: column {twice[0]} stands there {names.count(twice[0])} times")
+        raise LogError(f"line {line}: column {twice[0]} occurs {names.count(twice[0])} times")
     return _Header(
         len(names),
         tuple(names.index(name) for name in MOTION),
@@ -128,55 +135,56 @@ def _motion(
         if not abs(value) <= most:
             reason = f"{name} missing, not a number, or beyond {most:g}"
             if name == "time_s" and math.isfinite(value):
-                reason = f"time_s beyond {most:g} s; of milliseconds or nanoseconds make seconds"
-            reading.skip_row(reason, f"{where}: {row[column][:SHOWN]!r}")
+                reason = f"time_s beyond {most:g} s; convert milliseconds or nanoseconds to seconds"
+            reading.skip_row(reason, f"{where}: {row[column][:MAX_SHOWN]!r}")
             return None
     return values
 
 
 class _Ranges:
-    """Of one beam."""
+    """Ranges of one beam."""
 
     def __init__(self, name: str, numbers: Numbers, reading: Reading) -> None:
         self._name = name
         self._numbers = numbers
         self._reading = reading
         self._values = array("d")
-        self._too_far = 0
-        self._of_them: set[float] = set()
+        self._far_count = 0
+        self._far_values: set[float] = set()
 
     def add(self, cell: str, where: str) -> None:
         self._values.append(self._range_m(cell, where))
 
     def checked(self) -> Array:
-        """All of them; NaN where nothing returned.
+        """All ranges; NaN without a return.
 
         Raises:
-            LogError: most are no ranges in metres; a number that only says that there is none is
-                no sign of that.
+            LogError: most are not ranges in metres. A single repeated number is a code for nothing
+        in
+                range, not a unit error.
         """
         values = np.array(self._values)
-        if len(self._of_them) >= MIN_SIGNS and self._too_far > np.isfinite(values).sum():
+        if len(self._far_values) >= MIN_DIFFERENT and self._far_count > np.isfinite(values).sum():
             raise LogError(
-                f"{self._name}: {self._too_far} of {len(values)} are beyond {MAX_RANGE_M:g} m: "
+                f"{self._name}: {self._far_count} of {len(values)} are beyond {MAX_RANGE_M:g} m: "
                 "if these are millimetres, divide by 1000; if centimetres, by 100"
             )
         return values
 
     def _range_m(self, cell: str, where: str) -> float:
-        """NaN if nothing returned, which an empty cell, NaN and infinity all say."""
+        """The range of a cell. An empty cell, NaN and infinity mean no return and give NaN."""
         if not cell or cell.isspace():
             return math.nan
         value = self._numbers.read(cell)
         if 0 < value <= MAX_RANGE_M:
             return value
         if math.isnan(value) and cell.strip().lower().lstrip("+-") != "nan":
-            self._reading.skip_cell(f"{self._name} not a number", f"{where}: {cell[:SHOWN]!r}")
+            self._reading.skip_cell(f"{self._name} not a number", f"{where}: {cell[:MAX_SHOWN]!r}")
         elif math.isfinite(value):
             reason = f"{self._name} not between 0 and {MAX_RANGE_M:g}"
-            self._reading.skip_cell(reason, f"{where}: {cell[:SHOWN]!r}")
+            self._reading.skip_cell(reason, f"{where}: {cell[:MAX_SHOWN]!r}")
             if value > MAX_RANGE_M:
-                self._too_far += 1
-                if len(self._of_them) < MIN_SIGNS:
-                    self._of_them.add(value)
+                self._far_count += 1
+                if len(self._far_values) < MIN_DIFFERENT:
+                    self._far_values.add(value)
         return math.nan

@@ -1,7 +1,7 @@
-"""How a text of rows and columns is written: by programs, spreadsheets and people of any country.
+"""Detects the dialect of a table: delimiter, quotes, encoding and decimal mark.
 
-The header tells what stands between the cells and what around them, by which the names that are
-looked for are found. A decimal comma is known by the first number that has one.
+Delimiter and quote are those with which the header has the most known names. The decimal mark is
+that of the first number with a fraction.
 """
 
 import csv
@@ -18,23 +18,28 @@ from typing import BinaryIO, TextIO
 from companion.core.textfile import encoding_of
 
 DELIMITERS = (",", ";", "\t", "|", " ")
+"""Possible delimiters."""
 QUOTES = ('"', "'")
+"""Possible quotes."""
 GZIP_MAGIC = b"\x1f\x8b"
-SPREADSHEETS_OWN = re.compile(r"sep=(.)\s*", re.IGNORECASE)
-"""A first line by which spreadsheets tell each other the delimiter."""
+"""First bytes of a gzip file."""
+SEPARATOR_LINE = re.compile(r"sep=(.)\s*", re.IGNORECASE)
+"""A first line in which spreadsheets declare the delimiter."""
 COMMENT = "#"
-MAX_LINES_A_CELL = 20
+"""Prefix of a comment line."""
+MAX_LINES_PER_CELL = 20
+"""Most lines of one quoted cell. Chosen."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableDialect:
-    """What stands between cells, and what around them."""
+    """Delimiter and quote of a table."""
 
     delimiter: str
     quote: str
 
     def cells(self, line: str) -> list[str]:
-        """One row."""
+        """Cells of one row."""
         if self.quote in line:
             return self._quoted(line)
         return line.split() if self.delimiter == " " else line.rstrip("\n").split(self.delimiter)
@@ -50,22 +55,22 @@ class TableDialect:
             return text.split(self.delimiter)
 
     def lines(self, file: TextIO) -> Iterator[tuple[int, str]]:
-        """The rows' texts from here on and the lines, from 0, on which they begin.
+        """Texts of the rows from here on, with the line numbers, from 0, on which they begin.
 
-        A row is several lines if a cell is quoted over their ends; but one quote that is never
-        closed does not take the rest of the file along.
+        A quoted cell may span several lines. A quote that is never closed does not consume the rest
+        of the file.
         """
         opens = re.compile(rf"(?:^|{re.escape(self.delimiter)})\s*{self.quote}")
-        waiting: list[str] = []
+        pending: list[str] = []
         number = 0
-        while line := waiting.pop(0) if waiting else file.readline():
+        while line := pending.pop(0) if pending else file.readline():
             taken = [line]
             while _is_open(line, self.quote) and opens.search(line):
-                more = waiting.pop(0) if waiting else file.readline()
+                more = pending.pop(0) if pending else file.readline()
                 taken.append(more)
                 line += more
-                if not more or len(taken) > MAX_LINES_A_CELL:
-                    line, waiting, taken = taken[0], [*filter(None, taken[1:]), *waiting], taken[:1]
+                if not more or len(taken) > MAX_LINES_PER_CELL:
+                    line, pending, taken = taken[0], [*filter(None, taken[1:]), *pending], taken[:1]
                     break
             yield number, line
             number += len(taken)
@@ -76,7 +81,7 @@ def _is_open(line: str, quote: str) -> bool:
 
 
 def sniffed(header: str, wanted: Collection[str]) -> tuple[TableDialect, list[str]]:
-    """The dialect in which a header has most of the names that are wanted, and all its names."""
+    """The dialect in which a header has the most wanted names, and all its names."""
     line = header.removeprefix(COMMENT)
     found = [
         (dialect, [name.strip() for name in dialect.cells(line)])
@@ -86,21 +91,21 @@ def sniffed(header: str, wanted: Collection[str]) -> tuple[TableDialect, list[st
 
 
 def read_header(file: TextIO, wanted: Collection[str]) -> tuple[int, TableDialect, list[str]]:
-    """How many lines it took, the dialect, and the columns' names."""
+    """Number of lines read, the dialect, and the columns' names."""
     lines, line = 1, file.readline()
-    told = SPREADSHEETS_OWN.fullmatch(line)
-    while told or (line.startswith(COMMENT) and not any(name in line for name in wanted)):
-        told = None
+    declared = SEPARATOR_LINE.fullmatch(line)
+    while declared or (line.startswith(COMMENT) and not any(name in line for name in wanted)):
+        declared = None
         lines, line = lines + 1, file.readline()
     return lines, *sniffed(line, wanted)
 
 
 class Numbers:
-    """Numbers of one file, with a point or a comma; NaN for what is none."""
+    """Parses numbers of one file, with a point or a comma; NaN if invalid."""
 
     def __init__(self) -> None:
         self._mark = ""
-        """What the first broken number had; another is none."""
+        """Decimal mark of the first fraction; the other one is invalid."""
 
     def read(self, cell: str) -> float:
         if "," in cell:
@@ -119,7 +124,7 @@ class Numbers:
 
 
 def _number(cell: str) -> float:
-    """NaN for what is none; Python's own digit separators are none either."""
+    """NaN if invalid; Python's own digit separators are invalid too."""
     try:
         return float(cell) if "_" not in cell else math.nan
     except ValueError:
@@ -128,9 +133,9 @@ def _number(cell: str) -> float:
 
 @contextmanager
 def opened(path: Path) -> Iterator[tuple[TextIO, BinaryIO]]:
-    """A text, compressed or not, of whichever encoding; and the file below it, for its place.
+    """Open a text, compressed or not, in any encoding; also returns the raw file, for its position.
 
-    Only names may be of other signs than ASCII, so what cannot be read does not matter.
+    Only names may contain non-ASCII characters, so undecodable bytes do not matter.
     """
     with path.open("rb") as raw:
         is_compressed = raw.read(2) == GZIP_MAGIC

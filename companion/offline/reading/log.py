@@ -1,4 +1,4 @@
-"""A recorded log as arrays, whichever file it came from."""
+"""A recorded log as arrays, independent of the file format."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,30 +12,30 @@ from companion.offline.reading.plausible import check_clock, check_units
 
 Array = NDArray[np.float64]
 Watch = Callable[[str, float], None]
-"""Told what is being done, and the share of it that is done."""
+"""Progress callback: activity, and share done."""
 
 
 @dataclass(slots=True)
 class Skipped:
-    """Rows or cells left out for one reason."""
+    """Rows or cells skipped for one reason."""
 
     count: int = 0
     first: str = ""
-    """Where the first of them stands, and what it says."""
+    """Position and content of the first."""
 
 
 @dataclass(slots=True)
 class Reading:
-    """How the reading of a log went."""
+    """Statistics of the reading of a log."""
 
     rows: int = 0
-    """In the file, whether used or not."""
+    """Rows in the file, used or not."""
     rows_skipped: dict[str, Skipped] = field(default_factory=dict)
     cells_skipped: dict[str, Skipped] = field(default_factory=dict)
-    """Ranges that say nothing, in rows that were used."""
+    """Invalid ranges in used rows."""
     columns_ignored: tuple[str, ...] = ()
     rows_sorted: int = 0
-    """Rows that stood before an earlier one."""
+    """Rows that follow a later one."""
 
     def skip_row(self, reason: str, where: str) -> None:
         _note(self.rows_skipped, reason, where)
@@ -51,20 +51,20 @@ def _note(table: dict[str, Skipped], reason: str, where: str) -> None:
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """Rows in order of time, each with its own.
+    """Rows in order of time, each time once.
 
-    Odometry is in its own drifting NED frame, yaw clockwise and unwrapped; a range is NaN where
-    nothing returned.
+    Odometry is in its own drifting NED frame, yaw clockwise and unwrapped. A range is NaN without a
+    return.
     """
 
     time_s: Array
-    """(n,), strictly rising."""
+    """(n,), strictly increasing."""
     odometry: Array
     """(n, 3): north, east, yaw."""
     ranges_m: dict[Beam, Array]
-    """(n,) each, as the sensor told them."""
+    """(n,) each, as recorded."""
     gyro_rad_s: Array | None
-    """(n,): yaw rate, clockwise; NaN where it is missing."""
+    """(n,): yaw rate, clockwise; NaN where missing."""
     reading: Reading
 
     @staticmethod
@@ -75,13 +75,13 @@ class Log:
         gyro_rad_s: Array | None,
         reading: Reading,
     ) -> "Log":
-        """Rows of any order: sorted, and of those of one time only the first kept.
+        """Sort rows, and keep only the first row of each time.
 
         Raises:
-            LogError: there is no row at all, or the clock or the units cannot be right.
+            LogError: there is no row, or the clock or the units are not plausible.
         """
         if not len(time_s):
-            raise LogError("no row that can be used" + _skipped_rows(reading.rows_skipped))
+            raise LogError("no row is valid" + _skipped_rows(reading.rows_skipped))
         check_clock(time_s)
         reading.rows_sorted = int((np.diff(time_s) < 0).sum())
         order = np.argsort(time_s, kind="stable")

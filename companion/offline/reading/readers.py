@@ -1,4 +1,4 @@
-"""Which reader reads a log, by the end of its name; a new format is one more line here."""
+"""Selects the reader of a log by its file name extension; a new format needs one entry here."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -13,12 +13,12 @@ READERS: Mapping[str, Callable[[Path, Watch], Log]] = dict.fromkeys(
 
 
 def read_log(path: Path, watch: Watch) -> Log:
-    """The log in a file.
+    """Read the log in a file.
 
     Raises:
-        LogError: one line that says why there is none.
+        LogError: one line with the reason.
     """
     for end, reader in READERS.items():
         if path.name.lower().endswith(end):
             return reader(path, watch)
-    raise LogError(f"{path}: not a kind of log that can be read: {', '.join(READERS)}")
+    raise LogError(f"{path}: unknown log format; known: {', '.join(READERS)}")

@@ -1,7 +1,7 @@
-"""What is known of the sensors of a log: the `[sensors]` table of a TOML file beside it.
+"""Sensor models of a log: the `[sensors]` table of a TOML file beside it.
 
-A key of the table holds for all beams, one of `[sensors.front]` and so on for that beam. What
-nobody tells is taken from the log itself.
+A key of the table applies to all beams, one of `[sensors.front]` and so on to that beam. Missing
+values are estimated from the log.
 """
 
 import math
@@ -16,14 +16,14 @@ from companion.core.messages import BEARING_FRD_RAD, Beam
 
 
 class RangeConfig(Group):
-    """Noise, range and place of a sensor."""
+    """Noise, limits and mounting of a sensor."""
 
     offset_m: float | None = Field(None, ge=-2, le=2)
-    """How far from the drone's centre it sits, along its beam."""
+    """Distance from the drone's centre along its beam, m."""
     sigma_m: float | None = Field(None, gt=0, le=1)
     """Standard deviation at any distance."""
     sigma_per_m2: float | None = Field(None, ge=0, le=0.2)
-    """What is added to it, as a root of squares, for each square metre of distance squared."""
+    """Part of sigma that grows with the square of the distance; added as a root of squares."""
     min_m: float | None = Field(None, ge=0, le=10)
     max_m: float | None = Field(None, gt=0, le=200)
 
@@ -36,7 +36,7 @@ class BeamConfig(RangeConfig):
 
 
 class SensorsConfig(RangeConfig):
-    """All beams, and what is different for one."""
+    """Keys of all beams, and of individual ones."""
 
     front: BeamConfig = BeamConfig()
     right: BeamConfig = BeamConfig()
@@ -56,7 +56,7 @@ class SensorsConfig(RangeConfig):
         return self
 
     def of(self, beam: Beam) -> RangeConfig:
-        """What holds for one beam: its own keys before the common ones."""
+        """Settings of one beam: its own keys override the common ones."""
         own: RangeConfig = getattr(self, beam.value)
         values = {
             key: getattr(self, key) if getattr(own, key) is None else getattr(own, key)
@@ -65,16 +65,16 @@ class SensorsConfig(RangeConfig):
         return RangeConfig(**values)
 
     @property
-    def tells_noise(self) -> bool:
-        """Whether the file says how noisy any beam is."""
-        told = [self.of(beam) for beam in BEARING_FRD_RAD]
-        return any(one.sigma_m is not None or one.sigma_per_m2 is not None for one in told)
+    def has_noise(self) -> bool:
+        """True if the file contains the noise of any beam."""
+        beams = [self.of(beam) for beam in BEARING_FRD_RAD]
+        return any(one.sigma_m is not None or one.sigma_per_m2 is not None for one in beams)
 
     def bearing_rad(self, beam: Beam) -> float:
-        """Clockwise from forward."""
+        """Bearing clockwise from forward."""
         own: RangeConfig = getattr(self, beam.value)
-        told = getattr(own, "bearing_deg", None)
-        return BEARING_FRD_RAD[beam] if told is None else math.radians(told)
+        own_deg = getattr(own, "bearing_deg", None)
+        return BEARING_FRD_RAD[beam] if own_deg is None else math.radians(own_deg)
 
 
 class LogConfig(Group):
@@ -84,10 +84,10 @@ class LogConfig(Group):
 
 
 def load(config: Path | None, log: Path) -> SensorsConfig:
-    """The file named, or the one beside the log with its stem, or nothing but defaults.
+    """Load the given file, or the one beside the log with its stem, or the defaults.
 
     Raises:
-        ConfigError: one line that says what to mend.
+        ConfigError: one line with the error and its location.
     """
     plain = log.with_suffix("") if log.suffix.lower() == ".gz" else log
     path = config or plain.with_suffix(".toml")
@@ -98,7 +98,7 @@ def load(config: Path | None, log: Path) -> SensorsConfig:
 
 @dataclass(frozen=True, slots=True)
 class RangeSensor:
-    """Noise of a constant part and one that grows with the square of distance."""
+    """A sensor whose noise has a constant part and a part that grows with distance squared."""
 
     min_m: float
     max_m: float
@@ -112,5 +112,5 @@ class RangeSensor:
         return math.hypot(self.constant_m, self.per_m2 * distance_m**2)
 
     def alias_m(self, distance_m: float) -> float | None:
-        """It does not fold."""
+        """No aliasing."""
         return None

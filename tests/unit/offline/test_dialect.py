@@ -1,4 +1,4 @@
-"""Logs as programs, spreadsheets and people of all countries write them are the same log."""
+"""Logs in the dialects of all programs, spreadsheets and countries give the same data."""
 
 import codecs
 import csv
@@ -31,7 +31,7 @@ Quoting = Literal[0, 1, 2, 3]
 
 
 def silent(activity: str, share: float) -> None:
-    """Nobody looks."""
+    """Ignores the progress."""
 
 
 def number(value: object, mark: str = ".") -> str:
@@ -134,8 +134,8 @@ def test_empty_cells_behind_the_rows_do_not_matter(tmp_path: Path) -> None:
 
 
 def test_notes_may_have_commas_quotes_and_lines(tmp_path: Path) -> None:
-    told = text(quoting=csv.QUOTE_ALL).replace("at the door", 'at ""the""\n door, left')
-    assert_whole(read(tmp_path, told.encode()))
+    data = text(quoting=csv.QUOTE_ALL).replace("at the door", 'at ""the""\n door, left')
+    assert_whole(read(tmp_path, data.encode()))
     assert_whole(read(tmp_path, text().replace("at the door", '5" tube').encode()))
 
 
@@ -161,7 +161,7 @@ def test_a_compressed_log_that_is_cut_short_is_one_line(tmp_path: Path) -> None:
 
 
 def test_thousands_are_no_decimals(tmp_path: Path) -> None:
-    """A comma and points in one file: which is which is not guessed."""
+    """A comma and points in one file are ambiguous and are not interpreted."""
     log = read(tmp_path, text(";").replace(";1.5;", ';"1,500";').encode())
     (skipped,) = log.reading.cells_skipped.values()
     assert skipped.count == len(ROWS)

@@ -1,4 +1,4 @@
-"""Logs as they are found: read whole, in part with the reason, or refused in one line."""
+"""Logs are read completely, read in part with the reason, or rejected in one line."""
 
 import json
 from pathlib import Path
@@ -20,7 +20,7 @@ HEADER = "time_s,odom_x_m,odom_y_m,odom_yaw_rad,front_m"
 
 
 def silent(activity: str, share: float) -> None:
-    """Nobody looks."""
+    """Ignores the progress."""
 
 
 def read(tmp_path: Path, text: str) -> Log:

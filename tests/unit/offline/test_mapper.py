@@ -1,4 +1,4 @@
-"""Maps of recorded logs are better than the log's own odometry, or say that they are not."""
+"""Maps of recorded logs are better than the log's odometry, or the verdict is "doubtful"."""
 
 import json
 import math
@@ -23,7 +23,7 @@ SHORT = Scenario(ROOM, Flight([(1.5, 1.5), (5.0, 1.5), (5.0, 3.0), (2.0, 3.0)], 
 
 
 def silent(activity: str, share: float) -> None:
-    """Nobody looks."""
+    """Ignores the progress."""
 
 
 def mapped(log: Log, sensors: SensorsConfig | None = None) -> LogMap:

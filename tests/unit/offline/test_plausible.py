@@ -1,4 +1,4 @@
-"""Logs in other units than their columns tell, or with a clock that was set, are refused."""
+"""Logs in other units than those of their columns, or with a clock that was set, are rejected."""
 
 import math
 from collections.abc import Callable
@@ -20,19 +20,21 @@ Array = NDArray[np.float64]
 
 
 def silent(activity: str, share: float) -> None:
-    """Nobody looks."""
+    """Ignores the progress."""
 
 
 def flown(*, hz: float = 10.0, turn_rad_s: float = 0.5, wraps: bool = False) -> Array:
-    """Straight on and round, again and again, at 0.4 m/s."""
+    """Straight legs and turns in place in alternation, at 0.4 m/s."""
     time_s = np.arange(0, 60, 1 / hz)
     turning = (time_s // 5) % 2 == 1
     yaw = np.cumsum(np.where(turning, turn_rad_s / hz, 0.0))
     going = np.where(turning, 0.0, 0.4 / hz)
     x, y = np.cumsum(going * np.cos(yaw)), np.cumsum(going * np.sin(yaw))
-    told = (yaw + math.pi) % math.tau - math.pi if wraps else yaw
+    heading = (yaw + math.pi) % math.tau - math.pi if wraps else yaw
     gyro = np.where(turning, turn_rad_s, 0.0)
-    return np.column_stack([time_s, x, y, told, gyro, 2 + np.sin(time_s), 1 + 0.1 * np.cos(time_s)])
+    return np.column_stack(
+        [time_s, x, y, heading, gyro, 2 + np.sin(time_s), 1 + 0.1 * np.cos(time_s)]
+    )
 
 
 def read(tmp_path: Path, rows: Array, *, without: tuple[int, ...] = ()) -> Log:
@@ -80,9 +82,9 @@ def test_what_flies_is_not_refused(
 )
 @pytest.mark.parametrize("hz", [2, 10, 50])
 def test_time_in_smaller_units(tmp_path: Path, factor: float, unit: str, hz: float) -> None:
-    told = refusal(tmp_path, times(TIME, factor, flown(hz=hz)))
-    assert "time_s" in told
-    assert f"if these are {unit}, divide by" in told
+    message = refusal(tmp_path, times(TIME, factor, flown(hz=hz)))
+    assert "time_s" in message
+    assert f"if these are {unit}, divide by" in message
 
 
 def test_time_in_days(tmp_path: Path) -> None:
@@ -92,9 +94,9 @@ def test_time_in_days(tmp_path: Path) -> None:
 def test_unix_time_in_milliseconds(tmp_path: Path) -> None:
     rows = times(TIME, 1e3)
     rows[:, TIME] += 1.76e12
-    told = refusal(tmp_path, rows)
-    assert "time_s beyond 1e+11 s" in told
-    assert "milliseconds" in told
+    message = refusal(tmp_path, rows)
+    assert "time_s beyond 1e+11 s" in message
+    assert "milliseconds" in message
 
 
 def test_whole_seconds(tmp_path: Path) -> None:
@@ -105,12 +107,12 @@ def test_whole_seconds(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("since_s", [1.7e9, -3.0, -20.0, 86400.0])
 def test_a_clock_that_is_set_in_flight(tmp_path: Path, since_s: float) -> None:
-    """As by the network, some time after a start without it."""
+    """A clock set by the network some time after a start without it."""
     rows = flown()
     rows[300:, TIME] += since_s
-    told = refusal(tmp_path, rows)
-    assert "the clock was set" in told
-    assert "goes back" in told if since_s < 0 else "leaps" in told
+    message = refusal(tmp_path, rows)
+    assert "the clock was set" in message
+    assert "goes back" in message if since_s < 0 else "leaps" in message
 
 
 def test_a_second_flight_in_the_same_log(tmp_path: Path) -> None:
@@ -140,21 +142,21 @@ def test_headings_in_degrees(
     tmp_path: Path, hz: float, turn_deg_s: float, wraps: bool, without: tuple[int, ...]
 ) -> None:
     rows = flown(hz=hz, turn_rad_s=math.radians(turn_deg_s), wraps=wraps)
-    told = refusal(tmp_path, times(YAW, math.degrees(1), rows), without=without)
-    assert "odom_yaw_rad" in told
-    assert "multiply by 0.0174533" in told
+    message = refusal(tmp_path, times(YAW, math.degrees(1), rows), without=without)
+    assert "odom_yaw_rad" in message
+    assert "multiply by 0.0174533" in message
 
 
 def test_the_gyro_in_degrees(tmp_path: Path) -> None:
-    told = refusal(tmp_path, times(GYRO, math.degrees(1)))
-    assert "gyro_z_rad_s: is 57 times" in told
-    assert "0.0174533" in told
+    message = refusal(tmp_path, times(GYRO, math.degrees(1)))
+    assert "gyro_z_rad_s: is 57 times" in message
+    assert "0.0174533" in message
 
 
 def test_ranges_in_millimetres(tmp_path: Path) -> None:
-    told = refusal(tmp_path, times(FRONT, 1000))
-    assert "front_m: 600 of 600 are beyond 200 m" in told
-    assert "divide by 1000" in told
+    message = refusal(tmp_path, times(FRONT, 1000))
+    assert "front_m: 600 of 600 are beyond 200 m" in message
+    assert "divide by 1000" in message
 
 
 @pytest.mark.parametrize("nothing", [999.0, 65535.0])

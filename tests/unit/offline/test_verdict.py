@@ -1,4 +1,4 @@
-"""A map of a log is handed out if it tells ranges that it was not made from, else the odometry."""
+"""The map of a log is used if it predicts held-out ranges, otherwise the odometry."""
 
 import math
 from collections.abc import Callable
@@ -54,13 +54,13 @@ def mapped(log: Log) -> LogMap:
     return map_log(read, SensorsConfig(), lambda activity, share: None)
 
 
-def off_m(path: Array, log: Log) -> float:
-    """Root mean square, in the frame of the first pose."""
+def error_m(path: Array, log: Log) -> float:
+    """Root mean square error in the frame of the first pose, m."""
     return float(np.sqrt(((path[:, :2] - log.truth[:, :2]) ** 2).sum(axis=1).mean()))
 
 
 def with_motion(log: Log, scale: float, turned_rad: Array) -> Log:
-    """The truth as odometry of that scale tells it, which turns by so much more in each step."""
+    """Odometry with this scale error and these additional turns in each step."""
     yaw = np.diff(log.truth[:, 2])
     heading = log.truth[0, 2] + np.concatenate([[0.0], np.cumsum(yaw + turned_rad)])
     off_rad = heading - log.truth[:, 2]
@@ -72,7 +72,7 @@ def with_motion(log: Log, scale: float, turned_rad: Array) -> Log:
 def with_wheel_odometry(
     log: Log, deg_per_sqrt_m: float, seed: int, *, deg_per_m: float = 0.0
 ) -> Log:
-    """The heading walks with the way that the wheels go, and drifts to one side."""
+    """The heading walks with the distance driven, and drifts to one side."""
     way_m = np.hypot(*np.diff(log.truth[:, :2], axis=0).T)
     noise = np.random.default_rng(seed).normal(0, 1, len(way_m))
     off_deg = deg_per_sqrt_m * np.sqrt(way_m) * noise + deg_per_m * way_m
@@ -85,14 +85,14 @@ def shuffled(log: Log) -> Log:
 
 
 def late(log: Log) -> Log:
-    """By some 4 s."""
+    """Ranges delayed by some 4 s."""
     rows = math.ceil(4 / float(np.diff(log.time_s).mean()))
     ranges_m = {beam: np.roll(ranges, rows) for beam, ranges in log.ranges_m.items()}
     return replace(log, ranges_m=ranges_m)
 
 
 def on_the_side(log: Log) -> Log:
-    """The drone's sensors turned by 90 degrees, its axes not."""
+    """Sensors turned by 90 degrees, axes of the drone unchanged."""
     turned = {Beam.RIGHT: Beam.FRONT, Beam.BACK: Beam.RIGHT, Beam.LEFT: Beam.BACK}
     source = turned | {Beam.FRONT: Beam.LEFT}
     return replace(log, ranges_m={beam: log.ranges_m[source[beam]] for beam in source})
@@ -103,7 +103,7 @@ def on_the_side(log: Log) -> Log:
 def test_ranges_of_elsewhere_leave_the_odometry_as_it_is(
     scenario: Scenario, spoilt: Callable[[Log], Log]
 ) -> None:
-    """In a corridor most of them lie on walls even so."""
+    """In a corridor most of these ranges are on walls by chance."""
     log = spoilt(record(scenario, 1))
     result = mapped(log)
     assert result.verdict.word == "doubtful"
@@ -115,25 +115,25 @@ def test_the_same_ranges_where_they_belong_are_trusted() -> None:
         log = record(scenario, 1)
         result = mapped(log)
         assert result.verdict.trusted, result.verdict.reason
-        assert off_m(result.path, log) < 0.15
+        assert error_m(result.path, log) < 0.15
 
 
 def test_a_quarter_of_all_readings_may_be_nonsense() -> None:
     log = record(replace(ROUND, noise=Noise(outliers=0.25, dropouts=0.1)), 2)
     result = mapped(log)
     assert result.verdict.trusted, result.verdict.reason
-    assert off_m(result.path, log) < 0.15
+    assert error_m(result.path, log) < 0.15
 
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_a_corridor_does_not_shrink_by_headings_that_err(seed: int) -> None:
-    """It would by a tenth and more: the shorter the way, the less it leads through the walls."""
+    """The error would shrink it by a tenth or more: a shorter path crosses the walls less."""
     scenario = Scenario(corridor(ends=False), TO_AND_FRO, Noise(range_sigma_m=0.03))
     log = with_wheel_odometry(record(scenario, seed), 1.2, seed, deg_per_m=1.0)
     result = mapped(log)
     assert result.verdict.trusted, result.verdict.reason
     assert abs(result.odometry_scale_error) < 0.02
-    assert off_m(result.path, log) < 0.4 < off_m(log.odometry, log) / 8
+    assert error_m(result.path, log) < 0.4 < error_m(log.odometry, log) / 8
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])
@@ -143,18 +143,18 @@ def test_where_walls_tell_the_scale_it_may_be_far_off(scale: float) -> None:
     result = mapped(log)
     assert result.verdict.trusted, result.verdict.reason
     assert result.odometry_scale_error == pytest.approx(1 / scale - 1, abs=0.03)
-    assert off_m(result.path, log) < 0.15
+    assert error_m(result.path, log) < 0.15
 
 
 def test_odometry_without_error_is_no_reason_for_doubt() -> None:
     log = record(L_ROOM, 4)
     result = mapped(replace(log, odometry=log.truth.copy()))
     assert result.verdict.trusted, result.verdict.reason
-    assert off_m(result.path, log) < 0.05
+    assert error_m(result.path, log) < 0.05
 
 
 def test_few_ranges_of_a_wheeled_robot_are_too_little_to_go_by() -> None:
-    """Rows 3 s and 45 degrees apart, headings that err by 15 degrees in 5 m, strays among them."""
+    """Rows 3 s and 45 degrees apart, heading errors of 15 degrees in 5 m, and outliers."""
     flight = Flight([(2, 1.1), *[(38, 1.1), (2, 1.1)]], speed_m_s=0.35, rate_hz=0.35)
     scenario = Scenario(
         corridor(ends=True), flight, Noise(outliers=0.4, dropouts=0.3), (Beam.FRONT, Beam.LEFT)
@@ -168,7 +168,7 @@ def test_few_ranges_of_a_wheeled_robot_are_too_little_to_go_by() -> None:
 @has_logs
 @pytest.mark.parametrize(("name", "most_m"), [("aces_200", 0.2), ("fr101", 0.25)])
 def test_logs_of_real_robots_are_mapped(name: str, most_m: float) -> None:
-    """Rows 2 to 5 s and up to 1 m apart; where many ranges met no straight wall."""
+    """Rows 2 to 5 s and up to 1 m apart; many ranges are not on straight walls."""
     found = outcome(LOGS / f"{name}.csv")
     assert found.result.verdict.trusted, found.result.verdict.reason
     assert found.ate_m is not None
@@ -177,8 +177,8 @@ def test_logs_of_real_robots_are_mapped(name: str, most_m: float) -> None:
 
 @has_logs
 @pytest.mark.parametrize(
-    ("name", "told"),
+    ("name", "words"),
     [("time_in_ms", "if these are milliseconds"), ("clock_set_back", "the clock was set")],
 )
-def test_logs_with_a_wrong_clock_are_refused(name: str, told: str) -> None:
-    assert told in row(LOGS / f"{name}.csv")
+def test_logs_with_a_wrong_clock_are_refused(name: str, words: str) -> None:
+    assert words in row(LOGS / f"{name}.csv")

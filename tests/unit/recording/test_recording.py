@@ -1,4 +1,4 @@
-"""A recorded flight: it opens elsewhere, is replayed to the bit, and survives what may happen."""
+"""Recorded flights: other programs open them, replay is exact, and faults do not end a flight."""
 
 import dataclasses
 import errno
@@ -51,7 +51,7 @@ pytestmark = pytest.mark.flights
 
 ANY = st.floats()
 BEGIN_BYTES = 200
-"""Magic, header, and what kind of recording it is."""
+"""Magic, header, and type of the recording."""
 END_BYTES = 9
 NUMBERS = st.tuples(ANY, ANY, ANY)
 READINGS = st.builds(RangeReading, st.sampled_from(RangeState), ANY, ANY)
@@ -75,7 +75,7 @@ TICKS = st.builds(
 
 @dataclasses.dataclass(frozen=True)
 class Recorded:
-    """A flight and the files it left."""
+    """A flight and its files."""
 
     flight: Flight
     mcap: Path
@@ -214,9 +214,9 @@ def test_a_recording_cut_anywhere_still_opens(whole: Recorded, data: st.DataObje
 def test_faults_and_phases_are_told(tmp_path: Path) -> None:
     events = [when("scanning", link_down(for_s=2)), when("returning", unplug("front"))]
     recording = read(recorded(tmp_path, script=events).mcap)
-    told = [(fault.source, fault.text) for fault in recording.faults]
-    assert ("flight", "the autopilot is silent") in told
-    assert ("front range sensor", "failed") in told
+    faults = [(fault.source, fault.text) for fault in recording.faults]
+    assert ("flight", "the autopilot is silent") in faults
+    assert ("front range sensor", "failed") in faults
     phases = [record.phase for record in recording.phases]
     assert [phase for phase, _ in groupby(phases)][-4:] == ["HOME", "HOLD", "LAND", "DONE"]
     assert recording.phases[-1].trouble == "range sensor failed: front"
@@ -265,7 +265,7 @@ def test_an_error_of_its_own_ends_the_recording_and_not_the_flight(
 
 
 def _fly_recorded(folder: Path, like: Recorded) -> list[str]:
-    """Fly the same flight once more; what the recorder had to say."""
+    """Fly the same flight again; returns the recorder's warnings."""
     warnings: list[str] = []
     config = configuration.load(None, {})
     recorder = open_recorder(folder, config, 0.0, warnings.append)
@@ -336,7 +336,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_recording_that_has_stopped_keeps_no_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else they would fill the memory until the flight ends."""
+    """Otherwise they would fill the memory until the flight ends."""
     monkeypatch.setattr(FlightRecorder, "_tick", lambda *_: 1 / 0)
     recorder = FlightRecorder(
         tmp_path / "flight.mcap", Config(), 0.0, lambda _: None, lambda: 0.0, continues=""

@@ -1,4 +1,4 @@
-"""A flight of which nothing could be kept is refused while the drone is on the ground."""
+"""A flight whose files could not be written is rejected on the ground."""
 
 import shutil
 from collections import namedtuple
@@ -30,7 +30,7 @@ def test_a_folder_that_can_be_written_is_made_and_left_empty(tmp_path: Path) -> 
 @pytest.mark.parametrize("name", ["file", "file/out"])
 def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(OutputError, match=rf"^{tmp_path / name}: .*take another --out$"):
+    with pytest.raises(OutputError, match=rf"^{tmp_path / name}: .*use another --out$"):
         refuse_no_room(tmp_path / name, configuration.load(None, {}))
 
 
