@@ -187,8 +187,11 @@ class Estimator:
             if not reading.is_distance:
                 self._add_run(self._runs[beam].end(), scan.time_s)
                 continue
-            late_s = self._late_s(scan.time_s - unit.model.mean_age_s)
-            shift_m, ahead_rad = self._since_measured(scan.time_s, unit.model.mean_age_s)
+            # extrapolated from the last odometry and gyro sample to the time of measurement
+            measured_s = scan.time_s - unit.model.mean_age_s
+            late_s = measured_s - self._odometry.time_s if self._odometry else 0.0
+            shift_m = late_s * self._velocity_frd_m_s[0], late_s * self._velocity_frd_m_s[1]
+            ahead_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
             range_m = reading.distance_m + unit.offset_m
             yaw_rad = self.heading.yaw_rad
             centre_ne_m = moved(self.slam.position_ne_m, shift_m, yaw_rad)
@@ -226,21 +229,6 @@ class Estimator:
     def see_floor(self, reading: RangeReading, offset_m: float) -> None:
         """Correct the height by the down beam, whose sensor sits `offset_m` below the centre."""
         self._over_floor.see_floor(reading, offset_m)
-
-    def _since_measured(self, now_s: float, age_s: float) -> tuple[Vector2, float]:
-        """Motion between the latest odometry and the moment of the range measurement.
-
-        Returns (forward, right), m, and the turn since the latest gyro sample, rad.
-        """
-        measured_s = now_s - age_s
-        moved_s = self._late_s(measured_s)
-        forward_m_s, right_m_s = self._velocity_frd_m_s
-        turned_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
-        return (moved_s * forward_m_s, moved_s * right_m_s), turned_rad
-
-    def _late_s(self, measured_s: float) -> float:
-        """Time from the last odometry to a measurement, s; negative if that was before it."""
-        return measured_s - self._odometry.time_s if self._odometry else 0.0
 
     def smoothed(self) -> SolvedFlight | None:
         """Smooth the whole flight; None if there are fewer than two keyframes."""
