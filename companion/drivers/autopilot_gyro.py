@@ -52,7 +52,7 @@ class AutopilotGyro:
             return
         self._boot_s = boot_s
         time_s = min(self._clock.time_s(boot_s), now_s)
-        if time_s > self._last_s:  # a quicker message has just shown that it is earlier
+        if time_s > self._last_s:  # a new clock offset may put it before the last one
             self._last_s = time_s
             self._samples.append(GyroSample(time_s, yaw_rate_rad_s))
 

@@ -42,8 +42,8 @@ class RangeSensors:
         sensors = {b: s for b, s in config.beams.items() if only is None or b in only}
         self._calibration = config.calibration
         self._good_s = dict.fromkeys(sensors, float("-inf"))
-        told = _of_kind(sensors, AutopilotRange)
-        self.from_autopilot = AutopilotRanges(told) if told else None
+        on_autopilot = _of_kind(sensors, AutopilotRange)
+        self.from_autopilot = AutopilotRanges(on_autopilot) if on_autopilot else None
         """Must receive the autopilot's messages; None without such beams."""
         self._sources = list(_wired(wires, sensors, mux_addresses(config.beams.values())))
         if self.from_autopilot:
@@ -51,14 +51,14 @@ class RangeSensors:
 
     def read(self, time_s: float) -> RangeScan:
         """Read all sensors once."""
-        told: dict[Beam, RangeReading] = {}
+        answers: dict[Beam, RangeReading] = {}
         for source in self._sources:
-            told |= source.read(time_s)
+            answers |= source.read(time_s)
         readings = {}
         for beam, good_s in self._good_s.items():
-            if beam in told:
+            if beam in answers:
                 self._good_s[beam] = time_s
-                readings[beam] = self._calibrated(beam, told[beam])
+                readings[beam] = self._calibrated(beam, answers[beam])
             else:
                 stale = time_s - good_s <= STALE_FOR_S
                 readings[beam] = RangeReading(RangeState.STALE if stale else RangeState.FAILED)
@@ -93,8 +93,8 @@ def _wired(
         yield SharpsOnAds1115(wires, on_ads1115)
     on_mcp3008 = _of_kind(sensors, SharpOnMcp3008)
     for device in sorted({sensor.device for sensor in on_mcp3008.values()}):
-        mine = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
-        yield SharpsOnMcp3008(wires, mine)
+        on_device = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
+        yield SharpsOnMcp3008(wires, on_device)
     for beam, tof in _of_kind(sensors, Vl53l1xSensor).items():
         mux = None if tof.mux_address is None else (tof.mux_address, tof.mux_channel)
         others = [address for address in muxes if address != tof.mux_address]

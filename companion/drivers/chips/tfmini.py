@@ -1,7 +1,7 @@
 """Benewake TFmini-S and TF-Luna: frames of nine bytes, 100 a second, at a serial port.
 
-Two bytes 0x59, then distance in cm, strength, temperature, each low byte first, and the low byte of
-the sum of all eight (product manuals, section on the standard data output).
+A frame consists of two bytes 0x59, then distance in cm, strength and temperature, each low byte
+first, and the low byte of the sum of all eight. Source: product manuals, standard data output.
 """
 
 import struct

@@ -122,15 +122,15 @@ class PromptWires:
         self._done_s = now_s()
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        return self._ask(I2C, lambda: self._wires.transfer(transactions))
+        return self._request(I2C, lambda: self._wires.transfer(transactions))
 
     def exchange(self, device: str, data: bytes) -> bytes:
-        return self._ask(device, lambda: self._wires.exchange(device, data))
+        return self._request(device, lambda: self._wires.exchange(device, data))
 
     def receive(self, port: str, baud: int) -> bytes:
-        return self._ask(port, lambda: self._wires.receive(port, baud))
+        return self._request(port, lambda: self._wires.receive(port, baud))
 
-    def _ask(self, name: str, request: Callable[[], Answer]) -> Answer:
+    def _request(self, name: str, request: Callable[[], Answer]) -> Answer:
         wire = self._by_name.get(name)
         if wire is None:
             wire = self._by_name[name] = _Wire(self._make_line())

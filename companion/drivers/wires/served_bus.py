@@ -95,18 +95,18 @@ class ServedBus:
             TRANSACTION.pack(t.address, len(t.data), t.count, t.wait_s) + t.data
             for t in transactions
         )
-        answer = self._ask(OP_TRANSFER, request, lambda: _addresses(transactions))
+        answer = self._request(OP_TRANSFER, request, lambda: _addresses(transactions))
         ends = accumulate(t.count for t in transactions)
         return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
 
     def exchange(self, device: str, data: bytes) -> bytes:
         name = device.encode()
-        return self._ask(OP_EXCHANGE, bytes([len(name)]) + name + data, lambda: device)
+        return self._request(OP_EXCHANGE, bytes([len(name)]) + name + data, lambda: device)
 
     def receive(self, port: str, baud: int) -> bytes:
-        return self._ask(OP_RECEIVE, BAUD.pack(baud) + port.encode(), lambda: port)
+        return self._request(OP_RECEIVE, BAUD.pack(baud) + port.encode(), lambda: port)
 
-    def _ask(self, op: int, request: bytes, whom: Callable[[], str]) -> bytes:
+    def _request(self, op: int, request: bytes, whom: Callable[[], str]) -> bytes:
         connection = self._connected()
         try:
             connection.post(op, request)
