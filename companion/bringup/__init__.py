@@ -1,1 +1,1 @@
-"""Before the first flight: self-test, wiring, calibration."""
+"""Checks before the first flight: self-test, wiring, calibration."""

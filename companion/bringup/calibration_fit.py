@@ -1,4 +1,4 @@
-"""What a tape measure and a full turn say of a unit: gain and offset, and how sure they are."""
+"""Fits gain and offset of a unit by tape measure, and a gyro's gain by full turns."""
 
 import math
 from collections.abc import Sequence
@@ -11,31 +11,35 @@ from companion.core.messages import RangeReading
 from companion.core.values import value
 
 OFFSET_SIGMA_M = 0.03
-"""Beforehand: where in its case a sensor begins to measure, and where the tape is held."""
+"""Prior sigma of the offset, m: origin of the measurement in the case, and position of the tape.
+Chosen."""
 MIN_SPAN = 1.5
-"""Of the farthest distance over the nearest; nearer together they do not tell a gain."""
+"""Least ratio of the largest to the smallest distance; below it the gain is not determined.
+Chosen."""
 MIN_READINGS = 20
+"""Least readings at one distance. Chosen."""
 GAIN_BOUNDS = (0.5, 2.0)
+"""Plausible gains. Chosen."""
 
 
 class CalibrationError(CompanionError, ValueError):
-    """Measurements that do not tell a calibration; says what to do instead."""
+    """The measurements do not determine a calibration; the message contains the remedy."""
 
 
 @value
 class TapePoint:
-    """What a unit told at one distance by the tape measure."""
+    """Readings of a unit at one distance by tape measure."""
 
     true_m: float
     measured_m: float
     """Mean of the readings."""
     sigma_m: float
-    """Of that mean."""
+    """Sigma of that mean."""
 
 
 @value
 class Fit:
-    """told = gain × true + offset, and what is left."""
+    """reading = gain × true + offset, and the residual."""
 
     calibration: Calibration
     gain_sigma: float
@@ -44,7 +48,7 @@ class Fit:
 
 
 def tape_point(true_m: float, readings: Sequence[RangeReading]) -> TapePoint:
-    """The mean of what was read at a distance.
+    """Mean of the readings at one distance.
 
     Raises:
         CalibrationError: too few of them were distances.
@@ -62,7 +66,7 @@ def tape_point(true_m: float, readings: Sequence[RangeReading]) -> TapePoint:
 
 
 def fit(points: Sequence[TapePoint]) -> Fit:
-    """Weighted least squares over the distances, with what is known of offsets beforehand.
+    """Weighted least squares over the distances, with a prior on the offset.
 
     Raises:
         CalibrationError: fewer than three distances, or all of them close together.
@@ -70,7 +74,7 @@ def fit(points: Sequence[TapePoint]) -> Fit:
     true_m = np.array([point.true_m for point in points])
     if len(points) < 3 or true_m.max() < MIN_SPAN * true_m.min():
         raise CalibrationError(
-            f"{len(points)} distances from {true_m.min():g} to {true_m.max():g} m tell no gain; "
+            f"{len(points)} distances from {true_m.min():g} to {true_m.max():g} m give no gain; "
             f"measure at three to five, the farthest {MIN_SPAN:g} times the nearest or more"
         )
     measured_m = np.array([point.measured_m for point in points])
@@ -82,22 +86,22 @@ def fit(points: Sequence[TapePoint]) -> Fit:
     gain_sigma = math.sqrt(np.linalg.inv(weighted.T @ weighted)[0, 0])
     if not GAIN_BOUNDS[0] <= gain <= GAIN_BOUNDS[1]:
         raise CalibrationError(
-            f"a gain of {gain:.2f} is no unit's; is it this beam that looks at the board?"
+            f"a gain of {gain:.2f} is not plausible; does this beam point at the board?"
         )
     calibration = Calibration(gain=round(float(gain), 5), offset_m=round(float(offset_m), 5))
     return Fit(calibration, gain_sigma, residual_m)
 
 
 def turn_gain(turned_rad: float, turns: int) -> float:
-    """Of a gyro that was turned clockwise by whole turns, its bias taken off.
+    """Gain of a gyro that was turned clockwise by whole turns, bias removed.
 
     Raises:
-        CalibrationError: it turned the other way, or by something else.
+        CalibrationError: the turn had another direction or size.
     """
     gain = turned_rad / (turns * math.tau)
     if not 0.8 <= gain <= 1.2:
         raise CalibrationError(
-            f"it told {math.degrees(turned_rad):.0f}° of {360 * turns}°; turn it clockwise seen "
+            f"measured {math.degrees(turned_rad):.0f}° of {360 * turns}°; turn it clockwise seen "
             "from above, by whole turns, and mount the chip with its z axis up"
         )
     return round(gain, 5)

@@ -1,4 +1,4 @@
-"""Are sensors swapped? A hand is held before each, and whose reading changes is told."""
+"""Detects swapped sensors: the user holds a hand before each, and one reading must change."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,15 +10,17 @@ from companion.core.messages import Beam, RangeReading
 from companion.run.clocks import Clock
 from companion.safety.health.lateness import TICK_S
 
-LOOK_S = 1.5
+MEASURE_S = 1.5
+"""Duration of each measurement, s. Chosen."""
 MIN_CHANGE_SIGMAS = 6.0
+"""Least change of a reading, in sigmas. Chosen."""
 READING_CHANGED_STATE = 1e3
-"""Worth more than any change of a distance."""
+"""Change of the state, in sigmas: larger than any change of a distance."""
 Readings = Mapping[Beam, RangeReading]
 
 
 def changed_beam(before: Sequence[Readings], after: Sequence[Readings]) -> Beam | None:
-    """The beam whose reading has changed most, in its own sigmas; None if none has."""
+    """The beam whose reading changed most, in its own sigmas; None if none did."""
     changes = {beam: _change(before, after, beam) for beam in before[0]}
     most = max(changes, key=lambda beam: changes[beam])
     return most if changes[most] > MIN_CHANGE_SIGMAS else None
@@ -32,45 +34,45 @@ def _change(before: Sequence[Readings], after: Sequence[Readings], beam: Beam) -
 
 
 def _summary(readings: Sequence[Readings], beam: Beam) -> tuple[float, float] | None:
-    """Mean and sigma; None if most are no distances."""
-    told = [r[beam] for r in readings if r[beam].is_distance]
-    if len(told) < len(readings) / 2:
+    """Mean and sigma; None if most readings are not distances."""
+    distances = [r[beam] for r in readings if r[beam].is_distance]
+    if len(distances) < len(readings) / 2:
         return None
-    mean_m = sum(r.distance_m for r in told) / len(told)
-    return mean_m, math.sqrt(sum(r.variance_m2 for r in told)) / len(told)
+    mean_m = sum(r.distance_m for r in distances) / len(distances)
+    return mean_m, math.sqrt(sum(r.variance_m2 for r in distances)) / len(distances)
 
 
-def verdict(asked: Beam, changed: Beam | None) -> str:
-    """In words; empty if it is the right one."""
-    if changed is asked:
+def verdict(expected: Beam, changed: Beam | None) -> str:
+    """Verdict as text; empty if the sensor is correct."""
+    if changed is expected:
         return ""
     if changed is None:
-        return f"{asked.value}: no sensor has noticed; check where it looks and its plug"
+        return f"{expected.value}: no reading changed; check the sensor's direction and its plug"
     return (
-        f"{asked.value} and {changed.value} are swapped, or {asked.value} is wired where "
-        f"{changed.value} should be: exchange them in [sensors]"
+        f"{expected.value} and {changed.value} are swapped, or {expected.value} is wired as "
+        f"{changed.value}: exchange them in [sensors]"
     )
 
 
 def ask_for_hands(examination: Examination, clock: Clock, console: Console) -> bool:
-    """Ask for a hand before each sensor in turn; whether any is swapped."""
+    """Ask for a hand before each sensor in turn; True if any is swapped."""
     complaints = []
     for beam in list(examination.readings):
         console.input(f"take your hands away from all sensors, then press Enter ({beam.value})")
-        before = _look(examination, clock)
+        before = _measure(examination, clock)
         console.input(f"hold a hand a forearm's length before {beam.value}, then press Enter")
-        complaint = verdict(beam, changed_beam(before, _look(examination, clock)))
+        complaint = verdict(beam, changed_beam(before, _measure(examination, clock)))
         complaints += [complaint] if complaint else []
         console.print(complaint or f"{beam.value}: good")
     return bool(complaints)
 
 
-def _look(examination: Examination, clock: Clock) -> list[Readings]:
+def _measure(examination: Examination, clock: Clock) -> list[Readings]:
     now_s = clock.wait_until(0.0)
-    end_s = now_s + LOOK_S
-    seen: list[Readings] = []
+    end_s = now_s + MEASURE_S
+    readings: list[Readings] = []
     while now_s < end_s:
         now_s = clock.wait_until(now_s + TICK_S)
         examination.step(now_s)
-        seen.append(dict(examination.readings))
-    return seen
+        readings.append(dict(examination.readings))
+    return readings

@@ -1,4 +1,4 @@
-"""What is wrong with the traffic on the link: what is not taken, and what comes too seldom."""
+"""Detects faults of the link's traffic: dropped messages and slow streams."""
 
 from collections.abc import Sequence
 
@@ -9,11 +9,11 @@ from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import Transport
 
 MAX_DROPPED = 0.05
-"""Of what is sent; a little more than a message now and then."""
+"""Largest share of dropped messages. Chosen: a dropped message now and then is normal."""
 
 
-def not_taken(transport: Transport) -> tuple[str, str] | None:
-    """Seen, and what to do; None if the port takes what is sent."""
+def dropped_messages(transport: Transport) -> tuple[str, str] | None:
+    """Symptom and remedy of dropped messages; None if the port accepts them."""
     if not isinstance(transport, SerialTransport):
         return None
     dropped = transport.messages_dropped
@@ -21,14 +21,14 @@ def not_taken(transport: Transport) -> tuple[str, str] | None:
     if dropped <= MAX_DROPPED * tried:
         return None
     remedy = (
-        "the port takes nothing, or is too slow: switch its flow control off (BRD_SERn_RTSCTS = 0, "
-        "no ctsrts in config.txt), raise the baud rate, or plug a USB autopilot in again"
+        "the port accepts no data, or is too slow: disable its flow control (BRD_SERn_RTSCTS = 0, "
+        "no ctsrts in config.txt), raise the baud rate, or reconnect a USB autopilot"
     )
-    return f"{dropped} of {tried} messages were not taken", remedy
+    return f"{dropped} of {tried} messages were dropped", remedy
 
 
 def slow_streams(streams: Sequence[Stream]) -> tuple[str, str] | None:
-    """The same, of what the autopilot was asked for."""
+    """Symptom and remedy of streams below their requested rate."""
     slow = [
         f"{mavlink.mavlink_map[stream.message_id].msgname} {stream.measured_hz:.0f} Hz "
         f"of {stream.rate_hz:g}"
@@ -38,7 +38,7 @@ def slow_streams(streams: Sequence[Stream]) -> tuple[str, str] | None:
     if not slow:
         return None
     remedy = (
-        "asked for again and again: switch off the stream rates of the ground station on this link "
+        "requested repeatedly: disable the stream rates of the ground station on this link "
         "(Mission Planner: rates -1, MAVProxy: set streamrate -1), or raise the baud rate"
     )
     return ", ".join(slow), remedy

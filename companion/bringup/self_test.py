@@ -1,7 +1,7 @@
-"""Is everything there, and well? Every sensor, the gyro, the link, the autopilot, each by itself.
+"""Checks every sensor, the gyro, the link and the autopilot, each independently of the others.
 
-Nothing flies and nothing is armed. Each part is opened alone, so that one that is missing does not
-hide the others.
+Nothing flies and nothing is armed. Each part is opened alone, so a missing part does not hide the
+others.
 """
 
 import enum
@@ -11,8 +11,8 @@ from collections.abc import Iterator
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.bringup.bus_scan import Overheard, wiring_remedy
-from companion.bringup.link_test import not_taken, slow_streams
+from companion.bringup.bus_scan import MonitoredWires, wiring_remedy
+from companion.bringup.link_test import dropped_messages, slow_streams
 from companion.config.range_sensors import TfminiSensor
 from companion.config.settings import Config
 from companion.core.errors import SensorError
@@ -31,17 +31,25 @@ from companion.navigation.standoff import standoff_m
 from companion.safety.preflight import refusal
 
 GYRO_WINDOW = 60
+"""Gyro samples per check. Chosen."""
 SILENT_S = 1.0
+"""A gyro without samples for this time is silent, s. Chosen."""
 STILL_RAD_S = math.radians(2.0)
+"""Largest deviation from the mean rate at rest, rad/s. Chosen."""
 LARGE_BIAS_RAD_S = math.radians(30.0)
+"""A larger bias is a fault, rad/s. Chosen."""
 AVOID_PROXIMITY_BIT = 2
+"""Bit of AVOID_ENABLE (ArduPilot) that enables avoidance by proximity sensors."""
 MIN_AVOID_MARGIN_M = 1.0
-ASKED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
-ASK_PERIOD_S = 1.0
+"""Recommended AVOID_MARGIN, m. Chosen."""
+REQUESTED = ("AVOID_MARGIN", "AVOID_ENABLE", "PRX1_TYPE")
+"""ArduPilot parameters that the check reads."""
+REQUEST_PERIOD_S = 1.0
+"""Interval of the parameter requests, s. Chosen."""
 
 
 class CheckResult(enum.Enum):
-    """In a word."""
+    """Verdict on one part."""
 
     GOOD = "good"
     WAIT = "wait"
@@ -50,7 +58,7 @@ class CheckResult(enum.Enum):
 
 @value
 class Finding:
-    """One part, and what is to be done about it."""
+    """Result of the check of one part, and its remedy."""
 
     part: str
     verdict: CheckResult
@@ -59,7 +67,7 @@ class Finding:
 
 
 class Parameters:
-    """Hears what the autopilot's parameters are; a `Listener`."""
+    """Stores the autopilot's parameters; a `Listener`."""
 
     streams_hz = {mavlink.MAVLINK_MSG_ID_PARAM_VALUE: 0.0}  # noqa: RUF012 - never changed
 
@@ -71,13 +79,13 @@ class Parameters:
 
 
 class Examination:
-    """All parts of one drone; `step` is called at every tick."""
+    """Checks all parts of one drone; `step` is called at every tick."""
 
     def __init__(self, config: Config, transport: Transport, wires: Wires) -> None:
         self._config = config
         self._transport = transport
-        self._wires = Overheard(wires)
-        self._refused: dict[str, str] = {}
+        self._wires = MonitoredWires(wires)
+        self._errors: dict[str, str] = {}
         self._parameters = Parameters()
         self._sensors = dict(self._open_ranges())
         listeners: list[Listener] = [self._parameters]
@@ -87,11 +95,11 @@ class Examination:
             self._gyro = calibrated(gyro, config.sensors)
             listeners += [gyro] if isinstance(gyro, AutopilotGyro) else []
         except SensorError as error:
-            self._refused["gyro"] = str(error)
+            self._errors["gyro"] = str(error)
         self._link = Link(transport, config.link, listeners)
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
-        self._asked_s = -math.inf
-        self._too_much = budget_complaint(config)
+        self._requested_s = -math.inf
+        self._overload = budget_complaint(config)
         self.readings: dict[Beam, RangeReading] = {}
 
     def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:
@@ -99,11 +107,11 @@ class Examination:
             try:
                 yield beam, RangeSensors(self._wires, self._config.sensors, only=[beam])
             except SensorError as error:
-                elsewhere = wiring_remedy(self._wires, sensor)
-                self._refused[beam.value] = f"{error}{elsewhere}"
+                remedy = wiring_remedy(self._wires, sensor)
+                self._errors[beam.value] = f"{error}{remedy}"
 
     def step(self, now_s: float) -> list[Finding]:
-        """What is known by now, worst news included."""
+        """Present findings of all parts."""
         telemetry = self._link.poll(now_s)
         self._link.send(now_s, None, None)
         findings = [self._of_beam(beam, now_s) for beam in self._config.sensors.beams]
@@ -121,13 +129,13 @@ class Examination:
             verdict = CheckResult.BAD if "send_pose" in vehicle.waits_for else CheckResult.WAIT
             findings.append(Finding("autopilot", verdict, vehicle.waits_for, remedy))
         else:
-            findings.append(Finding("autopilot", CheckResult.GOOD, "its estimate is ready"))
-        self._ask(now_s)
+            findings.append(Finding("autopilot", CheckResult.GOOD, "estimate ready"))
+        self._request_parameters(now_s)
         return [*findings, *self._of_avoidance()]
 
     def _of_beam(self, beam: Beam, now_s: float) -> Finding:
-        if beam.value in self._refused:
-            return Finding(beam.value, CheckResult.BAD, "absent", self._refused[beam.value])
+        if beam.value in self._errors:
+            return Finding(beam.value, CheckResult.BAD, "absent", self._errors[beam.value])
         reading = self._sensors[beam].read(now_s).readings[beam]
         self.readings[beam] = reading
         sensor = self._config.sensors.beams[beam]
@@ -149,15 +157,15 @@ class Examination:
                     remedy = self._wires.remedy(sensor)
                 seen = "silent"
                 if not math.isnan(reading.raw):
-                    seen = f"{reading.raw:.2f} V, which no sensor that is well puts out"
+                    seen = f"{reading.raw:.2f} V, outside the output range of a working sensor"
                 return Finding(beam.value, CheckResult.BAD, seen, remedy)
 
     def _of_gyro(self, now_s: float) -> Finding:
-        if "gyro" in self._refused:
-            return Finding("gyro", CheckResult.BAD, "absent", self._refused["gyro"])
+        if "gyro" in self._errors:
+            return Finding("gyro", CheckResult.BAD, "absent", self._errors["gyro"])
         self._rates.extend(self._gyro.read(now_s))
         if len(self._rates) < GYRO_WINDOW:
-            return Finding("gyro", CheckResult.WAIT, "listening")
+            return Finding("gyro", CheckResult.WAIT, "measuring")
         if now_s - self._rates[-1].time_s > SILENT_S:
             return Finding("gyro", CheckResult.BAD, "silent", "check its wiring and supply")
         rates = [sample.yaw_rate_rad_s for sample in self._rates]
@@ -165,75 +173,72 @@ class Examination:
         seen = f"{math.degrees(mean):+.2f} °/s, clockwise positive"
         if max(abs(rate - mean) for rate in rates) > STILL_RAD_S:
             return Finding(
-                "gyro", CheckResult.WAIT, seen, "it turns; to take off it has to stand still"
+                "gyro", CheckResult.WAIT, seen, "the drone turns; it must be at rest for take-off"
             )
         if abs(mean) > LARGE_BIAS_RAD_S:
-            remedy = "a bias this large is a broken chip, or a drone that is turned evenly"
+            remedy = "a bias this large means a defective chip or a steady rotation"
             return Finding("gyro", CheckResult.BAD, seen, remedy)
         return Finding("gyro", CheckResult.GOOD, seen)
 
     def _of_battery(self, vehicle: VehicleState) -> Finding:
         if vehicle.battery is None:
-            remedy = (
-                "the companion will not turn back when it is low; ArduPilot: BATT_MONITOR, "
-                "PX4: BAT1_SOURCE"
-            )
-            return Finding("battery", CheckResult.GOOD, "not told", remedy)
+            remedy = "no return on low battery; ArduPilot: BATT_MONITOR, PX4: BAT1_SOURCE"
+            return Finding("battery", CheckResult.GOOD, "not reported", remedy)
         why = refusal(vehicle, self._config.mission)
         verdict = CheckResult.BAD if why and not vehicle.unfit else CheckResult.GOOD
         left = f"{100 * vehicle.battery:.0f} % left"
         return Finding("battery", verdict, left, why if verdict is CheckResult.BAD else "")
 
-    def _of_silent_link(self, strangers: str) -> Finding:
+    def _of_silent_link(self, unfit: str) -> Finding:
         url = self._config.link.url
-        if strangers:
-            return Finding("link", CheckResult.BAD, "heard, but not flown", strangers)
+        if unfit:
+            return Finding("link", CheckResult.BAD, "received, but not accepted", unfit)
         transport = self._transport
         if isinstance(transport, SerialTransport) and transport.messages_received == 0:
             if transport.bytes_received:
-                remedy = f"bytes, but no MAVLink: {url} has another baud rate than SERIALn_BAUD"
+                remedy = f"no MAVLink in the bytes: {url} has another baud rate than SERIALn_BAUD"
                 return Finding("link", CheckResult.BAD, "garbage", remedy)
             remedy = (
-                f"nothing comes in at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
-                "and take the login shell off the port"
+                f"no bytes received at {url}: swap TX and RX, set SERIALn_PROTOCOL = 2, "
+                "and disable the login shell on the port"
             )
             return Finding("link", CheckResult.BAD, "silent", remedy)
         remedy = (
             f"no autopilot of system {self._config.link.system_id} at {url}: check link.url, "
-            "link.system_id, and that the router sends there"
+            "link.system_id, and the router's endpoints"
         )
         if self._config.link.signing_key is not None:
-            remedy += "; or what it sends is not signed with our link.signing_key"
+            remedy += "; or its messages are not signed with link.signing_key"
         return Finding("link", CheckResult.BAD, "silent", remedy)
 
     def _of_traffic(self) -> Iterator[Finding]:
-        """Only what is wrong with it."""
-        if self._too_much:
-            yield Finding("baud rate", CheckResult.BAD, "too low", self._too_much)
-        if told := not_taken(self._transport):
-            yield Finding("sending", CheckResult.BAD, *told)
-        if told := slow_streams(self._link.streams):
-            yield Finding("streams", CheckResult.BAD, *told)
+        """Findings on the link's traffic; none if it has no faults."""
+        if self._overload:
+            yield Finding("baud rate", CheckResult.BAD, "too low", self._overload)
+        if symptom := dropped_messages(self._transport):
+            yield Finding("sending", CheckResult.BAD, *symptom)
+        if symptom := slow_streams(self._link.streams):
+            yield Finding("streams", CheckResult.BAD, *symptom)
 
-    def _ask(self, now_s: float) -> None:
-        if now_s - self._asked_s < ASK_PERIOD_S:
+    def _request_parameters(self, now_s: float) -> None:
+        if now_s - self._requested_s < REQUEST_PERIOD_S:
             return
-        self._asked_s = now_s
+        self._requested_s = now_s
         target = self._config.link.system_id, mavlink.MAV_COMP_ID_AUTOPILOT1
-        for name in ASKED:
+        for name in REQUESTED:
             if name not in self._parameters.values:
                 self._transport.send(
                     mavlink.MAVLink_param_request_read_message(*target, name.encode(), -1)
                 )
 
     def _of_avoidance(self) -> Iterator[Finding]:
-        """ArduPilot's avoidance also stops the velocities that we ask for."""
-        told = self._parameters.values
-        if not all(name in told for name in ASKED):
+        """ArduPilot's avoidance also limits the velocities that we command."""
+        parameters = self._parameters.values
+        if not all(name in parameters for name in REQUESTED):
             return
-        margin_m = told["AVOID_MARGIN"]
+        margin_m = parameters["AVOID_MARGIN"]
         seen = f"AVOID_MARGIN {margin_m:g} m"
-        if not int(told["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not told["PRX1_TYPE"]:
+        if not int(parameters["AVOID_ENABLE"]) & AVOID_PROXIMITY_BIT or not parameters["PRX1_TYPE"]:
             yield Finding("avoidance", CheckResult.GOOD, "off")
             return
         sensors = self._config.sensors
@@ -245,29 +250,30 @@ class Examination:
             yield Finding("avoidance", CheckResult.GOOD, seen)
             return
         reason = (
-            f"it keeps the drone from its stand-off of {wanted_m:g} m"
+            f"it prevents the stand-off of {wanted_m:g} m"
             if margin_m >= wanted_m
             else f"the room is {width_m:.1f} m wide here"
         )
         remedy = (
             f"{reason}: set AVOID_MARGIN to {MIN_AVOID_MARGIN_M:g}, "
-            "or take bit 1 (proximity) out of AVOID_ENABLE"
+            "or clear bit 1 (proximity) of AVOID_ENABLE"
         )
         yield Finding("avoidance", CheckResult.BAD, seen, remedy)
 
 
 REMEDIES = (
-    ("has not settled", "let it stand still; if that lasts, calibrate its accelerometers"),
+    ("has not settled", "keep it at rest; if this persists, calibrate its accelerometers"),
     (
         "no velocity source",
         "optical flow (ArduPilot: FLOW_TYPE, EK3_SRC1_VELXY = 5; PX4: EKF2_OF_CTRL = 1), "
         "or other odometry; on the ground flow may need some light and texture",
     ),
     ("no position", "wait for the origin; ArduPilot: EK3_SRC1_POSXY, PX4: EKF2_HGT_REF"),
-    ("LOCAL_POSITION_NED", "its position has not begun; look at its messages"),
+    ("LOCAL_POSITION_NED", "it has no position yet; check its messages"),
     (
         "EXTENDED_SYS_STATE",
-        "does the link or its router let all messages through? ArduCopter 4.6 and PX4 1.16 tell it",
+        "check that link and router pass all messages; ArduCopter 4.6 and PX4 1.16 send it",
     ),
-    ("does not confirm", "is another program setting it, or is the link one-way?"),
+    ("does not confirm", "check for another program that sets it, and for a one-way link"),
 )
+"""Remedy for each text of `VehicleState.waits_for` that contains the words."""

@@ -1,1 +1,1 @@
-"""Sensors over a bus. The same drivers run on hardware and against SITL; only the bus differs."""
+"""Sensor drivers. The same drivers run on hardware and against SITL; only the bus differs."""

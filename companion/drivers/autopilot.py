@@ -1,6 +1,6 @@
-"""Range sensors of the autopilot's, as it tells of them over MAVLink.
+"""Range sensors of the autopilot, reported over MAVLink as DISTANCE_SENSOR (132).
 
-DISTANCE_SENSOR (132) by its orientation. The link hands over the messages.
+The orientation field determines the beam. The link passes the messages.
 """
 
 from collections.abc import Mapping
@@ -21,18 +21,21 @@ ORIENTATIONS: dict[int, Beam] = {
     mavlink.MAV_SENSOR_ROTATION_PITCH_90: Beam.UP,
     mavlink.MAV_SENSOR_ROTATION_PITCH_270: Beam.DOWN,
 }
+"""Beam of each MAV_SENSOR_ORIENTATION."""
 RANGE_HZ = 20.0
+"""Requested rate of DISTANCE_SENSOR, Hz. Chosen."""
 RANGE_FRESH_S = 0.2
-"""Messages come when the autopilot has time for them."""
+"""A reading is fresh for this time, s. Chosen: the autopilot sends messages irregularly."""
 UNKNOWN_COVARIANCE, INVALID_QUALITY = 255, 1
+"""Values of DISTANCE_SENSOR: unknown covariance; invalid signal quality."""
 NO_DISTANCE_CM = (0, 0xFFFF)
-"""What drivers tell that have measured none: of what is too near they tell less than their least,
-of what is out of range more than their most."""
+"""Distances that drivers report without a measurement. TOO_NEAR is below the minimum distance
+instead, and nothing in range is above the maximum."""
 
 
 @dataclass(frozen=True, slots=True)
 class AutopilotRangeModel:
-    """What the configuration says of the autopilot's sensor; a `RangeModel`."""
+    """Model of the autopilot's sensor by the configuration; a `RangeModel`."""
 
     min_m: float
     max_m: float
@@ -44,12 +47,12 @@ class AutopilotRangeModel:
         return self.noise_m
 
     def alias_m(self, distance_m: float) -> float | None:
-        """It does not fold."""
+        """No aliasing."""
         return None
 
 
 class AutopilotRanges:
-    """Range sensors of the autopilot's, by beam."""
+    """The autopilot's range sensors, by beam."""
 
     streams_hz: Mapping[int, float] = {mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR: RANGE_HZ}
 
@@ -61,19 +64,19 @@ class AutopilotRanges:
         self._latest = {beam: Latest(RANGE_FRESH_S) for beam in sensors}
 
     def hear(self, message: Any, now_s: float) -> None:
-        """Take in a DISTANCE_SENSOR; another beam's, or nobody's, changes nothing."""
+        """Process a DISTANCE_SENSOR message; messages of other orientations are ignored."""
         beam = ORIENTATIONS.get(message.orientation)
         if beam in self._latest:
             self._latest[beam].note(now_s, _reading(message, self.models[beam]))
 
     def read(self, time_s: float) -> dict[Beam, RangeReading]:
-        """The beams that have been heard of lately."""
+        """Readings of the beams with a fresh message."""
         at = {beam: latest.at(time_s) for beam, latest in self._latest.items()}
         return {beam: reading for beam, reading in at.items() if reading is not None}
 
 
 def _reading(message: Any, model: AutopilotRangeModel) -> RangeReading | None:
-    """None for what the autopilot itself calls invalid, and for what no sensor measures."""
+    """Reading of a message; None if it is invalid or contains no measurement."""
     if message.signal_quality == INVALID_QUALITY or message.current_distance in NO_DISTANCE_CM:
         return None
     distance_m = message.current_distance * 1e-2
@@ -82,13 +85,13 @@ def _reading(message: Any, model: AutopilotRangeModel) -> RangeReading | None:
         return TOO_NEAR
     if distance_m >= most_m:
         return NOTHING
-    told = message.covariance not in (0, UNKNOWN_COVARIANCE)
-    variance_m2 = message.covariance * 1e-4 if told else model.noise_m**2
+    is_known = message.covariance not in (0, UNKNOWN_COVARIANCE)
+    variance_m2 = message.covariance * 1e-4 if is_known else model.noise_m**2
     return RangeReading(RangeState.DISTANCE, distance_m, variance_m2)
 
 
 def _bounds_m(message: Any, model: AutopilotRangeModel) -> tuple[float, float]:
-    """The narrower of ours and those that it tells, unless it tells none."""
+    """The narrower limits of the configuration and of the message, if it contains any."""
     if message.max_distance <= message.min_distance:
         return model.min_m, model.max_m
     least_m, most_m = message.min_distance * 1e-2, message.max_distance * 1e-2

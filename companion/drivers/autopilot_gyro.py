@@ -1,7 +1,7 @@
-"""The autopilot's gyro, as it tells of it over MAVLink.
+"""The autopilot's gyro, reported over MAVLink.
 
-HIGHRES_IMU (105, PX4) and SCALED_IMU (26, ArduPilot) for the yaw rate, which they tell in body FRD.
-The link hands over the messages.
+HIGHRES_IMU (105, PX4) and SCALED_IMU (26, ArduPilot) contain the yaw rate in body FRD. The link
+passes the messages.
 """
 
 import math
@@ -13,24 +13,25 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.boot_clock import BootClock
 from companion.core.messages import GyroSample
 
-IMU_HZ, NOT_ASKED_FOR = 50.0, 0.0
+IMU_HZ, NOT_REQUESTED = 50.0, 0.0
+"""Requested rate, Hz, Chosen; and the value for messages that are not requested."""
 MAX_RATE_RAD_S = math.radians(2000)
-"""No gyro of an autopilot's measures more."""
+"""Largest measurable rate of an autopilot's gyro, rad/s. Chosen."""
 
 
 class AutopilotGyro:
-    """The autopilot's gyro; the better of its messages, as far as it sends both."""
+    """The autopilot's gyro, by the better one of its messages."""
 
     streams_hz: Mapping[int, float] = {
-        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: NOT_ASKED_FOR,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: NOT_REQUESTED,
         mavlink.MAVLINK_MSG_ID_SCALED_IMU: IMU_HZ,
     }
-    """PX4 streams the first by itself, ArduPilot may not have it and would complain."""
-    _TOLD: Mapping[str, Callable[[Any], tuple[float, float]]] = {
+    """PX4 streams the first without a request; ArduPilot may lack it and would report an error."""
+    _DECODERS: Mapping[str, Callable[[Any], tuple[float, float]]] = {
         "HIGHRES_IMU": lambda m: (m.time_usec * 1e-6, m.zgyro),
         "SCALED_IMU": lambda m: (m.time_boot_ms * 1e-3, m.zgyro * 1e-3),
     }
-    """Time since its boot, s, and yaw rate, rad/s."""
+    """Time since boot, s, and yaw rate, rad/s, of a message."""
 
     def __init__(self) -> None:
         self._samples: list[GyroSample] = []
@@ -39,19 +40,19 @@ class AutopilotGyro:
         self._boot_s = self._last_s = -math.inf
 
     def hear(self, message: Any, now_s: float) -> None:
-        """Take in one sample, by its own time; an older one than the last changes nothing."""
+        """Process one sample by its own time; samples older than the last are ignored."""
         kind = message.get_type()
         self._has_highres |= kind == "HIGHRES_IMU"
         if kind == "SCALED_IMU" and self._has_highres:
             return
-        boot_s, yaw_rate_rad_s = self._TOLD[kind](message)
+        boot_s, yaw_rate_rad_s = self._DECODERS[kind](message)
         if self._clock.hear(boot_s, now_s):
             self._boot_s = -math.inf
         if boot_s <= self._boot_s or not abs(yaw_rate_rad_s) <= MAX_RATE_RAD_S:  # nor NaN
             return
         self._boot_s = boot_s
         time_s = min(self._clock.time_s(boot_s), now_s)
-        if time_s > self._last_s:  # a quicker message has just shown that it is earlier
+        if time_s > self._last_s:  # a new clock offset may put it before the last one
             self._last_s = time_s
             self._samples.append(GyroSample(time_s, yaw_rate_rad_s))
 

@@ -1,4 +1,4 @@
-"""The gyro that the configuration names."""
+"""Opens the configured gyro."""
 
 from typing import Protocol
 
@@ -18,7 +18,7 @@ class Gyro(Protocol):
 
 
 class Calibrated:
-    """A gyro that reads `gain` times the rate."""
+    """Corrects a gyro that reads `gain` times the rate."""
 
     def __init__(self, gyro: Gyro, gain: float) -> None:
         self._gyro = gyro
@@ -32,7 +32,7 @@ class Calibrated:
 
 
 def open_gyro(bus: Bus, config: SensorsConfig) -> Lsm9ds1 | AutopilotGyro:
-    """Ours, or the autopilot's, which is to be told of its messages; as it reads.
+    """Open our gyro, or the autopilot's, which must receive MAVLink messages; not yet calibrated.
 
     Raises:
         SensorError: there is no gyro at the address.
@@ -41,5 +41,5 @@ def open_gyro(bus: Bus, config: SensorsConfig) -> Lsm9ds1 | AutopilotGyro:
 
 
 def calibrated(gyro: Gyro, config: SensorsConfig) -> Gyro:
-    """As it would read with a gain of one."""
+    """Wrap a gyro to correct its gain."""
     return gyro if config.gyro_gain == 1.0 else Calibrated(gyro, config.gyro_gain)

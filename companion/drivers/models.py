@@ -1,4 +1,4 @@
-"""What is known of each beam's sensor from its kind alone."""
+"""Measurement models of the beams' sensors, by sensor type."""
 
 from companion.config.range_sensors import (
     AutopilotRange,
@@ -16,7 +16,7 @@ from companion.drivers.chips.time_of_flight import SERIAL_KINDS, VL53L1X
 
 
 def range_models(config: SensorsConfig) -> dict[Beam, RangeModel]:
-    """Noise, bounds and age of each beam's readings."""
+    """Noise, limits and age of each beam's readings."""
     return {beam: model_of(sensor) for beam, sensor in config.beams.items()}
 
 

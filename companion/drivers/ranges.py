@@ -1,4 +1,4 @@
-"""All range sensors in one sweep, of whatever kinds they are."""
+"""Reads all range sensors, of any type, in one sweep."""
 
 from collections.abc import Collection, Iterator, Mapping
 from typing import TypeVar
@@ -19,20 +19,21 @@ from companion.drivers.autopilot import AutopilotRanges
 from companion.drivers.chips.tfmini import Tfmini
 from companion.drivers.chips.time_of_flight import SERIAL_KINDS
 from companion.drivers.chips.vl53l1x import Vl53l1x
-from companion.drivers.sources import OneByItself, SharpsOnAds1115, SharpsOnMcp3008, Source
+from companion.drivers.sources import SharpsOnAds1115, SharpsOnMcp3008, SingleSensor, Source
 from companion.drivers.wires.bus import Wires
 
 STALE_FOR_S = 0.25
-"""A sensor that was well this recently is called stale; after that it has failed."""
+"""A silent sensor is STALE for this time after its last reading, s, then FAILED. Chosen."""
 Kind = TypeVar("Kind")
 
 
 class RangeSensors:
-    """Every beam's sensor, or `only` those of some beams.
+    """Sensors of all beams, or of those in `only`.
 
     Raises:
-        SensorError: a chip is missing or is not what it should be, at the start only; later
-            faults are states of the readings.
+        SensorError: a chip is missing or has the wrong identity, at the start only. Later faults
+    are
+            states of the readings.
     """
 
     def __init__(
@@ -41,23 +42,23 @@ class RangeSensors:
         sensors = {b: s for b, s in config.beams.items() if only is None or b in only}
         self._calibration = config.calibration
         self._good_s = dict.fromkeys(sensors, float("-inf"))
-        told = _of_kind(sensors, AutopilotRange)
-        self.from_autopilot = AutopilotRanges(told) if told else None
-        """To be told of the autopilot's messages, if some beams are the autopilot's."""
+        on_autopilot = _of_kind(sensors, AutopilotRange)
+        self.from_autopilot = AutopilotRanges(on_autopilot) if on_autopilot else None
+        """Must receive the autopilot's messages; None without such beams."""
         self._sources = list(_wired(wires, sensors, mux_addresses(config.beams.values())))
         if self.from_autopilot:
             self._sources.append(self.from_autopilot)
 
     def read(self, time_s: float) -> RangeScan:
-        """One sweep."""
-        told: dict[Beam, RangeReading] = {}
+        """Read all sensors once."""
+        answers: dict[Beam, RangeReading] = {}
         for source in self._sources:
-            told |= source.read(time_s)
+            answers |= source.read(time_s)
         readings = {}
         for beam, good_s in self._good_s.items():
-            if beam in told:
+            if beam in answers:
                 self._good_s[beam] = time_s
-                readings[beam] = self._calibrated(beam, told[beam])
+                readings[beam] = self._calibrated(beam, answers[beam])
             else:
                 stale = time_s - good_s <= STALE_FOR_S
                 readings[beam] = RangeReading(RangeState.STALE if stale else RangeState.FAILED)
@@ -71,7 +72,7 @@ class RangeSensors:
 
 
 def corrected(reading: RangeReading, calibration: Calibration) -> RangeReading:
-    """A distance as the tape measure would tell it."""
+    """A distance corrected by the calibration."""
     return RangeReading(
         RangeState.DISTANCE,
         (reading.distance_m - calibration.offset_m) / calibration.gain,
@@ -87,17 +88,17 @@ def _of_kind(sensors: Mapping[Beam, RangeSensor], kind: type[Kind]) -> dict[Beam
 def _wired(
     wires: Wires, sensors: Mapping[Beam, RangeSensor], muxes: Collection[int]
 ) -> Iterator[Source]:
-    """Those at our own wires; `muxes` are all that are on the bus."""
+    """Sources on our own wires; `muxes` are the addresses of all multiplexers on the bus."""
     if on_ads1115 := _of_kind(sensors, SharpOnAds1115):
         yield SharpsOnAds1115(wires, on_ads1115)
     on_mcp3008 = _of_kind(sensors, SharpOnMcp3008)
     for device in sorted({sensor.device for sensor in on_mcp3008.values()}):
-        mine = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
-        yield SharpsOnMcp3008(wires, mine)
+        on_device = {beam: sensor for beam, sensor in on_mcp3008.items() if sensor.device == device}
+        yield SharpsOnMcp3008(wires, on_device)
     for beam, tof in _of_kind(sensors, Vl53l1xSensor).items():
         mux = None if tof.mux_address is None else (tof.mux_address, tof.mux_channel)
         others = [address for address in muxes if address != tof.mux_address]
-        yield OneByItself(beam, Vl53l1x(wires, tof.address, mux, others))
+        yield SingleSensor(beam, Vl53l1x(wires, tof.address, mux, others))
     for beam, serial in _of_kind(sensors, TfminiSensor).items():
         model = SERIAL_KINDS[serial.kind]
-        yield OneByItself(beam, Tfmini(wires, serial.port, serial.baud, model))
+        yield SingleSensor(beam, Tfmini(wires, serial.port, serial.baud, model))

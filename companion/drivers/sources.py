@@ -1,4 +1,4 @@
-"""Range sensors that are read together: those of one bus, of one chip, or one by itself."""
+"""Groups of range sensors that are read together: of one bus, of one chip, or a single one."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -16,20 +16,20 @@ class Source(Protocol):
     """Some of the drone's range sensors."""
 
     def read(self, time_s: float) -> dict[Beam, RangeReading]:
-        """What its beams say; one that is left out does not answer."""
+        """Readings by beam; a beam without an answer is missing."""
         ...
 
 
 class RangeDriver(Protocol):
-    """One sensor."""
+    """Driver of one sensor."""
 
     def read(self, time_s: float) -> RangeReading | None:
-        """The latest reading; None if it is silent."""
+        """The latest reading; None if the sensor is silent."""
         ...
 
 
-class OneByItself:
-    """A sensor with a driver of its own."""
+class SingleSensor:
+    """A sensor with its own driver."""
 
     def __init__(self, beam: Beam, driver: RangeDriver) -> None:
         self._beam = beam
@@ -41,10 +41,10 @@ class OneByItself:
 
 
 class SharpsOnAds1115:
-    """Sharp sensors on the ADS1115 of one bus, all chips converting at the same time.
+    """Sharp sensors on the ADS1115 of one bus. All chips convert at the same time.
 
     Raises:
-        SensorError: a chip is missing, or is none.
+        SensorError: a chip is missing, or is not an ADS1115.
     """
 
     def __init__(self, bus: Bus, sensors: Mapping[Beam, SharpOnAds1115]) -> None:
@@ -56,13 +56,13 @@ class SharpsOnAds1115:
         self._sweeps_alone = [
             ConversionSweep([c for c in self._beams if c[0] == a]) for a in addresses
         ]
-        """Of each chip by itself."""
+        """One sweep per chip."""
         for address in addresses:
             ads1115.check(bus, address)
 
     def read(self, time_s: float) -> dict[Beam, RangeReading]:
         volts = self._volts(self._sweep)
-        if not volts:  # a chip is gone: the others are read one by one
+        if not volts:  # a chip is missing: read the others one by one
             for sweep in self._sweeps_alone:
                 volts |= self._volts(sweep)
         return {
@@ -81,7 +81,7 @@ class SharpsOnMcp3008:
     """Sharp sensors on one MCP3008.
 
     Raises:
-        SensorError: no chip answers there.
+        SensorError: no chip answers.
     """
 
     def __init__(self, spi: Spi, sensors: Mapping[Beam, SharpOnMcp3008]) -> None:
@@ -102,7 +102,7 @@ class SharpsOnMcp3008:
 
 
 def sharp_reading(profile: Profile, volts: float) -> RangeReading:
-    """What a voltage says, and the voltage itself where it is never twice the same."""
+    """Reading of a voltage. It includes a noisy voltage, whose repetition shows a fault."""
     reading = profile.reading(volts)
     if not profile.noise_v:
         return reading

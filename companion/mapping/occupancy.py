@@ -139,12 +139,12 @@ class Occupancy:
 
         Cells that are free here are allowed, except at low ceilings.
         """
-        seen = binary_closing(self.free, iterations=GAP_CELLS + 1) & ~self.occupied
+        is_measured = binary_closing(self.free, iterations=GAP_CELLS + 1) & ~self.occupied
         low = np.zeros_like(self.allowed)
         for cell in filter(self.has, map(self.cell, low_ne_m)):
             low[cell] = True
         is_low = binary_dilation(low, iterations=round(LOW_WITHIN_M / CELL_M))
-        allowed = (seen | self.free) & self.allowed & ~is_low
+        allowed = (is_measured | self.free) & self.allowed & ~is_low
         above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
         above._is_all_allowed = False
         return above
@@ -164,8 +164,11 @@ class Occupancy:
 
     def seen_part(self, place_ne_m: Vector2, margin_m: float) -> "Occupancy":
         """A copy of the measured part, extended to contain a position."""
-        seen = self._layers.log_odds != 0
-        rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
+        is_measured = self._layers.log_odds != 0
+        rows, columns = (
+            np.flatnonzero(is_measured.any(axis=1)),
+            np.flatnonzero(is_measured.any(axis=0)),
+        )
         corners = [(rows[0], columns[0]), (rows[-1], columns[-1])] if len(rows) else []
         return self.window([place_ne_m, *(self.place(cell) for cell in corners)], margin_m)
 
@@ -184,8 +187,8 @@ class Occupancy:
 
     def well_seen(self, side: int) -> Cells:
         """Cells in which an accurate reading has hit this one of the SIDES."""
-        seen: Cells = (self._layers.well_seen >> side & 1).astype(np.bool_)
-        return seen
+        is_measured: Cells = (self._layers.well_seen >> side & 1).astype(np.bool_)
+        return is_measured
 
     @property
     def flown(self) -> Cells:

@@ -16,7 +16,7 @@ from companion.core.messages import (
 from companion.mapping.occupancy import Ray
 
 SEES_SIGMA_M = 0.15
-"""With a larger noise the sensor may miss an obstacle, m. Chosen."""
+"""Largest noise at which the sensor reliably detects an obstacle, m. Chosen."""
 
 
 def sees_to_m(sensor: RangeModel) -> float:

@@ -9,11 +9,11 @@ from companion.offline.reading.log import Array, Log
 from companion.offline.reading.sensors import RangeConfig, RangeSensor, SensorsConfig
 
 SATURATED_SHARE = 0.02
-"""Share of a sensor's readings, see below. Chosen."""
+"""Least share of a sensor's readings at its largest value, see below. Chosen."""
 SATURATED_READINGS = 5
 """A largest value that occurs this often is the sensor's code for nothing in range. Chosen."""
 STRAIGHT_RAD = np.radians(6)
-"""Between rows with a smaller turn the range to a wall changes evenly, rad. Chosen."""
+"""Largest turn between rows over which the range to a wall changes evenly, rad. Chosen."""
 MAX_DT_S = 1.0
 """Rows with a longer interval are not used for the noise, s. Chosen."""
 MIN_TRIPLES = 40

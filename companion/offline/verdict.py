@@ -48,7 +48,7 @@ class Agreement:
     supported: float
     """Share of the keyframes with a hit on a wall nearby."""
     gain: float
-    """Nats by which the map makes a held-out range likelier (`held_out.py`)."""
+    """Nats by which the map makes a held-out range more likely (`held_out.py`)."""
     motion_misfit: float
     """Root mean square of the odometry's residuals in its sigmas."""
     scale_error: float

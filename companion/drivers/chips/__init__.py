@@ -1,1 +1,1 @@
-"""One module a chip or sensor: its registers, its frames, and what its values mean."""
+"""Chips and sensors, one module each: registers, frames, and conversion of values."""

@@ -1,6 +1,6 @@
 """Texas Instruments ADS1115: four single-ended 16-bit channels, one conversion at a time.
 
-Registers and bits as in the datasheet (SBAS444), table 8 and figure 36.
+Registers and bits: datasheet SBAS444, table 8 and figure 36.
 """
 
 from collections.abc import Sequence
@@ -10,7 +10,7 @@ from companion.drivers.wires.bus import Bus, Transaction
 
 REG_CONVERSION, REG_CONFIG = 0x00, 0x01
 START = 0x8000
-"""OS bit: written, starts a conversion; read, says that none is running."""
+"""OS bit. Written: starts a conversion. Read: no conversion is running."""
 MUX_SINGLE_ENDED = 0x4000
 MUX_STEP = 0x1000
 PGA_4_096_V = 0x0200
@@ -18,7 +18,7 @@ SINGLE_SHOT = 0x0100
 RATE_860_SPS = 0x00E0
 COMPARATOR_OFF = 0x0003
 CONVERSION_S = 1 / 860 * 1.1
-"""The chip's own clock may be 10 % slow."""
+"""Duration of a conversion, s: 860 samples per second; the chip's clock may be 10 % slow."""
 VOLTS_PER_COUNT = 4.096 / 32768
 READ_BACK_BITS = 0x7FFF
 Channel = tuple[int, int]
@@ -26,7 +26,7 @@ Channel = tuple[int, int]
 
 
 def config_word(channel: int) -> int:
-    """Start one conversion of AINn against ground at ±4.096 V, 860 samples a second."""
+    """Start one conversion of AINn against ground at ±4.096 V, 860 samples per second."""
     mux = MUX_SINGLE_ENDED + channel * MUX_STEP
     return START | mux | PGA_4_096_V | SINGLE_SHOT | RATE_860_SPS | COMPARATOR_OFF
 
@@ -43,12 +43,12 @@ def read(address: int) -> Transaction:
 
 
 def volts(answer: bytes) -> float:
-    """What the answer to `read` says."""
+    """Voltage of the answer to `read`, V."""
     return int.from_bytes(answer, "big", signed=True) * VOLTS_PER_COUNT
 
 
 def check(bus: Bus, address: int) -> None:
-    """Make sure that an ADS1115 is there: it has no identity, but keeps what it is told.
+    """Check that an ADS1115 is there. It has no identity, but stores its configuration.
 
     Raises:
         SensorError: names the address and the remedy.
@@ -71,12 +71,12 @@ def check(bus: Bus, address: int) -> None:
 
 
 class ConversionSweep:
-    """One conversion of every channel in one transfer, all chips converting at the same time."""
+    """One conversion of every channel in one transfer. All chips convert at the same time."""
 
     def __init__(self, channels: Sequence[Channel]) -> None:
         self._transactions: list[Transaction] = []
         self._read_at: dict[Channel, int] = {}
-        """Which transaction reads a channel."""
+        """Index of the transaction that reads a channel."""
         for round_ in rounds(channels):
             *others, last = round_
             self._transactions += [start(*channel) for channel in others]
@@ -86,7 +86,7 @@ class ConversionSweep:
                 self._transactions.append(read(channel[0]))
 
     def volts(self, bus: Bus) -> dict[Channel, float]:
-        """What stands at each input.
+        """Voltage of each input.
 
         Raises:
             OSError: a chip does not answer.
@@ -97,12 +97,12 @@ class ConversionSweep:
 
 def rounds(channels: Sequence[Channel]) -> list[list[Channel]]:
     """Order channels so that in each round every chip converts one."""
-    waiting = list(channels)
+    pending = list(channels)
     ordered: list[list[Channel]] = []
-    while waiting:
+    while pending:
         now: dict[int, Channel] = {}
-        for channel in waiting:
+        for channel in pending:
             now.setdefault(channel[0], channel)
         ordered.append(list(now.values()))
-        waiting = [channel for channel in waiting if channel not in ordered[-1]]
+        pending = [channel for channel in pending if channel not in ordered[-1]]
     return ordered

@@ -1,7 +1,7 @@
-"""STMicroelectronics LSM9DS1: its gyro, through the chip's FIFO so that no sample is lost.
+"""STMicroelectronics LSM9DS1: its gyro, read from the chip's FIFO so that no sample is lost.
 
-Registers as in the datasheet (DocID025715), section 7. Mounted with the chip's z axis up, its
-positive rate is counter-clockwise seen from above; FRD yaw is clockwise, hence the minus sign.
+Registers: datasheet DocID025715, section 7. The chip is mounted with its z axis up, so its positive
+rate is counter-clockwise seen from above. FRD yaw is clockwise, hence the minus sign.
 """
 
 import math
@@ -31,16 +31,16 @@ FIFO_COUNT_BITS = 0x3F
 FIFO_OVERRUN = 0x40
 RAD_S_PER_COUNT = math.radians(8.75e-3)
 SAMPLE = struct.Struct("<hhh")
-"""OUT_X_G to OUT_Z_G. While the FIFO is on, the address that is read next goes back from the last
-of these registers to the first, to the FIFO's next sample."""
+"""OUT_X_G to OUT_Z_G. With the FIFO enabled, the read address wraps from the last of these
+registers to the first, to the next sample of the FIFO."""
 NOMINAL_ODR_HZ = 119.0
 SILENT_S = 0.1
-"""Whose FIFO has been empty for so long does not sample: its supply has broken down, and it has
-forgotten what it was set to."""
+"""An empty FIFO for this time means that the chip lost its supply and its configuration, s.
+Chosen."""
 
 
 class Lsm9ds1:
-    """The gyro.
+    """The gyro of an LSM9DS1.
 
     Raises:
         SensorError: no LSM9DS1 answers at the address.
@@ -49,9 +49,9 @@ class Lsm9ds1:
     def __init__(self, bus: Bus, address: int) -> None:
         self._bus = bus
         self._address = address
-        self._ask_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
+        self._read_level = Transaction(address, bytes([REG_FIFO_SRC]), 1)
         self._clock: SampleClock | None = None
-        self._heard_s = -math.inf
+        self._received_s = -math.inf
         self._configured = False
         try:
             found = bus.transfer([Transaction(address, bytes([REG_WHO_AM_I]), 1)])[0][0]
@@ -64,7 +64,7 @@ class Lsm9ds1:
             ) from error
         if found != WHO_AM_I:
             raise SensorError(
-                f"the chip at 0x{address:02x} is no LSM9DS1 (it says 0x{found:02x}, not 0x68); "
+                f"the chip at 0x{address:02x} is no LSM9DS1 (WHO_AM_I is 0x{found:02x}, not 0x68); "
                 "check sensors.gyro_address"
             )
 
@@ -80,25 +80,25 @@ class Lsm9ds1:
         self._configured = True
 
     def read(self, time_s: float) -> list[GyroSample]:
-        """All samples since the last read, as they were taken; [] on a fault."""
+        """All samples since the last read, with their times; [] on a fault."""
         try:
             if not self._configured:
                 self._configure()
             counts, is_whole = self._drain()
         except OSError:
-            self._configured = False  # it may come back freshly powered
+            self._configured = False  # it may have been power-cycled
             self._clock = None
             return []
         if counts or self._clock is None:
-            self._heard_s = time_s
-        elif time_s - self._heard_s > SILENT_S:
+            self._received_s = time_s
+        elif time_s - self._received_s > SILENT_S:
             self._configured, self._clock = False, None
             return []
-        if not is_whole:  # those before were lost, these are the latest
+        if not is_whole:  # samples were lost; these are the latest ones
             first_s = time_s - len(counts) / NOMINAL_ODR_HZ
             last_s = self._clock.newest_s if self._clock else first_s
             self._clock = SampleClock(max(first_s, last_s), NOMINAL_ODR_HZ)
-        if self._clock is None:  # what had been waiting is of unknown age
+        if self._clock is None:  # the age of the samples in the FIFO is unknown
             self._clock = SampleClock(time_s, NOMINAL_ODR_HZ)
             return []
         if not counts:
@@ -110,8 +110,8 @@ class Lsm9ds1:
         ]
 
     def _drain(self) -> tuple[list[int], bool]:
-        """The z axis of all that the FIFO holds, in one burst, and whether nothing was lost."""
-        ((source,),) = self._bus.transfer([self._ask_level])
+        """The z axis of all samples in the FIFO, in one burst, and True if no sample was lost."""
+        ((source,),) = self._bus.transfer([self._read_level])
         count = source & FIFO_COUNT_BITS
         is_whole = not source & FIFO_OVERRUN
         if not count:

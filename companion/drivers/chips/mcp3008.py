@@ -1,7 +1,7 @@
 """Microchip MCP3008: eight single-ended 10-bit channels over SPI.
 
-Three bytes each way, as in the datasheet (DS21295, figure 6-1): a start bit, the channel, and back
-a null bit before the ten bits of the result.
+Three bytes each way, datasheet DS21295, figure 6-1: a start bit and the channel out; a null bit and
+ten bits of the result in.
 """
 
 import errno
@@ -19,15 +19,15 @@ COUNTS = 1024
 
 
 def request(channel: int) -> bytes:
-    """Convert one channel against ground."""
+    """Request to convert one channel against ground."""
     return bytes([START, SINGLE_ENDED | channel << CHANNEL_SHIFT, 0])
 
 
 def counts(answer: bytes) -> int:
-    """What was measured, 0 to 1023.
+    """Result of a conversion, 0 to 1023.
 
     Raises:
-        OSError: nobody pulls the line down: there is no chip.
+        OSError: the null bit is missing, so there is no chip.
     """
     if len(answer) != 3 or answer[1] & NULL_BIT:
         raise OSError(errno.EREMOTEIO, f"no null bit in {answer.hex(' ')}")
@@ -38,8 +38,9 @@ class Mcp3008:
     """One chip.
 
     Raises:
-        SensorError: nothing answers there; a chip without an identity cannot be told from
-            another that answers like it.
+        SensorError: nothing answers. The chip has no identity, so another chip with the same
+    protocol
+            is not detected.
     """
 
     def __init__(self, spi: Spi, device: str, reference_v: float) -> None:
@@ -57,7 +58,7 @@ class Mcp3008:
             ) from error
 
     def volts(self, channels: Sequence[int]) -> dict[int, float]:
-        """What stands at each input.
+        """Voltage of each input.
 
         Raises:
             OSError: the chip does not answer.

@@ -1,15 +1,15 @@
-"""When a chip with a clock and a FIFO of its own took its samples."""
+"""Assigns times to the samples of a chip with its own clock and a FIFO."""
 
-MIN_TO_TELL_PERIOD = 119
-"""Samples, a second of them, from which their number tells the period."""
+MIN_PERIOD_SAMPLES = 119
+"""Least samples, one second, from which their number determines the period. Chosen."""
 
 
 class SampleClock:
-    """When the chip took its samples, by our clock.
+    """Times of a chip's samples by our clock.
 
-    The chip's period is known to some percent, and when it began is not known at all. But the
-    newest sample in the FIFO is never in the future nor older than a period: each read narrows
-    down where the samples lie, and the number of all samples tells the period.
+    The chip's period is known to some percent, and its start is unknown. The newest sample in the
+    FIFO is never in the future nor older than a period. So each read narrows the times of the
+    samples, and the number of all samples determines the period.
     """
 
     def __init__(self, time_s: float, nominal_hz: float) -> None:
@@ -18,9 +18,9 @@ class SampleClock:
         self._count = 0
 
     def stamp(self, time_s: float, count: int) -> list[float]:
-        """The times of the `count` samples that were waiting at `time_s`."""
+        """Times of the `count` samples that are in the FIFO at `time_s`."""
         self._count += count
-        if self._count >= MIN_TO_TELL_PERIOD:
+        if self._count >= MIN_PERIOD_SAMPLES:
             self._period_s = (time_s - self._began_s) / self._count
         newest_s = self.newest_s + count * self._period_s
         newest_s = min(max(newest_s, time_s - self._period_s), time_s)

@@ -1,7 +1,7 @@
-"""Analogue infrared range sensors: from voltage to distance, with its variance, or why not.
+"""Analogue infrared range sensors: converts voltage to distance and variance, or to a state.
 
-`GP2Y0A710K0F` follows the points of its datasheet. `PAPER` is the sensor as the 2018 paper
-describes it (2 cm to 5 m, an error of 5 cm at any distance), which no $20 part is.
+`GP2Y0A710K0F` follows the points of its datasheet. `PAPER` is the sensor as described by the 2018
+paper (2 cm to 5 m, an error of 5 cm at any distance); no $20 part is like that.
 """
 
 import math
@@ -14,25 +14,25 @@ from companion.drivers.readings import FAILED, NOTHING, TOO_NEAR
 
 
 class Profile(RangeModel, Protocol):
-    """One kind of sensor."""
+    """One type of sensor."""
 
     @property
     def noise_v(self) -> float:
-        """Sigma of its output."""
+        """Sigma of the output, V."""
         ...
 
     def reading(self, volts: float) -> RangeReading:
-        """What a voltage says."""
+        """Reading of a voltage."""
         ...
 
     def volts(self, distance_m: float | None) -> float:
-        """What the sensor puts out before noise; None: nothing returns its light."""
+        """Output before noise; None: no return."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Piecewise linear y over ascending x; the end pieces go on beyond the ends."""
+    """Piecewise linear y over ascending x, extrapolated by the end pieces."""
 
     x: tuple[float, ...]
     y: tuple[float, ...]
@@ -50,23 +50,26 @@ class Curve:
 
 @dataclass(frozen=True, slots=True)
 class SharpProfile:
-    """Triangulating sensor: voltage is nearly linear in 1/distance, and folds back when near."""
+    """Triangulating sensor: voltage is nearly linear in 1/distance and aliases at short range.
+
+    Below its minimum distance the voltage falls again, so a near obstacle reads like a distant one.
+    """
 
     volts_by_inverse_m: Curve
-    """Over the specified range."""
+    """Curve over the specified range."""
     inverse_m_by_volts: Curve
     volts_by_near_m: Curve
-    """Below it."""
+    """Curve below the specified range."""
     noise_v: float
     gain_sigma: float
-    """What calibration leaves of the unit's gain error."""
+    """Relative sigma of the gain error after calibration."""
     period_s: float
-    """A fresh value comes so often; the output holds the last one in between."""
+    """Interval of the measurements, s; the output holds the last one in between."""
     open_v: float
-    """Output when nothing returns."""
+    """Output without a return, V."""
     least_v: float
     most_v: float
-    """What a powered sensor puts out lies between; an open input or one at a rail may not."""
+    """Output range of a working sensor, V; an open input or a short to a rail may be outside."""
 
     @property
     def min_m(self) -> float:
@@ -97,29 +100,32 @@ class SharpProfile:
         return self._sigma_m(distance_m, 1 / volts_per_inverse_m)
 
     def _sigma_m(self, distance_m: float, inverse_m_per_volt: float) -> float:
-        """Output noise through the curve's slope, d(1/d)/dV, and what calibration leaves."""
+        """Output noise times the curve's slope, d(1/d)/dV, plus the remaining gain error."""
         noise_m = self.noise_v * inverse_m_per_volt * distance_m**2
         return math.hypot(noise_m, self.gain_sigma * distance_m)
 
     def alias_m(self, distance_m: float) -> float | None:
-        """On the rising branch, from the lens to the curve's peak."""
+        """Distance with the same output on the rising branch, from the lens to the curve's peak."""
         volts, near, peak = self.volts(distance_m), self.volts_by_near_m, self._peak
         rising = Curve(near.x[: peak + 1], near.y[: peak + 1]).inverse()
         return rising.at(volts)[0] if volts >= near.y[0] else None
 
     @property
     def _peak(self) -> int:
-        """Where the curve folds back, as an index of the near points."""
+        """Index of the curve's peak among the near points."""
         return max(range(len(self.volts_by_near_m.y)), key=self.volts_by_near_m.y.__getitem__)
 
     def _near_m(self, volts: float) -> float:
-        """A guess for what is too near: on the branch that falls from the peak."""
+        """Estimate of a distance that is too near, on the branch that falls from the peak."""
         near, peak = self.volts_by_near_m, self._peak
         falling = Curve(near.y[: peak - 1 : -1], near.x[: peak - 1 : -1])
         return min(max(falling.at(volts)[0], near.x[peak]), near.x[-1])
 
     def volts(self, distance_m: float | None) -> float:
-        """The datasheet's curve; beyond its end it falls on towards the open output."""
+        """The datasheet's curve.
+
+        Beyond its end it falls further, to the output without a return.
+        """
         if distance_m is None:
             return self.open_v
         if distance_m < self.min_m:
@@ -131,7 +137,7 @@ class SharpProfile:
 class LinearProfile:
     """An ideal sensor: voltage linear in distance, the same error everywhere.
 
-    Its zero is well above that of the wires, so that an open input looks like no distance.
+    Its zero is well above that of the wires, so an open input gives no valid distance.
     """
 
     min_m: float
@@ -140,7 +146,7 @@ class LinearProfile:
     period_s: float
     gain_sigma: float = 0.0
     noise_v: float = 0.0
-    """None where nothing returns."""
+    """The output without a return has no noise."""
     zero_v: float = 1.2
     volts_per_m: float = 0.36
     open_v: float = 3.1
@@ -163,7 +169,7 @@ class LinearProfile:
         return self.error_m
 
     def alias_m(self, distance_m: float) -> float | None:
-        """It does not fold."""
+        """No aliasing."""
         return None
 
     def volts(self, distance_m: float | None) -> float:
@@ -173,17 +179,18 @@ class LinearProfile:
 
 
 SIGMAS = 6.0
-"""Noise is never larger."""
+"""Noise never exceeds this many sigmas. Chosen."""
 ADC_STEP_V = 0.005
-"""The coarsest: ten bits of 5 V."""
+"""Coarsest ADC step, V: ten bits of 5 V."""
 OPEN_WITHIN_V = 0.04
-"""The ideal sensor's output without light has no noise, but a reference may be 1 % off."""
+"""The ideal sensor's output without a return has no noise, but a reference may be 1 % off, V.
+Chosen."""
 _GP2Y_POINTS = (
     *((5.5, 1.37), (5.0, 1.39), (4.7, 1.40), (4.4, 1.42), (4.1, 1.44), (3.8, 1.47)),
     *((3.5, 1.50), (3.2, 1.52), (2.9, 1.57), (2.6, 1.63), (2.3, 1.70), (2.0, 1.80)),
     *((1.8, 1.90), (1.6, 2.00), (1.4, 2.10), (1.2, 2.30), (1.0, 2.50)),
 )
-"""Distance in metres and volts, from the datasheet's figure."""
+"""Distance, m, and output, V, from the datasheet's figure."""
 _GP2Y_FAR = Curve(
     tuple(1 / metres for metres, _ in _GP2Y_POINTS), tuple(volts for _, volts in _GP2Y_POINTS)
 )

@@ -1,7 +1,7 @@
 """Benewake TFmini-S and TF-Luna: frames of nine bytes, 100 a second, at a serial port.
 
-Two bytes 0x59, then distance in cm, strength, temperature, each low byte first, and the low byte of
-the sum of all eight (product manuals, section on the standard data output).
+A frame consists of two bytes 0x59, then distance in cm, strength and temperature, each low byte
+first, and the low byte of the sum of all eight. Source: product manuals, standard data output.
 """
 
 import struct
@@ -13,14 +13,18 @@ from companion.drivers.readings import NOTHING, Latest
 from companion.drivers.wires.bus import Uart
 
 HEADER = b"\x59\x59"
+"""Begin of a frame."""
 FRAME = struct.Struct("<2sHHHB")
+"""Header, distance in cm, strength, temperature, checksum."""
 WEAK = 100
-"""Signal below which a distance means nothing: too little light came back."""
+"""Strength below which a distance is invalid, because too little light returned."""
 SATURATED = 0xFFFF
+"""Strength of a saturated receiver."""
 NO_SIGNAL = 0xFFFF
 """Distance -1."""
 MIN_FAULT, MAX_FAULT = 0x8000, 0xFFFE
-"""Other distances below zero: -2 and -4 are said of saturation by its own and by other light."""
+"""Other negative distances: -2 and -4 are reported with saturation by its own and by ambient
+light."""
 
 
 def checksum(body: bytes) -> int:
@@ -28,20 +32,20 @@ def checksum(body: bytes) -> int:
 
 
 def latest_frame(data: bytes) -> tuple[tuple[int, int] | None, bytes]:
-    """Distance in cm and strength of the last whole frame, and what may begin the next one."""
+    """Distance in cm and strength of the last complete frame, and the remaining bytes."""
     found, at = None, 0
     while (start := data.find(HEADER, at)) >= 0 and start + FRAME.size <= len(data):
         frame = data[start : start + FRAME.size]
-        _, distance_cm, strength, _, told = FRAME.unpack(frame)
-        if told == checksum(frame[:-1]):
+        _, distance_cm, strength, _, received = FRAME.unpack(frame)
+        if received == checksum(frame[:-1]):
             found, at = (distance_cm, strength), start + FRAME.size
-        else:  # garbage, or distance and strength that look like a header
+        else:  # garbage, or distance and strength that resemble a header
             at = start + 1
     return found, data[max(at, len(data) - FRAME.size + 1) :]
 
 
 class Tfmini:
-    """One sensor. A port tells nothing of what is on it: silence and garbage show at reading.
+    """One sensor. A port has no identity: silence and garbage are detected by reads.
 
     Raises:
         SensorError: there is no such port.
@@ -55,14 +59,14 @@ class Tfmini:
         self._rest = b""
         self._latest = Latest()
         try:
-            uart.receive(port, baud)  # what had been waiting is of unknown age
+            uart.receive(port, baud)  # the age of bytes received before is unknown
         except SensorError:
             raise
         except OSError as error:
             raise SensorError(f"{port}: {error}; check sensors.ranges.*.port") from error
 
     def read(self, time_s: float) -> RangeReading | None:
-        """The latest reading; None if it is silent, or blinded by light."""
+        """The latest reading; None if the sensor is silent or saturated by light."""
         try:
             data = self._uart.receive(self._port, self._baud)
         except OSError:

@@ -1,7 +1,7 @@
-"""What is known of sensors that time the flight of light, and what their distances say.
+"""Measurement models of time-of-flight sensors.
 
 Figures: VL53L1X datasheet (DS12385), long distance mode, white target; product manuals of TFmini-S
-and TF-Luna. Their "accuracy" is taken for three sigma, or for two where it is called typical.
+and TF-Luna. Their "accuracy" is taken as three sigma, or as two where it is called typical.
 """
 
 import math
@@ -13,14 +13,14 @@ from companion.drivers.readings import NOTHING, TOO_NEAR
 
 @dataclass(frozen=True, slots=True)
 class TimeOfFlight:
-    """One kind of sensor; a `RangeModel`."""
+    """One type of sensor; a `RangeModel`."""
 
     min_m: float
     max_m: float
     noise_m: float
-    """Sigma of a reading when near."""
+    """Sigma of a reading at short range, m."""
     noise_share: float
-    """Sigma of a reading when far, by its distance; the larger of both counts."""
+    """Sigma of a reading at long range over its distance; the larger of both applies."""
     gain_sigma: float
     period_s: float
     mean_age_s: float
@@ -30,11 +30,11 @@ class TimeOfFlight:
         return math.hypot(noise_m, self.gain_sigma * distance_m)
 
     def alias_m(self, distance_m: float) -> float | None:
-        """It does not fold."""
+        """No aliasing."""
         return None
 
     def reading(self, distance_m: float) -> RangeReading:
-        """What a measured distance says."""
+        """Reading of a measured distance."""
         if distance_m < self.min_m:
             return TOO_NEAR
         if distance_m > self.max_m:
@@ -51,9 +51,10 @@ VL53L1X = TimeOfFlight(
     period_s=0.040,
     mean_age_s=0.040 / 2 + 0.033 / 2,
 )
-"""±20 mm. It gathers light for 33 ms, every 40 ms."""
+"""±20 mm. Integration time 33 ms, interval 40 ms."""
 TFMINI_S = TimeOfFlight(0.1, 12.0, 0.02, 0.01 / 3, 0.003, 0.010, 0.006)
 """±6 cm up to 6 m, ±1 % beyond; a frame of 9 bytes every 10 ms."""
 TF_LUNA = TimeOfFlight(0.2, 8.0, 0.02, 0.02 / 3, 0.003, 0.010, 0.006)
 """±6 cm up to 3 m, ±2 % beyond."""
 SERIAL_KINDS = {"tfmini_s": TFMINI_S, "tf_luna": TF_LUNA}
+"""Model of each serial sensor type."""

@@ -1,9 +1,8 @@
 """STMicroelectronics VL53L1X: time of flight, every 40 ms by the chip's own clock, over I2C.
 
-16-bit register numbers, big-endian values. ST documents the registers by its driver (STSW-IMG009)
-only; those written here are the ones whose purpose their names tell. The chip starts at address
-0x29 like every other of its kind, hence the TCA9548A in front, which is told by one byte which of
-its eight branches is connected.
+Register numbers are 16-bit, values big-endian. ST documents the registers only by its driver
+(STSW-IMG009); this module writes only registers whose names state their purpose. Every chip starts
+at address 0x29, hence the TCA9548A, which selects its branches by one byte.
 """
 
 from collections.abc import Sequence
@@ -18,14 +17,15 @@ REG_MODEL_ID, MODEL_ID = 0x010F, 0xEACC
 """Model and module type."""
 REG_BOOTED, BOOTED = 0x00E5, 0x01
 REG_OSCILLATOR = 0x00DE
-"""Ticks of the slow clock per millisecond, about; ten bits."""
+"""Ticks of the slow clock per millisecond, approximately; ten bits."""
 REG_PERIOD = 0x006C
 REG_INTERRUPT_CLEAR = 0x0086
 REG_MODE_START, TIMED, STOPPED = 0x0087, 0x40, 0x00
 REG_DATA_READY = 0x0031
 REG_RESULT = 0x0089
 RESULT_BYTES, STREAM_AT, RANGE_AT = 15, 2, 13
-"""From the status to the distance in mm, 0x0096; at 0x008B how many were measured, eight bits."""
+"""Result registers, from the status to the distance in mm (0x0096); the counter of measurements is
+at 0x008B, eight bits."""
 CLOCK_CORRECTION = 1.075
 SILENT_S = 0.25
 NO_BRANCH = 0x00
@@ -50,8 +50,9 @@ LONG_DISTANCE_33_MS = (
 )
 VALID = 9
 MEANINGS = {8: TOO_NEAR, **dict.fromkeys((4, 5, 7), NOTHING)}
-"""Status without a distance: clipped at the least distance; no signal, phase out of bounds, wrapped
-around: farther than it measures. All others are faults: with 6, too noisy, something is there."""
+"""Status values without a distance: clipped at the minimum distance; no signal, phase out of
+bounds, or wrapped around, all beyond the range. All others are faults: 6 is an obstacle with too
+much noise."""
 
 
 def write(address: int, register: int, value: int, size: int) -> Transaction:
@@ -65,7 +66,7 @@ def read(address: int, register: int, size: int, wait_s: float = 0.0) -> Transac
 class Vl53l1x:
     """One sensor, on branch `mux` (address, channel) of a multiplexer if there is one.
 
-    `other_muxes` are the addresses of those whose branches may not be connected meanwhile.
+    `other_muxes`: addresses of multiplexers whose branches must be disconnected.
 
     Raises:
         SensorError: no VL53L1X answers at the address.
@@ -97,19 +98,19 @@ class Vl53l1x:
             raise SensorError(f"no VL53L1X at {where} ({error}); check wiring and XSHUT") from error
         if found != MODEL_ID:
             raise SensorError(
-                f"the chip at {where} is no VL53L1X (it says 0x{found:04x}, not 0xeacc); "
+                f"the chip at {where} is no VL53L1X (its model ID is 0x{found:04x}, not 0xeacc); "
                 "check the addresses in [sensors.ranges]"
             )
 
     def read(self, time_s: float) -> RangeReading | None:
-        """The latest reading; None if it is silent, which starts it anew."""
+        """The latest reading; None if the sensor is silent, which restarts it."""
         try:
             if self._configured_s is None:
                 self._configure()
                 self._configured_s = time_s
             self._latest.note(time_s, self._measured())
         except OSError:
-            self._configured_s = None  # it may come back freshly powered
+            self._configured_s = None  # it may have been power-cycled
             return None
         if time_s - max(self._latest.time_s, self._configured_s) > SILENT_S:
             self._configured_s = None
@@ -141,7 +142,7 @@ class Vl53l1x:
             ]
         )
         if result[STREAM_AT] == self._stream:
-            return None  # it hangs, and says again what it said
+            return None  # it hangs and repeats the last result
         self._stream = result[STREAM_AT]
         status = result[0] & 0x1F
         if status == VALID:

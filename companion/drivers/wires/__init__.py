@@ -1,1 +1,1 @@
-"""I2C, SPI and serial: the interface that drivers use, and who serves it."""
+"""I2C, SPI and serial wires: the interface of the drivers, and its implementations."""

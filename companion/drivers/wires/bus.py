@@ -1,4 +1,4 @@
-"""The wires as the drivers see them: I2C, SPI and serial."""
+"""Interface of the wires for drivers: I2C, SPI and serial."""
 
 from collections.abc import Sequence
 from typing import Protocol
@@ -14,18 +14,19 @@ class Transaction:
     data: bytes
     count: int = 0
     wait_s: float = 0.0
-    """For a conversion to finish, before the next transaction; on SITL's bus virtual time."""
+    """Wait before the next transaction, for a conversion; on SITL's bus this is virtual time."""
 
 
 class Bus(Protocol):
     """One I2C controller."""
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        """Carry out transactions one after the other; the bytes read by each.
+        """Execute transactions in order; returns the bytes read by each.
 
         Raises:
-            OSError: a device did not acknowledge, and what came after it was not done; or the
-                bus is gone, or does not answer in time.
+            OSError: a device did not acknowledge, and later transactions were not executed; or the
+        bus is
+                disconnected or does not answer in time.
         """
         ...
 
@@ -39,7 +40,7 @@ class Spi(Protocol):
         """Shift `data` out and as many bytes in, in one selection of the chip.
 
         Raises:
-            OSError: the device is not there.
+            OSError: the device does not exist.
         """
         ...
 
@@ -48,13 +49,13 @@ class Uart(Protocol):
     """Serial ports by name, such as /dev/ttyAMA1."""
 
     def receive(self, port: str, baud: int) -> bytes:
-        """All that has come in since the last call; never waits.
+        """All bytes received since the last call; never blocks.
 
         Raises:
-            OSError: the port is not there.
+            OSError: the port does not exist.
         """
         ...
 
 
 class Wires(Bus, Spi, Uart, Protocol):
-    """All that sensors can be connected to."""
+    """All wires for sensors."""

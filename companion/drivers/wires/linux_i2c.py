@@ -8,11 +8,12 @@ from companion.core.errors import SensorError
 from companion.drivers.wires.bus import Transaction
 
 MAX_TRANSACTIONS = 21
-"""The kernel takes 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
+"""The kernel accepts 42 messages a call (I2C_RDWR_IOCTL_MAX_MSGS): a write and a read each."""
 I2C_RETRIES, I2C_TIMEOUT = 0x0701, 0x0702
 """Requests of linux/i2c-dev.h."""
-GIVEN_UP_AFTER_10_MS = 5
-"""A call on a hung bus, in the kernel's unit; by itself it takes a second, the longest 20 ms."""
+TIMEOUT_10_MS = 5
+"""Timeout of a call, in the kernel's unit of 10 ms. Its default is a second; the longest valid call
+takes 20 ms."""
 
 
 class LinuxI2cBus:
@@ -31,8 +32,8 @@ class LinuxI2cBus:
                 f"{path}: {error.strerror}; enable I2C (raspi-config, Interface Options) "
                 "and add this user to the group i2c"
             ) from error
-        with suppress(OSError):  # an adapter that has no such limit: `prompt` has one for all wires
-            for request, argument in ((I2C_RETRIES, 0), (I2C_TIMEOUT, GIVEN_UP_AFTER_10_MS)):
+        with suppress(OSError):  # an adapter without such a limit: `prompt` has one for all wires
+            for request, argument in ((I2C_RETRIES, 0), (I2C_TIMEOUT, TIMEOUT_10_MS)):
                 fcntl.ioctl(self._bus.fd, request, argument)  # type: ignore[arg-type] # it is open
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:

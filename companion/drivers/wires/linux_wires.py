@@ -1,4 +1,4 @@
-"""The wires of a Linux machine, such as a Raspberry Pi: each is opened when it is first used."""
+"""Wires of a Linux machine, such as a Raspberry Pi; each is opened at its first use."""
 
 import time
 from collections.abc import Sequence
@@ -9,8 +9,9 @@ from companion.drivers.wires.bus import Bus, Transaction
 from companion.drivers.wires.linux_i2c import LinuxI2cBus
 
 SPI_CLOCK_HZ = 1_000_000
-"""An MCP3008 at 2.7 V takes 1.35 MHz at most."""
+"""SPI clock. An MCP3008 at 2.7 V allows at most 1.35 MHz."""
 RETRY_PERIOD_S = 1.0
+"""Interval of attempts to open a port again, s. Chosen."""
 
 
 class LinuxWires:
@@ -33,7 +34,7 @@ class LinuxWires:
         return bytes(spi.transfer(data))
 
     def receive(self, port: str, baud: int) -> bytes:
-        """An adapter that was pulled out and put in again is opened again."""
+        """Read a port. An adapter that was disconnected is opened again."""
         if port not in self._ports:
             if time.monotonic() < self._retry_at_s.get(port, 0.0):
                 raise SensorError(f"{port} is gone")

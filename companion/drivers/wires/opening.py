@@ -1,4 +1,4 @@
-"""The wires that a URL names: this machine's, or SITL's. No driver can tell them apart."""
+"""Opens the wires of a URL: this machine's, or SITL's. Drivers cannot distinguish them."""
 
 from companion.drivers.wires.bus import Wires
 from companion.drivers.wires.linux_wires import LinuxWires
@@ -10,7 +10,7 @@ def open_bus(url: str) -> Wires:
     """The wires of this machine, with the I2C adapter "/dev/i2c-N", or of "sitl://HOST:PORT".
 
     Raises:
-        SensorError: nothing serves them there; names the url and the remedy.
+        SensorError: the wires are not available; names the url and the remedy.
     """
     if url.startswith("sitl://"):
         host, port = url.removeprefix("sitl://").rsplit(":", 1)

@@ -1,14 +1,14 @@
-"""Wires that keep nobody waiting: what they do not answer in time is a fault of theirs.
+"""Limits the time that wires may block; a late answer is a fault.
 
-On an I2C bus whose SDA or SCL is held low the kernel gives a transfer up only after a second, and a
-serial adapter or an SPI device may hang as well. So each wire has a line, a thread of its own, that
-carries out one request at a time. Who asks waits for `PATIENCE_S`; then it is told a TimeoutError,
-and the answer, should it ever come, is thrown away.
+On an I2C bus whose SDA or SCL is held low the kernel aborts a transfer only after a second. A
+serial adapter or an SPI device may hang as well. So each wire has a line, a thread of its own that
+executes one request at a time. The caller waits for at most `REQUEST_TIMEOUT_S`. Then it gets a
+TimeoutError, and a later answer is discarded.
 
     open ──no answer in time, or ETIMEDOUT──► shut ──line free again and PROBE_S over──► open
 
-A wire that is shut refuses at once. Whatever the wires do, all of them together take no more than
-`SHARE` of the time from the control loop, and no more than `MAX_AT_ONCE_S` at once.
+A shut wire fails at once. All wires together take at most `SHARE` of the control loop's time, and
+at most `MAX_AT_ONCE_S` at once.
 """
 
 import errno
@@ -22,31 +22,36 @@ from typing import Any, Protocol, TypeVar
 
 from companion.drivers.wires.bus import Transaction, Wires
 
-PATIENCE_S = 0.03
-"""Of one request; the longest, a full FIFO of the gyro at 100 kHz, takes 18 ms."""
+REQUEST_TIMEOUT_S = 0.03
+"""Timeout of one request, s. Chosen: the longest, a full FIFO of the gyro at 100 kHz, takes 18
+ms."""
 PROBE_S = 0.1
-"""So long a wire stays shut: often enough that one which comes back is not called failed."""
+"""A wire stays shut for this time, s. Chosen: short enough that a wire which recovers is not
+FAILED."""
 MAX_AT_ONCE_S, SHARE = 0.1, 0.8
-"""The longest first tick, five VL53L1X to be set up at 100 kHz, takes 75 ms; then 20 ms of 50."""
-OPENING_S = 3.0
-"""For a wire's first request, before take-off, in which libraries are loaded and it is opened."""
+"""Limits of the time of all wires: at once, s, and share of the control loop's time. Chosen: the
+longest first tick, five VL53L1X to configure at 100 kHz, takes 75 ms; later 20 ms of 50."""
+OPEN_TIMEOUT_S = 3.0
+"""Timeout of a wire's first request, s, before take-off: it loads libraries and opens the wire.
+Chosen."""
 I2C = "the I2C bus"
+"""Name of the I2C bus in messages."""
 Answer = TypeVar("Answer")
 
 
 class Line(Protocol):
-    """Carries out one request at a time."""
+    """Executes one request at a time."""
 
     @property
     def is_busy(self) -> bool:
-        """It is still with a request that nobody waits for any more."""
+        """True while a request that has timed out is still running."""
         ...
 
     def ask(self, request: Callable[[], Answer], within_s: float) -> Answer:
-        """What the request returns or raises.
+        """Result of the request, or its exception.
 
         Raises:
-            TimeoutError: it takes longer.
+            TimeoutError: it takes longer than `within_s`.
         """
         ...
 
@@ -54,7 +59,7 @@ class Line(Protocol):
 
 
 class Worker:
-    """A line that is a thread; it does not keep the program from ending."""
+    """A line with its own thread, which does not block the program's exit."""
 
     def __init__(self) -> None:
         self._requests: SimpleQueue[Callable[[], Any] | None] = SimpleQueue()
@@ -88,7 +93,7 @@ class Worker:
         while (request := self._requests.get()) is not None:
             try:
                 self._answers.put((request(), None))
-            except Exception as error:  # it is for whoever asked
+            except Exception as error:  # raised again in the caller
                 self._answers.put((None, error))
 
 
@@ -100,7 +105,7 @@ class _Wire:
 
 
 class PromptWires:
-    """`wires`, each behind a line; `now_s` is the clock by which they are waited for."""
+    """Puts each of `wires` behind a line; `now_s` is the clock of the timeouts."""
 
     def __init__(
         self,
@@ -112,28 +117,28 @@ class PromptWires:
         self._make_line = make_line
         self._now_s = now_s
         self._by_name: dict[str, _Wire] = {}
-        self._left_s = MAX_AT_ONCE_S
-        """Of the control loop's time."""
+        self._budget_s = MAX_AT_ONCE_S
+        """Remaining time budget from the control loop, s."""
         self._done_s = now_s()
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        return self._ask(I2C, lambda: self._wires.transfer(transactions))
+        return self._request(I2C, lambda: self._wires.transfer(transactions))
 
     def exchange(self, device: str, data: bytes) -> bytes:
-        return self._ask(device, lambda: self._wires.exchange(device, data))
+        return self._request(device, lambda: self._wires.exchange(device, data))
 
     def receive(self, port: str, baud: int) -> bytes:
-        return self._ask(port, lambda: self._wires.receive(port, baud))
+        return self._request(port, lambda: self._wires.receive(port, baud))
 
-    def _ask(self, name: str, request: Callable[[], Answer]) -> Answer:
+    def _request(self, name: str, request: Callable[[], Answer]) -> Answer:
         wire = self._by_name.get(name)
         if wire is None:
             wire = self._by_name[name] = _Wire(self._make_line())
         now_s = self._now_s()
         earned_s = (now_s - self._done_s) * SHARE / (1 - SHARE)
-        self._left_s = min(self._left_s + earned_s, MAX_AT_ONCE_S)
+        self._budget_s = min(self._budget_s + earned_s, MAX_AT_ONCE_S)
         self._done_s = now_s
-        if self._left_s <= 0 or now_s < wire.shut_until_s or wire.line.is_busy:
+        if self._budget_s <= 0 or now_s < wire.shut_until_s or wire.line.is_busy:
             raise TimeoutError(errno.ETIMEDOUT, f"{name} does not answer in time")
         try:
             return self._wait(wire, request)
@@ -143,15 +148,15 @@ class PromptWires:
 
     def _wait(self, wire: _Wire, request: Callable[[], Answer]) -> Answer:
         if not wire.is_opened:
-            answer = wire.line.ask(request, OPENING_S)
+            answer = wire.line.ask(request, OPEN_TIMEOUT_S)
             wire.is_opened = True
             return answer
-        asked_s = self._done_s
+        began_s = self._done_s
         try:
-            return wire.line.ask(request, min(PATIENCE_S, self._left_s))
+            return wire.line.ask(request, min(REQUEST_TIMEOUT_S, self._budget_s))
         finally:
             self._done_s = self._now_s()
-            self._left_s -= self._done_s - asked_s
+            self._budget_s -= self._done_s - began_s
 
     def close(self) -> None:
         for wire in self._by_name.values():

@@ -2,10 +2,10 @@
 
 Little-endian frames. Request: op, length, payload; reply: status, length, payload.
 
-- TRANSFER, I2C: a row of transactions (device address, length to write, length to read, seconds to
-  wait afterwards, data to write); the reply is all bytes read, in order.
-- EXCHANGE, SPI: length of the device's name, the name, bytes to shift out; those shifted in.
-- RECEIVE, serial: the baud rate, the port's name; what has come in there.
+- TRANSFER, I2C: transactions (device address, length to write, length to read, seconds to wait
+  afterwards, data to write); the reply contains all bytes read, in order.
+- EXCHANGE, SPI: length of the device's name, the name, bytes to shift out; reply: bytes shifted in.
+- RECEIVE, serial: the baud rate, the port's name; reply: bytes received.
 """
 
 import errno
@@ -32,7 +32,9 @@ OP_TRANSFER, OP_CLOCK, OP_EXCHANGE, OP_RECEIVE = 1, 2, 3, 4
 STATUS_OK, STATUS_NO_ACKNOWLEDGE, STATUS_MALFORMED = 0, 1, 2
 
 REPLY_TIMEOUT_S = 5.0
+"""Longest wait for a reply, s. Chosen."""
 RETRY_PERIOD_S = 1.0
+"""Interval of attempts to reconnect, s. Chosen."""
 
 
 class _Connection:
@@ -46,7 +48,7 @@ class _Connection:
         self._socket.sendall(REQUEST.pack(op, len(payload)) + payload)
 
     def wait_long(self) -> None:
-        """Where an autopilot leads the time, it stands still while that is silent."""
+        """Disable the timeout: with an external autopilot, time stops while that is silent."""
         self._socket.settimeout(None)
 
     def reply(self) -> tuple[int, bytes]:
@@ -78,7 +80,7 @@ def _addresses(transactions: Sequence[Transaction]) -> str:
 
 
 class ServedBus:
-    """The wires behind a socket; a broken connection is tried again once a second."""
+    """Wires behind a socket; a broken connection is retried once a second."""
 
     def __init__(self, host: str, port: int) -> None:
         self._address = host, port
@@ -93,18 +95,18 @@ class ServedBus:
             TRANSACTION.pack(t.address, len(t.data), t.count, t.wait_s) + t.data
             for t in transactions
         )
-        answer = self._ask(OP_TRANSFER, request, lambda: _addresses(transactions))
+        answer = self._request(OP_TRANSFER, request, lambda: _addresses(transactions))
         ends = accumulate(t.count for t in transactions)
         return [answer[end - t.count : end] for t, end in zip(transactions, ends, strict=True)]
 
     def exchange(self, device: str, data: bytes) -> bytes:
         name = device.encode()
-        return self._ask(OP_EXCHANGE, bytes([len(name)]) + name + data, lambda: device)
+        return self._request(OP_EXCHANGE, bytes([len(name)]) + name + data, lambda: device)
 
     def receive(self, port: str, baud: int) -> bytes:
-        return self._ask(OP_RECEIVE, BAUD.pack(baud) + port.encode(), lambda: port)
+        return self._request(OP_RECEIVE, BAUD.pack(baud) + port.encode(), lambda: port)
 
-    def _ask(self, op: int, request: bytes, whom: Callable[[], str]) -> bytes:
+    def _request(self, op: int, request: bytes, whom: Callable[[], str]) -> bytes:
         connection = self._connected()
         try:
             connection.post(op, request)
@@ -119,7 +121,7 @@ class ServedBus:
     def _connected(self) -> _Connection:
         if self._connection is None:
             if time.monotonic() < self._retry_at_s:
-                raise ConnectionError(errno.ENOTCONN, "the served bus is gone")
+                raise ConnectionError(errno.ENOTCONN, "the served bus is disconnected")
             self._retry_at_s = time.monotonic() + RETRY_PERIOD_S
             self._connection = _Connection(*self._address)
         return self._connection
@@ -146,10 +148,10 @@ class VirtualClock:
         self._connection.wait_long()
 
     def advance_to(self, time_s: float, udp_port: int, datagrams_sent: int) -> tuple[float, int]:
-        """Let the simulation reach a time; the time reached, and the datagrams sent to us.
+        """Let the simulation reach a time; returns the time reached, and the datagrams sent to us.
 
         Raises:
-            SensorError: SITL is gone.
+            SensorError: the connection to SITL is lost.
         """
         try:
             request = CLOCK_REQUEST.pack(time_s, udp_port, datagrams_sent)

@@ -34,7 +34,7 @@ class Gate:
     """Across the wall's line, in addition to three sigmas of the range: the error of the poses,
     m."""
     along_m: float = math.inf
-    """Beyond the wall's ends, m."""
+    """Largest distance beyond the wall's ends, m."""
     detect_keyframes: int = 0
     """New walls are detected among the hits of this many keyframes at a time; 0: no detection."""
     prunes_see_through: bool = False
@@ -57,7 +57,7 @@ class Candidates:
         return replace(self, hit=self.hit[kept], wall=self.wall[kept], misfit=self.misfit[kept])
 
     def without(self, wrong: Mask, wall_of: Indices) -> "Candidates":
-        """Without the pairs of masked hits (n,) and their walls (n,).
+        """Drop the pairs of masked hits (n,) and their walls (n,).
 
         Other walls of these hits stay.
         """
@@ -77,7 +77,7 @@ class Candidates:
         return wall_of
 
     def worths(self) -> tuple[Indices, Indices, Array]:
-        """For hits with a wall: the hit, its wall, and the χ² that the wall saves."""
+        """Hits with a wall: index of the hit, its wall, and the χ² that the wall saves."""
         first = np.flatnonzero(self.is_best)
         second = np.append(self.misfit[1:], 0.0)[first] ** 2
         has_second = np.append(self.hit[1:], -1)[first] == self.hit[first]

@@ -83,7 +83,7 @@ class _Votes:
     cell: NDArray[np.int64]
     """(n · a,): bin of each hit at each direction."""
     is_facing: NDArray[np.bool_]
-    """(n, a): the beam could meet the front of such a wall."""
+    """(n, a): the beam can reach the front of a wall with this direction."""
     weight: Array
     low_m: float
     bins: int

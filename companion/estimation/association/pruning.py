@@ -60,7 +60,7 @@ class Support:
 
 
 def one_wall_per_stretch(x: Unknowns, rays: Rays, pairs: Candidates) -> Candidates:
-    """Where two walls compete for hits, assign each stretch to the wall with more hits there.
+    """Assign each stretch that two walls compete for to the wall with more hits there.
 
     One of the two would hide the other. A line that nearly coincides with a wall takes a share of
     its hits where both are near, and could exist by those alone.
@@ -77,11 +77,11 @@ def one_wall_per_stretch(x: Unknowns, rays: Rays, pairs: Candidates) -> Candidat
         stretch = np.floor(rays.points @ x.tangents[one] / STRETCH_M).astype(np.int64)
         stretch -= stretch.min()
         size = int(stretch.max()) + 1
-        mine = np.bincount(stretch[wall_of == one], minlength=size)
-        theirs = np.bincount(stretch[wall_of == other], minlength=size)
+        of_one = np.bincount(stretch[wall_of == one], minlength=size)
+        of_other = np.bincount(stretch[wall_of == other], minlength=size)
         at = stretch[either]
-        may_be[either[mine[at] > theirs[at]], other] = False
-        may_be[either[mine[at] < theirs[at]], one] = False
+        may_be[either[of_one[at] > of_other[at]], other] = False
+        may_be[either[of_one[at] < of_other[at]], one] = False
     return pairs.only(may_be[pairs.hit, pairs.wall])
 
 
@@ -160,19 +160,19 @@ def without_bends(
     wall_of = pairs.best()
     cut_off = np.full(len(wall_of), NO_WALL)
     for wall in range(known, len(x.walls)):
-        mine: Indices = np.flatnonzero(wall_of == wall)
+        on_wall: Indices = np.flatnonzero(wall_of == wall)
         for _ in range(MAX_CUTS):
-            if len(mine) < 2:
+            if len(on_wall) < 2:
                 break
-            along = rays.points[mine] @ x.tangents[wall]
-            line = fitted(x.walls[wall], rays.points[mine], sigma_m[mine])
-            across = rays.points[mine] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
-            bent = bend(along, across, sigma_m[mine])
+            along = rays.points[on_wall] @ x.tangents[wall]
+            line = fitted(x.walls[wall], rays.points[on_wall], sigma_m[on_wall])
+            across = rays.points[on_wall] @ (math.cos(line[0]), math.sin(line[0])) - line[1]
+            bent = bend(along, across, sigma_m[on_wall])
             if bent.is_straight:
                 break
             kept = longer_side(along, bent.at_m)
-            cut_off[mine[~kept]] = wall
-            mine = mine[kept]
+            cut_off[on_wall[~kept]] = wall
+            on_wall = on_wall[kept]
     return pairs.only(cut_off[pairs.hit] != pairs.wall)
 
 

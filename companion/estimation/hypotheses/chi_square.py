@@ -11,7 +11,7 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
 
 WALL_COST = 60.0
-"""χ² that a wall must save to be kept in the likelier of two maps. Chosen: it has two unknowns and
+"""χ² that a wall must save to be part of the more likely map. Chosen: it has two unknowns and
 two ends, ln n each, and competes with all other possible lines."""
 MIN_COS = 0.15
 """Cosine of the largest incidence at which a wall can explain a hit. Chosen."""

@@ -73,7 +73,7 @@ MIN_GAIN = 40.0
 
 @dataclass(frozen=True, slots=True)
 class HypothesisSearch:
-    """Searches for a likelier solution, in pieces of some milliseconds."""
+    """Searches for a more likely solution, in pieces of some milliseconds."""
 
     smoother: Smoother
     m: Measured
@@ -109,7 +109,7 @@ class HypothesisSearch:
     ) -> Generator[None, None, Estimate]:
         """Search the stretches of one length that strain odometry most.
 
-        `tried`: stretches whose alternatives were not likelier. In a short flight stretches of
+        `tried`: stretches whose alternatives were not more likely. In a short flight stretches of
         several lengths coincide.
         """
         for _ in range(MAX_ROUNDS):

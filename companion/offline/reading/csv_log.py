@@ -36,8 +36,8 @@ MAX_RANGE_M = 200.0
 ROWS_PER_REPORT = 20_000
 """Rows between two progress reports. Chosen."""
 MIN_DIFFERENT = 10
-"""With this many different ranges beyond the limit the unit is wrong; a single value would be the
-code for nothing in range. Chosen."""
+"""Least number of different ranges beyond the limit that shows a wrong unit. Chosen: a single value
+would be the code for nothing in range."""
 MAX_SHOWN = 40
 """Characters of a cell that a message shows. Chosen."""
 

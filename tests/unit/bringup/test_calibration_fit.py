@@ -1,4 +1,4 @@
-"""A tape measure finds gain and offset of a unit; the map's scale hangs on it."""
+"""A tape measure determines gain and offset of a unit, and so the scale of the map."""
 
 import math
 from pathlib import Path
@@ -59,7 +59,7 @@ def test_too_few_or_too_near_together_are_refused(distances: tuple[float, ...]) 
 
 
 def test_another_beams_distances_are_refused() -> None:
-    with pytest.raises(CalibrationError, match="is it this beam"):
+    with pytest.raises(CalibrationError, match="does this beam"):
         fit([TapePoint(d, 0.3, 0.001) for d in (1.0, 2.0, 3.0)])
 
 

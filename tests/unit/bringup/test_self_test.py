@@ -1,4 +1,4 @@
-"""`companion check` says of each part how it is, and what to do."""
+"""`companion check` reports the state and the remedy of each part."""
 
 import math
 import re
@@ -25,7 +25,7 @@ from tests.contract.bench import STILL, Bench, make_bench
 
 
 class Drone:
-    """A simulated drone on the floor, looked at for some seconds."""
+    """A simulated drone on the floor, examined for some seconds."""
 
     def __init__(
         self,
@@ -43,7 +43,7 @@ class Drone:
         config = Config.model_validate({"sensors": wired_otherwise, "link": link})
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
 
-    def looked_at(self, seconds: float = 6.0) -> dict[str, Finding]:
+    def examined(self, seconds: float = 6.0) -> dict[str, Finding]:
         findings: list[Finding] = []
         for _ in range(round(seconds / 0.05)):
             self.simulation.advance(self.simulation.time_s + 0.05)
@@ -52,7 +52,7 @@ class Drone:
 
 
 def test_a_well_drone_is_good_in_every_part() -> None:
-    findings = Drone().looked_at()
+    findings = Drone().examined()
     assert set(findings) == {*Beam.__members__.values()} - {"back"} | {
         *("gyro", "link", "battery", "autopilot", "avoidance")
     }
@@ -62,7 +62,7 @@ def test_a_well_drone_is_good_in_every_part() -> None:
 def test_a_wrong_address_is_told_with_those_that_answer() -> None:
     front = {"kind": "sharp_ads1115", "address": 0x4A, "channel": 0}
     left = {"kind": "sharp_ads1115", "address": 0x48, "channel": 1}
-    findings = Drone(ranges={"front": front, "left": left}).looked_at(1.0)
+    findings = Drone(ranges={"front": front, "left": left}).examined(1.0)
     assert findings["front"].verdict is CheckResult.BAD
     assert "0x4a" in findings["front"].remedy
     assert "something answers at 0x48, 0x49" in findings["front"].remedy
@@ -70,7 +70,7 @@ def test_a_wrong_address_is_told_with_those_that_answer() -> None:
 
 
 def test_a_gyro_at_the_other_address_is_named() -> None:
-    findings = Drone(gyro_address=0x6A).looked_at(1.0)
+    findings = Drone(gyro_address=0x6A).examined(1.0)
     assert findings["gyro"].verdict is CheckResult.BAD
     assert "0x6a" in findings["gyro"].remedy
 
@@ -78,9 +78,9 @@ def test_a_gyro_at_the_other_address_is_named() -> None:
 def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
     drone = Drone()
     drone.simulation.board.unplug("left")
-    findings = drone.looked_at(1.0)
+    findings = drone.examined(1.0)
     assert findings["left"].verdict is CheckResult.BAD
-    assert " V, which no sensor" in findings["left"].seen
+    assert " V, outside the output range" in findings["left"].seen
     assert "plug" in findings["left"].remedy
     assert findings["right"].verdict is CheckResult.GOOD
 
@@ -88,7 +88,7 @@ def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
 def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
     drone = Drone()
     drone.simulation.disturb_link(Troubles(loss=1.0))
-    link = drone.looked_at()["link"]
+    link = drone.examined()["link"]
     assert link.verdict is CheckResult.BAD
     assert "udpin:127.0.0.1:14550" in link.remedy
 
@@ -103,7 +103,7 @@ def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
 def test_an_autopilot_without_velocity_is_told_what_it_needs(
     parameters: dict[str, float], words: str
 ) -> None:
-    autopilot = Drone(parameters).looked_at()["autopilot"]
+    autopilot = Drone(parameters).examined()["autopilot"]
     assert autopilot.verdict is CheckResult.WAIT
     assert words in autopilot.seen
     assert "optical flow" in autopilot.remedy
@@ -122,20 +122,20 @@ def test_what_is_heard_and_not_flown_is_named(
 ) -> None:
     drone = Drone()
     claim(vehicle, autopilot).begin(drone.simulation)
-    link = drone.looked_at()["link"]
+    link = drone.examined()["link"]
     assert link.verdict is CheckResult.BAD
     assert words in link.remedy
 
 
 def test_another_system_is_named() -> None:
-    assert "link.system_id" in Drone({"SYSID_THISMAV": 3}).looked_at()["link"].remedy
+    assert "link.system_id" in Drone({"SYSID_THISMAV": 3}).examined()["link"].remedy
 
 
 @pytest.mark.parametrize(("percent", "good"), [(15, False), (20, False), (21, True), (100, True)])
 def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -> None:
     drone = Drone()
     battery(percent).begin(drone.simulation)
-    found = drone.looked_at()["battery"]
+    found = drone.examined()["battery"]
     assert found.seen == f"{percent} % left"
     assert (found.verdict is CheckResult.GOOD) == good
     assert good == ("battery_home_percent" not in found.remedy)
@@ -144,15 +144,15 @@ def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -
 def test_a_battery_that_is_not_told_is_said_and_does_no_harm() -> None:
     drone = Drone()
     mute("SYS_STATUS").begin(drone.simulation)
-    found = drone.looked_at()["battery"]
-    assert (found.verdict, found.seen) == (CheckResult.GOOD, "not told")
+    found = drone.examined()["battery"]
+    assert (found.verdict, found.seen) == (CheckResult.GOOD, "not reported")
     assert "BATT_MONITOR" in found.remedy
 
 
 def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -> None:
     drone = Drone()
     mute("EXTENDED_SYS_STATE").begin(drone.simulation)
-    autopilot = drone.looked_at()["autopilot"]
+    autopilot = drone.examined()["autopilot"]
     assert autopilot.verdict is CheckResult.WAIT
     assert "EXTENDED_SYS_STATE" in autopilot.seen
 
@@ -160,17 +160,17 @@ def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -
 def test_an_autopilot_that_would_fly_away_on_our_pose_is_told() -> None:
     """Position from us, heading from its compass."""
     half = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0}
-    finding = Drone(half, send_pose=True).looked_at()["autopilot"]
+    finding = Drone(half, send_pose=True).examined()["autopilot"]
     assert finding.verdict is CheckResult.BAD
     assert finding.seen == "link.send_pose: EK3_SRC1_YAW is 1, set it to 6"
-    assert Drone(half | {"EK3_SRC1_YAW": 6.0}, send_pose=True).looked_at()["autopilot"].verdict in (
+    assert Drone(half | {"EK3_SRC1_YAW": 6.0}, send_pose=True).examined()["autopilot"].verdict in (
         CheckResult.GOOD,
         CheckResult.WAIT,
     )
 
 
 def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
-    autopilot = Drone().looked_at(1.6)["autopilot"]
+    autopilot = Drone().examined(1.6)["autopilot"]
     assert autopilot.verdict is CheckResult.WAIT
 
 
@@ -186,13 +186,13 @@ def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
 def test_avoidance_that_keeps_it_from_its_stand_off_is_told(
     parameters: dict[str, float], good: bool
 ) -> None:
-    avoidance = Drone(parameters).looked_at()["avoidance"]
+    avoidance = Drone(parameters).examined()["avoidance"]
     assert (avoidance.verdict is CheckResult.GOOD) == good
     assert good or "AVOID_MARGIN to 1" in avoidance.remedy
 
 
 class Port:
-    """A serial port at which always the same comes in."""
+    """A serial port that always returns the same bytes."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
@@ -241,11 +241,11 @@ def test_a_port_that_takes_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> N
 def test_a_stream_that_somebody_slows_again_and_again_is_told() -> None:
     drone = Drone()
     slow = other_rates("ATTITUDE", 4)
-    findings = drone.looked_at(4.0)
+    findings = drone.examined(4.0)
     assert "streams" not in findings
     for _ in range(8):
         slow.begin(drone.simulation)
-        findings = drone.looked_at(1.0)
+        findings = drone.examined(1.0)
     assert findings["streams"].verdict is CheckResult.BAD
     assert re.search(r"ATTITUDE \d+ Hz of 25", findings["streams"].seen)
 
@@ -289,10 +289,10 @@ def test_swapped_sensors_are_named() -> None:
 
 def test_no_hand_is_no_sensor() -> None:
     assert changed_beam(look(front=2.0), look(front=2.0)) is None
-    assert "no sensor has noticed" in verdict(Beam.FRONT, None)
+    assert "no reading changed" in verdict(Beam.FRONT, None)
 
 
-# Measuring for a calibration
+# Measurements for a calibration
 
 
 class BenchClock:
@@ -316,9 +316,9 @@ def test_what_is_read_at_a_distance_is_of_that_distance_only() -> None:
     rig = rig_on(bench)
     for distance_m in (1.0, 2.0):
         bench.distances_m[Beam.LEFT] = distance_m
-        told = readings_of(rig, Beam.LEFT, 2.0)
-        assert len(told) == 40
-        assert all(r.distance_m == pytest.approx(distance_m, abs=0.1) for r in told)
+        readings = readings_of(rig, Beam.LEFT, 2.0)
+        assert len(readings) == 40
+        assert all(r.distance_m == pytest.approx(distance_m, abs=0.1) for r in readings)
 
 
 def test_a_turn_by_hand_is_measured_until_it_rests() -> None:

@@ -1,4 +1,4 @@
-"""DISTANCE_SENSOR: what is a distance, what is free space, and what is no word of either."""
+"""DISTANCE_SENSOR messages: distance, free space, or no measurement."""
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
@@ -11,7 +11,7 @@ FRONT = mavlink.MAV_SENSOR_ROTATION_NONE
 
 
 def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int = 0) -> RangeState:
-    """What the only message says; None: it is as if there were none."""
+    """State after a single message; FAILED as without any message."""
     sensors = AutopilotRanges({Beam.FRONT: AutopilotRange(min_m=0.2, max_m=8.0)})
     message = mavlink.MAVLink_distance_sensor_message(
         *(77, least_cm, most_cm, current_cm, mavlink.MAV_DISTANCE_SENSOR_LASER, 1, FRONT, 0),
@@ -23,7 +23,7 @@ def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int 
 
 
 @pytest.mark.parametrize(
-    ("current_cm", "told"),
+    ("current_cm", "expected"),
     [
         (0, RangeState.FAILED),
         (1, RangeState.TOO_NEAR),
@@ -36,9 +36,9 @@ def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int 
     ],
 )
 def test_a_distance_that_was_not_measured_is_not_free_space(
-    current_cm: int, told: RangeState
+    current_cm: int, expected: RangeState
 ) -> None:
-    assert state(current_cm) is told
+    assert state(current_cm) is expected
 
 
 @pytest.mark.parametrize("current_cm", [0, 10, 200, 801, 65535])

@@ -1,4 +1,4 @@
-"""The kernel's I2C bus, on a made-up adapter: what goes over it in one call, and when it waits."""
+"""The kernel's I2C bus on a simulated adapter: transactions per call, waits and timeouts."""
 
 import errno
 import fcntl
@@ -14,7 +14,7 @@ from companion.drivers.wires.linux_i2c import LinuxI2cBus
 
 
 class Adapter:
-    """Stands for smbus2, and notes what is done with it."""
+    """Replaces smbus2 and records its calls."""
 
     fd = 7
 

@@ -1,4 +1,4 @@
-"""The simulated LSM9DS1: temperature, the drift that goes with it, and full scale."""
+"""The simulated LSM9DS1: temperature, its drift, and faults."""
 
 import math
 from dataclasses import dataclass
@@ -31,13 +31,13 @@ COUNT_DEG_S = 8.75e-3
 
 @dataclass
 class Rig:
-    """A gyro turned at a steady rate."""
+    """A gyro in a turn at constant rate."""
 
     bus: DeviceBus
     gyro: Lsm9ds1
 
     def rate_deg_s(self, time_s: float) -> float:
-        """The mean of the quarter of a second up to a time."""
+        """Mean rate of the quarter of a second before a time."""
         self.bus.set_time(time_s - 0.25)
         self.gyro.read(time_s - 0.25)
         self.bus.set_time(time_s)

@@ -1,4 +1,4 @@
-"""SPI and serial ports of a Linux machine, on made-up devices: opened late, and again."""
+"""SPI and serial ports of a Linux machine on simulated devices: first use and reconnection."""
 
 import sys
 from types import SimpleNamespace
@@ -12,11 +12,11 @@ from companion.drivers.wires.opening import open_bus
 
 
 class SpiError(OSError):
-    """Stands for periphery's."""
+    """Replaces periphery's error."""
 
 
 class Spi:
-    """Stands for periphery's; adds one to every byte."""
+    """Replaces periphery's SPI; adds one to every byte."""
 
     def __init__(self, device: str, mode: int, clock_hz: float) -> None:
         if device != "/dev/spidev0.1":
@@ -29,7 +29,7 @@ class Spi:
 
 
 class Port:
-    """Stands for a serial port that can be pulled out."""
+    """Replaces a serial port that can be disconnected."""
 
     is_there = True
     opened: ClassVar[list[tuple[str, int]]] = []

@@ -1,4 +1,4 @@
-"""Wires that hang keep nobody waiting, on threads and on virtual time."""
+"""Wires that hang do not block the caller, on threads and on virtual time."""
 
 import errno
 import threading
@@ -11,8 +11,8 @@ import pytest
 from companion.drivers.wires.bus import Transaction
 from companion.drivers.wires.prompt import (
     MAX_AT_ONCE_S,
-    PATIENCE_S,
     PROBE_S,
+    REQUEST_TIMEOUT_S,
     SHARE,
     PromptWires,
 )
@@ -23,11 +23,11 @@ from sitl.sensors.line import on_virtual_time
 READ = [Transaction(0x48, b"\x00", 2)]
 DEADLINE_S = 5.0
 SLOW_MACHINE_S = 0.5
-"""What a loaded machine may add to a wait that should not be."""
+"""Additional delay allowed on a loaded machine, s."""
 
 
 class Stuck:
-    """Wires on which I2C hangs as long as the test wants; SPI and serial ports answer."""
+    """Wires whose I2C hangs on demand; SPI and serial ports answer."""
 
     def __init__(self) -> None:
         self.goes = threading.Event()
@@ -81,7 +81,7 @@ def test_a_hundred_requests_on_a_bus_that_hangs_wait_once_and_the_other_wires_an
     for _ in range(100):
         with pytest.raises(TimeoutError):
             wires.transfer(READ)
-    assert time.monotonic() - began_s < PATIENCE_S + SLOW_MACHINE_S
+    assert time.monotonic() - began_s < REQUEST_TIMEOUT_S + SLOW_MACHINE_S
     assert stuck.asked == 2
     assert wires.exchange("/dev/spidev0.0", b"abc") == b"abc"
     wires.close()
@@ -107,7 +107,7 @@ def test_a_bus_that_goes_on_is_asked_again_and_its_late_answer_is_nobodys(stuck:
 
 
 class Slow:
-    """A line whose requests take as long as the test says, on a clock of the test's."""
+    """A line with requests of a given duration, on its own clock."""
 
     def __init__(self) -> None:
         self.now_s = 0.0
@@ -141,7 +141,7 @@ def opened(line: Slow) -> PromptWires:
 
 
 def seconds_taken(wires: PromptWires, line: Slow, requests: int) -> float:
-    """By one tick."""
+    """Duration of the requests of one tick, s."""
     began_s = line.now_s
     for _ in range(requests):
         try:
@@ -162,7 +162,7 @@ def test_a_wire_that_has_timed_out_is_left_alone_for_a_while(
     wires = opened(line)
     line.takes_s, line.asked = takes_s, 0
     line.error = OSError(number, "timed out") if number else None
-    assert seconds_taken(wires, line, 20) <= PATIENCE_S + 1e-9
+    assert seconds_taken(wires, line, 20) <= REQUEST_TIMEOUT_S + 1e-9
     assert line.asked == 1
     line.takes_s, line.error = 0.0, None
     line.now_s = max(line.now_s + PROBE_S, line.busy_until_s) + 1e-6
@@ -200,10 +200,10 @@ def test_on_virtual_time_a_hung_bus_takes_what_it_would_of_a_thread() -> None:
     for _ in range(10):
         with pytest.raises(TimeoutError):
             wires.transfer(READ)
-    assert bus.time_s - began_s == pytest.approx(PATIENCE_S)
+    assert bus.time_s - began_s == pytest.approx(REQUEST_TIMEOUT_S)
     bus.hangs_s = 0.0
     bus.set_time(began_s + 0.9)
-    with pytest.raises(TimeoutError):  # the kernel is still with the first
+    with pytest.raises(TimeoutError):  # the kernel is still executing the first request
         wires.transfer(READ)
     bus.set_time(began_s + 1.01)
     assert wires.transfer(READ)

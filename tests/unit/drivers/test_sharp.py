@@ -1,4 +1,4 @@
-"""The Sharp sensor: its curve, its noise, and what it cannot see."""
+"""The Sharp sensor: curve, noise and limits."""
 
 import math
 import statistics
@@ -99,7 +99,7 @@ def test_whatever_a_powered_sensor_puts_out_is_no_fault(
 
 
 def test_very_near_things_read_as_metres() -> None:
-    """The fold-back: the driver cannot know, so nobody may rely on it below half a metre."""
+    """Aliasing: the driver cannot detect it, so ranges below half a metre are not reliable."""
     folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.3))
     assert folded.is_distance
     assert folded.distance_m > 1.5
@@ -134,7 +134,7 @@ def units(physics: SharpPhysics, count: int, distance_m: float = 2.0) -> list[Sh
 
 
 def refreshes_s(unit: SharpUnit, until_s: float) -> list[float]:
-    """When the output changes, to 0.1 ms; its noise is different after every refresh."""
+    """Time of an output change, to 0.1 ms; the noise differs after each change."""
     times_s = [step * 1e-4 for step in range(round(until_s / 1e-4))]
     volts = [unit.volts(time_s) for time_s in times_s]
     changes = zip(times_s[1:], pairwise(volts), strict=True)

@@ -1,4 +1,4 @@
-"""Frames of the TFmini-S out of whatever stands around them."""
+"""Frames of the TFmini-S among other bytes."""
 
 from itertools import pairwise
 
@@ -18,7 +18,7 @@ def raw(distance_cm: int, strength: int) -> bytes:
 
 
 class Port:
-    """Hands over what the test has put there."""
+    """Returns bytes set by the test."""
 
     def __init__(self) -> None:
         self.data = b""
@@ -75,10 +75,10 @@ def test_what_distance_and_strength_mean(
 
 
 @pytest.mark.parametrize(
-    "told", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF), (0xFFFD, 500), (0x8000, 50)]
+    "values", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF), (0xFFFD, 500), (0x8000, 50)]
 )
-def test_blinded_it_says_nothing_rather_than_something(told: tuple[int, int]) -> None:
+def test_blinded_it_says_nothing_rather_than_something(values: tuple[int, int]) -> None:
     port = Port()
     sensor = Tfmini(port, "/dev/ttyAMA1", 115200, TFMINI_S)
-    port.data = raw(*told)
+    port.data = raw(*values)
     assert sensor.read(0.0) is None

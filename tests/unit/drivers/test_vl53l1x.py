@@ -1,4 +1,4 @@
-"""The VL53L1X beyond what all range sensors have in common."""
+"""Properties of the VL53L1X beyond those of all range sensors."""
 
 from random import Random
 
@@ -34,11 +34,11 @@ def test_two_of_the_same_address_are_told_apart_by_their_branch() -> None:
     near, far = (Vl53l1x(bus, ADDRESS, (0x70, branch)) for branch in (0, 5))
     for tick in range(40):
         bus.set_time(0.05 * tick)
-        told = near.read(0.05 * tick), far.read(0.05 * tick)
-    assert told[0] is not None
-    assert told[1] is not None
-    assert told[0].distance_m == pytest.approx(1.0, abs=0.05)
-    assert told[1].distance_m == pytest.approx(3.0, abs=0.05)
+        readings = near.read(0.05 * tick), far.read(0.05 * tick)
+    assert readings[0] is not None
+    assert readings[1] is not None
+    assert readings[0].distance_m == pytest.approx(1.0, abs=0.05)
+    assert readings[1].distance_m == pytest.approx(3.0, abs=0.05)
 
 
 def test_after_a_brown_out_it_is_configured_again() -> None:
@@ -63,8 +63,8 @@ def test_one_that_hangs_is_silent_though_it_goes_on_saying_what_it_said(
         time_s = 0.05 * tick
         bus.set_time(time_s)
         unit.is_stuck = time_s > 1.0
-        told = sensor.read(time_s)
-        assert (told is None) == (time_s > 1.2) or time_s < 0.2 or 1.0 < time_s <= 1.2
+        readings = sensor.read(time_s)
+        assert (readings is None) == (time_s > 1.2) or time_s < 0.2 or 1.0 < time_s <= 1.2
 
 
 @pytest.mark.parametrize("status", range(32))
@@ -74,18 +74,18 @@ def test_only_a_valid_status_is_a_distance(status: int) -> None:
 
 
 def test_a_target_that_is_too_noisy_to_be_measured_is_not_free_space() -> None:
-    """Sigma failure: light comes back, as in the sun, but nobody knows from where."""
+    """Sigma failure: light returns, as in sunlight, from an unknown distance."""
     assert MEANINGS.get(6) is None
 
 
 def test_behind_two_multiplexers_only_one_branch_is_connected() -> None:
-    """On copper all that are connected answer together."""
+    """All connected chips with one address answer together."""
     muxes = {
         0x70: Multiplexer({0: {ADDRESS: device(1.0)}, 1: {ADDRESS: device(2.0)}}),
         0x71: Multiplexer({0: {ADDRESS: device(3.0)}}),
     }
     bus = DeviceBus(muxes)
-    for address in muxes:  # as a program before may have left them
+    for address in muxes:  # as an earlier program may have left them
         bus.transfer([Transaction(address, b"\xff")])
     places = {1.0: (0x70, 0), 2.0: (0x70, 1), 3.0: (0x71, 0)}
     sensors = {
@@ -94,7 +94,7 @@ def test_behind_two_multiplexers_only_one_branch_is_connected() -> None:
     }
     for tick in range(40):
         bus.set_time(0.05 * tick)
-        told = {true_m: sensor.read(0.05 * tick) for true_m, sensor in sensors.items()}
-    for true_m, reading in told.items():
+        readings = {true_m: sensor.read(0.05 * tick) for true_m, sensor in sensors.items()}
+    for true_m, reading in readings.items():
         assert reading is not None
         assert reading.distance_m == pytest.approx(true_m, abs=0.05)
