@@ -110,7 +110,7 @@ def _views(
     """
     grid = ways.ground.grid
     room_m = distance_transform_edt(~grid.occupied) * CELL_M
-    safe = _safely_reached(room_m, observation, grid)
+    safe = _safely_reached(ways, room_m, observation)
     views = viewpoints(np.isfinite(ways.metres) & (room_m >= ROOM_TO_LOOK_M) & safe)
     places = centres(grid, views)
     is_new = np.ones(len(places), dtype=bool)
@@ -121,12 +121,14 @@ def _views(
     return views, places, seconds(views, room_m[tuple(views.T)], ways, observation, plan)
 
 
-def _safely_reached(room_m: Array, observation: Observation, grid: Occupancy) -> Cells:
-    """Cells that the drone reaches without a narrow passage; all, if it is in one itself."""
+def _safely_reached(ways: ShortestPaths, room_m: Array, observation: Observation) -> Cells:
+    """Cells that the drone reaches without a narrow passage; all, if it is in one itself.
+
+    A cell without a path joins no two parts: unknown cells have no obstacles, but they are not free.
+    """
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * observation.wander_m
-    parts, _ = label(roomy, ALL_AROUND)
-    here = grid.cell(observation.pose.ne_m)
-    part = parts[here] if grid.has(here) else 0
+    parts, _ = label(roomy & np.isfinite(ways.metres), ALL_AROUND)
+    part = parts[ways.ground.start]
     safe: Cells = parts == part if part else np.ones_like(roomy)
     return safe
 

@@ -238,11 +238,15 @@ def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> Non
 
 @pytest.mark.parametrize("search", [ties, again])
 @pytest.mark.parametrize(("wander_m", "goes_through"), [(0.002, True), (0.07, False)])
+@pytest.mark.parametrize("yard_of", [sealed, yard])
 def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
-    search: Callable[..., tuple[Viewpoint, ...]], wander_m: float, goes_through: bool
+    search: Callable[..., tuple[Viewpoint, ...]],
+    wander_m: float,
+    goes_through: bool,
+    yard_of: Callable[[], Occupancy],
 ) -> None:
-    """A doorway of 1 m divides the yard, which is closed at its ends."""
-    grid = sealed()
+    """A doorway of 1 m divides the yard; its ends are closed, or unknown space lies beyond."""
+    grid = yard_of().copy()
     for decimetre in range(-35, 36):
         if abs(0.1 * decimetre + 0.05) > 0.5:
             grid.block((0.1 * decimetre + 0.05, 0.5), 0.01)
