@@ -1,7 +1,7 @@
 """Simulates flights among thin legs: `python -m benchmarks.legs [--flights 16]`.
 
 The drone flies straight for 20 m among legs of 3 to 5 cm, at random headings to the grid of
-`safety/seen_free.py`, with wide or narrow cells. The nose swings as in `navigation/swing.py`. The
+`safety/swept_space.py`, with wide or narrow cells. The nose swings as in `navigation/swing.py`. The
 speed is bounded as in `safety/velocity_guard.py`, by the grid alone: legs do not change the flight.
 Yaw and velocity respond like ArduCopter's, with overshoot. Prints the mean speed, and the share of
 legs in the body's way that no beam has detected while the drone could still stop.
@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from companion.navigation.swing import TO_THE_RIGHT
-from companion.safety.seen_free import BODY_M, EYE_M, NARROW, WIDE, Fill, Passed
+from companion.safety.swept_space import BODY_M, EYE_M, NARROW, WIDE, GridSpec, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
 from sitl.core.vehicle import STEP_S, Follow, Loop
@@ -70,7 +70,7 @@ class Axis:
         return velocity
 
 
-def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
+def fly(seed: int, fill: GridSpec, rate_deg_s: float, most_m_s: float) -> tuple[float, float]:
     """Mean speed, m/s, and share of the legs that were detected too late or never."""
     rng = np.random.default_rng(seed)
     heading_rad = rng.uniform(0, math.tau)
@@ -82,7 +82,7 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         rng.uniform(*THICK_M, LEGS) / 2,
     )
     found_m, found_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
-    passed, swing = Passed(fill), TO_THE_RIGHT
+    passed, swing = SweptGrid(fill), TO_THE_RIGHT
     least_m_s = 0.0 if fill.is_proof else CRAWL_M_S
     nose = Axis(ARDUCOPTER.yaw, ARDUCOPTER.airframe.yaw)
     forward = Axis(ARDUCOPTER.horizontal, ARDUCOPTER.airframe.horizontal)
@@ -99,8 +99,8 @@ def fly(seed: int, fill: Fill, rate_deg_s: float, most_m_s: float) -> tuple[floa
         found_m[new], found_m_s[new] = along_m, speed_m_s
         off = EYE_M * (math.cos(yaw_rad) * ahead + math.sin(yaw_rad) * right)
         eye = float(at[0] + off[0]), float(at[1] + off[1])
-        passed.go(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
-        passed.stand(here, time_s)
+        passed.sweep(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
+        passed.free_hull(here, time_s)
         left_m = max(lane.clear_m - LAG_S * speed_m_s, 0.0)
         bound_m_s = min(most_m_s, max(least_m_s, math.sqrt(2 * STOPS_M_S2 * left_m)))
         speed_m_s = forward.tick(bound_m_s)

@@ -12,8 +12,8 @@ from statistics import mean
 
 import tomlkit
 
-from sitl.bench.lanes import fly_and_show
 from sitl.bench.missions import Job
+from sitl.bench.parallel import fly_and_show
 from sitl.running.options import Autopilot, FlightOptions
 from sitl.scoring.report import Report
 

@@ -54,7 +54,7 @@ from companion.pdps.flight.state import (
 )
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m
-from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.obstacle_points import Drift
 from companion.safety.velocity_guard import clear_of_all_m
 
@@ -156,7 +156,7 @@ class App:
         self._standoff_m = cache(partial(standoff_m, wanted, front, offset_m))
         """Stand-off as a function of the wander of the autopilot's estimate, m."""
         self._heights = Heights(offset_m)
-        self._near = Near(self._units)
+        self._obstacles = ObstacleMemory(self._units)
         self._lag = VelocityLag()
         self._health = Health()
         self._resets = 0
@@ -170,7 +170,7 @@ class App:
 
     def step(self, now_s: float, inputs: Inputs) -> Outputs:
         """Run one tick of the control loop at `now_s`."""
-        inputs = self._believe(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
+        inputs = self._check(now_s, replace(inputs, scan=self._mounts.level(inputs.scan)))
         self._calibrate(inputs)
         self._predict(inputs)
         inputs = self._unfold(inputs)
@@ -188,7 +188,7 @@ class App:
             inputs.scan,
         )
 
-    def _believe(self, now_s: float, inputs: Inputs) -> Inputs:
+    def _check(self, now_s: float, inputs: Inputs) -> Inputs:
         """Return the valid inputs; invalid ones are removed and raise a fault."""
         health, telemetry = self._health, inputs.telemetry
         health.tick(now_s)
@@ -216,20 +216,20 @@ class App:
         if self.estimator is None:
             return
         self.estimator.turn(inputs.gyro)
-        self._near.turn_to(self.estimator.turned_rad)
+        self._obstacles.turn_to(self.estimator.turned_rad)
         if inputs.telemetry.odometry is not None:
             self.estimator.move(inputs.telemetry.odometry)
             model = self.estimator.models.odometry
             walk_m2_per_s = model.step_variance_m2_per_s
             drift = Drift(self.estimator.slam.scale_error, walk_m2_per_s, model.wander_m)
-            self._near.move(inputs.telemetry.odometry, drift)
+            self._obstacles.move(inputs.telemetry.odometry, drift)
             self._lag.take(inputs.telemetry.odometry)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""
         if self.flight.phase not in SEEING_PHASES:
             return inputs
-        return replace(inputs, scan=self._near.see(inputs.scan))
+        return replace(inputs, scan=self._obstacles.see(inputs.scan))
 
     def _estimate(self, now_s: float, inputs: Inputs) -> Pose:
         if self.estimator is None:
@@ -306,7 +306,7 @@ class App:
 
     def _around(self, pose: Pose) -> Surroundings:
         """Recent obstacle points near the drone, and older ones from the map."""
-        around = self._near.surroundings(self._lag.lag_s)
+        around = self._obstacles.surroundings(self._lag.lag_s)
         recalled = recalled_frd_m(self.space.grid, pose, around.points_frd_m)
         return replace(around, recalled_frd_m=recalled)
 

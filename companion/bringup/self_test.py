@@ -24,7 +24,7 @@ from companion.drivers.models import model_of, range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
 from companion.link.link import Link, Listener
-from companion.link.link_budget import budget_complaint
+from companion.link.link_budget import budget_error
 from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import Message, Transport
 from companion.navigation.standoff import standoff_m
@@ -74,7 +74,7 @@ class Parameters:
     def __init__(self) -> None:
         self.values: dict[str, float] = {}
 
-    def hear(self, message: Message, now_s: float) -> None:
+    def receive(self, message: Message, now_s: float) -> None:
         self.values[message.param_id] = message.param_value
 
 
@@ -99,7 +99,7 @@ class Examination:
         self._link = Link(transport, config.link, listeners)
         self._rates: deque[GyroSample] = deque(maxlen=GYRO_WINDOW)
         self._requested_s = -math.inf
-        self._overload = budget_complaint(config)
+        self._overload = budget_error(config)
         self.readings: dict[Beam, RangeReading] = {}
 
     def _open_ranges(self) -> Iterator[tuple[Beam, RangeSensors]]:

@@ -30,8 +30,8 @@ def view(
     with needs_extra("viewer"):
         from companion.view.access.secret import read_token  # noqa: PLC0415
         from companion.view.access.server import open_page  # noqa: PLC0415
+        from companion.view.feed_client import parse_address  # noqa: PLC0415
         from companion.view.live import Live  # noqa: PLC0415 - an extra
-        from companion.view.looker import parse_address  # noqa: PLC0415
 
     address = parse_address(drone)
     token = read_token(drone_token_file, "--drone-token-file") if drone_token_file else ""

@@ -45,7 +45,7 @@ class BootClock:
         self._off_since_s, self._off_min_s, self._off_max_s = 0.0, math.inf, -math.inf
         """Start of this period, and least and largest offset in it, s."""
 
-    def hear(self, boot_s: float, now_s: float) -> bool:
+    def receive(self, boot_s: float, now_s: float) -> bool:
         """Process the arrival of a message; True if a clock step was detected.
 
         After a step, stamps may be older than those before.

@@ -63,7 +63,7 @@ class AutopilotRanges:
         }
         self._latest = {beam: Latest(RANGE_FRESH_S) for beam in sensors}
 
-    def hear(self, message: Any, now_s: float) -> None:
+    def receive(self, message: Any, now_s: float) -> None:
         """Process a DISTANCE_SENSOR message; messages of other orientations are ignored."""
         beam = ORIENTATIONS.get(message.orientation)
         if beam in self._latest:

@@ -39,14 +39,14 @@ class AutopilotGyro:
         self._clock = BootClock()
         self._boot_s = self._last_s = -math.inf
 
-    def hear(self, message: Any, now_s: float) -> None:
+    def receive(self, message: Any, now_s: float) -> None:
         """Process one sample by its own time; samples older than the last are ignored."""
         kind = message.get_type()
         self._has_highres |= kind == "HIGHRES_IMU"
         if kind == "SCALED_IMU" and self._has_highres:
             return
         boot_s, yaw_rate_rad_s = self._DECODERS[kind](message)
-        if self._clock.hear(boot_s, now_s):
+        if self._clock.receive(boot_s, now_s):
             self._boot_s = -math.inf
         if boot_s <= self._boot_s or not abs(yaw_rate_rad_s) <= MAX_RATE_RAD_S:  # nor NaN
             return

@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from companion.core.aside import Aside
+from companion.core.background_writer import BackgroundWriter
 from companion.core.errors import CompanionError, OutputError
 from companion.core.frames import Vector2, ned_to_enu
 from companion.core.messages import FloorPlan, Pose, Surface, WallSegment
@@ -209,7 +209,7 @@ class AutoSave:
         self._has_warned = False
         self._last_s = 0.0
         path = folder / "map.json"
-        self._writer = Aside[FloorPlan](lambda plan: save_as(save_json, plan, path))
+        self._writer = BackgroundWriter[FloorPlan](lambda plan: save_as(save_json, plan, path))
 
     def update(self, time_s: float) -> None:
         if self._writer.trouble and not self._has_warned:
@@ -235,4 +235,4 @@ class AutoSave:
         except Exception as error:  # a failed map must not end the flight
             self._writer.trouble = repr(error)
             return
-        self._writer.give(plan)
+        self._writer.write(plan)

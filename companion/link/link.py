@@ -15,7 +15,6 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.config.settings import LinkConfig
 from companion.core.messages import Command, LandedState, Odometry, Pose, Setpoint, VehicleState
 from companion.core.values import value
-from companion.link.company import Company
 from companion.link.firmware import Firmware, Parameter, firmware_of
 from companion.link.ground_station import GroundStation
 from companion.link.odometry import ATTITUDE_HZ, POSITION_HZ, OdometryReader
@@ -24,7 +23,8 @@ from companion.link.parameters import ReadParameters
 from companion.link.pose_report import PoseReport
 from companion.link.pose_source import PoseSource
 from companion.link.requests import CommandSender, Stream
-from companion.link.texts import Texts
+from companion.link.senders import Senders
+from companion.link.texts import StatusTexts
 from companion.link.transports.transport import Message, Transport
 
 CONNECTED_S = 3.0
@@ -56,7 +56,7 @@ class Listener(Protocol):
         """Requested rate by message id, Hz; 0: accepted but not requested."""
         ...
 
-    def hear(self, message: Message, now_s: float) -> None: ...
+    def receive(self, message: Message, now_s: float) -> None: ...
 
 
 class Link:
@@ -69,7 +69,7 @@ class Link:
         self._transport = transport
         self._target = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._component_id = config.component_id
-        self._company = Company(config)
+        self._senders = Senders(config)
         self._origin = Origin(config)
         self._setpoint_loss_s = config.setpoint_loss_s
         self._firmware: Firmware | None = None
@@ -84,7 +84,7 @@ class Link:
         self._odometry = OdometryReader(follows_us=self._follows_us)
         self._pose_report = PoseReport() if config.send_pose else None
         self._pose_source = PoseSource()
-        self._texts = Texts()
+        self._texts = StatusTexts()
         self._ground_station = GroundStation()
         self._read = ReadParameters()
         self._commands = CommandSender()
@@ -104,7 +104,7 @@ class Link:
         texts: list[str] = []
         self._left_offboard = False
         for message in self._transport.receive():
-            self._company.hear(message, now_s)
+            self._senders.receive(message, now_s)
             if (message.get_srcSystem(), message.get_srcComponent()) != self._target:
                 if message.get_srcSystem() == self._target[0]:
                     self._pose_source.overhear(message, now_s)
@@ -112,10 +112,10 @@ class Link:
             self._heard_s = now_s
             kind = message.get_type()
             if kind == "STATUSTEXT":
-                texts += self._texts.hear(message, now_s)
+                texts += self._texts.receive(message, now_s)
             elif kind in ("LOCAL_POSITION_NED", "ATTITUDE"):
                 if self._odometry.has_restarted(message):
-                    self._company.note_break(now_s)
+                    self._senders.note_discontinuity(now_s)
                     self._start_over()
                 odometry = self._odometry.read(message, now_s) or odometry
             else:
@@ -124,7 +124,7 @@ class Link:
                 stream.note(message, now_s)
             for listener in self._listeners:
                 if message.get_msgId() in listener.streams_hz:
-                    listener.hear(message, now_s)
+                    listener.receive(message, now_s)
         texts += self._texts.overdue(now_s)
         for text in texts:
             self._commands.explain(text)
@@ -149,7 +149,7 @@ class Link:
         elif kind == "EXTENDED_SYS_STATE":
             self._landed_state = _landed_state(message.landed_state)
         elif kind == "GPS_GLOBAL_ORIGIN":
-            self._origin.hear()
+            self._origin.receive()
         elif kind == "COMMAND_ACK":
             if message.target_component in (0, self._component_id):
                 self._commands.acknowledge(message)
@@ -158,7 +158,7 @@ class Link:
         elif message.get_msgId() == self._firmware.estimator_message:
             self._estimate_complaint = self._firmware.estimate_complaint(message)
         elif kind == "PARAM_VALUE":
-            self._read.hear(message.param_id, self._firmware.parameter_value(message))
+            self._read.receive(message.param_id, self._firmware.parameter_value(message))
             for parameter in self._safety:
                 if message.param_id == parameter.name:
                     set_ = math.isclose(message.param_value, parameter.wire_value, rel_tol=1e-5)
@@ -192,12 +192,12 @@ class Link:
         age_s = now_s - self._heard_s
         firmware = self._firmware
         if firmware is None:
-            return VehicleState(silent_s=age_s, unfit=self._company.strangers)
+            return VehicleState(silent_s=age_s, unfit=self._senders.other_senders)
         waits_for = self._waits_for(now_s)
         return VehicleState(
             connected=age_s < CONNECTED_S,
             silent_s=age_s,
-            unfit=self._company.trouble,
+            unfit=self._senders.problem,
             mode=firmware.mode_name(self._custom_mode),
             mode_age_s=now_s - self._mode_s,
             in_offboard_mode=firmware.is_offboard(self._custom_mode),

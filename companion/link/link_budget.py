@@ -51,7 +51,7 @@ class Budget:
         return max(sum(self.sent.values()), sum(self.asked_for.values()))
 
 
-class _Ear:
+class _StubTransport:
     """Stub transport: counts sent bytes, and replies as an autopilot with a valid position."""
 
     def __init__(self, config: Config) -> None:
@@ -85,7 +85,7 @@ class _Ear:
 
 def link_budget(config: Config) -> Budget:
     """Load of the link during a scan."""
-    stub = _Ear(config)
+    stub = _StubTransport(config)
     own = {b: s for b, s in config.sensors.beams.items() if isinstance(s, AutopilotRange)}
     listeners: list[Listener] = [AutopilotRanges(own)] if own else []
     if config.sensors.gyro == "autopilot":
@@ -102,17 +102,17 @@ def link_budget(config: Config) -> Budget:
     return Budget(stub.sent, dict(_asked_for(link, own, _signature_bytes(config))))
 
 
-def refuse_too_much(config: Config) -> None:
+def require_capacity(config: Config) -> None:
     """Reject a configuration that exceeds the link's capacity, before anything is opened.
 
     Raises:
         ConfigError: the load exceeds the capacity; names the keys, their values and the remedies.
     """
-    if complaint := budget_complaint(config):
+    if complaint := budget_error(config):
         raise ConfigError(complaint)
 
 
-def budget_complaint(config: Config) -> str:
+def budget_error(config: Config) -> str:
     """Reason why a serial link is too slow, with the remedies; empty if it is fast enough."""
     if not config.link.url.startswith("serial:"):
         return ""

@@ -85,7 +85,7 @@ class OdometryReader:
 
     def read(self, message: Message, now_s: float) -> Odometry | None:
         """Odometry at `now_s`, if the message is a newer position than the last; else None."""
-        if self._clock.hear(message.time_boot_ms * 1e-3, now_s):
+        if self._clock.receive(message.time_boot_ms * 1e-3, now_s):
             self._newest_ms.clear()
         is_newer = message.time_boot_ms > self._newest_ms.get(message.get_msgId(), -math.inf)
         if is_newer:

@@ -29,7 +29,7 @@ class Origin:
         )
         self._is_known = self._was_asked = False
 
-    def hear(self) -> None:
+    def receive(self) -> None:
         """Note that GPS_GLOBAL_ORIGIN (49) was received."""
         self._is_known = True
 

@@ -17,7 +17,7 @@ class ReadParameters:
     def want(self, names: Iterable[str]) -> None:
         self._names = tuple(names)
 
-    def hear(self, name: str, value: float) -> None:
+    def receive(self, name: str, value: float) -> None:
         """Store a received value, also one that another client requested or set."""
         if name in self._names:
             self.values[name] = value

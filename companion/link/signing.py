@@ -21,7 +21,7 @@ from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from companion.core.aside import Aside
+from companion.core.background_writer import BackgroundWriter
 from companion.core.errors import LinkError
 from companion.core.textfile import NotTextError, read_text
 
@@ -77,7 +77,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
         self._refuses = refuses
         self._has_warned = False
         self._timestamp = self._read()
-        self._writer = Aside(self._write)
+        self._writer = BackgroundWriter(self._write)
         self._reserved = self._timestamp
         """Time stamp that is in the file or is being written."""
         self._begin()
@@ -91,7 +91,7 @@ class Signing(mavlink.MAVLinkSigning):  # type: ignore[misc]
         self._follow_clock()
         if self._kept is not None and self._reserved - self._timestamp < RENEWED:
             self._reserved = self._timestamp + RESERVE
-            self._writer.give(self._reserved)
+            self._writer.write(self._reserved)
         if self._writer.trouble:
             self._complain(self._writer.trouble)
         return self._timestamp

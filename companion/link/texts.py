@@ -16,7 +16,7 @@ Chosen: the chunks of one text arrive together.
 """
 
 
-class Texts:
+class StatusTexts:
     """Texts of one autopilot; time is an argument."""
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class Texts:
         """By id: texts whose last chunk has not arrived."""
         self._heard_s = 0.0
 
-    def hear(self, message: Message, now_s: float) -> list[str]:
+    def receive(self, message: Message, now_s: float) -> list[str]:
         """Add a chunk; returns the texts that are now complete."""
         self._heard_s = now_s
         over = [id_ for id_ in self._begun if id_ != message.id or message.chunk_seq == 0]

@@ -14,7 +14,7 @@ from companion.core.messages import (
     RangeState,
 )
 from companion.core.values import value
-from companion.safety.seen_free import Lane, all_passed
+from companion.safety.swept_space import Lane, all_swept
 
 
 @value
@@ -39,7 +39,7 @@ class Observation:
     """Lag of the vehicle's velocity behind the setpoint, s."""
     wander_m: float = 0.0
     """Drift of the autopilot's position estimate, one sigma, m."""
-    lane: Callable[[float], Lane] = all_passed
+    lane: Callable[[float], Lane] = all_swept
     """The part of the path towards a bearing (FRD, rad) that the beams have swept."""
     is_among_legs: bool = False
     """True if a thin obstacle that stands alone was detected lately."""

@@ -6,7 +6,7 @@
     path's left edge─ ─ ╱─ ─ ╲─ ╱─ ─ ─ ─ ─ ─ ─ ╲
 
 The constant rate keeps the spacing of the readings even. A sine is fastest in the middle of the
-path and leaves gaps there. The nose turns back where everything is swept (`seen_free.py`). At the
+path and leaves gaps there. The nose turns back where everything is swept (`swept_space.py`). At the
 beginning of a leg the swing is wide, because the path covers a wide angle near the drone. Later it
 is small, because the path ahead was already swept from a distance.
 """
@@ -14,7 +14,7 @@ is small, because the path ahead was already swept from a distance.
 import math
 from dataclasses import dataclass
 
-from companion.safety.seen_free import Lane
+from companion.safety.swept_space import Lane
 
 RATE_RAD_S = math.radians(45)
 """Yaw rate of the swing, rad/s. Readings of a 20 Hz sensor are then 4 cm apart at 1 m.

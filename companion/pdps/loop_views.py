@@ -124,7 +124,7 @@ def _views(
 def _safely_reached(ways: ShortestPaths, room_m: Array, observation: Observation) -> Cells:
     """Cells that the drone reaches without a narrow passage; all, if it is in one itself.
 
-    A cell without a path joins no two parts: unknown cells have no obstacles, but they are not free.
+    A cell without a path joins no two parts: unknown space is not free.
     """
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * observation.wander_m
     parts, _ = label(roomy & np.isfinite(ways.metres), ALL_AROUND)

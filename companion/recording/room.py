@@ -9,7 +9,7 @@ import shutil
 from pathlib import Path
 
 from companion.config.settings import Config
-from companion.core.aside import Aside
+from companion.core.background_writer import BackgroundWriter
 from companion.core.errors import OutputError
 from companion.recording.disk import MIN_FREE_BYTES
 
@@ -25,8 +25,8 @@ def refuse_no_room(folder: Path, config: Config) -> None:
     Raises:
         OutputError: names the folder and the reason.
     """
-    attempt = Aside[Path](_try_write)
-    attempt.give(folder)
+    attempt = BackgroundWriter[Path](_try_write)
+    attempt.write(folder)
     if not attempt.wait(ANSWER_S):
         raise OutputError(f"{folder}: the disk does not answer; use another disk or another --out")
     if attempt.trouble:

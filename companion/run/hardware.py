@@ -13,7 +13,7 @@ from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
 from companion.drivers.wires.opening import open_bus
 from companion.link.link import Link, Listener
-from companion.link.link_budget import refuse_too_much
+from companion.link.link_budget import require_capacity
 from companion.link.reports import Reports
 from companion.link.transports.open_link import open_transport
 from companion.link.transports.transport import Transport
@@ -50,7 +50,7 @@ def open_rig(
     Raises:
         CompanionError: the configuration, a device or the folder cannot be used.
     """
-    refuse_too_much(config)
+    require_capacity(config)
     if out is not None:
         refuse_no_room(out, config)
     transport = open_transport(config.link, warn)

@@ -1,7 +1,7 @@
 """Limits every velocity, and detects faults for which the drone holds or lands.
 
     ranges ─► fold_back ─► obstacle_memory ─┬─ obstacle_points: recent obstacles
-                                            └─ seen_free: space swept by beams
+                                            └─ swept_space: space swept by beams
                                                    │
     setpoint of a mission ─► velocity_guard ◄──────┘ ─► setpoint for the autopilot
 

@@ -30,12 +30,12 @@ ALIAS_M = 0.25
 Chosen."""
 KNOWN_M = 0.10
 """A reading within this distance of a known point has not folded back, m. Chosen."""
-GOES_ON_M = 0.08
+MAX_STEP_M = 0.08
 """Maximum change of the range along a beam from one sweep to the next, m. Chosen."""
 PEAK_M = 0.15
 """Near the strongest signal, a reading and its alias differ by less than this, m. The obstacle may
 then be on either side of the peak. Chosen."""
-BEHIND_M, LOOKED_ASIDE_M, LOOKED_S = 0.15, 0.07, 6.0
+BEHIND_M, FREE_ASIDE_M, FREE_S = 0.15, 0.07, 6.0
 """A place is free if a beam reached the first distance behind it, m, within the second beside it,
 m, less than the third ago, s. Chosen: beside a wall, odometry wanders by decimetres in ten
 seconds."""
@@ -46,7 +46,7 @@ Array = NDArray[np.float64]
 Readings = Mapping[Beam, RangeReading]
 
 
-class Folds:
+class FoldBackDetector:
     """Classifies the readings of each beam, in a frame that only odometry moves."""
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
@@ -55,7 +55,7 @@ class Folds:
         """Least possible range of each beam that was too near in the last sweep, m."""
         self._over_peak: set[Beam] = set()
         """Those beams of which the obstacle may have been nearer than the signal's peak."""
-        self._looked: Array = np.empty((0, 6))
+        self._free_segments: Array = np.empty((0, 6))
         """(r, 6): free segments of recent beams: origin, unit vector, length m, time s."""
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
@@ -73,9 +73,9 @@ class Folds:
         model = self._units[beam].model
         alias_m, was_m = _alias_m(reading, model), self._near_m.pop(beam, math.nan)
         off_m, alias_off_m = abs(known_m - reading.distance_m), abs(known_m - alias_m)
-        comes_near = beam in self._over_peak and abs(alias_m - was_m) < GOES_ON_M
+        approaches = beam in self._over_peak and abs(alias_m - was_m) < MAX_STEP_M
         has_folded = alias_off_m <= min(ALIAS_M, off_m) or (
-            comes_near and off_m > KNOWN_M and not self._is_free(beam, alias_m)
+            approaches and off_m > KNOWN_M and not self._is_free(beam, alias_m)
         )
         if reading.is_distance and has_folded:
             reading = RangeReading(RangeState.TOO_NEAR, alias_m)
@@ -94,26 +94,29 @@ class Folds:
         that only passes it does not count: beams along a wall graze its corner.
         """
         unit_ne = self._unit_ne(beam)
-        off_m = self._ne_m - self._looked[:, :2]
+        free = self._free_segments
+        off_m = self._ne_m - free[:, :2]
         off_m += (distance_m + self._units[beam].offset_m) * unit_ne
         was_there = (off_m * off_m).sum(axis=1) < HULL_M**2
         off_m += BEHIND_M * unit_ne
-        along_m = (off_m * self._looked[:, 2:4]).sum(axis=1)
-        aside_m = np.abs(off_m[:, 0] * self._looked[:, 3] - off_m[:, 1] * self._looked[:, 2])
-        through = (along_m > 0) & (along_m < self._looked[:, 4] - LOOKED_ASIDE_M)
-        return bool((was_there | through & (aside_m < LOOKED_ASIDE_M)).any())
+        along_m = (off_m * self._free_segments[:, 2:4]).sum(axis=1)
+        aside_m = np.abs(
+            off_m[:, 0] * self._free_segments[:, 3] - off_m[:, 1] * self._free_segments[:, 2]
+        )
+        through = (along_m > 0) & (along_m < self._free_segments[:, 4] - FREE_ASIDE_M)
+        return bool((was_there | through & (aside_m < FREE_ASIDE_M)).any())
 
-    def look(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
+    def record_free(self, now_s: float, raw: Readings, unfolded: Readings) -> None:
         """Store the free segment of each beam, also in front of an obstacle that is too near."""
-        looked = []
+        segments = []
         for beam, unit in self._units.items():
             if beam not in raw:
                 continue
-            to_m = _went_m(raw[beam], unfolded[beam], unit.model) + unit.offset_m
-            if to_m > LOOKED_ASIDE_M:
-                looked.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
-        lately = self._looked[self._looked[:, 5] > now_s - LOOKED_S]
-        self._looked = np.vstack([lately, *looked]) if looked else lately
+            to_m = _free_length_m(raw[beam], unfolded[beam], unit.model) + unit.offset_m
+            if to_m > FREE_ASIDE_M:
+                segments.append((*self._ne_m, *self._unit_ne(beam), to_m, now_s))
+        lately = self._free_segments[self._free_segments[:, 5] > now_s - FREE_S]
+        self._free_segments = np.vstack([lately, *segments]) if segments else lately
 
     def _unit_ne(self, beam: Beam) -> Array:
         bearing_rad = self._yaw_rad + self._units[beam].bearing_frd_rad
@@ -126,7 +129,7 @@ def _alias_m(reading: RangeReading, model: RangeModel) -> float:
     return math.nan if alias_m is None else alias_m
 
 
-def _went_m(raw: RangeReading, unfolded: RangeReading, model: RangeModel) -> float:
+def _free_length_m(raw: RangeReading, unfolded: RangeReading, model: RangeModel) -> float:
     """Return the length of the beam that is free, m; 0 if it is unknown."""
     if raw.state is RangeState.TOO_NEAR:
         least_m = _alias_m(raw, model)

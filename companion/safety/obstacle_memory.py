@@ -26,7 +26,7 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
-from companion.safety.fold_back import ALIAS_M, KNOWN_M, Folds
+from companion.safety.fold_back import ALIAS_M, KNOWN_M, FoldBackDetector
 from companion.safety.obstacle_points import (
     GUESSED,
     KEPT_WITHIN_M,
@@ -34,13 +34,13 @@ from companion.safety.obstacle_points import (
     NO_DRIFT,
     OLD_S,
     TOO_STRONG,
+    Detection,
     Drift,
-    Found,
     LineOfSight,
-    Met,
+    ObstaclePoints,
     Points,
 )
-from companion.safety.seen_free import NARROW, WIDE, Lane, Passed, all_passed
+from companion.safety.swept_space import NARROW, WIDE, Lane, SweptGrid, all_swept
 
 WITHIN_M, MAX_SIGMA_M = 2.5, 0.06
 """A detection is exact within this distance of the drone's centre, m, and below this standard
@@ -78,34 +78,34 @@ class Surroundings:
     """(n,), or (1,) for all: sigma of the drone's drift since each point was detected, m."""
     recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2), m: older obstacles, at their positions in the map."""
-    lane: Callable[[float], Lane] = all_passed
+    lane: Callable[[float], Lane] = all_swept
     """Returns the swept part of the path at a bearing, rad, FRD."""
     is_among_legs: bool = False
     """A thin, isolated obstacle was detected recently."""
 
 
-class Near:
+class ObstacleMemory:
     """Memory of the obstacles around the drone, in a frame of its own."""
 
     def __init__(self, units: Mapping[Beam, RangeUnit]) -> None:
         self._units = units
-        self._met = Met()
-        self._passed, self._proved = Passed(WIDE), Passed(NARROW)
-        self._folds = Folds(units)
+        self._points = ObstaclePoints()
+        self._wide, self._narrow = SweptGrid(WIDE), SweptGrid(NARROW)
+        self._fold_back = FoldBackDetector(units)
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
         self._odometry: Odometry | None = None
-        self._seen: tuple[float, float] | None = None
+        self._last_sweep: tuple[float, float] | None = None
         """Time, s, and heading, rad, of the last sweep."""
 
     def surroundings(self, lag_s: float) -> Surroundings:
         return Surroundings(
-            self._met.nearest(self._ne_m, self._yaw_rad, self._passed),
+            self._points.nearest(self._ne_m, self._yaw_rad, self._wide),
             self._velocity_frd_m_s,
             lag_s,
-            self._met.is_vague,
-            self._met.drift_m(self._now_s),
+            self._points.is_vague,
+            self._points.drift_m(self._now_s),
             lane=self._lane,
             is_among_legs=self._is_among_legs,
         )
@@ -113,19 +113,19 @@ class Near:
     def _lane(self, bearing_frd_rad: float) -> Lane:
         """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        passed = self._proved if self._is_among_legs else self._passed
+        passed = self._narrow if self._is_among_legs else self._wide
         lane = passed.lane(self._ne_m, bearing_rad, self._now_s)
-        old = self._met.before(self._now_s - OLD_S)
+        old = self._points.detected_before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
     @property
     def _is_among_legs(self) -> bool:
-        is_furnished = len(self._met.legs) >= FURNISHED_LEGS
-        return is_furnished or self._now_s - self._met.leg_met_s < AMONG_LEGS_S
+        is_furnished = len(self._points.legs) >= FURNISHED_LEGS
+        return is_furnished or self._now_s - self._points.leg_detected_s < AMONG_LEGS_S
 
     @property
     def _now_s(self) -> float:
-        return self._seen[0] if self._seen else 0.0
+        return self._last_sweep[0] if self._last_sweep else 0.0
 
     def turn_to(self, heading_rad: float) -> None:
         """Set the heading, integrated from the gyro alone, which has no steps.
@@ -142,7 +142,7 @@ class Near:
         decimetres within seconds, whereas odometry wanders by centimetres.
         """
         last, self._odometry = self._odometry, odometry
-        self._met.drifts(drift)
+        self._points.set_drift(drift)
         self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         if last is None:
             return
@@ -154,43 +154,43 @@ class Near:
 
     def see(self, scan: RangeScan) -> RangeScan:
         """Add a sweep; return it with the readings that have folded back as TOO_NEAR."""
-        self._met.forget(self._ne_m, scan.time_s)
-        self._folds.move_to(self._ne_m, self._yaw_rad)
+        self._points.forget(self._ne_m, scan.time_s)
+        self._fold_back.move_to(self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
-        grids = (self._passed, self._proved) if self._is_among_legs else (self._passed,)
+        grids = (self._wide, self._narrow) if self._is_among_legs else (self._wide,)
         readings = dict(scan.readings)
-        new: list[tuple[Vector2, Found]] = []
+        new: list[tuple[Vector2, Detection]] = []
         for beam in BEARING_FRD_RAD:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
                 continue
             line = self._line(unit, relative, yaw_rate_rad_s)
             is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
-            measured_m = line.along_m[is_on_it & self._met.is_measured]
+            measured_m = line.along_m[is_on_it & self._points.is_measured]
             known_m = float(measured_m.min(initial=math.inf)) - unit.offset_m
-            unfolded = readings[beam] = self._folds.unfolded(beam, reading, known_m)
+            unfolded = readings[beam] = self._fold_back.unfolded(beam, reading, known_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
-            elsewhere_m = line.along_m[is_on_it & self._met.is_met_from_elsewhere(eye_ne_m)]
+            elsewhere_m = line.along_m[is_on_it & self._points.is_detected_from_elsewhere(eye_ne_m)]
             free_m = _free_m(unfolded, unit, elsewhere_m - unit.offset_m)
-            self._met.pass_through(scan.time_s, line, free_m)
+            self._points.free_strips(scan.time_s, line, free_m)
             for grid in grids:
-                grid.go(eye_ne_m, bearing_rad, free_m, scan.time_s)
+                grid.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
-            again = _met_again(unfolded, unit, line.along_m, is_on_it & self._met.is_sure)
+            again = _detected_again(unfolded, unit, line.along_m, is_on_it & self._points.is_sure)
             if again is not None:
                 aside_m, there = line.aside_m[again], line.at_m(float(line.along_m[again]))
-                self._met.meet_again(again, scan.time_s, float(aside_m), self._place(there))
+                self._points.confirm(again, scan.time_s, float(aside_m), self._place(there))
             elif end is not None:
                 end_m, sigma_m = end
-                found = Found(_how_known(reading, unfolded), sigma_m, bearing_rad, eye_ne_m)
+                found = Detection(_how_known(reading, unfolded), sigma_m, bearing_rad, eye_ne_m)
                 new.append((self._place(line.at_m(end_m)), found))
         for grid in grids:
-            grid.stand(self._ne_m, scan.time_s)
-        self._met.let_go(scan.time_s)
+            grid.free_hull(self._ne_m, scan.time_s)
+        self._points.delete_freed(scan.time_s)
         for place_ne_m, found in new:
-            self._met.put(place_ne_m, scan.time_s, found)
-        self._folds.look(scan.time_s, scan.readings, readings)
+            self._points.add(place_ne_m, scan.time_s, found)
+        self._fold_back.record_free(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
     def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> LineOfSight:
@@ -207,7 +207,7 @@ class Near:
 
     def _turns_rad_s(self, time_s: float) -> float:
         """Yaw rate since the last sweep, rad/s."""
-        last, self._seen = self._seen, (time_s, self._yaw_rad)
+        last, self._last_sweep = self._last_sweep, (time_s, self._yaw_rad)
         if last is None or time_s <= last[0]:
             return 0.0
         return wrap_rad(self._yaw_rad - last[1]) / (time_s - last[0])
@@ -219,7 +219,7 @@ class Near:
 
     def _relative(self) -> Points:
         """Points (n, 2), m, forward and right of the drone's centre."""
-        return points_to_frd(self._met.places - self._ne_m, self._yaw_rad)
+        return points_to_frd(self._points.places - self._ne_m, self._yaw_rad)
 
 
 def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Points) -> Vector2:
@@ -247,7 +247,7 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
     return TOO_STRONG if raw.state is RangeState.TOO_NEAR else GUESSED
 
 
-def _met_again(
+def _detected_again(
     reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_it: NDArray[np.bool_]
 ) -> int | None:
     """Index of the point (n,) that a TOO_NEAR reading detects again; None if there is none.

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from companion.core.frames import Vector2, points_to_frd
 from companion.core.values import value
-from companion.safety.seen_free import LEG_M, Passed
+from companion.safety.swept_space import LEG_M, SweptGrid
 
 Points = NDArray[np.float64]
 Chosen = NDArray[np.bool_]
@@ -47,7 +47,7 @@ STRIPS, STRIP_M, MIN_STRIPS_M, GUESS_STRIPS_M = 35, 0.01, 0.04, 0.02
 """Number of strips around a point, their width, m, and the distance from the point up to which they
 must be free, m: for a sure point and for a guess. A beam frees a strip if the whole strip lies
 within half the thinnest leg of it. It would have detected a leg with its centre there. Chosen."""
-SEEN_THROUGH_M, PASSED_WITHIN_S = 0.30, 10.0
+SEEN_THROUGH_M, FREED_WITHIN_S = 0.30, 10.0
 """A beam that continues this far beyond a point, m, frees its strip for this time, s. The point is
 deleted when all strips are free up to `MIN_STRIPS_M` plus the possible drift: most beams that pass
 a thin pole miss it. A guess needs fewer strips, since the obstacle may not exist. Chosen: the time
@@ -58,7 +58,7 @@ TOGETHER_M = 0.20
 """A point is deleted only if all points within this distance, m, are free too. Points that are
 newer by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes
 its edge as closely."""
-NOT_PASSED = (-math.inf,) * STRIPS
+NOT_FREED = (-math.inf,) * STRIPS
 """Initial times of the strips: no beam has passed."""
 _STRIP_RIGHT_M = STRIP_M * (np.arange(STRIPS) - STRIPS // 2)
 """Offset of the middle of each strip from the point, to the right of the beam, m."""
@@ -73,9 +73,9 @@ by as much, a folded reading becomes longer, and its apparent position moves by 
 LEGS_APART_M = 0.5
 """An isolated obstacle within this distance of a known leg is the same leg, m: it has drifted, or
 belongs to the same furniture. Chosen."""
-_MET_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
-_FROM_NE, _PASSED = slice(9, 11), 11
-"""Columns of the table; see `Met`."""
+_DETECTED_S, _KNOWN, _SIGMA_M, _RAY_RAD, _AGAIN_S, _LEFT_S, _RIGHT_S = 2, 3, 4, 5, 6, 7, 8
+_FROM_NE, _FREED = slice(9, 11), 11
+"""Columns of the table; see `ObstaclePoints`."""
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
 """Quality of a point. A signal stronger than at the minimum distance proves that an obstacle
 exists, but not where. A reading that has probably folded back proves neither."""
@@ -121,7 +121,7 @@ class LineOfSight:
 
 
 @value
-class Found:
+class Detection:
     """A detection by a beam, and its quality."""
 
     known: float
@@ -134,7 +134,7 @@ class Found:
     """Position of the sensor beam's origin when the sensor measured."""
 
 
-class Met:
+class ObstaclePoints:
     """Table of obstacle points in a frame that only odometry moves.
 
     Each row has 11 + STRIPS columns:
@@ -150,14 +150,14 @@ class Met:
     """
 
     def __init__(self) -> None:
-        self._points: Points = np.empty((0, _PASSED + STRIPS))
+        self._points: Points = np.empty((0, _FREED + STRIPS))
         self._drift = NO_DRIFT
-        self.leg_met_s = -math.inf
+        self.leg_detected_s = -math.inf
         """Time of the last detection of an isolated obstacle, s."""
         self.legs: Points = np.empty((0, 2))
         """(l, 2): first position of each isolated obstacle, north and east, m."""
 
-    def drifts(self, drift: Drift) -> None:
+    def set_drift(self, drift: Drift) -> None:
         """Set the error model of odometry."""
         self._drift = drift
 
@@ -184,7 +184,7 @@ class Met:
         sure: Chosen = self._points[:, _KNOWN] > GUESSED
         return sure
 
-    def is_met_from_elsewhere(self, ne_m: Vector2) -> Chosen:
+    def is_detected_from_elsewhere(self, ne_m: Vector2) -> Chosen:
         """(n,): True for points that were measured from another position than `ne_m`.
 
         A folded reading is not confirmed from two positions: its apparent obstacle moves with the
@@ -194,16 +194,16 @@ class Met:
         elsewhere: Chosen = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
         return self.is_measured & elsewhere
 
-    def before(self, time_s: float) -> Points:
+    def detected_before(self, time_s: float) -> Points:
         """Positions (m, 2) of the points first detected before `time_s`, m."""
-        old: Points = self._points[self._points[:, _MET_S] < time_s, :2]
+        old: Points = self._points[self._points[:, _DETECTED_S] < time_s, :2]
         return old
 
     def drift_m(self, now_s: float) -> Points:
         """(n,): sigma of the drone's drift since each point was detected, m."""
-        return self._drift.sigma_m(np.maximum(now_s - self._points[:, _MET_S], 0.0))
+        return self._drift.sigma_m(np.maximum(now_s - self._points[:, _DETECTED_S], 0.0))
 
-    def nearest(self, ne_m: Vector2, yaw_rad: float, passed: Passed) -> Points:
+    def nearest(self, ne_m: Vector2, yaw_rad: float, passed: SweptGrid) -> Points:
         """Points (n, 2), m, forward and right; inexact ones at their nearest possible position.
 
         That position lies along their beam, where no beam has passed since the detection.
@@ -215,41 +215,41 @@ class Met:
         along = np.column_stack([np.cos(ray_rad), np.sin(ray_rad)])
         span = places[vague, None] + offsets_m[..., None] * along[:, None]
         away_m = np.hypot(*np.moveaxis(span - ne_m, -1, 0))
-        met_s = self._points[vague, _MET_S, None]
-        away_m[passed.when_s(span) > met_s] += KEPT_WITHIN_M
+        detected_s = self._points[vague, _DETECTED_S, None]
+        away_m[passed.when_s(span) > detected_s] += KEPT_WITHIN_M
         places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
         return points_to_frd(places - ne_m, yaw_rad)
 
-    def pass_through(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
+    def free_strips(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
         """Update the strips with a beam that is free from `free_m[0]` to `free_m[1]`, m."""
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
         beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)
         farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
         is_past = beyond & (farthest_m < to_m)
         passed = is_past[:, None] & _through(line.aside_m)
-        self._points[:, _PASSED:][passed] = time_s
+        self._points[:, _FREED:][passed] = time_s
         off_m = np.abs(line.aside_m)
         beside = is_past & (off_m > ALONE_FROM_M) & (off_m < ALONE_TO_M)
         self._points[beside & (line.aside_m > 0), _LEFT_S] = time_s
         self._points[beside & (line.aside_m < 0), _RIGHT_S] = time_s
 
-    def meet_again(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
+    def confirm(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
         """Confirm a point; move it to the beam's end if beams passed through its position.
 
         So the point does not slide along a surface that continues to either side.
         """
         self._points[point, _AGAIN_S] = time_s
-        self._points[point, _PASSED:][_through(np.array([aside_m]))[0]] = -math.inf
-        if self._points[point, _PASSED + STRIPS // 2] > time_s - PASSED_WITHIN_S:
+        self._points[point, _FREED:][_through(np.array([aside_m]))[0]] = -math.inf
+        if self._points[point, _FREED + STRIPS // 2] > time_s - FREED_WITHIN_S:
             self._points[point, :2] = there_ne_m
-            self._points[point, _PASSED:] = -math.inf
+            self._points[point, _FREED:] = -math.inf
 
-    def put(self, place_ne_m: Vector2, time_s: float, found: Found) -> None:
+    def add(self, place_ne_m: Vector2, time_s: float, found: Detection) -> None:
         """Add a detection: a new point, unless a point of equal quality is there."""
         known, sigma_m, ray_rad = found.known, found.sigma_m, found.ray_rad
         off_m = self._points[:, :2] - place_ne_m
         off_m2 = (off_m * off_m).sum(axis=1)
-        is_old = time_s - self._points[:, _MET_S] > OLD_S
+        is_old = time_s - self._points[:, _DETECTED_S] > OLD_S
         no_better = self._points[:, _KNOWN] <= known
         drift_m = self.drift_m(time_s)
         most_sigma_m = np.maximum(self._points[:, _SIGMA_M], sigma_m)
@@ -260,7 +260,7 @@ class Met:
             if self._stands_alone(stays & self.is_measured, time_s):
                 self._note_leg(place_ne_m, time_s)
             self._points[stays, _AGAIN_S] = time_s
-            self._points[stays, _PASSED:] = -math.inf
+            self._points[stays, _FREED:] = -math.inf
             return
         is_exact = ~self.is_vague
         if (_lie_along(off_m, ray_rad, SAME_SIGMAS * apart_m) & is_better & is_exact).any():
@@ -272,12 +272,12 @@ class Met:
         again = (again | (off_m2 < same_m**2)) & no_better  # a guess replaces no measurement
         again &= self._points[:, _SIGMA_M] >= sigma_m
         how = known, sigma_m, ray_rad
-        unpassed = -math.inf, -math.inf, *found.from_ne_m, *NOT_PASSED
+        unpassed = -math.inf, -math.inf, *found.from_ne_m, *NOT_FREED
         new = *place_ne_m, time_s, *how, time_s, *unpassed
         self._points = np.vstack([self._points[~again], new])
 
     def _note_leg(self, place_ne_m: Vector2, time_s: float) -> None:
-        self.leg_met_s = time_s
+        self.leg_detected_s = time_s
         off_m = self.legs - place_ne_m
         if ((off_m * off_m).sum(axis=1) > LEGS_APART_M**2).all():
             self.legs = np.vstack([self.legs, place_ne_m])
@@ -293,7 +293,7 @@ class Met:
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
         self._points = self._points[is_near & (self._points[:, _AGAIN_S] > now_s - KEPT_S)]
 
-    def let_go(self, now_s: float) -> None:
+    def delete_freed(self, now_s: float) -> None:
         """Delete the points through which beams passed, together with all points close by."""
         self._points = self._points[~self._gone(now_s)]
 
@@ -301,7 +301,7 @@ class Met:
         """(n,): True for points through which beams passed."""
         within_m = MIN_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
         within_m[~self.is_sure] = GUESS_STRIPS_M
-        lately = self._points[:, _PASSED:] > now_s - PASSED_WITHIN_S
+        lately = self._points[:, _FREED:] > now_s - FREED_WITHIN_S
         passed = lately | (within_m[:, None] < np.abs(_STRIP_RIGHT_M))
         doubted = np.asarray(passed.all(axis=1))
         if not doubted.any():
@@ -311,7 +311,7 @@ class Met:
         for at in np.flatnonzero(doubted):
             off_m = there[:, :2] - self._points[at, :2]
             is_beside = (off_m * off_m).sum(axis=1) < TOGETHER_M**2
-            is_newer = there[:, _MET_S] > self._points[at, _MET_S] + OLD_S
+            is_newer = there[:, _DETECTED_S] > self._points[at, _DETECTED_S] + OLD_S
             gone[at] = not (is_beside & ~is_newer).any()
         return gone
 

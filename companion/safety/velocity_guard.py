@@ -87,7 +87,7 @@ class _Bounds:
     """Speed limits (n,), m/s, in directions (n, 2), body FRD."""
 
     towards: Points
-    most_m_s: Points
+    max_m_s: Points
 
 
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
@@ -97,24 +97,24 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     passage = _passage(points[~np.broadcast_to(around.is_vague, len(points))], wanted)
     bounds = _by_points(around, clearance_m, passage), _by_recalled(around)
     towards = np.concatenate([each.towards for each in bounds])
-    most_m_s = np.concatenate([each.most_m_s for each in bounds])
-    safe = _bounded(_to_the_middle(wanted, passage), towards, most_m_s)
-    forward, right = _through_what_was_passed(safe, around)
+    max_m_s = np.concatenate([each.max_m_s for each in bounds])
+    safe = _bounded(_to_the_middle(wanted, passage), towards, max_m_s)
+    forward, right = _within_swept_space(safe, around)
     return replace(setpoint, forward_m_s=forward, right_m_s=right)
 
 
-def _through_what_was_passed(velocity: Vector2, around: Surroundings) -> Vector2:
+def _within_swept_space(velocity: Vector2, around: Surroundings) -> Vector2:
     """Limit the speed so that the drone stops before unswept space, or enters it at a crawl."""
     speed_m_s = math.hypot(*velocity)
-    least_m_s, most_m_s = (0.0, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
-    if speed_m_s <= least_m_s:
+    min_m_s, max_m_s = (0.0, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
+    if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
     left_m = around.lane(math.atan2(right_m_s, forward_m_s)).clear_m
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
     stops_m_s = math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0))
-    most_m_s = min(max(least_m_s, stops_m_s), most_m_s)
-    share = min(1.0, most_m_s / speed_m_s)
+    max_m_s = min(max(min_m_s, stops_m_s), max_m_s)
+    share = min(1.0, max_m_s / speed_m_s)
     return share * forward_m_s, share * right_m_s
 
 
@@ -131,14 +131,14 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
         keep_off_m = _keep_off_askew_m(towards, away_m, planned_m)
     left_m = away_m - POINT_M - keep_off_m - _stopping_m(towards, around)
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_M_S)
-    return _Bounds(towards, np.where(left_m > 0, _may_m_s(left_m), gives_way))
+    return _Bounds(towards, np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way))
 
 
 def _by_recalled(around: Surroundings) -> _Bounds:
     """Speed limits of older obstacles from the map; never negative."""
     towards, away_m = _towards(around.recalled_frd_m)
     keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
-    return _Bounds(towards, _may_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
+    return _Bounds(towards, _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
 
 
 def _towards(points: Points) -> tuple[Points, Points]:
@@ -154,13 +154,13 @@ def _stopping_m(towards: Points, around: Surroundings) -> Points:
     return lag_m
 
 
-def _may_m_s(left_m: Points) -> Points:
+def _stopping_speed_m_s(left_m: Points) -> Points:
     """(n,): highest speed, m/s, from which the drone stops within `left_m`."""
     fast_m_s: Points = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
     return fast_m_s
 
 
-def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
+def _bounded(wanted: Points, towards: Points, max_m_s: Points) -> Vector2:
     """Project the velocity repeatedly onto the most violated limit.
 
     If two limits contradict each other, the steps shrink until both are violated equally. So the
@@ -171,7 +171,7 @@ def _bounded(wanted: Points, towards: Points, most_m_s: Points) -> Vector2:
     if not len(towards):
         return float(velocity[0]), float(velocity[1])
     for round_ in range(ROUNDS):
-        over = towards @ velocity - most_m_s
+        over = towards @ velocity - max_m_s
         worst = int(over.argmax())
         if over[worst] <= 1e-6:
             break

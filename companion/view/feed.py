@@ -104,11 +104,11 @@ class TcpFeed:
         self._latest = self._sketched = b""
         feed = self
 
-        class Looker(socketserver.BaseRequestHandler):
+        class FeedClient(socketserver.BaseRequestHandler):
             def handle(self) -> None:
                 feed._serve(self.request)
 
-        self._server = _Server(address, Looker)
+        self._server = _Server(address, FeedClient)
         threading.Thread(target=self._server.serve_forever, daemon=True).start()
 
     @property
@@ -153,15 +153,15 @@ class TcpFeed:
             self._is_closed = True
             self._news.notify_all()
 
-    def _serve(self, looker: socket.socket) -> None:
+    def _serve(self, client: socket.socket) -> None:
         """Serve one viewer; runs in the viewer's thread."""
-        looker.settimeout(PATIENCE_S)
+        client.settimeout(PATIENCE_S)
         if not self._seats.acquire(blocking=False):
             return
         try:
-            if self._is_admitted(looker):
+            if self._is_admitted(client):
                 with self._looking():
-                    self._send_news(looker)
+                    self._send_snapshots(client)
         except OSError:
             return  # the viewer has disconnected
         finally:
@@ -177,22 +177,22 @@ class TcpFeed:
             with self._news:
                 self._lookers -= 1
 
-    def _is_admitted(self, looker: socket.socket) -> bool:
+    def _is_admitted(self, client: socket.socket) -> bool:
         challenge = secrets.token_bytes(CHALLENGE_BYTES)
-        looker.sendall(GREETING + challenge)
+        client.sendall(GREETING + challenge)
         response = b""
         while len(response) < ANSWER_BYTES:
-            piece = looker.recv(ANSWER_BYTES - len(response))
+            piece = client.recv(ANSWER_BYTES - len(response))
             if not piece:
                 return False
             response += piece
         return hmac.compare_digest(response, answer(self._token, challenge))
 
-    def _send_news(self, looker: socket.socket) -> None:
+    def _send_snapshots(self, client: socket.socket) -> None:
         sent = 0
         while (news := self._since(sent)) is not None:
             sent, frames = news
-            looker.sendall(frames)
+            client.sendall(frames)
 
     def _since(self, sent: int) -> tuple[int, bytes] | None:
         """Number and bytes of the latest snapshot; None when the feed is closed.

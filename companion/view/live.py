@@ -4,9 +4,9 @@ import time
 from collections import deque
 from collections.abc import Callable
 
+from companion.view.access.act_queue import ActQueue
 from companion.view.access.server import PageServer
-from companion.view.access.turns import Turns
-from companion.view.looker import Looker
+from companion.view.feed_client import FeedClient
 from companion.view.scene.instruments import PERIOD_S
 from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot
@@ -24,7 +24,7 @@ class Live:
 
     def __init__(self, server: PageServer, drone: tuple[str, int], token: str) -> None:
         self._server = server
-        self._turns = Turns(server)
+        self._turns = ActQueue(server)
         self._screen = Screen(server)
         self._seen: deque[Snapshot] = deque(maxlen=REMEMBERED)
         self._heard_wall_s = self._plotted_wall_s = time.monotonic()
@@ -36,7 +36,7 @@ class Live:
         pressed = self._turns.pressed
         bands.on_update(pressed(lambda: self._screen.exaggerate(bands.value)))
         fit.on_click(pressed(self._screen.fit))
-        self._looker = Looker(
+        self._looker = FeedClient(
             drone,
             token,
             lambda snapshot: self._turns.put(lambda: self._see(snapshot)),

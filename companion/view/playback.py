@@ -12,8 +12,8 @@ from companion.core.messages import FloorPlan
 from companion.export.write import FORMATS
 from companion.recording.reader import read
 from companion.view import downloads
+from companion.view.access.act_queue import ActQueue, Event
 from companion.view.access.server import PageServer
-from companion.view.access.turns import Event, Turns
 from companion.view.replayed import Replayed
 from companion.view.scene.instruments import PERIOD_S
 from companion.view.scene.screen import Screen
@@ -40,7 +40,7 @@ class Playback:
         self._config = recording.config
         self._title = path.stem
         self._server = server
-        self._turns = Turns(server)
+        self._turns = ActQueue(server)
         self._snapshots: list[Snapshot] = []
         self._times_s: list[float] = []
         self._sketched: list[int] = []

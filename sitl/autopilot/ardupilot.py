@@ -7,8 +7,12 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.frames import Vector3, frd_to_ned, wrap_rad
+from sitl.autopilot.estimation.external_messages import (
+    AROUND,
+    ExternalMessages,
+    ExternalPoseMessages,
+)
 from sitl.autopilot.estimation.ground_truth import Place, sim_state
-from sitl.autopilot.estimation.outside import AROUND, Outside, PoseMessages
 from sitl.autopilot.firmware import (
     Behaviour,
     Condition,
@@ -159,7 +163,7 @@ class ArduPilot:
     response: Response = ARDUCOPTER
     capabilities = 64495
     flight_sw_version = 67502976
-    pose_messages = PoseMessages((mavlink.MAV_FRAME_LOCAL_FRD,))
+    pose_messages = ExternalPoseMessages((mavlink.MAV_FRAME_LOCAL_FRD,))
     position_needs_origin = True
     outside_lost_s = EKF_LOST_AFTER_S
     force_skips_checks = True
@@ -246,8 +250,8 @@ class ArduPilot:
         """An all-zero origin counts as not set (from ArduPilot's source)."""
         return any(place)
 
-    def peripheral_complaint(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+    def peripheral_failure(
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> str:
         if parameters["VISO_TYPE"] > 0 and outside.pose_age_s(now_s) > VISION_TIMEOUT_S:
             return "VisOdom: not healthy"
@@ -258,8 +262,8 @@ class ArduPilot:
             return "PRX1: No Data"
         return ""
 
-    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
-        return (f"{'Arm' if arming else 'PreArm'}: {complaint}",)
+    def denial(self, failure: str, *, arming: bool) -> tuple[str, ...]:
+        return (f"{'Arm' if arming else 'PreArm'}: {failure}",)
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
         """EKF_STATUS_REPORT (193)."""
@@ -268,7 +272,7 @@ class ArduPilot:
         )
 
     def distance_echoes(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
         """The rangefinder with its instance as id; proximity with id 10 + sector."""
         fresh = outside.fresh_ranges(now_s)

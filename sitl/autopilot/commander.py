@@ -110,7 +110,7 @@ class Commander:
 
     # Arming
 
-    def complaint(self) -> str:
+    def failure(self) -> str:
         """The reason against arming now; empty if there is none."""
         status, navigation = self._status, self._navigation
         if status.crashed:
@@ -119,15 +119,15 @@ class Commander:
             return self.arming_fault
         if not navigation.estimator.has_settled:
             return "AHRS: not healthy"
-        if reason := self._is.peripheral_complaint(
+        if reason := self._is.peripheral_failure(
             navigation.outside, navigation.time_s, self._parameters
         ):
             return reason
         if self._is.needs_origin(status.mode) and navigation.origin is None:
             return "AHRS: waiting for home"
-        return self._position_complaint()
+        return self._position_failure()
 
-    def _position_complaint(self) -> str:
+    def _position_failure(self) -> str:
         mode = self._status.mode
         if self._is.needs_position(mode) and not self._navigation.has_position:
             return "Need Position Estimate"
@@ -138,11 +138,11 @@ class Commander:
 
     def check(self) -> int:
         """MAV_CMD_RUN_PREARM_CHECKS (401)."""
-        self._deny(self.complaint(), arming=False)
+        self._deny(self.failure(), arming=False)
         return ACCEPTED
 
-    def _deny(self, complaint: str, *, arming: bool) -> None:
-        for text in self._is.denial(complaint, arming=arming) if complaint else ():
+    def _deny(self, failure: str, *, arming: bool) -> None:
+        for text in self._is.denial(failure, arming=arming) if failure else ():
             self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, text)
 
     def arm(self, *, forced: bool) -> int:
@@ -150,9 +150,9 @@ class Commander:
         if self._status.armed:
             return ACCEPTED
         skips = forced and self._is.force_skips_checks and not self._status.crashed
-        complaint = self._position_complaint() if skips else self.complaint()
-        self._deny(complaint, arming=True)
-        if complaint:
+        failure = self._position_failure() if skips else self.failure()
+        self._deny(failure, arming=True)
+        if failure:
             return self._is.refused
         self._status.armed = True
         self.control.arm(self._status.step * STEP_S)

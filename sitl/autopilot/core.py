@@ -186,7 +186,7 @@ class Autopilot:
         if step % FAILSAFE_STEPS == 0:
             self._commander.check_failsafes()
         if step % HEARTBEAT_STEPS == 0:
-            self._status.is_armable = not self._commander.complaint()
+            self._status.is_armable = not self._commander.failure()
             self._broadcast.add(self._telemetry.heartbeat())
         if step % self._timesync_steps == 0:
             self._broadcast.add(self._protocol.timesync())

@@ -6,8 +6,8 @@ from typing import Protocol
 
 from companion.core.frames import Vector3
 from companion.core.values import value
+from sitl.autopilot.estimation.external_messages import ExternalMessages, ExternalPoseMessages
 from sitl.autopilot.estimation.ground_truth import Place
-from sitl.autopilot.estimation.outside import Outside, PoseMessages
 from sitl.autopilot.messages import TextHabit
 from sitl.autopilot.parameters.protocol import Parameters
 from sitl.autopilot.parameters.table import Table, initial_values
@@ -168,7 +168,7 @@ class EmulatedFirmware(Protocol):
     """Response of vehicle and setpoint shaping."""
     capabilities: int
     flight_sw_version: int
-    pose_messages: PoseMessages
+    pose_messages: ExternalPoseMessages
     """Accepted messages with a pose."""
     position_needs_origin: bool
     """The position is valid only after SET_GPS_GLOBAL_ORIGIN (48)."""
@@ -232,20 +232,20 @@ class EmulatedFirmware(Protocol):
 
     def accepts_origin(self, place: Place) -> bool: ...
 
-    def peripheral_complaint(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+    def peripheral_failure(
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> str:
         """The reason against arming from a sensor that the parameters require; may be empty."""
         ...
 
-    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
+    def denial(self, failure: str, *, arming: bool) -> tuple[str, ...]:
         """STATUSTEXTs of rejected arming or of a failed check."""
         ...
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message: ...
 
     def distance_echoes(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
         """Received DISTANCE_SENSOR (132) messages as they are forwarded to other clients."""
         ...

@@ -103,8 +103,8 @@ class Protocol:
         now_s = self._navigation.time_s
         if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
             channel.outbox.ground_station_s = now_s
-        if complaint := self._navigation.outside.receive(message, now_s):
-            self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, complaint)
+        if failure := self._navigation.outside.receive(message, now_s):
+            self._broadcast.text(mavlink.MAV_SEVERITY_CRITICAL, failure)
 
     def _begin_list(self, channel: Channel) -> None:
         if not self._parameters.is_listing:

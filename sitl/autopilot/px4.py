@@ -8,8 +8,8 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
 from companion.core.frames import Vector3, frd_to_ned
+from sitl.autopilot.estimation.external_messages import ExternalMessages, ExternalPoseMessages
 from sitl.autopilot.estimation.ground_truth import Place, hil_state_quaternion
-from sitl.autopilot.estimation.outside import Outside, PoseMessages
 from sitl.autopilot.estimation.px4_estimate import estimator_flags
 from sitl.autopilot.firmware import (
     Behaviour,
@@ -62,7 +62,7 @@ IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
 """Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
 INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
-POSE_MESSAGES = PoseMessages(
+POSE_MESSAGES = ExternalPoseMessages(
     (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD),
     (
         mavlink.MAV_ESTIMATOR_TYPE_UNKNOWN,
@@ -266,13 +266,13 @@ class Px4:
     def accepts_origin(self, place: Place) -> bool:
         return True
 
-    def peripheral_complaint(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+    def peripheral_failure(
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> str:
         return ""
 
-    def denial(self, complaint: str, *, arming: bool) -> tuple[str, ...]:
-        failed = f"Preflight Fail: {complaint}"
+    def denial(self, failure: str, *, arming: bool) -> tuple[str, ...]:
+        failed = f"Preflight Fail: {failure}"
         return ("Arming denied: Resolve system health failures first", failed)[not arming :]
 
     def estimator_status(self, boot_us: int, health: EstimatorHealth) -> Message:
@@ -283,7 +283,7 @@ class Px4:
         )
 
     def distance_echoes(
-        self, outside: Outside, now_s: float, parameters: ParameterValues
+        self, outside: ExternalMessages, now_s: float, parameters: ParameterValues
     ) -> list[Message]:
         """Received messages, with their time of arrival."""
         echoes = []

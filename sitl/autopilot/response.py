@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from companion.core.frames import Vector3
-from sitl.autopilot.estimation.wobble import EstimateError
+from sitl.autopilot.estimation.velocity_error import EstimateErrors
 from sitl.core.vehicle import STEP_S, Airframe, Follow
 
 
@@ -42,7 +42,7 @@ class Response:
     """Peak climb rate of NAV_TAKEOFF, m/s."""
     take_off_gain_1_s: float
     """Climb rate per remaining height near the take-off height, 1/s."""
-    estimate: EstimateError
+    estimate: EstimateErrors
     land_m_s: float
     land_drift_m_s: float
     """Horizontal speed during a landing, by the estimate: standard deviation per axis, m/s."""
@@ -63,7 +63,7 @@ ARDUCOPTER = Response(
     spool_up_s=3.3,
     take_off_m_s=1.15,
     take_off_gain_1_s=1.2,
-    estimate=EstimateError(0.01, 0.01, 0.005, math.radians(3.0)),
+    estimate=EstimateErrors(0.01, 0.01, 0.005, math.radians(3.0)),
     land_m_s=0.54,
     land_drift_m_s=0.03,
     disarm_delay_s=2.5,
@@ -82,7 +82,7 @@ PX4 = Response(
     spool_up_s=3.2,
     take_off_m_s=1.5,
     take_off_gain_1_s=1.0,
-    estimate=EstimateError(0.06, 0.07, 0.06, math.radians(10.0)),
+    estimate=EstimateErrors(0.06, 0.07, 0.06, math.radians(10.0)),
     land_m_s=0.6,
     land_drift_m_s=0.07,
     disarm_delay_s=5.5,

@@ -135,7 +135,7 @@ def missions(
 ) -> None:
     """Fly many missions on all cores; report how many are completed, and the scores."""
     from companion.export.map_files import each_by_itself, save_as  # noqa: PLC0415 - slow to load
-    from sitl.bench.lanes import fly_and_show  # noqa: PLC0415
+    from sitl.bench.parallel import fly_and_show  # noqa: PLC0415
     from sitl.bench.sets import jobs_for  # noqa: PLC0415
     from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
     from sitl.bench.summary import show, sum_up  # noqa: PLC0415
@@ -190,7 +190,7 @@ def faults(
     """
     from sitl.bench.fault_table import fault_table, progress_text  # noqa: PLC0415 - slow to load
     from sitl.bench.faults import FaultJob, fly, lost, sum_up  # noqa: PLC0415
-    from sitl.bench.lanes import with_a_bar  # noqa: PLC0415
+    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
 
     jobs = [FaultJob(seed, number) for number in range(first, first + flights)]
     rows = [flown.row for flown in with_a_bar(jobs, progress_text, fly, lost)]

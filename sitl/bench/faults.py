@@ -57,7 +57,7 @@ class FaultFlown:
     row: Report
 
 
-class Judge:
+class SafetyMonitor:
     """Monitors a flight, tick by tick."""
 
     def __init__(self) -> None:
@@ -123,14 +123,14 @@ def _fly(case: Case, folder: Path) -> Report:
         None, {"sensors.profile": case.profile, "mission.time_limit_s": TIME_LIMIT_S}
     )
     setup = Setup(case.world, case.world.name, case.number, settings.sensors, case.autopilot)
-    inject, judge = Play([fault.event() for fault in case.faults]), Judge()
+    inject, monitor = Play([fault.event() for fault in case.faults]), SafetyMonitor()
     savers: list[AutoSave] = []
 
     def script(simulation: Simulation, app: App) -> None:
         if not savers:
             savers.append(AutoSave(folder, app.floor_plan, _ignore))
         inject(simulation, app)
-        judge.watch(simulation, app)
+        monitor.watch(simulation, app)
 
     def save_now_and_then(progress: Progress) -> None:
         for saver in savers:
@@ -143,17 +143,17 @@ def _fly(case: Case, folder: Path) -> Report:
     ended_s = simulation.time_s
     while simulation.time_s < ended_s + AFTERWARDS_S:
         simulation.advance(simulation.time_s + 0.05)
-        judge.watch(simulation, app)
+        monitor.watch(simulation, app)
     return {
         "ending": app.flight.ending,
         "phase": app.flight.phase.name,
         "completed": app.flight.completed,
         "flight_s": round(ended_s, 1),
-        "collisions": judge.collisions_caused,
-        "set_down_on_furniture": judge.set_down,
+        "collisions": monitor.collisions_caused,
+        "set_down_on_furniture": monitor.set_down,
         "collisions_in_all": simulation.record.collisions,
         "clearance_m": round(simulation.record.clearance_m, 2),
-        "fly_away": judge.flies_away,
+        "fly_away": monitor.flies_away,
         "map_lost": _is_map_lost(app, folder / "map.json"),
         "waited_s": round(time.monotonic() - began_s, 1),
     }

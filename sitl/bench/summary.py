@@ -62,7 +62,7 @@ def sum_up(rows: Sequence[Report]) -> Summary:
 def show(result: Summary, console: Console) -> None:
     """Print the summary as a table, and the flights that were not completed."""
     console.print(summary_table(result["groups"], result["totals"]))
-    for line in complaints(result["rows"]):
+    for line in failed_flights(result["rows"]):
         console.print(line, soft_wrap=True, markup=False)
 
 
@@ -144,7 +144,7 @@ def _cell(form: str, known: Summary) -> str:
         return UNKNOWN
 
 
-def complaints(rows: Sequence[Report]) -> list[str]:
+def failed_flights(rows: Sequence[Report]) -> list[str]:
     """A line for every flight that was not completed."""
     return [
         f"{row['world']}{_clutter(row)}, {row['profile']}, start {row['start']}, "

@@ -10,7 +10,7 @@ class SitlError(Exception):
     """Root of the errors that end a `sitl` command with one line."""
 
 
-def complaint(error: ValidationError) -> str:
+def error_line(error: ValidationError) -> str:
     """The first validation error as one line, `key = value: what the value should be`."""
     first: Any = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"])

@@ -12,7 +12,7 @@ OUT_OF_ORDER_S = 0.06
 
 
 @dataclass(frozen=True, slots=True)
-class Troubles:
+class LinkErrors:
     """Shares of all messages, 0 to 1, and the largest random delay, s."""
 
     loss: float = 0.0
@@ -21,7 +21,7 @@ class Troubles:
     jitter_s: float = 0.0
 
 
-NO_TROUBLES = Troubles()
+NO_LINK_ERRORS = LinkErrors()
 """A perfect link."""
 
 
@@ -29,14 +29,14 @@ class Radio:
     """One direction of a link."""
 
     def __init__(self, random: Random) -> None:
-        self.troubles = NO_TROUBLES
+        self.errors = NO_LINK_ERRORS
         self._random = random
         self._under_way: list[tuple[float, int, Message]] = []
         self._count = 0
 
     def carry(self, messages: Iterable[Message], now_s: float) -> Iterable[Message]:
         """Accept messages to send; return those that arrive by `now_s`."""
-        if self.troubles is NO_TROUBLES and not self._under_way:
+        if self.errors is NO_LINK_ERRORS and not self._under_way:
             return messages
         for message in messages:
             self._launch(message, now_s)
@@ -46,12 +46,12 @@ class Radio:
         return arrived
 
     def _launch(self, message: Message, now_s: float) -> None:
-        random, troubles = self._random, self.troubles
-        if random.random() < troubles.loss:
+        random, errors = self._random, self.errors
+        if random.random() < errors.loss:
             return
-        for _ in range(2 if random.random() < troubles.duplicates else 1):
-            late_s = random.uniform(0.0, troubles.jitter_s)
-            if random.random() < troubles.reordering:
+        for _ in range(2 if random.random() < errors.duplicates else 1):
+            late_s = random.uniform(0.0, errors.jitter_s)
+            if random.random() < errors.reordering:
                 late_s += OUT_OF_ORDER_S
             self._count += 1
             heapq.heappush(self._under_way, (now_s + late_s, self._count, message))

@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import ardupilotmega as mavlink
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
 from sitl.autopilot.estimation.estimator import AutopilotEstimator
+from sitl.autopilot.estimation.external_messages import rotated
 from sitl.autopilot.estimation.ground_truth import quaternion_wxyz
-from sitl.autopilot.estimation.outside import rotated
 from sitl.autopilot.streams import Message
 from sitl.core.truth import TrueState
 from sitl.sensors.beam import RangeQuery

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from companion.core.frames import Vector3
 from companion.core.textfile import read_text
-from sitl.core.errors import SitlError, complaint
+from sitl.core.errors import SitlError, error_line
 from sitl.core.noise import stream
 from sitl.world.geometry.model import Hit
 
@@ -76,7 +76,7 @@ def beam_physics(values: Mapping[str, object], source: str) -> BeamPhysics:
     try:
         return BeamPhysics.model_validate(values)
     except ValidationError as error:
-        raise BeamError(f"{source}: {complaint(error)}") from error
+        raise BeamError(f"{source}: {error_line(error)}") from error
 
 
 def load_beam_physics(path: Path) -> BeamPhysics:

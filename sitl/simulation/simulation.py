@@ -21,7 +21,7 @@ from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, OdometryNoise
 from sitl.autopilot.firmware import boot_values, system_id
 from sitl.autopilot.parameters.protocol import ParameterWatch
 from sitl.core.noise import stream
-from sitl.core.radio import Radio, Troubles
+from sitl.core.radio import LinkErrors, Radio
 from sitl.core.truth import History, TrueState
 from sitl.sensors.beam import RAY, BeamPhysics, LightBeam, RangeQuery
 from sitl.sensors.board import SensorBoard
@@ -134,10 +134,10 @@ class Simulation:
                     transport.send(message)
         self.board.bus.set_time(self.autopilot.time_s)
 
-    def disturb_link(self, troubles: Troubles) -> None:
+    def disturb_link(self, errors: LinkErrors) -> None:
         """A fault for tests: disturb MAVLink in both directions."""
         for to_vehicle, from_vehicle in self._radios:
-            to_vehicle.troubles = from_vehicle.troubles = troubles
+            to_vehicle.errors = from_vehicle.errors = errors
 
     def _observe(self, state: TrueState) -> None:
         self._history.add(state)

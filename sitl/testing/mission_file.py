@@ -24,7 +24,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator, validate_call
 
 from companion.core.textfile import read_text
-from sitl.core.errors import SitlError, complaint
+from sitl.core.errors import SitlError, error_line
 from sitl.testing.actions.action import Action
 from sitl.testing.actions.table import ACTIONS
 from sitl.testing.script import Event, at, optional, when
@@ -104,7 +104,7 @@ def load_mission(mission: str) -> MissionFile:
     except OSError as error:
         raise MissionError(f"{mission}: {error.strerror}") from error
     except ValidationError as error:
-        raise MissionError(f"{mission}: {complaint(error)}") from error
+        raise MissionError(f"{mission}: {error_line(error)}") from error
     except MissionError:
         raise
     except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
@@ -116,7 +116,7 @@ def _toml(path: Path) -> MissionFile:
     try:
         events = tuple(event.event() for event in file.events)
     except ValidationError as error:
-        raise MissionError(f"{path}: {error.title}: {complaint(error)}") from error
+        raise MissionError(f"{path}: {error.title}: {error_line(error)}") from error
     except ValueError as error:
         raise MissionError(f"{path}: {error}") from error
     return MissionFile(_overrides(file.mission), events)

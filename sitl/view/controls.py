@@ -17,7 +17,7 @@ from companion.link.firmware import ARDUCOPTER_MODES, PX4_MODES
 from sitl.autopilot.firmware import Throttle
 from sitl.core.errors import SitlError
 from sitl.view.faults import FAULTS
-from sitl.view.news import Inject, TakeOver
+from sitl.view.flight_messages import Inject, TakeOver
 from sitl.view.request import OWN_PROFILE, PROFILES, FlightRequest
 from sitl.world.loading import world_names
 

@@ -16,7 +16,7 @@ from sitl.simulation.simulation import Simulation
 from sitl.testing.actions.vehicle import pilot_mode
 from sitl.testing.script import Event, Play
 from sitl.view.faults import FAULTS
-from sitl.view.news import (
+from sitl.view.flight_messages import (
     Begin,
     Ended,
     GiveUp,

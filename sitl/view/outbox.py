@@ -5,7 +5,7 @@ from collections import deque
 from dataclasses import replace
 from multiprocessing.connection import Connection
 
-from sitl.view.news import News, Seen
+from sitl.view.flight_messages import News, Seen
 
 
 class Outbox:

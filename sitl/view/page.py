@@ -1,7 +1,7 @@
 """The simulator's page: the true building on one side, the drone's map on the other.
 
 controls ───────────┐                ┌──► scene, numbers, plots
-news of the flight ─┼─► in `Turns` ──┤
+news of the flight ─┼─► in `ActQueue` ──┤
 scores ─────────────┘                └──► orders to the flight's process
 """
 
@@ -16,8 +16,8 @@ from companion.core.errors import CompanionError
 from companion.core.frames import Place, wrap_rad
 from companion.core.messages import FloorPlan
 from companion.view import downloads
+from companion.view.access.act_queue import ActQueue, Event
 from companion.view.access.server import PageServer
-from companion.view.access.turns import Event, Turns
 from companion.view.scene.camera import PANEL_PX, Framing
 from companion.view.scene.instruments import PERIOD_S, Instruments
 from companion.view.scene.mapped import MappedSide
@@ -28,9 +28,20 @@ from sitl.scoring.score import MapScore
 from sitl.simulation.simulation import start_state
 from sitl.view.building import TrueSide
 from sitl.view.controls import Controls
-from sitl.view.hangar import Hangar
+from sitl.view.flight_messages import (
+    Begin,
+    Ended,
+    GiveUp,
+    Land,
+    News,
+    Order,
+    Pace,
+    Refused,
+    Seen,
+    Step,
+)
+from sitl.view.flight_process import FlightProcess
 from sitl.view.live_score import LiveScore
-from sitl.view.news import Begin, Ended, GiveUp, Land, News, Order, Pace, Refused, Seen, Step
 from sitl.view.outbox import later
 from sitl.world.format import World
 from sitl.world.loading import load_world
@@ -71,7 +82,7 @@ class Page:
     def __init__(self, server: PageServer, world: str) -> None:
         first = load_world(world)
         self._server = server
-        self._turns = Turns(server, (SitlError, CompanionError))
+        self._turns = ActQueue(server, (SitlError, CompanionError))
         self._pending: Seen | None = None
         self._pending_lock = threading.Lock()
         self._shown_wall_s = self._plotted_wall_s = 0.0
@@ -91,7 +102,7 @@ class Page:
         panel.set_width(PANEL_PX)
         self._connect_controls()
         self._show_world(world, first)
-        self._hangar = Hangar(self._receive)
+        self._hangar = FlightProcess(self._receive)
 
     def run(self, is_over: Callable[[], bool]) -> None:
         """Serve until `is_over`."""

@@ -31,7 +31,7 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field, InstanceOf, ValidationError, model_validator
 
 from companion.core.frames import Vector2
-from sitl.core.errors import SitlError, complaint
+from sitl.core.errors import SitlError, error_line
 from sitl.world.geometry.triangles import Mesh
 from sitl.world.known import KnownArea
 
@@ -249,6 +249,6 @@ def parse_world(text: str, source: str) -> World:
     try:
         return World.model_validate(tomllib.loads(text))
     except ValidationError as error:
-        raise WorldError(f"{source}: {complaint(error)}") from error
+        raise WorldError(f"{source}: {error_line(error)}") from error
     except (ValueError, RecursionError) as error:  # also from huge numbers and deep nesting
         raise WorldError(f"{source}: not TOML: {error}") from error

@@ -97,7 +97,7 @@ class Bench:
         if sensors.from_autopilot is not None and not self.board.bus.is_broken:
             reported = rangefinder_messages(self.board.from_autopilot, round(1000 * time_s))
             for message in decode(self.codec, b"".join(m.pack(self.codec) for m in reported)):
-                sensors.from_autopilot.hear(message, time_s)
+                sensors.from_autopilot.receive(message, time_s)
         return sensors.read(time_s)
 
 

@@ -63,7 +63,7 @@ class Turntable:
             message = self._message(self._told_s + self.clock_s)
             if not self.is_silent:
                 for received in decode(self._codec, message.pack(self._codec)):
-                    gyro.hear(received, now_s)
+                    gyro.receive(received, now_s)
 
     def _message(self, boot_s: float) -> Any:
         rate_rad_s = self._bench.truth.yaw_rate_rad_s

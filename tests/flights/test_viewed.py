@@ -9,9 +9,20 @@ import pytest
 
 from companion.core.errors import ConfigError
 from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.view.flight_messages import (
+    Begin,
+    Ended,
+    GiveUp,
+    Inject,
+    News,
+    Pace,
+    Refused,
+    Seen,
+    Step,
+    TakeOver,
+)
+from sitl.view.flight_process import FlightProcess
 from sitl.view.flying import serve
-from sitl.view.hangar import Hangar
-from sitl.view.news import Begin, Ended, GiveUp, Inject, News, Pace, Refused, Seen, Step, TakeOver
 from sitl.view.request import OWN_PROFILE, FlightRequest
 
 DEADLINE_S = 60
@@ -85,7 +96,7 @@ def test_what_was_given_up_is_not_finished() -> None:
 
 def test_a_process_that_died_is_started_again() -> None:
     news: Queue[News] = Queue()
-    hangar = Hangar(news.put)
+    hangar = FlightProcess(news.put)
     hangar.order(Begin(1, FlightRequest("room_100"), 1.0))
     assert isinstance(news.get(timeout=DEADLINE_S), Seen)
     hangar._process.kill()

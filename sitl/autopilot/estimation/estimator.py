@@ -9,8 +9,8 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.core.frames import Vector3, frd_to_ned, ned_to_frd, wrap_rad
-from sitl.autopilot.estimation.outside import OutsidePose
-from sitl.autopilot.estimation.wobble import NO_ERROR, EstimateError, Wobble
+from sitl.autopilot.estimation.external_messages import ExternalPose
+from sitl.autopilot.estimation.velocity_error import NO_ERROR, EstimateErrors, VelocityError
 from sitl.autopilot.firmware import Sources
 from sitl.core.noise import stream
 from sitl.core.truth import TrueState
@@ -29,8 +29,8 @@ POSITION_GAIN, VELOCITY_GAIN, YAW_GAIN = 0.15, 0.1, 0.1
 VELOCITY_FROM_POSITION_1_S = 0.5
 """Gains of one external pose. At 50 Hz the estimate follows within about 0.2 s."""
 FLOW_ONLY = Sources(flow=True)
-WOBBLE_S, WOBBLE_RAD_S = 1.0, 1.5
-VERTICAL_WOBBLE_S, VERTICAL_WOBBLE_RAD_S = 0.5, 2.5
+ERROR_S, SWING_RAD_S = 1.0, 1.5
+VERTICAL_ERROR_S, VERTICAL_ERROR_RAD_S = 0.5, 2.5
 """Correlation time, s, and angular frequency, rad/s, of the velocity error.
 
 Measured on PX4 1.17 in hover, horizontal and vertical.
@@ -62,7 +62,7 @@ class OdometryNoise:
     inertial_m_s2: float = 0.02
     """Velocity drift without correction."""
     estimate: float = 1.0
-    """Factor on the errors of the firmware's estimator (`wobble.py`)."""
+    """Factor on the errors of the firmware's estimator (`velocity_error.py`)."""
 
     def times(self, factor: float) -> "OdometryNoise":
         """Noise with all drift multiplied by a factor; the rate of flow dropouts stays."""
@@ -94,28 +94,33 @@ class AutopilotEstimator:
         start: TrueState,
         seed: int,
         noise: OdometryNoise,
-        error: EstimateError = NO_ERROR,
+        error: EstimateErrors = NO_ERROR,
     ) -> None:
         self._random = random = stream(seed, "flow")
         self._flow_random = stream(seed, "flow dropouts")
         self._inertial_random = stream(seed, "inertial drift")
         self._attitude_random = stream(seed, "attitude drift")
         self._noise = noise
-        wobble_random = stream(seed, "velocity error")
+        velocity_random = stream(seed, "velocity error")
         sway_random = stream(seed, "velocity tracking")
-        self._wobble_ne = [
-            Wobble(wobble_random, noise.estimate * error.velocity_m_s, WOBBLE_S, WOBBLE_RAD_S)
+        self._velocity_ne = [
+            VelocityError(
+                velocity_random,
+                noise.estimate * error.velocity_m_s,
+                ERROR_S,
+                SWING_RAD_S,
+            )
             for _ in range(2)
         ]
         self._sway_ne = [
-            Wobble(sway_random, noise.estimate * error.sway_m_s, WOBBLE_S, WOBBLE_RAD_S)
+            VelocityError(sway_random, noise.estimate * error.sway_m_s, ERROR_S, SWING_RAD_S)
             for _ in range(2)
         ]
-        self._wobble_down = Wobble(
-            wobble_random,
+        self._velocity_down = VelocityError(
+            velocity_random,
             noise.estimate * error.climb_m_s,
-            VERTICAL_WOBBLE_S,
-            VERTICAL_WOBBLE_RAD_S,
+            VERTICAL_ERROR_S,
+            VERTICAL_ERROR_RAD_S,
         )
         self._heading_moves_rad_s = (
             stream(seed, "heading at take-off").gauss(0, error.take_off_heading_rad)
@@ -142,8 +147,8 @@ class AutopilotEstimator:
         self.velocity_ned_m_s: Vector3 = (0.0, 0.0, 0.0)
 
     @property
-    def _wobbles(self) -> tuple[Wobble, ...]:
-        return (*self._wobble_ne, *self._sway_ne, self._wobble_down)
+    def _velocity_errors(self) -> tuple[VelocityError, ...]:
+        return (*self._velocity_ne, *self._sway_ne, self._velocity_down)
 
     @property
     def has_settled(self) -> bool:
@@ -162,7 +167,7 @@ class AutopilotEstimator:
         self.yaw_rad = wrap_rad(self.yaw_rad + yaw_rad)
 
     def update(
-        self, truth: TrueState, sources: Sources = FLOW_ONLY, pose: OutsidePose | None = None
+        self, truth: TrueState, sources: Sources = FLOW_ONLY, pose: ExternalPose | None = None
     ) -> None:
         """Process one step of true motion and an external pose."""
         dt_s = truth.time_s - self._truth.time_s
@@ -172,20 +177,20 @@ class AutopilotEstimator:
             self.yaw_rate_rad_s = truth.yaw_rate_rad_s * self._gyro_scale + self._gyro_bias
             self.yaw_rad = wrap_rad(self.yaw_rad + self.yaw_rate_rad_s * dt_s)
             self._move_heading(truth.time_s, dt_s)
-            for wobble in self._wobbles:
-                wobble.step(dt_s)
+            for error in self._velocity_errors:
+                error.step(dt_s)
         self._steps += 1
         if self._steps % WALK_STEPS == 0:
             self._wander(truth, moving=moving)
         north, east = self._flow(truth) if sources.flow else self._inertial(truth)
         if moving:
-            north += self._wobble_ne[0].velocity_m_s
-            east += self._wobble_ne[1].velocity_m_s
+            north += self._velocity_ne[0].velocity_m_s
+            east += self._velocity_ne[1].velocity_m_s
         x, y, _ = self.position_ned_m
         down = truth.position_ned_m[2] - self._floor + self._height_error_m
-        down += self._wobble_down.position_m
+        down += self._velocity_down.position_m
         self.position_ned_m = (x + north * dt_s, y + east * dt_s, down)
-        sinking = truth.velocity_ned_m_s[2] + (self._wobble_down.velocity_m_s if moving else 0.0)
+        sinking = truth.velocity_ned_m_s[2] + (self._velocity_down.velocity_m_s if moving else 0.0)
         if moving:
             north -= self._sway_ne[0].velocity_m_s
             east -= self._sway_ne[1].velocity_m_s
@@ -216,8 +221,8 @@ class AutopilotEstimator:
             x, y, down = self.position_ned_m
             self.position_ned_m = (x + gauss(0, noise.step_m), y + gauss(0, noise.step_m), down)
             self._drift_attitude()
-            for wobble in self._wobbles:
-                wobble.kick()
+            for error in self._velocity_errors:
+                error.kick()
         fade = WALK_S / HEIGHT_DRIFT_TIME_CONSTANT_S
         kick = noise.height_drift_m * math.sqrt(2 * fade)
         self._drift_m += -fade * self._drift_m + gauss(0, kick)
@@ -250,7 +255,7 @@ class AutopilotEstimator:
         lost = random.random() < noise.flow_dropout
         self._flow_held = self.velocity_ned_m_s[:2] if lost else None
 
-    def _correct(self, pose: OutsidePose) -> None:
+    def _correct(self, pose: ExternalPose) -> None:
         """Alpha-beta filter: correct position and velocity by an external pose."""
         sources = self._sources
         jumped = pose.reset_counter != self._reset_counter
@@ -279,7 +284,7 @@ class AutopilotEstimator:
         north, east, down = velocity_ned_m_s
         north += self._sway_ne[0].velocity_m_s
         east += self._sway_ne[1].velocity_m_s
-        down -= self._wobble_down.velocity_m_s
+        down -= self._velocity_down.velocity_m_s
         scale = self._scale
         if not self._sources.flow:
             scale = 1.0

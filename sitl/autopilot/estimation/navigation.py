@@ -4,7 +4,7 @@ import math
 from dataclasses import replace
 
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator, OdometryNoise
-from sitl.autopilot.estimation.outside import Outside
+from sitl.autopilot.estimation.external_messages import ExternalMessages
 from sitl.autopilot.firmware import EmulatedFirmware, EstimatorHealth, ParameterValues, Sources
 from sitl.core.truth import TrueState
 
@@ -29,7 +29,7 @@ class Navigation:
         self._parameters = parameters
         self._steps = 0
         self.estimator = AutopilotEstimator(start, seed, noise, firmware.response.estimate)
-        self.outside = Outside(firmware.pose_messages)
+        self.outside = ExternalMessages(firmware.pose_messages)
         self.sources = firmware.sources(parameters)
         self.origin: tuple[int, int, int] | None = None
         """SET_GPS_GLOBAL_ORIGIN (48): degrees times 1e7, mm."""

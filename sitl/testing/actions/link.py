@@ -2,7 +2,7 @@
 
 from pymavlink.dialects.v20 import ardupilotmega as mavlink
 
-from sitl.core.radio import NO_TROUBLES, Troubles
+from sitl.core.radio import NO_LINK_ERRORS, LinkErrors
 from sitl.simulation.simulation import Simulation
 from sitl.testing.actions.action import Action
 
@@ -18,10 +18,10 @@ def bad_link(
     for_s: float | None = None,
 ) -> Action:
     """Disturb MAVLink in both directions: shares of all messages, and the largest delay."""
-    troubles = Troubles(loss, duplicates, reordering, jitter_s)
+    errors = LinkErrors(loss, duplicates, reordering, jitter_s)
     return Action(
-        lambda simulation: simulation.disturb_link(troubles),
-        lambda simulation: simulation.disturb_link(NO_TROUBLES),
+        lambda simulation: simulation.disturb_link(errors),
+        lambda simulation: simulation.disturb_link(NO_LINK_ERRORS),
         for_s,
     )
 

@@ -13,7 +13,7 @@ from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from companion.core.textfile import NotTextError, read_text
-from sitl.core.errors import complaint
+from sitl.core.errors import error_line
 from sitl.world.format import Metres, WorldError
 from sitl.world.known import Cells, Raster
 from sitl.world.plan import OUTSIDE_M
@@ -80,7 +80,7 @@ def _read_record(path: Path) -> _Record:
     except yaml.YAMLError as error:
         raise WorldError(f"{path}: not YAML: {error}") from error
     except ValidationError as error:
-        raise WorldError(f"{path}: {complaint(error)}") from error
+        raise WorldError(f"{path}: {error_line(error)}") from error
 
 
 def _parse(text: str) -> Any:

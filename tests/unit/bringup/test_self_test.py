@@ -17,7 +17,7 @@ from companion.link.transports.serial_transport import SerialTransport
 from companion.link.transports.transport import direct_pair
 from companion.run.hardware import make_rig
 from companion.run.loop import Rig
-from sitl.core.radio import Troubles
+from sitl.core.radio import LinkErrors
 from sitl.simulation.simulation import Setup, Simulation
 from sitl.testing import battery, claim, mute, other_rates
 from sitl.world.loading import load_world
@@ -87,7 +87,7 @@ def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
 
 def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
     drone = Drone()
-    drone.simulation.disturb_link(Troubles(loss=1.0))
+    drone.simulation.disturb_link(LinkErrors(loss=1.0))
     link = drone.examined()["link"]
     assert link.verdict is CheckResult.BAD
     assert "udpin:127.0.0.1:14550" in link.remedy

@@ -118,7 +118,7 @@ def test_the_autopilots_gyro_follows_its_clock(step_s: float) -> None:
     for i in range(400):
         true_s = 0.02 * i
         boot_s = 100.0 + true_s + (step_s if true_s > SET_AT_S else 0.0)
-        gyro.hear(mavlink.MAVLink_scaled_imu_message(round(1000 * boot_s), *(0,) * 9), true_s)
+        gyro.receive(mavlink.MAVLink_scaled_imu_message(round(1000 * boot_s), *(0,) * 9), true_s)
         for sample in gyro.read(true_s):
             assert sample.time_s <= true_s + 1e-9
             if not SET_AT_S < true_s < SET_AT_S + 0.6:

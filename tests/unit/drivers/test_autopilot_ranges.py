@@ -17,7 +17,7 @@ def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int 
         *(77, least_cm, most_cm, current_cm, mavlink.MAV_DISTANCE_SENSOR_LASER, 1, FRONT, 0),
         signal_quality=quality,
     )
-    sensors.hear(message, 1.0)
+    sensors.receive(message, 1.0)
     reading = sensors.read(1.0).get(Beam.FRONT)
     return reading.state if reading else RangeState.FAILED
 

@@ -17,7 +17,7 @@ from companion.estimation.smoothing.odometry_model import (
     averaged,
 )
 from companion.estimation.smoothing.odometry_noise import OdometryNoise
-from sitl.autopilot.estimation.wobble import KICK_S, Wobble
+from sitl.autopilot.estimation.velocity_error import KICK_S, VelocityError
 
 TICK_S, WALL_M, RANGE_SIGMA_M = 0.05, 2.0, 0.02
 
@@ -59,7 +59,7 @@ def test_what_wanders_does_not_drift_away(minutes: float) -> None:
 
 def test_the_position_error_that_autopilots_make_is_of_the_size_that_is_learnt() -> None:
     """The emulated error oscillates, the model only decays; over a second they must agree."""
-    wobble, random = Wobble(Random(2), 0.1, 1.0, 1.5), Random(3)
+    wobble, random = VelocityError(Random(2), 0.1, 1.0, 1.5), Random(3)
     model = OdometryModel()
     noise, offs_m = OdometryNoise(model), []
     for step in range(12_000):
@@ -99,7 +99,7 @@ def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
     The drone is flown by its estimate, so an error of the estimate moves it the other way, with a
     lag.
     """
-    wobble, random = Wobble(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
+    wobble, random = VelocityError(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
     steps_m, yields_m_s = [], 0.0
     for tick in range(60_000):
         if tick % round(KICK_S / 0.01) == 0:

@@ -25,7 +25,7 @@ class Vehicle:
         self.transport, companion = pipe_pair()
         self.link = Link(companion, config or LinkConfig())
         self.now_s = 0.0
-        self.heard: list[Message] = []
+        self.received: list[Message] = []
         self.heard_at: list[tuple[float, Message]] = []
 
     def says(self, *messages: Message) -> Telemetry:
@@ -36,7 +36,7 @@ class Vehicle:
     def tick(self, setpoint: Setpoint | None = None, command: Command | None = None) -> list[Any]:
         self.link.send(self.now_s, setpoint, command)
         new: list[Any] = self.transport.receive()
-        self.heard += new
+        self.received += new
         self.heard_at += [(self.now_s, message) for message in new]
         self.now_s += TICK_S
         return new
@@ -90,9 +90,9 @@ def test_it_beats_once_a_second_as_an_onboard_controller(vehicle: Vehicle) -> No
 def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick()
-    asked = {int(m.param1) for m in vehicle.heard if m.get_type() == "COMMAND_LONG"}
+    asked = {int(m.param1) for m in vehicle.received if m.get_type() == "COMMAND_LONG"}
     assert asked == {32, 30, 245, 193, 1, 49}
-    (timeout,) = [m for m in vehicle.heard if m.get_type() == "PARAM_SET"]
+    (timeout,) = [m for m in vehicle.received if m.get_type() == "PARAM_SET"]
     assert (timeout.param_id, timeout.param_value) == ("GUID_TIMEOUT", 0.5)
 
 
@@ -100,7 +100,7 @@ def test_how_long_an_old_setpoint_is_flown_can_be_set() -> None:
     vehicle = Vehicle(LinkConfig(setpoint_loss_s=2.0))
     vehicle.says(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3))
     vehicle.tick()
-    told = {m.param_id: m.param_value for m in vehicle.heard if m.get_type() == "PARAM_SET"}
+    told = {m.param_id: m.param_value for m in vehicle.received if m.get_type() == "PARAM_SET"}
     assert told["COM_OF_LOSS_T"] == 2.0
     assert "COM_OBL_RC_ACT" in told
 
@@ -110,7 +110,7 @@ def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
     for _ in range(80):
         vehicle.says(position(int(vehicle.now_s * 1000) + 1))
         vehicle.tick()
-    asked = [int(m.param1) for m in vehicle.heard if m.get_type() == "COMMAND_LONG"]
+    asked = [int(m.param1) for m in vehicle.received if m.get_type() == "COMMAND_LONG"]
     assert asked.count(30) >= 2
     assert asked.count(32) <= 1
 
@@ -272,7 +272,7 @@ def test_a_setpoint_is_a_body_velocity_with_yaw_rate(vehicle: Vehicle) -> None:
 
 
 def commands(vehicle: Vehicle, number: int) -> list[Message]:
-    return [m for m in vehicle.heard if m.get_type() == "COMMAND_LONG" and m.command == number]
+    return [m for m in vehicle.received if m.get_type() == "COMMAND_LONG" and m.command == number]
 
 
 def test_a_command_is_repeated_until_it_is_wanted_no_more(vehicle: Vehicle) -> None:
@@ -502,11 +502,11 @@ def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
     vehicle.says(px4_heartbeat())
     if dll_act is not None:
         vehicle.says(px4_parameter(b"NAV_DLL_ACT", dll_act))
-    heard = ticks_for(vehicle, 5)
-    told = ground_beats(heard)
+    received = ticks_for(vehicle, 5)
+    told = ground_beats(received)
     assert len(told) == pytest.approx(beats, abs=1)
     assert {m.get_srcComponent() for m in told} <= {190}
-    own = [m for m in heard if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == 191]
+    own = [m for m in received if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == 191]
     assert len(own) == 5
     assert all(m.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER for m in own)
 
@@ -514,9 +514,9 @@ def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
 def test_either_component_numbers_its_messages_without_gaps() -> None:
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat(), px4_parameter(b"NAV_DLL_ACT", 0))
-    heard = ticks_for(vehicle, 5)
+    received = ticks_for(vehicle, 5)
     for component in (190, 191):
-        numbers = [m.get_seq() for m in heard if m.get_srcComponent() == component]
+        numbers = [m.get_seq() for m in received if m.get_srcComponent() == component]
         steps = {(b - a) % 256 for a, b in itertools.pairwise(numbers)}
         assert steps == {1}
 

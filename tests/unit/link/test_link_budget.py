@@ -8,7 +8,7 @@ import pytest
 from companion.bringup.self_test import CheckResult, Examination
 from companion.config.settings import Config
 from companion.core.errors import ConfigError
-from companion.link.link_budget import budget_complaint, link_budget
+from companion.link.link_budget import budget_error, link_budget
 from companion.link.transports.transport import direct_pair
 from companion.run.hardware import open_rig
 from tests.contract.bench import make_bench
@@ -72,16 +72,16 @@ def test_what_the_autopilot_is_asked_for_counts_too() -> None:
         beam: {"kind": "autopilot", "max_m": 5.0}
         for beam in ("front", "left", "right", "up", "down")
     }
-    complaint = budget_complaint(config(57600, {"ranges": beams, "gyro": "autopilot"}))
+    complaint = budget_error(config(57600, {"ranges": beams, "gyro": "autopilot"}))
     assert "asks the autopilot for" in complaint
     assert "DISTANCE_SENSOR" in complaint
-    assert budget_complaint(config(115200, {"ranges": beams, "gyro": "autopilot"})) == ""
+    assert budget_error(config(115200, {"ranges": beams, "gyro": "autopilot"})) == ""
 
 
 @pytest.mark.parametrize("baud", [57600, 115200, 921600])
 def test_what_is_usual_fits(baud: int) -> None:
-    assert budget_complaint(config(baud)) == ""
+    assert budget_error(config(baud)) == ""
 
 
 def test_a_link_without_a_baud_rate_is_not_held_to_one() -> None:
-    assert budget_complaint(Config.model_validate({"link": {"send_pose": True}})) == ""
+    assert budget_error(Config.model_validate({"link": {"send_pose": True}})) == ""

@@ -17,7 +17,7 @@ from companion.navigation.path_follower import (
     is_blocked,
     passed,
 )
-from companion.safety.seen_free import Lane
+from companion.safety.swept_space import Lane
 from tests.grids import (
     NORTH,
     PLAN,

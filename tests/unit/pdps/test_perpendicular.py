@@ -50,7 +50,7 @@ def test_only_a_corner_in_range_gives_its_shortest_return() -> None:
     assert (found.bearing_rad, found.distance_m) == (0.0, 4.0)
 
 
-def test_free_space_is_what_was_seen_free() -> None:
+def test_free_space_is_what_was_swept_space() -> None:
     turn = turn_in_a_room({0.0: 2.0, math.pi: 4.0}, 0.0)
     assert free_distance(turn, 0.0, 3.0) == pytest.approx(2.0, abs=0.01)
     assert free_distance(turn, math.pi, 3.0) == 3.0

@@ -14,7 +14,7 @@ from companion.mapping.occupancy import Occupancy, Ray
 from companion.navigation.observation import Observation
 from companion.pdps.room_scan import step
 from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
-from companion.safety.seen_free import Lane
+from companion.safety.swept_space import Lane
 
 PLAN = MissionConfig()
 

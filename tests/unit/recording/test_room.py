@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from companion.config import settings as configuration
-from companion.core.aside import Aside
+from companion.core.background_writer import BackgroundWriter
 from companion.core.errors import OutputError
 from companion.recording import room
 from companion.recording.room import refuse_no_room
@@ -46,7 +46,7 @@ def test_a_disk_that_writes_nothing_is_refused(
 
 def test_a_disk_that_hangs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room, "ANSWER_S", 0.0)
-    monkeypatch.setattr(Aside, "wait", lambda self, timeout_s: timeout_s > 0)
+    monkeypatch.setattr(BackgroundWriter, "wait", lambda self, timeout_s: timeout_s > 0)
     with pytest.raises(OutputError, match="does not answer"):
         refuse_no_room(tmp_path, configuration.load(None, {}))
 

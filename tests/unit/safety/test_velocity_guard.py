@@ -21,9 +21,9 @@ from companion.core.messages import (
     Setpoint,
 )
 from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
-from companion.safety.obstacle_memory import Near, Surroundings
+from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
 from companion.safety.obstacle_points import KEPT_S, NO_DRIFT, Drift
-from companion.safety.seen_free import all_passed
+from companion.safety.swept_space import all_swept
 from companion.safety.velocity_guard import guarded
 
 CLEARANCE_M = 0.3
@@ -32,9 +32,11 @@ FORWARD = Setpoint(forward_m_s=1.0, yaw_rate_rad_s=0.3)
 Place = tuple[float, float]
 
 
-def near(sensor: RangeModel, offset_m: float) -> Near:
+def near(sensor: RangeModel, offset_m: float) -> ObstacleMemory:
     """Obstacle memory of four such sensors, at `offset_m` from the drone's centre."""
-    return Near({beam: RangeUnit(sensor, at, offset_m) for beam, at in BEARING_FRD_RAD.items()})
+    return ObstacleMemory(
+        {beam: RangeUnit(sensor, at, offset_m) for beam, at in BEARING_FRD_RAD.items()}
+    )
 
 
 def wall(ahead_m: float, half_m: float = 1.0) -> list[Place]:
@@ -164,7 +166,7 @@ def at(distance_m: float) -> RangeReading:
 class Drone:
     """A drone that moves north with its nose to the north, and measures."""
 
-    def __init__(self, near: Near, drift: Drift = NO_DRIFT) -> None:
+    def __init__(self, near: ObstacleMemory, drift: Drift = NO_DRIFT) -> None:
         self.near, self._drift = near, drift
         self._north_m = self._time_s = 0.0
         self.move(0.0)
@@ -198,9 +200,9 @@ class Drone:
         self.turn_to(0.0)
 
     @property
-    def all_passed(self) -> Surroundings:
+    def all_swept(self) -> Surroundings:
         """The surroundings, with all space swept."""
-        return replace(self.near.surroundings(0.5), lane=all_passed)
+        return replace(self.near.surroundings(0.5), lane=all_swept)
 
     @property
     def points(self) -> list[Place]:
@@ -292,9 +294,9 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
     drone.move(2.2)
-    far = guarded(FORWARD, drone.all_passed, CLEARANCE_M).forward_m_s
+    far = guarded(FORWARD, drone.all_swept, CLEARANCE_M).forward_m_s
     drone.see(front=at(1.2))
-    exact = guarded(FORWARD, drone.all_passed, CLEARANCE_M).forward_m_s
+    exact = guarded(FORWARD, drone.all_swept, CLEARANCE_M).forward_m_s
     assert 0 < far < exact < FORWARD.forward_m_s
     assert len(drone.near.surroundings(0.5).points_frd_m) == 1
 

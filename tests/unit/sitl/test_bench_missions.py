@@ -11,11 +11,11 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from companion.core.errors import ConfigError
-from sitl.bench import lanes
+from sitl.bench import parallel
 from sitl.bench.missions import Flown, Job, Sketch, Watch, fly, lost
 from sitl.bench.sets import jobs_for, places
 from sitl.bench.sheet import draw_sheet
-from sitl.bench.summary import by_world, complaints, show, sum_up, summarise
+from sitl.bench.summary import by_world, failed_flights, show, sum_up, summarise
 from sitl.commands.cli import commands
 from sitl.running.options import Autopilot, FlightOptions
 from sitl.scoring.report import Report
@@ -138,9 +138,9 @@ def fly_or_die(job: Job) -> Flown:
 
 
 def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(lanes, "cores", lambda: 1)
+    monkeypatch.setattr(parallel, "cores", lambda: 1)
     results: list[Flown] = []
-    flights = lanes.fly_all(
+    flights = parallel.fly_all(
         [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_die, lost
     )
     assert [flown.row["seed"] for flown in flights] == [2, 3]
@@ -164,8 +164,8 @@ def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
     assert (summary["clearance_min_m"], summary["return_max_m"]) == (0.3, 0.6)
     assert summary["trace_over_least_mean"] == 1.2
     assert summary["endings"] == {"landed: time limit; collisions: 2": 1, "lost: a reason": 1}
-    assert len(complaints(rows)) == 2
-    assert complaints(rows)[0].startswith("room, paper, start 1, seed 1: landed")
+    assert len(failed_flights(rows)) == 2
+    assert failed_flights(rows)[0].startswith("room, paper, start 1, seed 1: landed")
 
 
 def test_worlds_and_profiles_are_summed_up_apart() -> None:
@@ -219,7 +219,7 @@ def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
 def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(lanes, "fly_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
+    monkeypatch.setattr(parallel, "fly_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
     (plans / "a_room.json").unlink()
     out = tmp_path / "out"
     done = CliRunner().invoke(
@@ -244,7 +244,7 @@ def test_a_campaign_that_is_broken_off_leaves_what_was_flown(
         on_result(lost(jobs[0], "blown away"))
         raise MemoryError
 
-    monkeypatch.setattr(lanes, "fly_all", crash)
+    monkeypatch.setattr(parallel, "fly_all", crash)
     done = CliRunner().invoke(
         commands, ["bench", "missions", f"--worlds={plans}", f"--out={tmp_path}"]
     )

@@ -14,8 +14,8 @@ from companion.core.frames import Vector3
 from companion.link.transports.transport import Message, pipe_pair
 from sitl.autopilot.core import FIRMWARES
 from sitl.autopilot.estimation.estimator import REFERENCE_NOISE, AutopilotEstimator
+from sitl.autopilot.estimation.external_messages import ExternalMessages
 from sitl.autopilot.estimation.ground_truth import hil_state_quaternion, sim_state
-from sitl.autopilot.estimation.outside import Outside
 from sitl.autopilot.parameters.table import load_table
 from sitl.core.truth import TrueState
 from sitl.external.clock import AutopilotClock, Silence
@@ -340,7 +340,7 @@ def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -
     estimator.yaw_rad = 2.0
     estimator.position_ned_m, estimator.velocity_ned_m_s = (2.0, -1.0, -1.5), (0.5, 0.25, -0.1)
     (reported,) = on_the_wire(odometry(firmware, estimator, tilted))
-    outside = Outside(FIRMWARES[firmware]().pose_messages)
+    outside = ExternalMessages(FIRMWARES[firmware]().pose_messages)
     assert outside.receive(reported, 0.0) == ""
     pose = outside.take_pose()
     assert pose is not None

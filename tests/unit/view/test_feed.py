@@ -25,7 +25,7 @@ from companion.core.messages import (
 from companion.link.link import Telemetry
 from companion.pdps.flight.state import FlightState
 from companion.view.feed import NoFeed, TcpFeed, open_feed
-from companion.view.looker import Looker, parse_address
+from companion.view.feed_client import FeedClient, parse_address
 from companion.view.snapshot import Snapshot, decode, encode
 
 TOKEN = "0123456789abcdef"
@@ -72,7 +72,7 @@ def tick_until(feed: TcpFeed, is_done: Callable[[], bool], first_s: float = 0.0)
 
 def test_a_looker_sees_map_and_pose(feed: TcpFeed) -> None:
     seen: Queue[Snapshot] = Queue()
-    looker = Looker(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 3)
     first = seen.get(timeout=DEADLINE_S)
     assert first.sketch == Mapping(Config()).sketch()
@@ -87,9 +87,9 @@ def test_a_looker_sees_map_and_pose(feed: TcpFeed) -> None:
 def test_who_comes_late_gets_the_map_at_once(feed: TcpFeed) -> None:
     early: Queue[Snapshot] = Queue()
     late: Queue[Snapshot] = Queue()
-    first = Looker(("127.0.0.1", feed.port), TOKEN, early.put, lambda reason: None)
+    first = FeedClient(("127.0.0.1", feed.port), TOKEN, early.put, lambda reason: None)
     time_s = tick_until(feed, lambda: early.qsize() > 1)
-    second = Looker(("127.0.0.1", feed.port), TOKEN, late.put, lambda reason: None)
+    second = FeedClient(("127.0.0.1", feed.port), TOKEN, late.put, lambda reason: None)
     tick_until(feed, lambda: not late.empty(), time_s)
     assert late.get(timeout=DEADLINE_S).sketch is not None
     first.close()
@@ -99,7 +99,7 @@ def test_who_comes_late_gets_the_map_at_once(feed: TcpFeed) -> None:
 def test_the_wrong_token_sees_nothing(feed: TcpFeed) -> None:
     seen: list[Snapshot] = []
     complaints: Queue[str] = Queue()
-    looker = Looker(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
+    looker = FeedClient(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
     tick_until(feed, lambda: not complaints.empty())
     assert "--drone-token-file" in complaints.get(timeout=DEADLINE_S)
     assert not seen
@@ -111,7 +111,7 @@ def test_who_says_nothing_or_nonsense_does_not_hold_up_the_flight(feed: TcpFeed)
     babbling = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
     babbling.sendall(b"GET / HTTP/1.1\r\nHost: drone\r\n\r\n" + b"x" * 1000)
     seen: Queue[Snapshot] = Queue()
-    looker = Looker(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 1)
     for other in (looker, silent, babbling):
         other.close()
@@ -134,7 +134,7 @@ def test_an_error_ends_the_looking_on_and_not_the_flight() -> None:
 
     warnings: list[str] = []
     feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
-    looker = Looker(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
+    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
     tick_until(feed, lambda: bool(warnings))
     assert "ZeroDivisionError" in warnings[0]
     looker.close()
@@ -169,7 +169,7 @@ def test_addresses_of_drones() -> None:
     with pytest.raises(ViewError, match="HOST:PORT"):
         parse_address("drone:port")
     with pytest.raises(ViewError, match=r"view\.listen"):
-        Looker(("127.0.0.1", free_port()), "", lambda seen: None, lambda reason: None)
+        FeedClient(("127.0.0.1", free_port()), "", lambda seen: None, lambda reason: None)
 
 
 def test_a_snapshot_as_long_as_the_memory_is_not_read() -> None:
@@ -184,7 +184,7 @@ def test_a_snapshot_as_long_as_the_memory_is_not_read() -> None:
 
     Thread(target=lie, daemon=True).start()
     port = listener.getsockname()[1]
-    looker = Looker(("127.0.0.1", port), "", lambda seen: None, complaints.put)
+    looker = FeedClient(("127.0.0.1", port), "", lambda seen: None, complaints.put)
     assert "2147483648 bytes" in complaints.get(timeout=DEADLINE_S)
     looker.close()
     listener.close()

@@ -16,7 +16,7 @@ Source = tuple[int, int]
 """MAVLink system and component."""
 SUPPORTED = frozenset(firmware.autopilot for firmware in FIRMWARES)
 """Supported values of HEARTBEAT.autopilot."""
-BREAKS, BREAKS_WITHIN_S = 4, 5.0
+DISCONTINUITIES, DISCONTINUITIES_WITHIN_S = 4, 5.0
 """Discontinuities within this time, s, that mean two autopilots with the same id.
 
 A restarting autopilot causes three: its clock steps back, and PX4 briefly reports another type.
@@ -24,7 +24,7 @@ With two autopilots of one id, clock or type alternate with every message.
 """
 
 
-class Company:
+class Senders:
     """All senders on the link, from their heartbeats; time is an argument."""
 
     def __init__(self, config: LinkConfig) -> None:
@@ -33,36 +33,38 @@ class Company:
         self._target: Source = (config.system_id, int(mavlink.MAV_COMP_ID_AUTOPILOT1))
         self._kinds: dict[Source, tuple[int, int]] = {}
         """HEARTBEAT.autopilot and .type of each sender."""
-        self._breaks_s: deque[float] = deque(maxlen=BREAKS)
-        self._has_namesake = self._has_twin = False
+        self._discontinuities_s: deque[float] = deque(maxlen=DISCONTINUITIES)
+        self._has_same_id = self._has_two_autopilots = False
 
-    def hear(self, message: Message, now_s: float) -> None:
+    def receive(self, message: Message, now_s: float) -> None:
         """Process a message from any sender."""
         source = message.get_srcSystem(), message.get_srcComponent()
-        self._has_namesake |= source == self._ours
+        self._has_same_id |= source == self._ours
         if message.get_type() != "HEARTBEAT":
             return
         kind = message.autopilot, message.type
         if source == self._target and self._kinds.get(source, kind) != kind:
-            self.note_break(now_s)
+            self.note_discontinuity(now_s)
         self._kinds[source] = kind
 
-    def note_break(self, now_s: float) -> None:
+    def note_discontinuity(self, now_s: float) -> None:
         """Note that the autopilot's type has changed, or that its clock has stepped back."""
-        self._breaks_s.append(now_s)
-        is_full = len(self._breaks_s) == BREAKS
-        self._has_twin |= is_full and now_s - self._breaks_s[0] <= BREAKS_WITHIN_S
+        self._discontinuities_s.append(now_s)
+        is_full = len(self._discontinuities_s) == DISCONTINUITIES
+        self._has_two_autopilots |= (
+            is_full and now_s - self._discontinuities_s[0] <= DISCONTINUITIES_WITHIN_S
+        )
 
     @property
-    def trouble(self) -> str:
+    def problem(self) -> str:
         """Reason why a known autopilot is not flown; empty if there is none."""
         system, component = self._ours
-        if self._has_twin:
+        if self._has_two_autopilots:
             return (
                 f"two autopilots are heard at {self._url}, both system {system}: "
                 "give each a system id of its own"
             )
-        if self._has_namesake:
+        if self._has_same_id:
             return (
                 f"somebody else sends as system {system}, component {component}, as we do: stop "
                 "the other companion, or give this one another link.component_id"
@@ -70,7 +72,7 @@ class Company:
         return ""
 
     @property
-    def strangers(self) -> str:
+    def other_senders(self) -> str:
         """Description of the other senders, for a missing autopilot; empty without senders."""
         if (kind := self._kinds.get(self._target)) and kind[0] != mavlink.MAV_AUTOPILOT_INVALID:
             return self._not_flown(*kind)

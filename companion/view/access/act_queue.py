@@ -19,7 +19,7 @@ def nothing() -> None:
     """Do nothing in a frame."""
 
 
-class Turns:
+class ActQueue:
     """A queue of actions: any thread adds them, the thread of `run` executes them."""
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Flies many flights in parallel. Each lane is a process; if it dies, only its flight is lost.
+"""Flies many flights in parallel. Each worker is a process; if it dies, only its flight is lost.
 
 After Ctrl-C the running flights end, and the results so far are returned.
 """
@@ -39,26 +39,26 @@ def fly_all(
     `lose_one` makes the result of a job whose process has died.
     """
     number = min(cores(), len(jobs))
-    lanes: SimpleQueue[_Lane[J, F]] = SimpleQueue()
+    workers: SimpleQueue[_Worker[J, F]] = SimpleQueue()
     for _ in range(number):
-        lanes.put(_Lane(fly_one, lose_one))
+        workers.put(_Worker(fly_one, lose_one))
 
-    def on_a_lane(job: J) -> F:
-        lane = lanes.get()
+    def on_a_worker(job: J) -> F:
+        worker = workers.get()
         try:
-            return lane.fly(job)
+            return worker.fly(job)
         finally:
-            lanes.put(lane)
+            workers.put(worker)
 
-    with ThreadPoolExecutor(max(number, 1)) as crew:
-        flights = [crew.submit(on_a_lane, job) for job in jobs]
+    with ThreadPoolExecutor(max(number, 1)) as threads:
+        flights = [threads.submit(on_a_worker, job) for job in jobs]
         try:
             for flight in as_completed(flights):
                 on_result(flight.result())
         except KeyboardInterrupt:
-            crew.shutdown(cancel_futures=True)
+            threads.shutdown(cancel_futures=True)
     for _ in range(number):
-        lanes.get().close()
+        workers.get().close()
     return [flown for flight in flights for flown in _results(flight)]
 
 
@@ -115,7 +115,7 @@ def cores() -> int:
     return os.cpu_count() or 1
 
 
-class _Lane(Generic[J, F]):
+class _Worker(Generic[J, F]):
     """A process that flies one flight after another; replaced if it dies."""
 
     def __init__(self, fly_one: Callable[[J], F], lose_one: Callable[[J, str], F]) -> None:

@@ -16,7 +16,7 @@ from random import Random
 
 
 @dataclass(frozen=True, slots=True)
-class EstimateError:
+class EstimateErrors:
     """Standard deviations in the air."""
 
     velocity_m_s: float = 0.0
@@ -31,12 +31,12 @@ class EstimateError:
     """Change of the heading after lift-off."""
 
 
-NO_ERROR = EstimateError()
+NO_ERROR = EstimateErrors()
 KICK_S = 0.1
 """Time between two draws of the noise, s."""
 
 
-class Wobble:
+class VelocityError:
     """The error of one axis."""
 
     def __init__(

@@ -6,8 +6,8 @@ from collections.abc import Callable
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
 
+from sitl.view.flight_messages import News, Order, Refused
 from sitl.view.flying import serve
-from sitl.view.news import News, Order, Refused
 
 END_TIMEOUT_S = 5.0
 """Longest wait for the process to end, s. Chosen."""
@@ -15,7 +15,7 @@ _SPAWN = multiprocessing.get_context("spawn")
 """Spawned, because the page's process has threads and must not be forked."""
 
 
-class Hangar:
+class FlightProcess:
     """The flight's process. `on_news` is called in a separate thread and must return quickly."""
 
     def __init__(self, on_news: Callable[[News], None]) -> None:

@@ -36,7 +36,7 @@ def parse_address(text: str) -> tuple[str, int]:
     return host, int(port)
 
 
-class Looker:
+class FeedClient:
     """Receives in a thread, passing snapshots to `tell` and connection errors to `complain`.
 
     The thread reconnects after an error.

@@ -27,7 +27,7 @@ FARTHEST = 1e5
 
 
 @value
-class PoseMessages:
+class ExternalPoseMessages:
     """Pose messages that an autopilot accepts."""
 
     odometry_frames: tuple[int, ...]
@@ -39,7 +39,7 @@ class PoseMessages:
 
 
 @value
-class OutsidePose:
+class ExternalPose:
     """An external pose estimate: NED, m, m/s, yaw from north; None if not reported."""
 
     position_ned_m: Vector3 | None = None
@@ -48,15 +48,15 @@ class OutsidePose:
     reset_counter: int = 0
 
 
-class Outside:
+class ExternalMessages:
     """The latest external messages. Time is an argument."""
 
-    def __init__(self, understood: PoseMessages) -> None:
-        self._understood = understood
+    def __init__(self, accepted: ExternalPoseMessages) -> None:
+        self._accepted = accepted
         self.ranges: dict[int, tuple[float, Message]] = {}
         """Time of arrival, s, and DISTANCE_SENSOR (132), by orientation."""
         self._obstacles_s = NEVER
-        self._pose: OutsidePose | None = None
+        self._pose: ExternalPose | None = None
         self._pose_s = NEVER
         self._ground_station_s = self._onboard_computer_s = NEVER
 
@@ -69,9 +69,9 @@ class Outside:
                 self._obstacles_s = now_s
             case "VISION_POSITION_ESTIMATE":
                 self._store_pose(_position_estimate(message), now_s)
-            case "VISION_SPEED_ESTIMATE" if self._understood.takes_vision_speed:
+            case "VISION_SPEED_ESTIMATE" if self._accepted.takes_vision_speed:
                 self._store_pose(
-                    OutsidePose(None, _finite((message.x, message.y, message.z))), now_s
+                    ExternalPose(None, _finite((message.x, message.y, message.z))), now_s
                 )
             case "ODOMETRY":
                 return self._receive_odometry(message, now_s)
@@ -80,10 +80,10 @@ class Outside:
         return ""
 
     def _receive_odometry(self, message: Message, now_s: float) -> str:
-        types = self._understood.estimator_types
+        types = self._accepted.estimator_types
         if types is not None and message.estimator_type not in types:
             return f"ODOMETRY: estimator_type {message.estimator_type} unsupported"
-        if message.frame_id in self._understood.odometry_frames:
+        if message.frame_id in self._accepted.odometry_frames:
             self._store_pose(_odometry(message), now_s)
         return ""
 
@@ -93,9 +93,9 @@ class Outside:
         elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
             self._onboard_computer_s = now_s
 
-    def _store_pose(self, pose: OutsidePose | None, now_s: float) -> None:
+    def _store_pose(self, pose: ExternalPose | None, now_s: float) -> None:
         """Store a pose. Position and velocity of one moment may come in two messages."""
-        if pose is None or pose == OutsidePose(reset_counter=pose.reset_counter):
+        if pose is None or pose == ExternalPose(reset_counter=pose.reset_counter):
             return
         if self._pose is not None and pose.position_ned_m is None:
             pose = replace(self._pose, velocity_ned_m_s=pose.velocity_ned_m_s)
@@ -103,7 +103,7 @@ class Outside:
             pose = replace(pose, velocity_ned_m_s=self._pose.velocity_ned_m_s)
         self._pose, self._pose_s = pose, now_s
 
-    def take_pose(self) -> OutsidePose | None:
+    def take_pose(self) -> ExternalPose | None:
         """The pose received since the last call, if any."""
         pose, self._pose = self._pose, None
         return pose
@@ -140,9 +140,9 @@ def _finite(vector: tuple[float, float, float]) -> Vector3 | None:
     return vector if all(abs(value) <= FARTHEST for value in vector) else None  # false for NaN too
 
 
-def _position_estimate(message: Message) -> OutsidePose:
+def _position_estimate(message: Message) -> ExternalPose:
     """Decode VISION_POSITION_ESTIMATE (102): NED."""
-    return OutsidePose(
+    return ExternalPose(
         _finite((message.x, message.y, message.z)),
         None,
         message.yaw if math.isfinite(message.yaw) else None,
@@ -150,7 +150,7 @@ def _position_estimate(message: Message) -> OutsidePose:
     )
 
 
-def _odometry(message: Message) -> OutsidePose | None:
+def _odometry(message: Message) -> ExternalPose | None:
     """Decode ODOMETRY (331): pose in a local frame, velocity in the body frame."""
     if message.child_frame_id != mavlink.MAV_FRAME_BODY_FRD or message.quality < 0:
         return None
@@ -158,7 +158,7 @@ def _odometry(message: Message) -> OutsidePose | None:
     velocity = _finite((message.vx, message.vy, message.vz))
     if velocity is not None and yaw_rad is not None:
         velocity = rotated(message.q, velocity)
-    return OutsidePose(
+    return ExternalPose(
         _finite((message.x, message.y, message.z)), velocity, yaw_rad, message.reset_counter
     )
 

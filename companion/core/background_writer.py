@@ -7,7 +7,7 @@ from typing import Generic, TypeVar
 T = TypeVar("T")
 
 
-class Aside(Generic[T]):
+class BackgroundWriter(Generic[T]):
     """Passes the latest content to `work` in a thread of its own; superseded content is dropped.
 
     It never raises. `trouble` is the error text of the latest attempt, empty after success.
@@ -22,7 +22,7 @@ class Aside(Generic[T]):
         self._thread: threading.Thread | None = None
         self.trouble = ""
 
-    def give(self, content: T) -> None:
+    def write(self, content: T) -> None:
         """Write this content after the present write."""
         with self._changed:
             self._pending = [content]

@@ -19,21 +19,22 @@ from companion.core.messages import (
     Setpoint,
 )
 from companion.drivers.chips.sharp import GP2Y0A710K0F
-from companion.safety.obstacle_memory import AMONG_LEGS_S, Near, Surroundings
-from companion.safety.seen_free import LATELY_S, LEG_M, NARROW, TO_M, Lane, Passed
+from companion.safety.obstacle_memory import AMONG_LEGS_S, ObstacleMemory, Surroundings
+from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, Lane, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
 SWING_RAD = math.radians(14)
+UNITS = {beam: RangeUnit(GP2Y0A710K0F, at, 0.08) for beam, at in BEARING_FRD_RAD.items()}
 
 
-def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0) -> Passed:
+def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0) -> SweptGrid:
     """Grid after a beam swung to both sides of a bearing, but not near one direction."""
-    passed = Passed()
-    passed.stand(HERE, 10.0)
+    passed = SweptGrid()
+    passed.free_hull(HERE, 10.0)
     for off_rad in np.arange(-SWING_RAD, SWING_RAD, math.radians(step_deg)):
         if abs(off_rad - but_rad) > math.radians(2.0):
-            passed.go(HERE, bearing_rad + float(off_rad), (0.0, 3.5), 10.0)
+            passed.sweep(HERE, bearing_rad + float(off_rad), (0.0, 3.5), 10.0)
     return passed
 
 
@@ -53,7 +54,7 @@ def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
 
 def test_a_leg_may_stand_between_two_beams() -> None:
     passed = swung(but_rad=math.radians(5))
-    passed.stand((HERE[0] + 0.7, HERE[1]), 10.0)
+    passed.free_hull((HERE[0] + 0.7, HERE[1]), 10.0)
     clear_m = passed.lane((HERE[0] + 0.7, HERE[1]), 0.0, 10.1).clear_m
     assert clear_m < 1.0
 
@@ -71,19 +72,19 @@ def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
     bearing_rad = heading_rad + at_rad
     leg = HERE + away_m * np.array((math.cos(bearing_rad), math.sin(bearing_rad)))
     leg = (np.floor(leg / NARROW.cell_m) + 0.5) * NARROW.cell_m
-    (north_m, east_m), passed = leg - HERE, Passed(NARROW)
+    (north_m, east_m), passed = leg - HERE, SweptGrid(NARROW)
     for off_rad in beams_rad:
         beam_rad = heading_rad + off_rad
         if abs(east_m * math.cos(beam_rad) - north_m * math.sin(beam_rad)) > LEG_M / 2:
-            passed.go(HERE, beam_rad, (0.0, 3.5), 10.0)
+            passed.sweep(HERE, beam_rad, (0.0, 3.5), 10.0)
     assert passed.when_s(leg) < 0
 
 
 def test_in_narrow_cells_a_close_swing_leaves_none_of_the_way() -> None:
-    passed = Passed(NARROW)
-    passed.stand(HERE, 10.0)
+    passed = SweptGrid(NARROW)
+    passed.free_hull(HERE, 10.0)
     for off_rad in np.arange(-1.0, 1.0, math.radians(0.3)):
-        passed.go(HERE, float(off_rad), (0.0, 3.5), 10.0)
+        passed.sweep(HERE, float(off_rad), (0.0, 3.5), 10.0)
     assert passed.lane(HERE, 0.0, 10.1).clear_m > 1.2
 
 
@@ -100,7 +101,9 @@ def test_what_was_gone_through_long_ago_says_nothing() -> None:
 def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
     aside_m: float, since_s: float, is_looked_at: bool
 ) -> None:
-    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near = ObstacleMemory(
+        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
+    )
     odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
     near.move(odometry)
     nothing = RangeReading(RangeState.NOTHING)
@@ -126,7 +129,9 @@ def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
 
 
 def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
-    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near = ObstacleMemory(
+        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
+    )
     odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
     nothing = RangeReading(RangeState.NOTHING)
     near.move(odometry)
@@ -151,7 +156,9 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
     wide_m: float, is_leg: bool
 ) -> None:
     """The nose swings at 45 deg/s over a leg at 1.3 m, in front of a wall at 3 m."""
-    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near = ObstacleMemory(
+        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
+    )
     near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
     behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
@@ -167,7 +174,9 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
 @pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
 def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bool) -> None:
     """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
-    near = Near({b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()})
+    near = ObstacleMemory(
+        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
+    )
     near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
     behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)

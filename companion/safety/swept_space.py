@@ -55,7 +55,7 @@ Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
-class Fill:
+class GridSpec:
     """Geometry of a grid, and the rule by which a beam sweeps its cells."""
 
     cell_m: float
@@ -83,9 +83,9 @@ class Fill:
         return 0.5 * self.cell_m
 
 
-WIDE = Fill(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, is_proof=False)
+WIDE = GridSpec(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, is_proof=False)
 """Grid for flight in the open. Chosen."""
-NARROW = Fill(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, is_proof=True)
+NARROW = GridSpec(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, is_proof=True)
 """Grid among legs. Chosen: `to_m` is the stopping distance from 1 m/s plus half a second."""
 
 
@@ -113,26 +113,26 @@ class Lane:
         )
 
 
-def all_passed(bearing_frd_rad: float) -> Lane:
+def all_swept(bearing_frd_rad: float) -> Lane:
     """Return a clear path, for callers without a record of beams."""
     return Lane()
 
 
-class Passed:
+class SweptGrid:
     """Grid with the time at which a beam last swept each cell."""
 
-    def __init__(self, fill: Fill = WIDE) -> None:
+    def __init__(self, fill: GridSpec = WIDE) -> None:
         self._fill = fill
         self._when_s = np.full((fill.cells, fill.cells), -math.inf)
         self._hull = _disc(fill)
         self._along_m = np.arange(0.0, fill.to_m, fill.step_m)
-        self._way = _Way.of(fill)
+        self._samples = _PathSamples.of(fill)
 
-    def stand(self, place_ne_m: Vector2, time_s: float) -> None:
+    def free_hull(self, place_ne_m: Vector2, time_s: float) -> None:
         """Mark the cells that the drone's hull covers as free."""
         self._when_s[self._cells(self._hull + place_ne_m)] = time_s
 
-    def go(self, eye_ne_m: Vector2, bearing_rad: float, free_m: Vector2, time_s: float) -> None:
+    def sweep(self, eye_ne_m: Vector2, bearing_rad: float, free_m: Vector2, time_s: float) -> None:
         """Mark the cells that a beam swept from `free_m[0]` to `free_m[1]`, m from its origin."""
         from_m, to_m = free_m[0], free_m[1] - self._fill.cell_m
         along_m = self._along_m[slice(*np.searchsorted(self._along_m, (from_m, to_m)))]
@@ -157,12 +157,12 @@ class Passed:
     def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
         """Return the swept part of the path at a bearing, rad."""
         ahead, aside = _axes(bearing_rad)
-        way = self._way
-        places = way.ahead_m[:, None] * ahead + way.aside_m[:, None] * aside + place_ne_m
-        is_left = self.when_s(places) <= now_s - LATELY_S
-        off_rad = way.off_rad[is_left & (way.reached_m < NEXT_M)]
+        samples = self._samples
+        places = samples.ahead_m[:, None] * ahead + samples.aside_m[:, None] * aside + place_ne_m
+        is_unswept = self.when_s(places) <= now_s - LATELY_S
+        off_rad = samples.off_rad[is_unswept & (samples.reached_m < NEXT_M)]
         return Lane(
-            float(way.reached_m[is_left].min(initial=self._fill.to_m)),
+            float(samples.reached_m[is_unswept].min(initial=self._fill.to_m)),
             float(-off_rad.min(initial=0.0)),
             float(off_rad.max(initial=0.0)),
         )
@@ -178,7 +178,7 @@ class Passed:
 
 
 @dataclass(frozen=True, slots=True)
-class _Way:
+class _PathSamples:
     """Samples of the path ahead, each array (n,)."""
 
     ahead_m: Places
@@ -189,7 +189,7 @@ class _Way:
     """Angle of each sample to the right of the path, seen from the sensor, rad."""
 
     @classmethod
-    def of(cls, fill: Fill) -> "_Way":
+    def of(cls, fill: GridSpec) -> "_PathSamples":
         ahead_m, aside_m = (
             each.ravel()
             for each in np.meshgrid(
@@ -202,7 +202,7 @@ class _Way:
         return cls(ahead_m, aside_m, reached_m, np.arctan2(aside_m, ahead_m - EYE_M))
 
 
-def _disc(fill: Fill) -> Places:
+def _disc(fill: GridSpec) -> Places:
     """Centres (n, 2) of the cells that the hull covers, m."""
     offsets = np.arange(-fill.hull_m, fill.hull_m + fill.step_m, fill.cell_m)
     places = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
