@@ -216,14 +216,13 @@ class App:
         if self.estimator is None:
             return
         self.estimator.turn(inputs.gyro)
-        self._obstacles.turn_to(self.estimator.turned_rad)
         if inputs.telemetry.odometry is not None:
             self.estimator.move(inputs.telemetry.odometry)
-            model = self.estimator.models.odometry
-            walk_m2_per_s = model.step_variance_m2_per_s
-            drift = Drift(self.estimator.slam.scale_error, walk_m2_per_s, model.wander_m)
-            self._obstacles.move(inputs.telemetry.odometry, drift)
             self._lag.take(inputs.telemetry.odometry)
+        model, reckoned = self.estimator.models.odometry, self.estimator.dead_reckoning
+        drift = Drift(model.step_variance_m2_per_s, model.wander_m)
+        self._obstacles.turn_to(reckoned.yaw_rad)
+        self._obstacles.move_to(reckoned.ne_m, self.estimator.velocity_frd_m_s, drift)
 
     def _unfold(self, inputs: Inputs) -> Inputs:
         """Update the obstacle memory; readings that have folded back become TOO_NEAR."""

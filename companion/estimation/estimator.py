@@ -36,8 +36,6 @@ from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_t
 from companion.estimation.smoothing.state import Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 
-MAX_PLAUSIBLE_SPEED_M_S = 5.0
-"""Faster odometry steps are jumps of the autopilot's estimate, not motion, m/s. Chosen."""
 MAX_OBLIQUE_RAD = math.radians(30)
 """Largest incidence at which a wall counts as lying along a bearing, rad. Chosen."""
 REACH_M = 1.0
@@ -68,7 +66,8 @@ class Estimator:
         self._max_direction_range_m = {
             beam: _max_direction_range_m(unit.model) for beam, unit in units.items()
         }
-        self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
+        self.velocity_frd_m_s: Vector2 = (0.0, 0.0)
+        """Velocity by the last odometry, forward and right, m/s."""
         self._yaw_rate_rad_s = 0.0
         self._turned_until_s = 0.0
         self.record = FlightRecord()
@@ -86,8 +85,8 @@ class Estimator:
         message."""
         self._autopilot_on_ground_rad = 0.0
         """Autopilot turn before take-off, rad."""
-        self._drifting = DeadReckoning()
-        """Dead reckoning by gyro and odometry with the corrections known at the time."""
+        self.dead_reckoning = DeadReckoning()
+        """Dead reckoning by gyro and odometry, with the corrections known at the time; no steps."""
 
     def pose(self, time_s: float) -> Pose:
         return Pose(
@@ -99,11 +98,6 @@ class Estimator:
             yaw_sigma_rad=self.heading.yaw_sigma_rad,
             reset_counter=self._resets,
         )
-
-    @property
-    def turned_rad(self) -> float:
-        """Heading by the corrected gyro alone, rad. It contains no steps."""
-        return self._drifting.yaw_rad
 
     @property
     def height_m(self) -> float:
@@ -128,11 +122,14 @@ class Estimator:
         if samples:
             self._yaw_rate_rad_s = samples[-1].yaw_rate_rad_s - self.heading.bias_rad_s
             self._turned_until_s = samples[-1].time_s
-        self._drifting.turn(corrected_rad)
+        self.dead_reckoning.turn(corrected_rad)
         self._raw.turn(raw_rad)
 
     def move(self, odometry: Odometry) -> None:
-        """Integrate the autopilot's odometry. Only the displacement of the body is used."""
+        """Integrate the autopilot's odometry. Only the displacement of the body is used.
+
+        `safety/health/odometry.py` has removed jumps.
+        """
         last, self._odometry = self._odometry, odometry
         if last is None or odometry.time_s <= last.time_s:
             return
@@ -141,9 +138,7 @@ class Estimator:
         north_m, east_m = x - last_x, y - last_y
         self._height_m -= z - last_z
         self._over_floor.move(last_z - z, dt_s)
-        if math.hypot(north_m, east_m) > MAX_PLAUSIBLE_SPEED_M_S * max(dt_s, 0.1):
-            return
-        self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
+        self.velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
         half_turn_rad = 0.5 * wrap_rad(odometry.turned_rad - last.turned_rad)
         body_m = ned_to_frd(north_m, east_m, odometry.yaw_rad - half_turn_rad)
         self.slam.move(frd_to_ned(*body_m, self.heading.yaw_rad - half_turn_rad), dt_s)
@@ -151,7 +146,7 @@ class Estimator:
         if not odometry.follows_us:
             self._update_autopilot_heading(odometry)
         scale = 1 + self.slam.scale_error
-        self._drifting.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
+        self.dead_reckoning.move((scale * body_m[0], scale * body_m[1]), half_turn_rad)
 
     def _update_autopilot_heading(self, odometry: Odometry) -> None:
         """Update the difference between autopilot and raw heading, unwrapped to the last value."""
@@ -190,7 +185,7 @@ class Estimator:
             # extrapolated from the last odometry and gyro sample to the time of measurement
             measured_s = scan.time_s - unit.model.mean_age_s
             late_s = measured_s - self._odometry.time_s if self._odometry else 0.0
-            shift_m = late_s * self._velocity_frd_m_s[0], late_s * self._velocity_frd_m_s[1]
+            shift_m = late_s * self.velocity_frd_m_s[0], late_s * self.velocity_frd_m_s[1]
             ahead_rad = (measured_s - self._turned_until_s) * self._yaw_rate_rad_s
             range_m = reading.distance_m + unit.offset_m
             yaw_rad = self.heading.yaw_rad
@@ -202,8 +197,8 @@ class Estimator:
             self.record.add_hit(pose, number, reading.distance_m, measured_at, wall, late_s=late_s)
             if reading.distance_m > self._max_direction_range_m[beam]:
                 continue
-            yaw_rad = self._drifting.yaw_rad + ahead_rad
-            drifting_ne_m = moved(self._drifting.ne_m, shift_m, self._drifting.yaw_rad)
+            yaw_rad = self.dead_reckoning.yaw_rad + ahead_rad
+            drifting_ne_m = moved(self.dead_reckoning.ne_m, shift_m, self.dead_reckoning.yaw_rad)
             hit_ne_m = along(drifting_ne_m, yaw_rad + unit.bearing_frd_rad, range_m)
             self._learn_odometry_noise(beam, wall, scan.time_s, (hit_ne_m, reading.variance_m2))
             drifting_hit = RunHit(
@@ -222,7 +217,7 @@ class Estimator:
         """Estimate the odometry noise from a hit in the drifting frame, with its variance."""
         (hit_ne_m, variance_m2), normal_rad = hit, 0.0
         if wall is not None:
-            turn_rad = self.heading.yaw_rad - self._drifting.yaw_rad
+            turn_rad = self.heading.yaw_rad - self.dead_reckoning.yaw_rad
             normal_rad = self.heading.normal_rad(wall) - turn_rad
         self._noise.add_hit(BEAMS.index(beam), wall, time_s, (hit_ne_m, normal_rad, variance_m2))
 
@@ -302,7 +297,7 @@ class Estimator:
     def _wall_bearing(self, run: Line, now_s: float) -> WallBearing:
         """The bearing of the run's normal in the body frame, in the middle of the run."""
         age_s = now_s - run.mean_time_s
-        corrected_rad = self._drifting.yaw_rad - run.mean_yaw_rad
+        corrected_rad = self.dead_reckoning.yaw_rad - run.mean_yaw_rad
         raw_rad = corrected_rad + self.heading.bias_rad_s * age_s
         raw_rad /= 1 - self.heading.scale_error
         bearing_frd_rad = run.normal_rad - run.mean_yaw_rad
@@ -320,9 +315,9 @@ class Estimator:
 
     def _to_local(self, run: Line) -> Line:
         """Transform a run from the drifting frame to local NED by the two current poses."""
-        turn_rad = wrap_rad(self.heading.yaw_rad - self._drifting.yaw_rad)
-        ahead_m = run.centre[0] - self._drifting.ne_m[0]
-        aside_m = run.centre[1] - self._drifting.ne_m[1]
+        turn_rad = wrap_rad(self.heading.yaw_rad - self.dead_reckoning.yaw_rad)
+        ahead_m = run.centre[0] - self.dead_reckoning.ne_m[0]
+        aside_m = run.centre[1] - self.dead_reckoning.ne_m[1]
         north_m, east_m = frd_to_ned(ahead_m, aside_m, turn_rad)
         north_m += self.slam.position_ne_m[0]
         east_m += self.slam.position_ne_m[1]

@@ -15,12 +15,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, points_to_frd, wrap_rad
+from companion.core.frames import Vector2, frd_to_ned, points_to_frd, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
     Beam,
-    Odometry,
     RangeReading,
     RangeScan,
     RangeState,
@@ -95,7 +94,6 @@ class ObstacleMemory:
         self._ne_m: Vector2 = (0.0, 0.0)
         self._yaw_rad = 0.0
         self._velocity_frd_m_s: Vector2 = (0.0, 0.0)
-        self._odometry: Odometry | None = None
         self._last_sweep: tuple[float, float] | None = None
         """Time, s, and heading, rad, of the last sweep."""
 
@@ -128,29 +126,23 @@ class ObstacleMemory:
         return self._last_sweep[0] if self._last_sweep else 0.0
 
     def turn_to(self, heading_rad: float) -> None:
-        """Set the heading, integrated from the gyro alone, which has no steps.
+        """Set the heading by dead reckoning, which has no steps.
 
         The heading of odometry is a few hundredths of a second late. In a turn, that moves a point
         at one metre aside by centimetres.
         """
         self._yaw_rad = heading_rad
 
-    def move(self, odometry: Odometry, drift: Drift = NO_DRIFT) -> None:
-        """Move the drone by odometry with its scale corrected.
+    def move_to(
+        self, place_ne_m: Vector2, velocity_frd_m_s: Vector2 = (0.0, 0.0), drift: Drift = NO_DRIFT
+    ) -> None:
+        """Set position and velocity by dead reckoning, and its error model.
 
         The estimated pose is not used. Far ranges and wrong wall associations pull it by
         decimetres within seconds, whereas odometry wanders by centimetres.
         """
-        last, self._odometry = self._odometry, odometry
+        self._ne_m, self._velocity_frd_m_s = place_ne_m, velocity_frd_m_s
         self._points.set_drift(drift)
-        self._velocity_frd_m_s = ned_to_frd(*odometry.velocity_ned_m_s[:2], odometry.yaw_rad)
-        if last is None:
-            return
-        (x, y, _), (last_x, last_y, _) = odometry.position_ned_m, last.position_ned_m
-        scale = 1 + drift.scale_error
-        body_m = ned_to_frd(scale * (x - last_x), scale * (y - last_y), odometry.yaw_rad)
-        north_m, east_m = frd_to_ned(*body_m, self._yaw_rad)
-        self._ne_m = self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
     def see(self, scan: RangeScan) -> RangeScan:
         """Add a sweep; return it with the readings that have folded back as TOO_NEAR."""

@@ -85,8 +85,6 @@ exists, but not where. A reading that has probably folded back proves neither.""
 class Drift:
     """Error model of odometry."""
 
-    scale_error: float = 0.0
-    """Relative error of the scale factor."""
     walk_m2_per_s: float = 0.0
     """Random walk of the position on each axis, m²/s."""
     wander_m: float = 0.0

@@ -165,13 +165,6 @@ def test_odometry_alone_is_believed_until_walls_say_otherwise() -> None:
     assert pose.height_m == pytest.approx(0.1)
 
 
-def test_a_jump_of_the_odometry_is_not_motion() -> None:
-    estimator = Estimator(0.0, units_of(PAPER))
-    estimator.move(Odometry(0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
-    estimator.move(Odometry(0.05, (8.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0))
-    assert estimator.pose(0.05).north_m == 0
-
-
 def test_the_facing_wall_is_mapped_at_its_distance() -> None:
     estimator = Estimator(0.0, units_of(PAPER))
     corridor(estimator, 1.0, Random(1), 0.02)

@@ -1,7 +1,6 @@
 """The drone flies only as fast as it can stop before unswept space."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from hypothesis import strategies as st
 from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
-    Odometry,
     RangeReading,
     RangeScan,
     RangeState,
@@ -101,11 +99,7 @@ def test_what_was_gone_through_long_ago_says_nothing() -> None:
 def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
     aside_m: float, since_s: float, is_looked_at: bool
 ) -> None:
-    near = ObstacleMemory(
-        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
-    )
-    odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
-    near.move(odometry)
+    near = ObstacleMemory(UNITS)
     nothing = RangeReading(RangeState.NOTHING)
     for yaw_deg in np.arange(-90, 90, 0.3):
         near.turn_to(math.radians(yaw_deg))
@@ -115,7 +109,7 @@ def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
     jamb_m = math.hypot(aside_m, 1.4) - 0.08
     near.see(RangeScan(1.1, {Beam.FRONT: RangeReading(RangeState.DISTANCE, jamb_m, 0.02**2)}))
     near.turn_to(0.0)
-    near.move(replace(odometry, position_ned_m=(0.4, 0.0, -1.2)))
+    near.move_to((0.4, 0.0))
     near.see(RangeScan(1.1 + since_s, {}))
     lane = near.surroundings(0.3).lane(0.0)
     to_it_rad, off_it_rad = lane.right_rad, lane.left_rad
@@ -129,17 +123,13 @@ def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
 
 
 def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
-    near = ObstacleMemory(
-        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
-    )
-    odometry = Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0)
+    near = ObstacleMemory(UNITS)
     nothing = RangeReading(RangeState.NOTHING)
-    near.move(odometry)
     for tick, heading_rad in enumerate(np.arange(-0.5, 0.5, 0.005)):
         near.turn_to(float(heading_rad))
         near.see(RangeScan(0.05 * tick, {Beam.FRONT: nothing}))
     near.turn_to(0.0)
-    near.move(replace(odometry, position_ned_m=(0.4, 0.0, -1.2)))
+    near.move_to((0.4, 0.0))
     near.see(RangeScan(10.0, {Beam.FRONT: nothing}))
     around = near.surroundings(0.3)
     assert around.lane(0.0).clear_m > 1.5
@@ -156,10 +146,7 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
     wide_m: float, is_leg: bool
 ) -> None:
     """The nose swings at 45 deg/s over a leg at 1.3 m, in front of a wall at 3 m."""
-    near = ObstacleMemory(
-        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
-    )
-    near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
+    near = ObstacleMemory(UNITS)
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
     behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
     swings_deg = np.concatenate([np.arange(-30, 30, 1.0), np.arange(30, -30, -1.0)] * 2)
@@ -174,10 +161,7 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
 @pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
 def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bool) -> None:
     """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
-    near = ObstacleMemory(
-        {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
-    )
-    near.move(Odometry(0.0, (0.0, 0.0, -1.2), (0.0, 0.0, 0.0), 0.0))
+    near = ObstacleMemory(UNITS)
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
     behind = RangeReading(RangeState.DISTANCE, 3.0 - 0.08, 0.02**2)
     ticks = 0

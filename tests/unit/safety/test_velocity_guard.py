@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
-    Odometry,
     RangeModel,
     RangeReading,
     RangeScan,
@@ -164,21 +163,21 @@ def at(distance_m: float) -> RangeReading:
 
 
 class Drone:
-    """A drone that moves north with its nose to the north, and measures."""
+    """A drone that moves along its nose, at first to the north, and measures."""
 
     def __init__(self, near: ObstacleMemory, drift: Drift = NO_DRIFT) -> None:
         self.near, self._drift = near, drift
-        self._north_m = self._time_s = 0.0
+        self._north_m = self._east_m = self._heading_rad = self._time_s = 0.0
         self.move(0.0)
 
-    def move(self, north_m: float, in_s: float = 0.05) -> None:
+    def move(self, forward_m: float, in_s: float = 0.05) -> None:
         self._time_s += in_s
-        self._north_m += north_m
-        position = self._north_m, 0.0, -1.2
-        odometry = Odometry(self._time_s, position, (0.0, 0.0, 0.0), 0.0)
-        self.near.move(odometry, self._drift)
+        self._north_m += forward_m * math.cos(self._heading_rad)
+        self._east_m += forward_m * math.sin(self._heading_rad)
+        self.near.move_to((self._north_m, self._east_m), drift=self._drift)
 
     def turn_to(self, heading_rad: float) -> None:
+        self._heading_rad = heading_rad
         self.near.turn_to(heading_rad)
 
     def see(self, **readings: RangeReading) -> RangeScan:
