@@ -10,14 +10,13 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.recording.reader import Recording, read
 from sitl.commands.score import scored
 from sitl.running.options import Autopilot, FlightOptions
 from sitl.simulation.record import TruthRecord
 
-Array = NDArray[np.float64]
 PROFILE = "gp2y0a710k0f"
 LAGS_S = (0.2, 1.0, 3.0, 8.0, 20.0)
 """Time intervals over which displacements are compared, s."""

@@ -13,15 +13,13 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Mask
 from companion.navigation.swing import TO_THE_RIGHT
 from companion.safety.swept_space import BODY_M, EYE_M, NARROW, WIDE, GridSpec, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
 from sitl.core.vehicle import STEP_S, Follow, Loop
-
-Row = NDArray[np.float64]
 
 LENGTH_M, LEGS, THICK_M = 20.0, 400, (0.03, 0.05)
 TICK_S, SEES_M, JITTER_RAD = 0.05, 4.0, math.radians(0.5)
@@ -37,23 +35,23 @@ CELLS = {"wide": WIDE, "narrow": NARROW}
 class Legs:
     """Legs in the way: distance along it and to the right of it, and radii, each (n,), m."""
 
-    along_m: Row
-    aside_m: Row
-    radius_m: Row
+    along_m: Array
+    aside_m: Array
+    radius_m: Array
 
-    def touched_m(self) -> Row:
+    def touched_m(self) -> Array:
         """(n,): distance along the way of the drone's centre when its body touches each leg, m."""
         reach_m = BODY_M + self.radius_m
-        touched_m: Row = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
+        touched_m: Array = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
         return touched_m
 
-    def hit_by(self, along_m: float, yaw_rad: float, bearing_rad: float) -> NDArray[np.bool_]:
+    def hit_by(self, along_m: float, yaw_rad: float, bearing_rad: float) -> Mask:
         """(n,): the beam of a drone at this pose hits each leg."""
         ahead_m = self.along_m - along_m - EYE_M * math.cos(yaw_rad)
         aside_m = self.aside_m - EYE_M * math.sin(yaw_rad)
         cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
         far_m, off_m = ahead_m * cos_b + aside_m * sin_b, aside_m * cos_b - ahead_m * sin_b
-        hits: NDArray[np.bool_] = (far_m > 0) & (far_m < SEES_M) & (np.abs(off_m) < self.radius_m)
+        hits: Mask = (far_m > 0) & (far_m < SEES_M) & (np.abs(off_m) < self.radius_m)
         return hits
 
 

@@ -15,9 +15,9 @@ from statistics import mean
 from tempfile import TemporaryDirectory
 
 from benchmarks.offline_logs import SCENARIOS, Log, record, write_csv
+from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Pose
 from companion.offline.mapper import map_log, odometry_map
-from companion.offline.reading.log import Array
 from companion.offline.reading.readers import read_log
 from companion.offline.reading.sensors import SensorsConfig
 from sitl.scoring.score import MapScore, TrajectoryScore, score_map, score_trajectory

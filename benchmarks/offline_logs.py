@@ -11,14 +11,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam
 from sitl.core.truth import TrueState
 from sitl.world.format import Segment
-
-Array = NDArray[np.float64]
 
 BEARING_RAD = {
     Beam.FRONT: 0.0,

@@ -14,7 +14,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from companion.core.arrays import Array
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
@@ -36,12 +37,10 @@ def ned_to_frd(north: float, east: float, yaw_rad: float) -> Vector2:
     return frd_to_ned(north, east, -yaw_rad)
 
 
-def points_to_frd(points_ne_m: NDArray[np.float64], yaw_rad: float) -> NDArray[np.float64]:
+def points_to_frd(points_ne_m: Array, yaw_rad: float) -> Array:
     """Horizontal vectors (n, 2), north and east, to forward and right."""
     cos_yaw, sin_yaw = math.cos(yaw_rad), math.sin(yaw_rad)
-    points_frd_m: NDArray[np.float64] = points_ne_m @ np.array(
-        [[cos_yaw, -sin_yaw], [sin_yaw, cos_yaw]]
-    )
+    points_frd_m: Array = points_ne_m @ np.array([[cos_yaw, -sin_yaw], [sin_yaw, cos_yaw]])
     return points_frd_m
 
 

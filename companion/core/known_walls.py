@@ -4,11 +4,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 
-Array = NDArray[np.float64]
 OPPOSITE_RAD = math.radians(10)
 """Walls are opposite within this angle, rad. Chosen."""
 

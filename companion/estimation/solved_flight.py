@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector3, wrap_rad
 from companion.core.messages import Hit, Pose, WallLine
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn, HitColumn
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
-from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import binary_closing
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array
 from companion.export.plan.survey import Survey
-from companion.export.rays import Rays, rays
+from companion.export.rays import rays
 
 CELL_M = 0.05
 """Edge length of a cell, m. Chosen."""
@@ -45,7 +46,7 @@ def cells(survey: Survey) -> Cells:
     columns, rows = np.ceil((everything.max(axis=0) + MARGIN_M - corner) / CELL_M).astype(int)
     states = np.full((rows, columns), UNKNOWN, dtype=np.uint8)
 
-    def mark(points: NDArray[np.float64], state: int) -> None:
+    def mark(points: Array, state: int) -> None:
         column, row = ((points - corner) / CELL_M).astype(int).T
         states[row, column] = state
 
@@ -59,7 +60,7 @@ def cells(survey: Survey) -> Cells:
     return Cells(states, (float(corner[0]), float(corner[1])))
 
 
-def _along(segments: Rays) -> NDArray[np.float64]:
+def _along(segments: Array) -> Array:
     """Points (m, 2) on segments, at most half a cell apart."""
     if not len(segments):
         return np.empty((0, 2))
@@ -69,14 +70,14 @@ def _along(segments: Rays) -> NDArray[np.float64]:
     first = np.repeat(np.cumsum(counts) - counts, counts)
     share = (np.arange(len(which)) - first) / np.maximum(counts - 1, 1)[which]
     start, end = segments[which, 0], segments[which, 1]
-    points: NDArray[np.float64] = start + share[:, None] * (end - start)
+    points: Array = start + share[:, None] * (end - start)
     return points
 
 
-def _crowded(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _crowded(points: Array) -> Array:
     """The points (m, 2) with at least `OFF_WALLS` points, themselves included, within `NEAR_M`."""
     if not len(points):
         return points
     neighbours = cKDTree(points).query_ball_point(points, NEAR_M, return_length=True)
-    crowded: NDArray[np.float64] = points[neighbours >= OFF_WALLS]
+    crowded: Array = points[neighbours >= OFF_WALLS]
     return crowded

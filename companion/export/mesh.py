@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 import shapely
 import trimesh
-from numpy.typing import NDArray
 from trimesh.visual.material import PBRMaterial
 
+from companion.core.arrays import Array
 from companion.core.errors import OutputError
 from companion.core.frames import Vector2, ned_to_gltf
 from companion.export.plan.survey import Survey
@@ -23,8 +23,6 @@ WALL, FLOOR, CEILING, OPENING = (
     (0.25, 0.60, 0.85, 0.35),
 )
 """Red, green, blue, opacity, 0 to 1. The ceiling is transparent: the view is from above."""
-Triangles = NDArray[np.float64]
-"""Corners of triangles, (n, 3, 3): x, y, z in glTF's axes, m."""
 
 
 def write_glb(survey: Survey, path: Path) -> None:
@@ -50,7 +48,7 @@ def write_glb(survey: Survey, path: Path) -> None:
     path.write_bytes(scene.export(file_type="glb"))
 
 
-def _upright(segments: Sequence[tuple[Vector2, Vector2]], height_m: float) -> Triangles:
+def _upright(segments: Sequence[tuple[Vector2, Vector2]], height_m: float) -> Array:
     triangles = []
     for (north_a, east_a), (north_b, east_b) in segments:
         low_a, low_b = ned_to_gltf((north_a, east_a, 0.0)), ned_to_gltf((north_b, east_b, 0.0))
@@ -60,7 +58,7 @@ def _upright(segments: Sequence[tuple[Vector2, Vector2]], height_m: float) -> Tr
     return np.array(triangles).reshape(-1, 3, 3)
 
 
-def _level(survey: Survey, height_m: float) -> Triangles:
+def _level(survey: Survey, height_m: float) -> Array:
     triangles = [
         [ned_to_gltf((north, east, -height_m)) for east, north in triangle.exterior.coords[:3]]
         for room in survey.rooms
@@ -71,7 +69,7 @@ def _level(survey: Survey, height_m: float) -> Triangles:
 
 
 def _mesh(
-    triangles: Triangles, name: str, colour: tuple[float, float, float, float]
+    triangles: Array, name: str, colour: tuple[float, float, float, float]
 ) -> trimesh.Trimesh:
     material = PBRMaterial(
         name=name,

@@ -1,18 +1,15 @@
 """Computes the line segments that the beams swept, from the drone to each hit."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.messages import FloorPlan
-
-Rays = NDArray[np.float64]
-"""Segments, (n, 2, 2): start and end, each (x east, y north), m."""
 
 MAX_NOISE_M = 1.0
 """A hit at most this far behind a wall belongs to the wall, m. Chosen."""
 
 
-def rays(plan: FloorPlan) -> Rays:
+def rays(plan: FloorPlan) -> Array:
     """Segments from the drone to each hit, cut off at a wall that the hit lies just behind.
 
     The drone's position is interpolated on the path. A map read from map.json has no hits, so the
@@ -30,7 +27,7 @@ def rays(plan: FloorPlan) -> Rays:
     return _up_to_walls(np.stack([starts, ends], axis=1), walls.reshape(-1, 2, 2)[:, :, ::-1])
 
 
-def _up_to_walls(lines: Rays, walls: Rays) -> Rays:
+def _up_to_walls(lines: Array, walls: Array) -> Array:
     """Shorten lines that end less than `MAX_NOISE_M` behind a wall, so that they end on it."""
     start, along = lines[:, None, 0], lines[:, None, 1] - lines[:, None, 0]
     wall, wall_along = walls[None, :, 0], walls[None, :, 1] - walls[None, :, 0]
@@ -44,6 +41,6 @@ def _up_to_walls(lines: Rays, walls: Rays) -> Rays:
     return np.stack([lines[:, 0], lines[:, 0] + share[:, None] * along[:, 0]], axis=1)
 
 
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    product: NDArray[np.float64] = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+def _cross(a: Array, b: Array) -> Array:
+    product: Array = a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
     return product

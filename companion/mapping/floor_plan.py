@@ -6,13 +6,10 @@ from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import WallLine, WallSegment
-
-Along = NDArray[np.float64]
-"""(n,): coordinates along a line, m."""
 
 LARGEST_GAP_M = 0.6
 """A larger gap between hits along a wall is an opening, m. Chosen."""
@@ -32,8 +29,8 @@ MIN_SIN_BETWEEN = math.sin(math.radians(15))
 
 def wall_segments(
     lines: Sequence[WallLine],
-    points_ne_m: NDArray[np.float64],
-    wall_of: NDArray[np.int64],
+    points_ne_m: Array,
+    wall_of: Indices,
     largest_gap_m: float = LARGEST_GAP_M,
 ) -> tuple[WallSegment, ...]:
     """Straight pieces of wall along the lines where they have hits (n, 2), joined at corners.
@@ -54,19 +51,19 @@ def wall_segments(
     return tuple(piece for piece in pieces if piece.length_m >= MIN_LENGTH_M)
 
 
-def _along(line: WallLine, points_ne_m: NDArray[np.float64]) -> Along:
+def _along(line: WallLine, points_ne_m: Array) -> Array:
     """Sorted coordinates p·t, t = (-sin, cos)(normal), of hits on a line."""
     return np.sort(points_ne_m @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
 
 
-def _rows(along_m: Along, largest_gap_m: float) -> list[Along]:
+def _rows(along_m: Array, largest_gap_m: float) -> list[Array]:
     """Split sorted coordinates at gaps."""
     along_m = _without_isolated(along_m, NEIGHBOUR_SHARE * largest_gap_m)
     gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
     return [row for row in np.split(along_m, gaps) if len(row) >= MIN_HITS]
 
 
-def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine, Along]]) -> Along:
+def _without_overhang(line: WallLine, row: Array, rows: Sequence[tuple[WallLine, Array]]) -> Array:
     """Drop the few hits beyond a crossing wall: they belong to that wall or to an adjacent one."""
     for other, its_row in rows:
         intersection = _intersection(line, other)
@@ -81,7 +78,7 @@ def _without_overhang(line: WallLine, row: Along, rows: Sequence[tuple[WallLine,
     return row
 
 
-def _segment(line: WallLine, row: Along) -> WallSegment:
+def _segment(line: WallLine, row: Array) -> WallSegment:
     return WallSegment(
         _point(line, float(row[0])),
         _point(line, float(row[-1])),
@@ -91,13 +88,13 @@ def _segment(line: WallLine, row: Along) -> WallSegment:
     )
 
 
-def _without_isolated(along_m: Along, neighbour_m: float) -> Along:
+def _without_isolated(along_m: Array, neighbour_m: float) -> Array:
     """Drop coordinates without another one nearby."""
     if len(along_m) < MIN_HITS:
         return along_m
     spacing_m = np.diff(along_m)
     is_near = spacing_m <= max(neighbour_m, NEIGHBOUR_SPACINGS * float(np.median(spacing_m)))
-    neighbours: Along = along_m[np.append(is_near, False) | np.append(False, is_near)]
+    neighbours: Array = along_m[np.append(is_near, False) | np.append(False, is_near)]
     return neighbours
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_closing, binary_dilation
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 
 CELL_M = 0.1
@@ -49,9 +50,7 @@ Chosen."""
 FREE_TO_SIGMAS = 2.0
 """Cells are freed up to this many sigmas before the end of the beam. Chosen."""
 
-Cells = NDArray[np.bool_]
 LogOdds = NDArray[np.float32]
-Metres = NDArray[np.float64]
 Bits = NDArray[np.uint8]
 
 
@@ -72,12 +71,12 @@ class Ray:
 class Rays:
     """Many readings, (r, 2) and (r,)."""
 
-    origin_ne_m: Metres
-    bearing_rad: Metres
-    end_m: Metres
-    sigma_m: Metres
-    is_hit: Cells
-    time_s: Metres
+    origin_ne_m: Array
+    bearing_rad: Array
+    end_m: Array
+    sigma_m: Array
+    is_hit: Mask
+    time_s: Array
 
     @classmethod
     def of(cls, rays: Sequence[Ray]) -> "Rays":
@@ -97,9 +96,9 @@ class _Layers(NamedTuple):
     log_odds: LogOdds
     well_seen: Bits
     """One bit for each of the SIDES."""
-    flown: Cells
-    allowed: Cells
-    met_s: Metres
+    flown: Mask
+    allowed: Mask
+    met_s: Array
     """Time of the last hit in the cell."""
 
     @classmethod
@@ -178,25 +177,25 @@ class Occupancy:
         return rows, columns
 
     @property
-    def free(self) -> Cells:
+    def free(self) -> Mask:
         return self._layers.log_odds < FREE_BELOW
 
     @property
-    def occupied(self) -> Cells:
+    def occupied(self) -> Mask:
         return self._layers.log_odds > OCCUPIED_ABOVE
 
-    def well_seen(self, side: int) -> Cells:
+    def well_seen(self, side: int) -> Mask:
         """Cells in which an accurate reading has hit this one of the SIDES."""
-        is_measured: Cells = (self._layers.well_seen >> side & 1).astype(np.bool_)
+        is_measured: Mask = (self._layers.well_seen >> side & 1).astype(np.bool_)
         return is_measured
 
     @property
-    def flown(self) -> Cells:
+    def flown(self) -> Mask:
         """Cells that the drone's centre has crossed."""
         return self._layers.flown
 
     @property
-    def allowed(self) -> Cells:
+    def allowed(self) -> Mask:
         """Cells without obstacles from other heights."""
         return self._layers.allowed
 
@@ -218,14 +217,14 @@ class Occupancy:
             (cell[1] + self._low[1] + 0.5) * CELL_M,
         )
 
-    def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Metres, Metres]:
+    def met_near(self, place_ne_m: Vector2, within_m: float) -> tuple[Array, Array]:
         """Occupied cells within about this distance: middles (n, 2) and last hits' times (n,)."""
         cells = self._near(place_ne_m, within_m, lambda near: near.log_odds > OCCUPIED_ABOVE)
         return self._middles(cells), self._layers.met_s[cells[:, 0], cells[:, 1]]
 
     def met_before(
         self, time_s: float, place_ne_m: Vector2, within_m: float, flown_m: float
-    ) -> Metres:
+    ) -> Array:
         """Middles (n, 2) of occupied cells within a distance, last hit before `time_s`.
 
         Cells within `flown_m` of the flight path are excluded.
@@ -237,12 +236,12 @@ class Occupancy:
         flown = self._near(place_ne_m, within_m + flown_m, lambda near: near.flown)
         apart = before[:, None] - self._middles(flown)
         off_m = np.linalg.norm(apart, axis=2).min(axis=1, initial=math.inf)
-        unflown: Metres = before[off_m > flown_m]
+        unflown: Array = before[off_m > flown_m]
         return unflown
 
     def _near(
-        self, place_ne_m: Vector2, within_m: float, which: Callable[[_Layers], Cells]
-    ) -> NDArray[np.int64]:
+        self, place_ne_m: Vector2, within_m: float, which: Callable[[_Layers], Mask]
+    ) -> Indices:
         """Rows and columns (n, 2) of the selected cells within about this distance."""
         row, column = self.cell(place_ne_m)
         reach = math.ceil(within_m / CELL_M)
@@ -251,7 +250,7 @@ class Occupancy:
         cells = np.argwhere(which(self._layers.each(lambda layer: layer[window])))
         return np.add(cells, (top, left))
 
-    def _middles(self, cells: NDArray[np.int64]) -> Metres:
+    def _middles(self, cells: Indices) -> Array:
         """(n, 2): middles of cells (n, 2)."""
         return CELL_M * ((cells + self._low).astype(np.float64) + 0.5)
 
@@ -306,7 +305,7 @@ class Occupancy:
         log_odds[met] = np.minimum(log_odds[met], MAX_LOG_ODDS)
         np.maximum.at(self._layers.met_s, met, rays.time_s[is_accurate])
 
-    def _free(self, rays: Rays, unit: Metres) -> None:
+    def _free(self, rays: Rays, unit: Array) -> None:
         """Free each cell that a ray crossed, once per ray."""
         before_m = np.where(rays.is_hit, FREE_TO_SIGMAS * rays.sigma_m + CELL_M, 0.0)
         free_to_m = np.maximum(rays.end_m - before_m, CELL_M)
@@ -334,7 +333,7 @@ class Occupancy:
         ]
         near[:] = MAX_LOG_ODDS
 
-    def _indices(self, metres: NDArray[np.float64], axis: int) -> NDArray[np.int64]:
+    def _indices(self, metres: Array, axis: int) -> Indices:
         return np.floor(metres / CELL_M).astype(np.int64) - self._low[axis]
 
     def _reach(self, place_ne_m: Vector2) -> None:

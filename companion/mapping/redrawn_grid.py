@@ -16,13 +16,10 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd
 from companion.mapping.occupancy import CELL_M, Occupancy, Ray, Rays
-
-Array = NDArray[np.float64]
-"""Keyframes (k, 3): north, east, yaw."""
 
 RAYS_PER_PIECE = 200
 """Rays drawn per tick. Chosen."""

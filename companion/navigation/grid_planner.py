@@ -16,8 +16,9 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 
 START_NE_M: Vector2 = (0.0, 0.0)
 """The place of take-off, origin of the local NED frame, m."""
@@ -54,11 +55,11 @@ class CostGrid:
     """The measured part of the map."""
     start: tuple[int, int]
     """Row and column of the drone's cell."""
-    passable: Cells
+    passable: Mask
     """True where the drone fits."""
-    room_m: NDArray[np.float64]
+    room_m: Array
     """Distance to the nearest obstacle or unknown cell, m."""
-    cost: NDArray[np.float64]
+    cost: Array
     """Cost of a metre through each cell; infinite where the drone does not fit."""
 
     def fits(self, place_ne_m: Vector2) -> bool:
@@ -84,7 +85,7 @@ class ShortestPaths:
     """Shortest paths from the drone's cell to all cells."""
 
     ground: CostGrid
-    metres: NDArray[np.float64]
+    metres: Array
     """Cost of the path to each cell, (rows, columns); infinite without one. In the open this is the
     length in m."""
     came_from: NDArray[np.int32]
@@ -121,7 +122,7 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid
     grid = grid.seen_part(from_ne_m, clear_m + CELL_M)
     room = distance_transform_edt(grid.free) * CELL_M
     tight_m = min(clear_m, TIGHT_CLEAR_M)
-    passable: Cells = room >= tight_m
+    passable: Mask = room >= tight_m
     row, column = grid.cell(from_ne_m)
     reach = math.ceil(clear_m / CELL_M)
     around = np.s_[row - reach : row + reach + 1, column - reach : column + reach + 1]
@@ -140,23 +141,23 @@ def find_ground(grid: Occupancy, from_ne_m: Vector2, clear_m: float) -> CostGrid
     return CostGrid(grid, (row, column), passable, room, cost)
 
 
-def _deep_m(grid: Occupancy, roomy: Cells) -> NDArray[np.float64]:
+def _deep_m(grid: Occupancy, roomy: Mask) -> Array:
     """Distance from each cell to the nearest one with full clearance or the start, m."""
     from_here = roomy.copy()
     if grid.has(start := grid.cell(START_NE_M)):
         from_here[start] = True
     if not from_here.any():
         return np.zeros(roomy.shape)
-    deep_m: NDArray[np.float64] = distance_transform_edt(~from_here) * CELL_M
+    deep_m: Array = distance_transform_edt(~from_here) * CELL_M
     return deep_m
 
 
-def _flown_before(grid: Occupancy, passable: Cells) -> Cells:
+def _flown_before(grid: Occupancy, passable: Mask) -> Mask:
     """Cells where the drone has flown that are not passable now, but have no obstacle near."""
-    flown: Cells = binary_dilation(grid.flown) & ~passable
+    flown: Mask = binary_dilation(grid.flown) & ~passable
     if not flown.any():
         return flown
-    may: Cells = flown & (distance_transform_edt(~grid.occupied) * CELL_M >= FLOWN_CLEAR_M)
+    may: Mask = flown & (distance_transform_edt(~grid.occupied) * CELL_M >= FLOWN_CLEAR_M)
     return may
 
 
@@ -165,7 +166,7 @@ def retraced(ground: CostGrid) -> CostGrid:
 
     On a distorted map, walls of one room can lie in another.
     """
-    again: Cells = binary_dilation(ground.grid.flown) & ~ground.passable
+    again: Mask = binary_dilation(ground.grid.flown) & ~ground.passable
     cost = np.where(again, RETRACED_COST, ground.cost)
     return replace(ground, passable=ground.passable | again, cost=cost)
 
@@ -183,7 +184,7 @@ def find_ways(ground: CostGrid) -> ShortestPaths:
     return ShortestPaths(ground, metres.reshape(rows, columns), came_from)
 
 
-def graph(cost: NDArray[np.float64]) -> csr_array:
+def graph(cost: Array) -> csr_array:
     """Sparse graph that links each cell with its eight neighbours, each pair once.
 
     The weight is the distance in m times the mean cost. Cells with infinite cost have no links.
@@ -202,9 +203,7 @@ def graph(cost: NDArray[np.float64]) -> csr_array:
     return csr_array((length_m[linked], ends[linked], begin), shape=(cost.size, cost.size))
 
 
-def _straightened(
-    cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]
-) -> list[tuple[int, int]]:
+def _straightened(cells: Sequence[tuple[int, int]], room_m: Array) -> list[tuple[int, int]]:
     """Removes every corner that can be cut without less clearance.
 
     `room_m` is each cell's clearance, m, and 0 where the drone does not fit.
@@ -220,14 +219,12 @@ def _straightened(
     return kept
 
 
-def _may_cut(cells: Sequence[tuple[int, int]], room_m: NDArray[np.float64]) -> bool:
+def _may_cut(cells: Sequence[tuple[int, int]], room_m: Array) -> bool:
     along = min(room_m[cell] for cell in cells[1:])
     return bool(least_along(cells[0], cells[-1], room_m) >= min(along, AMPLE_M))
 
 
-def least_along(
-    a: tuple[int, int], b: tuple[int, int], values: NDArray[np.float64] | Cells
-) -> float:
+def least_along(a: tuple[int, int], b: tuple[int, int], values: Array | Mask) -> float:
     """Minimum value of the cells on the line between two cells, without the first."""
     steps = 2 * max(abs(b[0] - a[0]), abs(b[1] - a[1])) + 1
     rows = np.linspace(a[0], b[0], steps).round().astype(int)

@@ -8,9 +8,9 @@ nearby.
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from companion.config.settings import MissionConfig
+from companion.core.arrays import Indices
 from companion.core.frames import Vector2
 from companion.mapping.heights import Heights
 from companion.mapping.occupancy import Occupancy
@@ -45,7 +45,7 @@ def landing_site(here: Vector2, space: Occupancy, floor: Heights, plan: MissionC
     return sites[best] if cells[best] > cells[0] else here
 
 
-def _cells_of_floor(sites: Sequence[Vector2], floor: Heights) -> NDArray[np.int64]:
+def _cells_of_floor(sites: Sequence[Vector2], floor: Heights) -> Indices:
     """Number of floor cells near each site, (n,); 0 if a cell under the hull is not floor."""
     is_floor = floor.is_floor()
     middles = np.array(list(is_floor)).reshape(-1, 2)

@@ -9,10 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, WallSegment
 from companion.export.map_files import each_by_itself, save, save_as
 from companion.offline.mapper import LogMap
-from companion.offline.reading.log import Array, Reading
+from companion.offline.reading.log import Reading
 from companion.offline.verdict import Agreement
 
 Report = dict[str, object]

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import hit_residuals
@@ -22,16 +22,12 @@ from companion.estimation.smoothing.smoother import WHOLE, Smoother
 from companion.estimation.smoothing.state import (
     BIAS,
     YAW,
-    Array,
-    Indices,
     Measured,
     Unknowns,
     project,
     reach_m,
     to_ned,
 )
-
-Mask = NDArray[np.bool_]
 
 STAGE_M = 1.5
 """A stage ends after this path length, m, this turn, rad, or this number of keyframes. Chosen."""

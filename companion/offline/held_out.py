@@ -15,8 +15,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project
 from companion.offline.growth import IncrementalMap, stages
 
 FOLDS = 5

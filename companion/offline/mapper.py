@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.frames import wrap_rad
 from companion.core.messages import Beam, FloorPlan, Hit, Pose
 from companion.estimation.association.pruning import Support
@@ -15,7 +16,7 @@ from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
 from companion.offline.growth import IncrementalMap
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
-from companion.offline.reading.log import Array, Log, Watch
+from companion.offline.reading.log import Log, Watch
 from companion.offline.reading.sensors import SensorsConfig
 from companion.offline.record import Record, poses_of_rows, to_record
 from companion.offline.scale import with_supported_scale

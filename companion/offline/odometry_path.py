@@ -5,11 +5,12 @@ odometry that drifts for an hour every wall exists many times. With all poses an
 the equations would need minutes and a GB.
 """
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.smoothing import factors
-from companion.estimation.smoothing.bordered_solver import Array, BorderedSystem, Gradient
+from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gradient
 from companion.estimation.smoothing.estimate import MarginalPrior
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import POSE_SIZE, Indices, Measured, Unknowns
+from companion.estimation.smoothing.state import POSE_SIZE, Measured, Unknowns
 
 
 class OdometryPath(Smoother):

@@ -4,8 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.messages import BEARING_FRD_RAD, Beam, RangeUnit
-from companion.offline.reading.log import Array, Log
+from companion.offline.reading.log import Log
 from companion.offline.reading.sensors import RangeConfig, RangeSensor, SensorsConfig
 
 SATURATED_SHARE = 0.02

@@ -5,14 +5,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.messages import Beam
 from companion.estimation.smoothing.odometry_model import averaged
 from companion.estimation.smoothing.range_noise import BEAMS
-from companion.estimation.smoothing.state import Indices, Measured
+from companion.estimation.smoothing.state import Measured
 from companion.offline.ranges import HorizontalBeam
-from companion.offline.reading.log import Array, Log
+from companion.offline.reading.log import Log
 
 KEYFRAME_PERIOD_S = 0.2
 """Interval of the keyframes, s. Chosen."""
@@ -86,7 +86,7 @@ def to_record(log: Log, beams: Mapping[Beam, HorizontalBeam]) -> Record:
     return Record(measured, rows, hit_row, motion, jumps)
 
 
-def _hits(beams: Mapping[Beam, HorizontalBeam], used: NDArray[np.bool_]) -> tuple[Indices, Indices]:
+def _hits(beams: Mapping[Beam, HorizontalBeam], used: Mask) -> tuple[Indices, Indices]:
     """Row and beam number of each hit, in order of rows."""
     row = [np.flatnonzero(np.isfinite(beam.range_m) & used) for beam in beams.values()]
     number = [np.full(len(r), BEAMS.index(beam)) for beam, r in zip(beams, row, strict=True)]

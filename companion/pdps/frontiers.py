@@ -7,12 +7,12 @@ obstacle; a wall has two. It is unseen if it was measured only from too far away
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import label
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
-from companion.mapping.occupancy import CELL_M, SIDES, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, SIDES, Occupancy
 
 MIN_FRONTIER_CELLS = 6
 """Minimum length of a frontier, in cells: 0.6 m. Chosen: the drone does not fit through less."""
@@ -27,7 +27,6 @@ UNSEEN_WITHIN_M = 1.5
 """Half width of the map window in which a place is checked again, m. Chosen."""
 TRIES = 3
 """Number of looks after which a target is dropped. Chosen."""
-Indices = NDArray[np.int64]
 SQUARE = np.ones((3, 3), dtype=bool)
 Places = tuple[Vector2, ...]
 
@@ -67,25 +66,25 @@ def still_unseen(grid: Occupancy, places: Places, least_surface: int = MIN_SURFA
     return tuple(place for place, m in zip(places, near_m, strict=True) if m < 1.5 * CELL_M)
 
 
-def centres(grid: Occupancy, cells: Indices) -> NDArray[np.float64]:
+def centres(grid: Occupancy, cells: Indices) -> Array:
     """Centres of cells (n, 2): north and east, m, (n, 2)."""
     places = [grid.place((row, column)) for row, column in cells.tolist()]
     return np.array(places).reshape(-1, 2)
 
 
-def frontiers(grid: Occupancy) -> Cells:
+def frontiers(grid: Occupancy) -> Mask:
     """Edges of known space with at least `MIN_FRONTIER_CELLS` cells."""
     return without_specks(edges(grid), MIN_FRONTIER_CELLS)
 
 
-def edges(grid: Occupancy) -> Cells:
+def edges(grid: Occupancy) -> Mask:
     """Known cells that have an unknown neighbour, but no occupied one."""
     known = known_cells(grid)
-    edge: Cells = known & ~grown(grid.occupied) & _beside(~known)
+    edge: Mask = known & ~grown(grid.occupied) & _beside(~known)
     return edge
 
 
-def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Cells:
+def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Mask:
     """Cells before a surface that has no exact reading from their side, nor close by.
 
     Each is next to the surface, and is free or next to a free cell.
@@ -98,34 +97,34 @@ def vague_surfaces(grid: Occupancy, least: int = MIN_SURFACE_CELLS) -> Cells:
     return without_specks(before & ~occupied, least)
 
 
-def closed_in(known: Cells) -> Cells:
+def closed_in(known: Mask) -> Mask:
     """Cells in or next to unknown space that known space surrounds."""
     unknown = np.pad(~known, 1, constant_values=True)
     parts, _ = label(unknown)
     return grown((unknown & (parts != parts[0, 0]))[1:-1, 1:-1])
 
 
-def without_specks(cells: Cells, least: int) -> Cells:
+def without_specks(cells: Mask, least: int) -> Mask:
     """The cells without connected groups of fewer than `least` cells."""
     numbers, count = label(cells, SQUARE)
     sizes = np.bincount(numbers.ravel(), minlength=count + 1)
-    kept: Cells = cells & (sizes[numbers] >= least)
+    kept: Mask = cells & (sizes[numbers] >= least)
     return kept
 
 
-def known_cells(grid: Occupancy) -> Cells:
+def known_cells(grid: Occupancy) -> Mask:
     """Free and occupied cells, and gaps between two beams that are narrower than the drone."""
     return grid.occupied | ~grown(~grown(grid.free, BEAM_GAP_CELLS), BEAM_GAP_CELLS)
 
 
-def _moved(cells: Cells, north: int, east: int) -> Cells:
+def _moved(cells: Mask, north: int, east: int) -> Mask:
     """The mask shifted by one cell. Cells that leave the grid are lost."""
     padded = np.pad(cells, 1)
     rows, columns = cells.shape
     return padded[1 - north : 1 - north + rows, 1 - east : 1 - east + columns]
 
 
-def grown(cells: Cells, times: int = 1) -> Cells:
+def grown(cells: Mask, times: int = 1) -> Mask:
     """The mask dilated by a number of cells, diagonals included."""
     for _ in range(times):
         tall = cells.copy()
@@ -137,7 +136,7 @@ def grown(cells: Cells, times: int = 1) -> Cells:
     return cells
 
 
-def _beside(cells: Cells) -> Cells:
+def _beside(cells: Mask) -> Mask:
     """The mask dilated by one cell, without diagonals."""
     beside = cells.copy()
     beside[1:] |= cells[:-1]

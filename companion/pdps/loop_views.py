@@ -13,18 +13,18 @@ drone into contact with an obstacle.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, label
 from scipy.sparse import csr_array
 
 from companion.config.settings import MissionConfig
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.known_walls import KnownWalls
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation.grid_planner import ShortestPaths
 from companion.navigation.observation import Observation
-from companion.pdps.frontiers import Indices, centres
+from companion.pdps.frontiers import centres
 from companion.pdps.viewpoints import ROOM_TO_LOOK_M, Viewpoint, seconds
-from companion.pdps.visibility import Which, is_clear, viewpoints
+from companion.pdps.visibility import is_clear, viewpoints
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 LOOSE_M = 0.05
@@ -46,7 +46,6 @@ PASSES_SIGMAS = 5.0
 obstacle was measured with one drift and is passed with another: 3.5 sigmas of both together."""
 ALL_AROUND = np.ones((3, 3), dtype=bool)
 """A cell's neighbourhood, with diagonals."""
-Array = NDArray[np.float64]
 
 
 def ties(
@@ -121,7 +120,7 @@ def _views(
     return views, places, seconds(views, room_m[tuple(views.T)], ways, observation, plan)
 
 
-def _safely_reached(ways: ShortestPaths, room_m: Array, observation: Observation) -> Cells:
+def _safely_reached(ways: ShortestPaths, room_m: Array, observation: Observation) -> Mask:
     """Cells that the drone reaches without a narrow passage; all, if it is in one itself.
 
     A cell without a path joins no two parts: unknown space is not free.
@@ -129,28 +128,28 @@ def _safely_reached(ways: ShortestPaths, room_m: Array, observation: Observation
     roomy = room_m >= BODY_RADIUS_M + PASSES_SIGMAS * observation.wander_m
     parts, _ = label(roomy & np.isfinite(ways.metres), ALL_AROUND)
     part = parts[ways.ground.start]
-    safe: Cells = parts == part if part else np.ones_like(roomy)
+    safe: Mask = parts == part if part else np.ones_like(roomy)
     return safe
 
 
-def _faces(walls: KnownWalls, places: Array) -> Which:
+def _faces(walls: KnownWalls, places: Array) -> Mask:
     """True where a beam from a place at a right angle to a wall can measure that wall; (p, w)."""
     away_m = walls.distances_m(places)
     along_m = places @ walls.tangents.T
     low_m, high_m = walls.reach_m.T
-    faces: Which = (away_m >= TIES_FROM_M) & (away_m <= TIES_TO_M)
+    faces: Mask = (away_m >= TIES_FROM_M) & (away_m <= TIES_TO_M)
     faces &= (along_m > low_m + WALL_END_M) & (along_m < high_m - WALL_END_M)
     return faces & (walls.lengths_m >= MIN_WALL_M)
 
 
-def _together(faces: Which) -> Which:
+def _together(faces: Mask) -> Mask:
     """True for pairs of walls that can be measured from one place; (w, w). A sparse product."""
     measurable = csr_array(faces.astype(np.int32))
-    together: Which = (measurable.T @ measurable).toarray() > 0
+    together: Mask = (measurable.T @ measurable).toarray() > 0
     return together
 
 
-def _seen(grid: Occupancy, walls: KnownWalls, faces: Which, views: Indices, places: Array) -> Which:
+def _seen(grid: Occupancy, walls: KnownWalls, faces: Mask, views: Indices, places: Array) -> Mask:
     """The entries of `faces` with a clear line from the view (v, 2) to the wall; (v, w)."""
     view, wall = np.nonzero(faces)
     before_m = walls.distances_m(places)[view, wall] - BEFORE_WALL_M

@@ -14,13 +14,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt, uniform_filter
 
 from companion.config.settings import MissionConfig
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from companion.core.messages import HOLD, Setpoint
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation import travel
 from companion.navigation.grid_planner import CostGrid, ShortestPaths, find_ground, find_ways
 from companion.navigation.observation import Observation
@@ -47,9 +47,6 @@ STOP_S = 2.0
 MIN_MET = 4.0
 """Minimum number of new cells along a straight track. Chosen: with fewer, the nearest remaining
 cell is the goal."""
-Indices = NDArray[np.int64]
-Metres = NDArray[np.float64]
-Seconds = NDArray[np.float64]
 
 
 class OverflyPhase(enum.Enum):
@@ -102,12 +99,12 @@ def _choose(
     return replace(overfly, phase=OverflyPhase.GO, travel=travel.along(ways, goal, observation))
 
 
-def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells:
+def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Mask:
     grid = ways.ground.grid
     flown = grid.flown.copy()
     flown[ways.ground.start] = True
     over_m = np.where(ways.ground.room_m < WALL_WITHIN_M, OVER_BY_WALLS_M, OVER_M)
-    left: Cells = distance_transform_edt(~flown) * CELL_M > over_m
+    left: Mask = distance_transform_edt(~flown) * CELL_M > over_m
     left &= np.isfinite(ways.metres)
     rows, columns = np.indices(left.shape)
     for row, column in map(grid.cell, aimed_at):
@@ -116,7 +113,7 @@ def _not_flown_over(ways: ShortestPaths, aimed_at: tuple[Vector2, ...]) -> Cells
 
 
 def _goal(
-    left: Cells, ways: ShortestPaths, observation: Observation, plan: MissionConfig
+    left: Mask, ways: ShortestPaths, observation: Observation, plan: MissionConfig
 ) -> Vector2:
     """Goal: the end of the straight track with most new cells for its time, or the nearest cell."""
     grid = ways.ground.grid
@@ -132,14 +129,14 @@ def _goal(
 
 def _seconds(
     cells: Indices, ways: ShortestPaths, observation: Observation, plan: MissionConfig
-) -> Seconds:
+) -> Array:
     """Time to fly to each cell (n, 2), with the turn towards it, s; (n,)."""
     turn_s = turn_rad(observation, cells, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
-    seconds: Seconds = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
+    seconds: Array = ways.metres[tuple(cells.T)] / plan.speed_m_s + turn_s
     return seconds
 
 
-def _straight_on(left: Cells, ground: CostGrid) -> tuple[Indices, Metres]:
+def _straight_on(left: Mask, ground: CostGrid) -> tuple[Indices, Array]:
     """Ends (n, 2) of straight tracks in all directions and lengths, and the new cells on them (n,).
 
     The count is averaged over the width of the track.

@@ -4,9 +4,9 @@ A nearest-first order leaves corners of a room unseen, and returns to them throu
 """
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse.csgraph import dijkstra
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
 from companion.navigation.grid_planner import ShortestPaths, graph
 
@@ -15,7 +15,6 @@ COARSE_CELLS = 3
 order."""
 FAR_M = 1e3
 """Cost between places without a path, m; for example home, after a door behind was shut. Chosen."""
-Costs = NDArray[np.float64]
 
 
 def first_of_tour(ways: ShortestPaths, places: tuple[Vector2, ...], home_ne_m: Vector2) -> int:
@@ -27,18 +26,18 @@ def first_of_tour(ways: ShortestPaths, places: tuple[Vector2, ...], home_ne_m: V
     return shortest_first(between[0, 1:-1], between[1:-1, 1:-1], between[1:-1, -1])
 
 
-def _between_m(ways: ShortestPaths, cells: NDArray[np.int64]) -> Costs:
+def _between_m(ways: ShortestPaths, cells: Indices) -> Array:
     """Costs of the paths between cells (n, 2), on a coarser grid; (n, n)."""
     rows, columns = (-np.array(ways.ground.cost.shape)) % COARSE_CELLS
     cost = np.pad(ways.ground.cost, ((0, rows), (0, columns)), constant_values=np.inf)
     tall, wide = cost.shape[0] // COARSE_CELLS, cost.shape[1] // COARSE_CELLS
     coarse = cost.reshape(tall, COARSE_CELLS, wide, COARSE_CELLS).min(axis=(1, 3))
     numbers = cells // COARSE_CELLS @ np.array([wide, 1])
-    metres: Costs = dijkstra(graph(coarse), directed=False, indices=numbers)[:, numbers]
+    metres: Array = dijkstra(graph(coarse), directed=False, indices=numbers)[:, numbers]
     return COARSE_CELLS * np.where(np.isfinite(metres), metres, FAR_M)
 
 
-def shortest_first(from_here: Costs, between: Costs, to_home: Costs) -> int:
+def shortest_first(from_here: Array, between: Array, to_home: Array) -> int:
     """Index of the first place of the shortest path through all n places (Held and Karp 1962).
 
     `least[visited, last]` is the length of the shortest path through a set of places, one bit each,

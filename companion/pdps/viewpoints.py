@@ -9,20 +9,19 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 from scipy.spatial import cKDTree
 
 from companion.config.settings import MissionConfig
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
+from companion.mapping.occupancy import CELL_M, Occupancy
 from companion.navigation.grid_planner import ShortestPaths
 from companion.navigation.observation import Observation
 from companion.pdps.frontiers import (
     MIN_SURFACE_CELLS,
     SMALL_SURFACE_CELLS,
     TRIED_WITHIN_M,
-    Indices,
     Places,
     centres,
     closed_in,
@@ -58,8 +57,6 @@ OPEN_LOOKS = 6
 FAR_S, OPEN_WORTH = 20.0, 0.25
 """If all full targets are farther than this time, s, targets in the open count too, with this
 weight. Chosen: a hall wider than two ranges is open until its other side is seen."""
-Metres = NDArray[np.float64]
-Seconds = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +125,7 @@ class _Stage:
     """Targets (t, 2), their weights (t,), and the limits for viewpoints, in one stage."""
 
     targets: Indices
-    worth: NDArray[np.float64]
+    worth: Array
     least_shown: float
     least_room_m: float
     most_s: float = math.inf
@@ -145,8 +142,8 @@ class _Stage:
 
 def _stages(
     grid: Occupancy,
-    known: Cells,
-    to_occupied_m: Metres,
+    known: Mask,
+    to_occupied_m: Array,
     plan: MissionConfig,
     tried: Sequence[Viewpoint],
 ) -> Iterator[_Stage]:
@@ -181,20 +178,20 @@ def _in_vain(tried: Sequence[Viewpoint]) -> bool:
 
 def seconds(
     views: Indices,
-    room_m: Metres,
+    room_m: Array,
     ways: ShortestPaths,
     observation: Observation,
     plan: MissionConfig,
-) -> Seconds:
+) -> Array:
     """Time to fly to each viewpoint and look, plus a penalty for small clearance, s, (n,)."""
     time_s = ways.metres[tuple(views.T)] / plan.speed_m_s + LOOK_S
     time_s += turn_rad(observation, views, ways.ground.grid) / math.radians(plan.turn_rate_deg_s)
-    crowded: Seconds = time_s + CROWDED_S * np.maximum(AMPLE_ROOM_M - room_m, 0)
+    crowded: Array = time_s + CROWDED_S * np.maximum(AMPLE_ROOM_M - room_m, 0)
     return crowded
 
 
 def _best(
-    stage: _Stage, views: Indices, time_s: Seconds, grid: Occupancy, pairs: Indices
+    stage: _Stage, views: Indices, time_s: Array, grid: Occupancy, pairs: Indices
 ) -> tuple[Viewpoint, ...]:
     """The viewpoints among the views (v, 2) that show most targets for their time (v,), s.
 
@@ -235,12 +232,12 @@ def _not_in_vain(
     return pairs[~in_vain]
 
 
-def turn_rad(observation: Observation, views: Indices, grid: Occupancy) -> NDArray[np.float64]:
+def turn_rad(observation: Observation, views: Indices, grid: Occupancy) -> Array:
     """Absolute angle from the nose to each view (n, 2), rad, (n,)."""
     here = grid.cell(observation.pose.ne_m)
     north, east = (views - here).T
     off_rad = np.arctan2(east, north) - observation.pose.yaw_rad
-    turned_rad: NDArray[np.float64] = np.abs(np.angle(np.exp(1j * off_rad)))
+    turned_rad: Array = np.abs(np.angle(np.exp(1j * off_rad)))
     return turned_rad
 
 

@@ -1,11 +1,11 @@
 """Computes which unseen cells are visible from which viewpoints, by lines through the grid."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from companion.mapping.occupancy import CELL_M, Cells, Occupancy
-from companion.pdps.frontiers import Indices, grown
+from companion.core.arrays import Indices, Mask
+from companion.mapping.occupancy import CELL_M, Occupancy
+from companion.pdps.frontiers import grown
 
 SEES_M = 2.4
 """Maximum distance from which a beam measures a surface well, m. Chosen."""
@@ -18,15 +18,14 @@ MEETS_WITHIN_CELLS = 2
 """A line to a surface must meet an occupied cell within this many cells behind its end. Chosen."""
 VIEW_EVERY_CELLS = 3
 """Spacing of the candidate viewpoints, in cells. Chosen."""
-Which = NDArray[np.bool_]
 
 
-def viewpoints(may: Cells) -> Indices:
+def viewpoints(may: Mask) -> Indices:
     """Candidate viewpoints: every `VIEW_EVERY_CELLS`th cell of `may`, (n, 2)."""
     return VIEW_EVERY_CELLS * np.argwhere(may[::VIEW_EVERY_CELLS, ::VIEW_EVERY_CELLS])
 
 
-def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> Indices:
+def sights(grid: Occupancy, known: Mask, views: Indices, targets: Indices) -> Indices:
     """Pairs (view, target), (n, 2), of viewpoints (v, 2) and the unseen cells (t, 2) they show.
 
     A view shows a surface if its line is clear and meets the surface. It shows a frontier if its
@@ -46,7 +45,7 @@ def sights(grid: Occupancy, known: Cells, views: Indices, targets: Indices) -> I
     return clear
 
 
-def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Which:
+def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> Mask:
     """True for each line between cells (n, 2) that crosses no occupied cell, (n,).
 
     No line may be longer than `most_m`. Ends may lie outside the grid, for example on walls that
@@ -68,28 +67,28 @@ def is_clear(grid: Occupancy, starts: Indices, ends: Indices, most_m: float) -> 
     return clear
 
 
-def _opens(known: Cells, starts: Indices, ends: Indices) -> Which:
+def _opens(known: Mask, starts: Indices, ends: Indices) -> Mask:
     """True for each line from starts to ends (n, 2) that continues into unknown space, (n,).
 
     A line that grazes a frontier continues through known space, and does not move the frontier.
     """
     is_known = _behind(known, starts, ends, round(BEYOND_M / CELL_M))
-    opens: Which = np.mean(~is_known, axis=1) >= MIN_BEYOND
+    opens: Mask = np.mean(~is_known, axis=1) >= MIN_BEYOND
     return opens
 
 
-def _meets(grid: Occupancy, starts: Indices, ends: Indices) -> Which:
+def _meets(grid: Occupancy, starts: Indices, ends: Indices) -> Mask:
     """True for each line to a cell before a surface that meets the surface; (n,)."""
-    meets: Which = np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
+    meets: Mask = np.any(_behind(grid.occupied, starts, ends, MEETS_WITHIN_CELLS), axis=1)
     return meets
 
 
-def _behind(cells: Cells, starts: Indices, ends: Indices, count: int) -> Cells:
+def _behind(cells: Mask, starts: Indices, ends: Indices, count: int) -> Mask:
     """Values of the `count` cells behind the ends of the lines from starts (n, 2); (n, count)."""
     along = (ends - starts) / np.maximum(np.hypot(*(ends - starts).T), 1.0)[:, None]
     rows, columns = (
         count + np.rint(end[:, None] + np.arange(1, count + 1) * step[:, None]).astype(np.int32)
         for end, step in zip(ends.T, along.T, strict=True)
     )
-    behind: Cells = np.pad(cells, count)[rows, columns]
+    behind: Mask = np.pad(cells, count)[rows, columns]
     return behind

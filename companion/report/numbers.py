@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array
 from companion.core.messages import Beam, FloorPlan, RangeState, WallSegment
 from companion.mapping.floor_plan import outline_closed
 from companion.recording.reader import Recording
@@ -18,8 +18,6 @@ SAMPLE_M = 0.25
 """Distance between sample points on a wall, m. Chosen."""
 MET_WITHIN_M = 0.35
 """Largest distance of a hit from a sample point that it detects, m. Chosen."""
-Times = NDArray[np.float64]
-"""Times or shares, (n,)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +88,7 @@ def outline_seen(plan: FloorPlan) -> float:
     return outline_closed(plan.walls, (0.0, 0.0))
 
 
-def walls_over_time(plan: FloorPlan) -> tuple[Times, Times]:
+def walls_over_time(plan: FloorPlan) -> tuple[Array, Array]:
     """Times, s, and the share of the final walls that beams had detected by then, 0 to 1."""
     pieces = [_samples(wall) for wall in plan.walls]
     if not pieces or not plan.hits:
@@ -102,8 +100,8 @@ def walls_over_time(plan: FloorPlan) -> tuple[Times, Times]:
     return met_s, np.arange(1, len(met_s) + 1) / len(near)
 
 
-def _samples(wall: WallSegment) -> NDArray[np.float64]:
+def _samples(wall: WallSegment) -> Array:
     """Points along a wall, (n, 2), north and east, m."""
     share = np.linspace(0, 1, max(2, round(wall.length_m / SAMPLE_M)))[:, None]
-    points: NDArray[np.float64] = (1 - share) * wall.start_ne_m + share * np.array(wall.end_ne_m)
+    points: Array = (1 - share) * wall.start_ne_m + share * np.array(wall.end_ne_m)
     return points

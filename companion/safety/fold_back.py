@@ -20,8 +20,8 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Beam, RangeModel, RangeReading, RangeState, RangeUnit
 
@@ -42,7 +42,6 @@ seconds."""
 HULL_M = 0.15
 """Space within this distance of a recent position of the drone's centre is free, m. Otherwise a
 far reading beside an edge, which resembles a folded one, would create obstacles there. Chosen."""
-Array = NDArray[np.float64]
 Readings = Mapping[Beam, RangeReading]
 
 

@@ -12,10 +12,11 @@ before the drone reaches it.
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.frames import points_to_frd
 from companion.core.messages import Pose
 from companion.mapping.occupancy import Occupancy
-from companion.safety.obstacle_points import KEPT_S, Points
+from companion.safety.obstacle_points import KEPT_S
 from companion.safety.velocity_guard import BODY_RADIUS_M
 
 RECALLED_WITHIN_M = 2.0
@@ -26,7 +27,7 @@ MET_ANEW_M = 0.4
 its cell size, differs from odometry by as much."""
 
 
-def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Points) -> Points:
+def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Array) -> Array:
     """Return recalled points (r, 2), m, forward and right of the drone's centre.
 
     `lately_frd_m` (n, 2) contains the recent obstacle points, body FRD.
@@ -40,5 +41,5 @@ def recalled_frd_m(grid: Occupancy, pose: Pose, lately_frd_m: Points) -> Points:
     if not len(lately_frd_m):
         return recalled
     apart_m = np.linalg.norm(recalled[:, None] - lately_frd_m, axis=2).min(axis=1)
-    kept: Points = recalled[apart_m > MET_ANEW_M]
+    kept: Array = recalled[apart_m > MET_ANEW_M]
     return kept

@@ -13,8 +13,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2, frd_to_ned, points_to_frd, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -37,7 +37,6 @@ from companion.safety.obstacle_points import (
     Drift,
     LineOfSight,
     ObstaclePoints,
-    Points,
 )
 from companion.safety.swept_space import NARROW, WIDE, Lane, SweptGrid, all_swept
 
@@ -66,16 +65,16 @@ Chosen."""
 class Surroundings:
     """Inputs of the velocity limiter, body FRD, from the drone's centre."""
 
-    points_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
+    points_frd_m: Array = field(default_factory=lambda: np.empty((0, 2)))
     """(n, 2), m, forward and right; for an inexact point, its nearest possible position."""
     velocity_frd_m_s: Vector2 = (0.0, 0.0)
     lag_s: float = FIRST_LAG_S
     """Time for which the drone keeps this velocity after a stop is commanded, s."""
-    is_vague: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(1, dtype=bool))
+    is_vague: Mask = field(default_factory=lambda: np.zeros(1, dtype=bool))
     """(n,), or (1,) for all: True for inexact points."""
-    drift_m: Points = field(default_factory=lambda: np.zeros(1))
+    drift_m: Array = field(default_factory=lambda: np.zeros(1))
     """(n,), or (1,) for all: sigma of the drone's drift since each point was detected, m."""
-    recalled_frd_m: Points = field(default_factory=lambda: np.empty((0, 2)))
+    recalled_frd_m: Array = field(default_factory=lambda: np.empty((0, 2)))
     """(r, 2), m: older obstacles, at their positions in the map."""
     lane: Callable[[float], Lane] = all_swept
     """Returns the swept part of the path at a bearing, rad, FRD."""
@@ -185,7 +184,7 @@ class ObstacleMemory:
         self._fold_back.record_free(scan.time_s, scan.readings, readings)
         return replace(scan, readings=readings)
 
-    def _line(self, unit: RangeUnit, relative: Points, yaw_rate_rad_s: float) -> LineOfSight:
+    def _line(self, unit: RangeUnit, relative: Array, yaw_rate_rad_s: float) -> LineOfSight:
         """Line of sight from the drone's position and heading when the sensor measured."""
         age_s = unit.model.mean_age_s
         bearing_rad = unit.bearing_frd_rad - age_s * yaw_rate_rad_s
@@ -209,12 +208,12 @@ class ObstacleMemory:
         north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
         return self._ne_m[0] + north_m, self._ne_m[1] + east_m
 
-    def _relative(self) -> Points:
+    def _relative(self) -> Array:
         """Points (n, 2), m, forward and right of the drone's centre."""
         return points_to_frd(self._points.places - self._ne_m, self._yaw_rad)
 
 
-def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Points) -> Vector2:
+def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> Vector2:
     """Return start and end of the free part of the beam, m.
 
     A reading that may have folded back frees nothing up to its alias plus `SURELY_M`, except of
@@ -240,7 +239,7 @@ def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:
 
 
 def _detected_again(
-    reading: RangeReading, unit: RangeUnit, along_m: Points, is_on_it: NDArray[np.bool_]
+    reading: RangeReading, unit: RangeUnit, along_m: Array, is_on_it: Mask
 ) -> int | None:
     """Index of the point (n,) that a TOO_NEAR reading detects again; None if there is none.
 

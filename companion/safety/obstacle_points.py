@@ -12,14 +12,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector2, points_to_frd
 from companion.core.values import value
 from companion.safety.swept_space import LEG_M, SweptGrid
-
-Points = NDArray[np.float64]
-Chosen = NDArray[np.bool_]
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
 """A point is deleted if it is not detected again for this time, s, or is farther than this from the
@@ -90,10 +87,10 @@ class Drift:
     wander_m: float = 0.0
     """Sigma of a bounded position error that varies slowly, m."""
 
-    def sigma_m(self, age_s: Points) -> Points:
+    def sigma_m(self, age_s: Array) -> Array:
         """Sigma of the drift on each axis after `age_s` (n,): (n,), m."""
         wandered_m2 = np.where(age_s > 0, 2 * self.wander_m**2, 0.0)
-        sigma_m: Points = np.sqrt(self.walk_m2_per_s * age_s + wandered_m2)
+        sigma_m: Array = np.sqrt(self.walk_m2_per_s * age_s + wandered_m2)
         return sigma_m
 
 
@@ -106,9 +103,9 @@ class LineOfSight:
 
     eye_frd_m: Vector2
     bearing_rad: float
-    along_m: Points
+    along_m: Array
     """(n,): distance of each point along the beam, from its origin."""
-    aside_m: Points
+    aside_m: Array
     """(n,): offset of each point to the right of the beam."""
 
     def at_m(self, along_m: float) -> Vector2:
@@ -148,11 +145,11 @@ class ObstaclePoints:
     """
 
     def __init__(self) -> None:
-        self._points: Points = np.empty((0, _FREED + STRIPS))
+        self._points: Array = np.empty((0, _FREED + STRIPS))
         self._drift = NO_DRIFT
         self.leg_detected_s = -math.inf
         """Time of the last detection of an isolated obstacle, s."""
-        self.legs: Points = np.empty((0, 2))
+        self.legs: Array = np.empty((0, 2))
         """(l, 2): first position of each isolated obstacle, north and east, m."""
 
     def set_drift(self, drift: Drift) -> None:
@@ -160,48 +157,48 @@ class ObstaclePoints:
         self._drift = drift
 
     @property
-    def places(self) -> Points:
+    def places(self) -> Array:
         """Positions (n, 2): north and east, m."""
         return self._points[:, :2]
 
     @property
-    def is_vague(self) -> Chosen:
+    def is_vague(self) -> Mask:
         """(n,): True for inexact points, which were detected from too far away."""
-        vague: Chosen = self._points[:, _SIGMA_M] > 0
+        vague: Mask = self._points[:, _SIGMA_M] > 0
         return vague
 
     @property
-    def is_measured(self) -> Chosen:
+    def is_measured(self) -> Mask:
         """(n,): True for points that were measured exactly."""
-        measured: Chosen = (self._points[:, _KNOWN] == MEASURED) & ~self.is_vague
+        measured: Mask = (self._points[:, _KNOWN] == MEASURED) & ~self.is_vague
         return measured
 
     @property
-    def is_sure(self) -> Chosen:
+    def is_sure(self) -> Mask:
         """(n,): True for points at which an obstacle certainly exists."""
-        sure: Chosen = self._points[:, _KNOWN] > GUESSED
+        sure: Mask = self._points[:, _KNOWN] > GUESSED
         return sure
 
-    def is_detected_from_elsewhere(self, ne_m: Vector2) -> Chosen:
+    def is_detected_from_elsewhere(self, ne_m: Vector2) -> Mask:
         """(n,): True for points that were measured from another position than `ne_m`.
 
         A folded reading is not confirmed from two positions: its apparent obstacle moves with the
         drone.
         """
         off_m = self._points[:, _FROM_NE] - ne_m
-        elsewhere: Chosen = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
+        elsewhere: Mask = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
         return self.is_measured & elsewhere
 
-    def detected_before(self, time_s: float) -> Points:
+    def detected_before(self, time_s: float) -> Array:
         """Positions (m, 2) of the points first detected before `time_s`, m."""
-        old: Points = self._points[self._points[:, _DETECTED_S] < time_s, :2]
+        old: Array = self._points[self._points[:, _DETECTED_S] < time_s, :2]
         return old
 
-    def drift_m(self, now_s: float) -> Points:
+    def drift_m(self, now_s: float) -> Array:
         """(n,): sigma of the drone's drift since each point was detected, m."""
         return self._drift.sigma_m(np.maximum(now_s - self._points[:, _DETECTED_S], 0.0))
 
-    def nearest(self, ne_m: Vector2, yaw_rad: float, passed: SweptGrid) -> Points:
+    def nearest(self, ne_m: Vector2, yaw_rad: float, passed: SweptGrid) -> Array:
         """Points (n, 2), m, forward and right; inexact ones at their nearest possible position.
 
         That position lies along their beam, where no beam has passed since the detection.
@@ -280,7 +277,7 @@ class ObstaclePoints:
         if ((off_m * off_m).sum(axis=1) > LEGS_APART_M**2).all():
             self.legs = np.vstack([self.legs, place_ne_m])
 
-    def _stands_alone(self, which: Chosen, time_s: float) -> bool:
+    def _stands_alone(self, which: Mask, time_s: float) -> bool:
         """Return True if one of the selected points (n,) is isolated."""
         beside_s = self._points[which][:, (_LEFT_S, _RIGHT_S)]
         return bool((beside_s > time_s - GLANCE_S).all(axis=1).any())
@@ -295,7 +292,7 @@ class ObstaclePoints:
         """Delete the points through which beams passed, together with all points close by."""
         self._points = self._points[~self._gone(now_s)]
 
-    def _gone(self, now_s: float) -> Chosen:
+    def _gone(self, now_s: float) -> Mask:
         """(n,): True for points through which beams passed."""
         within_m = MIN_STRIPS_M + DRIFT_SIGMAS * self.drift_m(now_s)
         within_m[~self.is_sure] = GUESS_STRIPS_M
@@ -314,16 +311,16 @@ class ObstaclePoints:
         return gone
 
 
-def _lie_along(off_m: Points, ray_rad: float | Points, within_m: Points) -> Chosen:
+def _lie_along(off_m: Array, ray_rad: float | Array, within_m: Array) -> Mask:
     """(n,): True where offsets (n, 2) from a point lie on a beam of that heading through it."""
     cos, sin = np.cos(ray_rad), np.sin(ray_rad)
     along_m = off_m[:, 0] * cos + off_m[:, 1] * sin
     aside_m = off_m[:, 1] * cos - off_m[:, 0] * sin
-    lie: Chosen = (np.abs(along_m) < within_m) & (np.abs(aside_m) < SAME_OLD_M)
+    lie: Mask = (np.abs(along_m) < within_m) & (np.abs(aside_m) < SAME_OLD_M)
     return lie
 
 
-def _through(aside_m: Points) -> Chosen:
+def _through(aside_m: Array) -> Mask:
     """(n, STRIPS): strips that a beam frees, for points (n,) at `aside_m` to its right."""
-    through: Chosen = np.abs(aside_m[:, None] - _STRIP_RIGHT_M) < LEG_M / 2 - STRIP_M / 2
+    through: Mask = np.abs(aside_m[:, None] - _STRIP_RIGHT_M) < LEG_M / 2 - STRIP_M / 2
     return through

@@ -25,8 +25,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
 
 LATELY_S = 30.0
@@ -50,8 +50,6 @@ fewer."""
 BESIDE_M = 0.6
 """Obstacles within this distance of the path's middle are one side of a passage, m. Chosen: the
 drone passes a doorway of 1.2 m in its middle, 0.4 m from either jamb."""
-Places = NDArray[np.float64]
-Cells = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +97,7 @@ class Lane:
     right_rad: float = 0.0
     """Angles off the path, to either side, up to which near cells are still unswept."""
 
-    def beside(self, along_m: Places, aside_m: Places) -> "Lane":
+    def beside(self, along_m: Array, aside_m: Array) -> "Lane":
         """Return the path with its sector extended to obstacles near it.
 
         The obstacles (n,) lie `along_m` on the path and `aside_m` to the right of it.
@@ -144,7 +142,7 @@ class SweptGrid:
         for off_m in (-LEG_M / 2, 0.0, LEG_M / 2):
             self._when_s[self._cells(middle + off_m * aside)] = time_s
 
-    def _prove(self, eye_ne_m: Vector2, middle: Places, aside: Places, time_s: float) -> None:
+    def _prove(self, eye_ne_m: Vector2, middle: Array, aside: Array, time_s: float) -> None:
         """Mark the cells with their middle within half a leg's width of the beam."""
         cell_m = self._fill.cell_m
         offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._fill.step_m)
@@ -167,12 +165,12 @@ class SweptGrid:
             float(off_rad.max(initial=0.0)),
         )
 
-    def when_s(self, places_ne_m: Places) -> Places:
+    def when_s(self, places_ne_m: Array) -> Array:
         """Times (...), s, at which a beam last swept places (..., 2); minus infinity if never."""
-        when_s: Places = self._when_s[self._cells(places_ne_m)]
+        when_s: Array = self._when_s[self._cells(places_ne_m)]
         return when_s
 
-    def _cells(self, places_ne_m: Places) -> tuple[Cells, Cells]:
+    def _cells(self, places_ne_m: Array) -> tuple[Indices, Indices]:
         cells = np.floor(places_ne_m / self._fill.cell_m).astype(np.int64) % self._fill.cells
         return cells[..., 0], cells[..., 1]
 
@@ -181,11 +179,11 @@ class SweptGrid:
 class _PathSamples:
     """Samples of the path ahead, each array (n,)."""
 
-    ahead_m: Places
-    aside_m: Places
-    reached_m: Places
+    ahead_m: Array
+    aside_m: Array
+    reached_m: Array
     """Distance that the drone flies until its body touches each sample, m."""
-    off_rad: Places
+    off_rad: Array
     """Angle of each sample to the right of the path, seen from the sensor, rad."""
 
     @classmethod
@@ -202,15 +200,15 @@ class _PathSamples:
         return cls(ahead_m, aside_m, reached_m, np.arctan2(aside_m, ahead_m - EYE_M))
 
 
-def _disc(fill: GridSpec) -> Places:
+def _disc(fill: GridSpec) -> Array:
     """Centres (n, 2) of the cells that the hull covers, m."""
     offsets = np.arange(-fill.hull_m, fill.hull_m + fill.step_m, fill.cell_m)
     places = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
-    inside: Places = places[np.hypot(*places.T) <= fill.hull_m]
+    inside: Array = places[np.hypot(*places.T) <= fill.hull_m]
     return inside
 
 
-def _axes(bearing_rad: float) -> tuple[Places, Places]:
+def _axes(bearing_rad: float) -> tuple[Array, Array]:
     """Unit vectors along a bearing and to its right, each (2,)."""
     cos_b, sin_b = math.cos(bearing_rad), math.sin(bearing_rad)
     return np.array((cos_b, sin_b)), np.array((-sin_b, cos_b))

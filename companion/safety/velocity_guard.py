@@ -27,13 +27,14 @@ from dataclasses import replace
 import numpy as np
 
 from companion.config.settings import MissionConfig
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
 from companion.safety.control_laws import BRAKING_M_S2, clamp
 from companion.safety.obstacle_memory import Surroundings
-from companion.safety.obstacle_points import DRIFT_SIGMAS, Points
+from companion.safety.obstacle_points import DRIFT_SIGMAS
 
 BODY_RADIUS_M = 0.2
 """Distance from the drone's centre to its hull, m."""
@@ -86,8 +87,8 @@ def clear_of_all_m(plan: MissionConfig) -> float:
 class _Bounds:
     """Speed limits (n,), m/s, in directions (n, 2), body FRD."""
 
-    towards: Points
-    max_m_s: Points
+    towards: Array
+    max_m_s: Array
 
 
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
@@ -141,26 +142,26 @@ def _by_recalled(around: Surroundings) -> _Bounds:
     return _Bounds(towards, _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
 
 
-def _towards(points: Points) -> tuple[Points, Points]:
+def _towards(points: Array) -> tuple[Array, Array]:
     """Unit vectors (n, 2) to points, and their distances (n,), m."""
     away_m = np.maximum(np.hypot(points[:, 0], points[:, 1]), 1e-3)
     return points / away_m[:, None], away_m
 
 
-def _stopping_m(towards: Points, around: Surroundings) -> Points:
+def _stopping_m(towards: Array, around: Surroundings) -> Array:
     """(n,): distance that the drone covers towards each point before it brakes, m."""
     closing_m_s = towards @ np.array(around.velocity_frd_m_s)
-    lag_m: Points = around.lag_s * np.maximum(closing_m_s, 0.0)
+    lag_m: Array = around.lag_s * np.maximum(closing_m_s, 0.0)
     return lag_m
 
 
-def _stopping_speed_m_s(left_m: Points) -> Points:
+def _stopping_speed_m_s(left_m: Array) -> Array:
     """(n,): highest speed, m/s, from which the drone stops within `left_m`."""
-    fast_m_s: Points = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
+    fast_m_s: Array = np.sqrt(2 * BRAKING_M_S2 * np.maximum(left_m, 0.0))
     return fast_m_s
 
 
-def _bounded(wanted: Points, towards: Points, max_m_s: Points) -> Vector2:
+def _bounded(wanted: Array, towards: Array, max_m_s: Array) -> Vector2:
     """Project the velocity repeatedly onto the most violated limit.
 
     If two limits contradict each other, the steps shrink until both are violated equally. So the
@@ -192,7 +193,7 @@ class _Passage:
         return 0.5 * (self.left_m + self.right_m)
 
 
-def _passage(points: Points, course: Points) -> _Passage | None:
+def _passage(points: Array, course: Array) -> _Passage | None:
     """Return None if a side has no obstacle, or if there is one between the sides."""
     ahead = _direction(course)
     along_m, aside_m = points @ ahead, points @ np.array((-ahead[1], ahead[0]))
@@ -206,31 +207,31 @@ def _passage(points: Points, course: Points) -> _Passage | None:
     return _Passage(float(left_m.min()), float(right_m.min()))
 
 
-def _direction(course: Points) -> Points:
+def _direction(course: Array) -> Array:
     speed = float(np.hypot(*course))
     return np.array([1.0, 0.0]) if speed < MIN_SPEED_M_S else course / speed
 
 
-def _to_the_middle(wanted: Points, passage: _Passage | None) -> Points:
+def _to_the_middle(wanted: Array, passage: _Passage | None) -> Array:
     """Add the velocity that leads to the middle of a narrow passage."""
     if passage is None or passage.half_m > NARROW_M or np.hypot(*wanted) < COURSE_M_S:
         return wanted
     ahead = _direction(wanted)
     off_m = 0.5 * (passage.right_m - passage.left_m)
     trim_m_s = clamp(CENTRING_GAIN_1_S * off_m, MAX_GIVE_WAY_M_S)
-    centred: Points = wanted + trim_m_s * np.array((-ahead[1], ahead[0]))
+    centred: Array = wanted + trim_m_s * np.array((-ahead[1], ahead[0]))
     return centred
 
 
-def _keep_off_m(half_m: float, planned_m: Points) -> Points:
+def _keep_off_m(half_m: float, planned_m: Array) -> Array:
     """(n,): clearance from the drone's centre in a passage, m: as planned, or less."""
     room_m = half_m - POINT_M - PASSAGE_SLACK_M
     least_m = np.minimum(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M)
-    keep_off_m: Points = np.maximum(np.minimum(planned_m, room_m), least_m)
+    keep_off_m: Array = np.maximum(np.minimum(planned_m, room_m), least_m)
     return keep_off_m
 
 
-def _keep_off_askew_m(towards: Points, away_m: Points, planned_m: Points) -> Points:
+def _keep_off_askew_m(towards: Array, away_m: Array, planned_m: Array) -> Array:
     """(n,): clearance from the drone's centre, m; reduced for obstacles on two opposite sides.
 
     The course has no influence.

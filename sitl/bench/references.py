@@ -13,8 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.core.messages import FloorPlan, WallLine
 from companion.estimation.association.gating import MIN_COS_INCIDENCE, NEAR_END_SIGMAS
@@ -27,13 +27,12 @@ from companion.estimation.smoothing.flight_record import (
     HitColumn,
 )
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import Indices, Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
 from sitl.simulation.record import TruthRecord
 from sitl.world.format import Segment
 
-Array = NDArray[np.float64]
 STEPS = 6
 """Iterations of the ideal solver."""
 FARTHEST_SIGMAS = 5.0

@@ -13,16 +13,14 @@ import numpy as np
 from evo.core import metrics, sync
 from evo.core.geometry import GeometryException
 from evo.core.trajectory import PoseTrajectory3D
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array
 from companion.core.messages import FloorPlan, Pose
 from sitl.core.truth import TrueState
 from sitl.world.format import Segment
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples
-
-Points = NDArray[np.float64]
 
 COVERED_WITHIN_M = 0.10
 """A true wall is covered if a mapped wall is within this, m."""
@@ -73,7 +71,7 @@ class TrajectoryScore:
 def score_map(
     plan: FloorPlan,
     surfaces: Sequence[Segment],
-    observable: Points,
+    observable: Array,
     take_off: TrueState,
     closed: Sequence[Segment] = (),
 ) -> MapScore:
@@ -113,7 +111,7 @@ class _Truth:
         self.standing = _nearest_of([*surfaces, *closed]) if closed else self._walls
         """All surfaces that a beam can hit; the map is aligned to them."""
 
-    def errors_m(self, points: Points) -> Points:
+    def errors_m(self, points: Array) -> Array:
         """Distance of each point (n, 2) to the true walls, m; NaN where it does not count.
 
         A point does not count if it is nearer to the closed border than to a true wall.
@@ -125,7 +123,7 @@ class _Truth:
         return np.where((closed_m <= FALSE_BEYOND_M) & (closed_m < error_m), math.nan, error_m)
 
 
-def _those_that_count(errors_m: Points) -> Points:
+def _those_that_count(errors_m: Array) -> Array:
     return errors_m[~np.isnan(errors_m)]
 
 
@@ -172,7 +170,7 @@ def score_trajectory(
     return TrajectoryScore(ate_cm=_rmse_cm(true, estimated), ate_take_off_frame_cm=as_is_cm)
 
 
-def clear_in_the_open_m(surfaces: Sequence[Segment], places: Points, radius_m: float) -> float:
+def clear_in_the_open_m(surfaces: Sequence[Segment], places: Array, radius_m: float) -> float:
     """Smallest distance of a body's hull to any surface, outside passages, m.
 
     `places` (n, 2) are the body's positions. Infinite if all are in passages or there is no
@@ -202,7 +200,7 @@ def least_time_s(surfaces: Sequence[Segment], standoff_m: float, speed_m_s: floa
     return max(perimeter_m - 8 * standoff_m, 0.0) / speed_m_s
 
 
-def align(points: Points, walls: NearestWall) -> Points:
+def align(points: Array, walls: NearestWall) -> Array:
     """Fit points (n, 2) rigidly to walls by iterated closest points."""
     for _ in range(ALIGNMENT_STEPS):
         distance_m, nearest = walls.query(points)
@@ -216,34 +214,34 @@ def align(points: Points, walls: NearestWall) -> Points:
     return points
 
 
-def _rigid_fit(source: Points, target: Points, points: Points) -> Points:
+def _rigid_fit(source: Array, target: Array, points: Array) -> Array:
     """Apply the rotation and shift that map `source` to `target` (Kabsch) to `points`."""
     source_mean, target_mean = source.mean(axis=0), target.mean(axis=0)
     u, _, vt = np.linalg.svd((source - source_mean).T @ (target - target_mean))
     flip = np.diag([1.0, np.sign(np.linalg.det(u @ vt))])
-    moved: Points = (points - source_mean) @ (u @ flip @ vt) + target_mean
+    moved: Array = (points - source_mean) @ (u @ flip @ vt) + target_mean
     return moved
 
 
-def _to_world(points: Points, take_off: TrueState) -> Points:
+def _to_world(points: Array, take_off: TrueState) -> Array:
     """Transform local NED (north, east) to the world frame by the true take-off pose."""
     cos_yaw, sin_yaw = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
     rotation = np.array([[cos_yaw, sin_yaw], [-sin_yaw, cos_yaw]])
-    moved: Points = points @ rotation + np.array(take_off.position_ned_m[:2])
+    moved: Array = points @ rotation + np.array(take_off.position_ned_m[:2])
     return moved
 
 
-def _feet(points: Points, walls: Points) -> Points:
+def _feet(points: Array, walls: Array) -> Array:
     """Closest points (n, m, 2) on each of the segments (m, 2, 2)."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     length2 = np.maximum((along**2).sum(axis=1), 1e-12)
     share = ((points[:, None] - start) * along).sum(axis=2) / length2
-    feet: Points = start + np.clip(share, 0, 1)[..., None] * along
+    feet: Array = start + np.clip(share, 0, 1)[..., None] * along
     return feet
 
 
-def _distance_to_points(points: Points, others: Points) -> Points:
-    nearest: Points = cKDTree(others).query(points)[0]
+def _distance_to_points(points: Array, others: Array) -> Array:
+    nearest: Array = cKDTree(others).query(points)[0]
     return nearest
 
 
@@ -270,7 +268,7 @@ def _at_times(truth: Sequence[TrueState], times_s: Sequence[float]) -> list[True
     ]
 
 
-def _trajectory(time_s: Sequence[float], xy: Points, yaw_rad: Sequence[float]) -> PoseTrajectory3D:
+def _trajectory(time_s: Sequence[float], xy: Array, yaw_rad: Sequence[float]) -> PoseTrajectory3D:
     half = np.array(yaw_rad) / 2
     zero = np.zeros(len(half))
     return PoseTrajectory3D(

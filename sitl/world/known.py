@@ -7,13 +7,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
-
-Points = NDArray[np.float64]
-Cells = NDArray[np.bool_]
-Numbers = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +22,7 @@ class Raster:
     first: tuple[int, int] = (0, 0)
     """Column and row in the image of cell (0, 0)."""
 
-    def to_plan(self, corners: Points) -> Points:
+    def to_plan(self, corners: Array) -> Array:
         """Transform cell corners (column, row) to (north, east), m."""
         x_m, y_m, yaw_rad = self.origin
         right, up = self.cell_m * (corners + self.first).T
@@ -34,7 +30,7 @@ class Raster:
         north = y_m + math.sin(yaw_rad) * right + math.cos(yaw_rad) * up
         return np.column_stack([north, east])
 
-    def to_cells(self, places: Points) -> Numbers:
+    def to_cells(self, places: Array) -> Indices:
         """(row, column) of the cells at places (n, 2), north and east in m."""
         x_m, y_m, yaw_rad = self.origin
         north, east = places[:, 0] - y_m, places[:, 1] - x_m
@@ -42,7 +38,7 @@ class Raster:
         up = math.cos(yaw_rad) * north - math.sin(yaw_rad) * east
         column, row = self.first
         cells = np.floor(np.column_stack([up, right]) / self.cell_m).astype(np.int64)
-        numbers: Numbers = cells - np.array([row, column])
+        numbers: Indices = cells - np.array([row, column])
         return numbers
 
 
@@ -51,8 +47,8 @@ class KnownArea:
     """Known part of a world made from a map. The rest is unknown: neither free nor wall."""
 
     raster: Raster
-    free: Cells
-    occupied: Cells
+    free: Mask
+    occupied: Mask
     border: tuple[tuple[Vector2, Vector2], ...] = ()
     """Border where free space continues into the unknown, (north, east) in m.
 

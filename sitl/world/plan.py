@@ -4,16 +4,12 @@ import math
 from collections import deque
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from sitl.world.format import Segment, World
 from sitl.world.geometry.model import WorldModel
-
-Points = NDArray[np.float64]
-Numbers = NDArray[np.int64]
-Which = NDArray[np.bool_]
 
 SAMPLE_M = 0.05
 """Distance of the samples along walls, m."""
@@ -51,12 +47,12 @@ def wall_surfaces(world: World, height_m: float, *, with_glass: bool = False) ->
     return surfaces
 
 
-def samples(segments: list[Segment]) -> Points:
+def samples(segments: list[Segment]) -> Array:
     """Points every 5 cm along the segments, (n, 2), m."""
     return spread(np.array(segments, dtype=float).reshape(-1, 2, 2))[0]
 
 
-def spread(segments: Points) -> tuple[Points, Numbers]:
+def spread(segments: Array) -> tuple[Array, Indices]:
     """Points (n, 2) every 5 cm along segments (m, 2, 2), and each point's segment number."""
     length_m = [math.dist(start, end) for start, end in segments.tolist()]
     count = np.maximum(1, np.round(np.array(length_m) / SAMPLE_M)).astype(np.int64)
@@ -66,7 +62,7 @@ def spread(segments: Points) -> tuple[Points, Numbers]:
     return (1 - share) * segments[segment, 0] + share * segments[segment, 1], segment
 
 
-def observable_points(world: World, height_m: float, start: Vector2) -> Points:
+def observable_points(world: World, height_m: float, start: Vector2) -> Array:
     """Samples of the surfaces that a drone from this start could approach and see, (n, 2)."""
     surfaces = wall_surfaces(world, height_m)
     reached = cKDTree(_reachable(world, height_m, start))
@@ -75,11 +71,11 @@ def observable_points(world: World, height_m: float, start: Vector2) -> Points:
     seen = np.zeros(len(points), dtype=bool)
     for block in _blocks(points):
         seen[block] = _are_seen(points[block], reached, walls)
-    visible: Points = points[seen]
+    visible: Array = points[seen]
     return visible
 
 
-def _reachable(world: World, height_m: float, start: Vector2) -> Points:
+def _reachable(world: World, height_m: float, start: Vector2) -> Array:
     """Cell centres reachable through doors at this height, (n, 2), m."""
     model, half_door_m = WorldModel(world), NARROWEST_DOOR_M / 2 - CELL_M / 2
     (south, west), (north, east) = _bounds_with(world, start)
@@ -108,7 +104,7 @@ def _bounds_with(world: World, start: Vector2) -> tuple[Vector2, Vector2]:
     )
 
 
-def _blocks(points: Points) -> list[Numbers]:
+def _blocks(points: Array) -> list[Indices]:
     """Numbers of the points, grouped by square: points of a square share the walls near them."""
     square = np.floor(points / BLOCK_M).astype(np.int64)
     _, block = np.unique(square, axis=0, return_inverse=True)
@@ -116,7 +112,7 @@ def _blocks(points: Points) -> list[Numbers]:
     return np.split(order, np.bincount(block.reshape(-1)).cumsum()[:-1])
 
 
-def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
+def _are_seen(points: Array, tree: cKDTree, walls: Array) -> Mask:
     """Each point has a clear line of sight from one of the nearest reachable places, (n,)."""
     walls = walls[_are_near(walls, points.min(axis=0), points.max(axis=0))]
     near = _are_near(walls, points[:, None], points[:, None])
@@ -131,10 +127,10 @@ def _are_seen(points: Points, tree: cKDTree, walls: Points) -> Which:
     return seen
 
 
-def _are_near(walls: Points, low: Points, high: Points) -> Which:
+def _are_near(walls: Array, low: Array, high: Array) -> Mask:
     """Walls (m, 2, 2) within viewing distance of the rectangle between two corners."""
     reach = (walls.min(axis=1) <= high + SEEN_FROM_M) & (walls.max(axis=1) >= low - SEEN_FROM_M)
-    near: Which = reach.all(axis=-1)
+    near: Mask = reach.all(axis=-1)
     return near
 
 
@@ -144,7 +140,7 @@ def _parts(lines: int, walls: int) -> list[slice]:
     return [slice(first, first + step) for first in range(0, lines, step)]
 
 
-def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Which:
+def _has_sight(points: Array, eyes: Array, walls: Array, near: Mask) -> Mask:
     """No nearby wall (`near`, (n, m)) intersects the line from an eye to its point, (n,)."""
     ray = points - eyes
     distance = np.maximum(np.linalg.norm(ray, axis=1, keepdims=True), CLEAR_OF_SAMPLE_M)
@@ -153,14 +149,14 @@ def _has_sight(points: Points, eyes: Points, walls: Points, near: Which) -> Whic
     on_both_sides = _side(eyes[:, None], ends[:, None], c) * _side(eyes[:, None], ends[:, None], d)
     line, wall = np.nonzero(near & (on_both_sides <= 0))
     a, b, c, d = eyes[line], ends[line], c[wall], d[wall]
-    observation: Which = np.ones(len(points), dtype=bool)
+    observation: Mask = np.ones(len(points), dtype=bool)
     observation[line[_side(c, d, a) * _side(c, d, b) <= 0]] = False
     return observation
 
 
-def _side(a: Points, b: Points, p: Points) -> Points:
+def _side(a: Array, b: Array, p: Array) -> Array:
     """Sign of the side of the line from a to b on which point p lies."""
     along_north, along_east = b[..., 0] - a[..., 0], b[..., 1] - a[..., 1]
     to_north, to_east = p[..., 0] - a[..., 0], p[..., 1] - a[..., 1]
-    side: Points = along_north * to_east - along_east * to_north
+    side: Array = along_north * to_east - along_east * to_north
     return side

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Indices
 from companion.estimation.association.gating import GATE_SIGMAS, Gate, candidates
 from companion.estimation.association.merging import merge
 from companion.estimation.association.pruning import (
@@ -23,7 +24,7 @@ from companion.estimation.association.see_through import passed_through
 from companion.estimation.association.steps import Steps
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Indices, Measured, Unknowns, project, reach_m
+from companion.estimation.smoothing.state import Measured, Unknowns, project, reach_m
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,13 +4,11 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Array, Indices, Measured, Rays, Unknowns
-
-Mask = NDArray[np.bool_]
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns
 
 GATE_SIGMAS = 3.0
 """Largest residual of a hit on its wall, in sigmas. Chosen."""

@@ -9,14 +9,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import wrap_rad
 from companion.estimation.association.gating import MIN_COS_INCIDENCE
 from companion.estimation.association.pruning import Support
 from companion.estimation.association.straightness import bend, longer_side
-
-Array = NDArray[np.float64]
 
 STEP_RAD = math.radians(3)
 """Directions are binned by this, rad. Chosen."""
@@ -80,9 +78,9 @@ def detect_walls(cloud: Cloud, support: Support) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class _Votes:
-    cell: NDArray[np.int64]
+    cell: Indices
     """(n · a,): bin of each hit at each direction."""
-    is_facing: NDArray[np.bool_]
+    is_facing: Mask
     """(n, a): the beam can reach the front of a wall with this direction."""
     weight: Array
     low_m: float
@@ -96,12 +94,10 @@ class _Votes:
         direction, offset = divmod(peak, self.bins)
         return np.array([direction * STEP_RAD, self.low_m + (offset + 1) * BIN_M])
 
-    def in_bins(self, peak: int) -> NDArray[np.bool_]:
+    def in_bins(self, peak: int) -> Mask:
         direction = peak // self.bins
         cell = self.cell.reshape(self.is_facing.shape)[:, direction]
-        inside: NDArray[np.bool_] = ((cell == peak) | (cell == peak + 1)) & self.is_facing[
-            :, direction
-        ]
+        inside: Mask = ((cell == peak) | (cell == peak + 1)) & self.is_facing[:, direction]
         return inside
 
 
@@ -123,9 +119,7 @@ def _votes(cloud: Cloud) -> _Votes:
     )
 
 
-def _refine(
-    cloud: Cloud, free: NDArray[np.bool_], line: Array, support: Support
-) -> tuple[Array, NDArray[np.bool_]] | None:
+def _refine(cloud: Cloud, free: Mask, line: Array, support: Support) -> tuple[Array, Mask] | None:
     """Fit a line to the hits near a peak; returns it with the mask of its hits.
 
     None if it is no wall.
@@ -156,9 +150,7 @@ def _refine(
     return (line, on_line) if is_certain and np.ptp(along) >= support.extent_m else None
 
 
-def _longest_row(
-    points: Array, on_line: NDArray[np.bool_], line: Array, gap_m: float
-) -> NDArray[np.bool_]:
+def _longest_row(points: Array, on_line: Mask, line: Array, gap_m: float) -> Mask:
     """The hits on a line without a gap between them, in the row with the most hits."""
     number = np.flatnonzero(on_line)
     if not len(number):
@@ -172,7 +164,7 @@ def _longest_row(
     return kept
 
 
-def _fit(cloud: Cloud, on_line: NDArray[np.bool_], line: Array) -> tuple[Array, float, float]:
+def _fit(cloud: Cloud, on_line: Mask, line: Array) -> tuple[Array, float, float]:
     """Total least squares: the line, sigma of its direction, and χ² per degree of freedom."""
     weight = 1 / cloud.sigma_m[on_line] ** 2
     points = cloud.points[on_line]

@@ -4,11 +4,12 @@ import math
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.estimation.association.gating import UNEXPLAINED
 from companion.estimation.association.steps import Steps
 from companion.estimation.association.straightness import bend
-from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Rays, Unknowns
+from companion.estimation.smoothing.state import WALL_SIZE, Rays, Unknowns
 
 SAME_DIRECTION_RAD = math.radians(15)
 """Walls whose directions differ by more are not merged, rad. Chosen."""

@@ -6,20 +6,13 @@ from itertools import combinations
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.estimation.association.gating import MIN_COS_INCIDENCE, Candidates
 from companion.estimation.association.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.association.straightness import bend, longer_side
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.state import (
-    Array,
-    Indices,
-    Measured,
-    Rays,
-    Unknowns,
-    in_rows,
-    reach_m,
-)
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns, in_rows, reach_m
 
 MAX_WALLS = 400
 """Most walls kept. More occur only if odometry drifts without bound. Chosen."""

@@ -10,8 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, off_square_rad
-from companion.estimation.smoothing.state import Array
 
 WITHIN_SIGMAS = 3.0
 """Largest deviation from a right angle, in sigmas. Chosen."""

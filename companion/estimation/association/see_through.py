@@ -3,12 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.state import Array, Indices, Rays, Unknowns, in_rows
-
-Mask = NDArray[np.bool_]
+from companion.estimation.smoothing.state import Rays, Unknowns, in_rows
 
 THROUGH_M = 0.08
 """A beam passed through a wall if its hit is this far behind it, plus the sigmas below, m.

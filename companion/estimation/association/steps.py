@@ -16,21 +16,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel, wander_kept
-from companion.estimation.smoothing.state import (
-    Array,
-    Indices,
-    Measured,
-    Rays,
-    Unknowns,
-    to_ned,
-)
-
-Mask = NDArray[np.bool_]
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns, to_ned
 
 SIDE_HITS = 5
 """Hits compared before and after a step: a quarter of a second at 20 Hz. Chosen: the mean of fewer

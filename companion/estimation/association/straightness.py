@@ -13,10 +13,8 @@ Means over a quarter of a metre are compared, because hits at one place share th
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Mask = NDArray[np.bool_]
+from companion.core.arrays import Array, Mask
 
 BIN_M = 0.25
 """Hits are averaged over this length, m. Chosen."""

@@ -21,13 +21,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from filterpy.kalman import KalmanFilter
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import wrap_rad
 from companion.core.messages import GyroSample
 from companion.core.values import value
-
-Array = NDArray[np.float64]
 
 _YAW, _BIAS, _SCALE, _WALLS = 0, 1, 2, 3
 """Indices of the state."""

@@ -17,8 +17,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, wrap_rad
 from companion.core.messages import RangeUnit
 from companion.core.values import value
@@ -29,7 +29,6 @@ from companion.estimation.smoothing.odometry_model import WANDER_S, OdometryMode
 _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
 WALLS = 5
 """Index of the first wall in x."""
-Matrix = NDArray[np.float64]
 
 
 @dataclass(slots=True)
@@ -86,8 +85,8 @@ class LineSlam:
         self._heading = heading
         self._odometry = odometry
         self._x = [0.0] * WALLS
-        self._p: Matrix = np.diag([0.0, 0.0, odometry.scale_sigma**2, 0.0, 0.0])
-        self._f: Matrix = np.eye(WALLS)
+        self._p: Array = np.diag([0.0, 0.0, odometry.scale_sigma**2, 0.0, 0.0])
+        self._f: Array = np.eye(WALLS)
         self.walls: list[Wall] = []
 
     @property
@@ -102,7 +101,7 @@ class LineSlam:
     def scale_error(self) -> float:
         return self._x[_SCALE]
 
-    def restart(self, state: Matrix, covariance: Matrix, walls: list[Wall]) -> None:
+    def restart(self, state: Array, covariance: Array, walls: list[Wall]) -> None:
         """Restart from the state x (n,) of the module's docstring and its covariance (n, n)."""
         self._x, self._p, self._f = state.tolist(), covariance, np.eye(len(state))
         self.walls = walls
@@ -115,7 +114,7 @@ class LineSlam:
         return normal_rad, offset_m + self._x[WALLS + wall.index]
 
     @property
-    def offsets_covariance_m2(self) -> Matrix:
+    def offsets_covariance_m2(self) -> Array:
         """(w, w): covariance of the walls' offsets from their anchors, in their order."""
         return self._p[WALLS:, WALLS:].copy()
 

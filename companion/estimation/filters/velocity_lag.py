@@ -9,12 +9,10 @@ information. With a first-order lag τ, a drone that is stopped at speed v trave
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import frd_to_ned
 from companion.core.messages import FIRST_LAG_S, Odometry, Setpoint
-
-Array = NDArray[np.float64]
 
 _LAGS_S: Array = np.array([0.3, 0.45, 0.6, 0.75, 0.9, 1.1, 1.3])
 """Candidate lags, s. Chosen."""

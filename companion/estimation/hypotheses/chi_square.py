@@ -2,13 +2,14 @@
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.association.gating import UNEXPLAINED
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import Array, Indices, Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project
 
 WALL_COST = 60.0
 """χ² that a wall must save to be part of the more likely map. Chosen: it has two unknowns and

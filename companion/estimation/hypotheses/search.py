@@ -20,8 +20,8 @@ from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
 from companion.estimation.hypotheses.chi_square import cost
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
@@ -31,17 +31,7 @@ from companion.estimation.smoothing.factors import Models, wander_steps_m
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.smoother import WHOLE, Smoother
-from companion.estimation.smoothing.state import (
-    BIAS,
-    YAW,
-    Array,
-    Indices,
-    Measured,
-    Unknowns,
-    to_ned,
-)
-
-Mask = NDArray[np.bool_]
+from companion.estimation.smoothing.state import BIAS, YAW, Measured, Unknowns, to_ned
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
 """Time spans over which residuals are summed, s. Longer spans count only where no shorter span

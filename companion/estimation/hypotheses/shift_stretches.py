@@ -15,19 +15,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.association.gating import MIN_COS_INCIDENCE
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import (
-    Array,
-    Indices,
-    Measured,
-    Rays,
-    Unknowns,
-    project,
-    reach_m,
-)
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns, project, reach_m
 
 SPANS_S = (60.0, 120.0, 240.0, 480.0)
 """Lengths of the stretches, s; stretches overlap by half. Chosen."""

@@ -22,10 +22,11 @@ from collections.abc import Generator
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import WALL_SIZE, Array, Indices, Measured
+from companion.estimation.smoothing.state import WALL_SIZE, Measured
 
 PAUSE_S = 5.0
 """A visit begins after a pause of this length without hits on the wall, s. Chosen."""

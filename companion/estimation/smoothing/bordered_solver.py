@@ -15,12 +15,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg import cho_solve_banded, cholesky_banded
 
-Array = NDArray[np.float64]
-Columns = NDArray[np.int64]
-Gradient = Sequence[tuple[Columns | int, Array]]
+from companion.core.arrays import Array, Indices
+
+Gradient = Sequence[tuple[Indices | int, Array]]
 """Gradient of n residuals: columns, (n,) or one for all, and the derivatives by those unknowns,
 (n,)."""
 
@@ -43,11 +42,11 @@ class Sums:
 
     def __init__(self, size: int) -> None:
         self._total = np.zeros(size)
-        self._places: list[Columns] = []
+        self._places: list[Indices] = []
         self._values: list[Array] = []
         self._pending = 0
 
-    def add(self, place: Columns | int, value: Array) -> None:
+    def add(self, place: Indices | int, value: Array) -> None:
         self._places.append(np.broadcast_to(place, value.shape))
         self._values.append(value)
         self._pending += value.size

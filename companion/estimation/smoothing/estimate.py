@@ -5,11 +5,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.core.messages import WallLine
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import Gaussian, Solution
-from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Array, Indices, Unknowns
+from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Unknowns
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, cauchy
 from companion.estimation.smoothing.flight_record import FlightRecord
@@ -25,8 +26,6 @@ from companion.estimation.smoothing.state import (
     WALL_SIZE,
     WANDER_EAST,
     WANDER_NORTH,
-    Array,
-    Indices,
     Measured,
     Unknowns,
     project,

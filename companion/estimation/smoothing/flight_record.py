@@ -10,14 +10,11 @@ from collections.abc import Sequence
 from enum import IntEnum
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2, ned_to_frd
 from companion.core.messages import Pose
 from companion.estimation.filters.dead_reckoning import moved
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 PERIOD_S = 0.2
 """Interval of the keyframes, s. Chosen."""
@@ -96,7 +93,7 @@ class Table:
         """(n, columns): a view, valid until the next change."""
         return self._rows[: self._count]
 
-    def keep(self, kept: NDArray[np.bool_]) -> None:
+    def keep(self, kept: Mask) -> None:
         """Keep only the rows of the mask (n,)."""
         left = self.rows[kept]
         self._count = len(left)

@@ -15,9 +15,8 @@ walks and hardly wanders.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from companion.core.arrays import Array
 
 WANDER_S = 0.8
 """Correlation time of an autopilot's position error, s. Measured: 0.7 to 1 s on PX4 1.17, in

@@ -3,12 +3,9 @@
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.messages import Beam, RangeUnit
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 BEAMS = tuple(Beam)
 """Order of the beams in all tables."""

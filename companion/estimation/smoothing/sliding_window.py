@@ -17,6 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.search import HypothesisSearch
@@ -25,7 +26,7 @@ from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoothing.smoother import FLYING_GATES, Smoother
-from companion.estimation.smoothing.state import BIAS, POSE_SIZE, YAW, Array, Unknowns
+from companion.estimation.smoothing.state import BIAS, POSE_SIZE, YAW, Unknowns
 
 PERIOD_S = 4.0
 """Interval of the solutions, s. Chosen."""

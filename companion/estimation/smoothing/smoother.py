@@ -16,6 +16,7 @@ from collections.abc import Generator, Sequence
 
 import numpy as np
 
+from companion.core.arrays import Array, Indices
 from companion.estimation.association.association import Association
 from companion.estimation.association.gating import Gate
 from companion.estimation.association.hough import Cloud, detect_walls
@@ -25,15 +26,7 @@ from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gaussian, Solution
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.state import (
-    POSE_SIZE,
-    WALL_SIZE,
-    Array,
-    Indices,
-    Measured,
-    Unknowns,
-    project,
-)
+from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, Measured, Unknowns, project
 
 UNKNOWN_SIGMA = 100.0
 """Sigma of a wall without information, m and rad. Chosen: it keeps the equations solvable."""

@@ -3,8 +3,8 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import (
     NO_WALL,
     FlightRecord,
@@ -13,9 +13,6 @@ from companion.estimation.smoothing.flight_record import (
 )
 from companion.estimation.smoothing.odometry_model import averaged
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
-
-Array = NDArray[np.float64]
-Indices = NDArray[np.int64]
 
 NORTH, EAST, YAW, BIAS, WANDER_NORTH, WANDER_EAST = range(6)
 """Indices in a pose."""
@@ -103,7 +100,7 @@ class Measured:
     """(k,): the autopilot's turn since take-off; NaN without a recent message."""
     bias_moved_rad_s: Array
     """(k - 1,): change of the gyro's bias where the autopilot's gyro determines it."""
-    is_aided: NDArray[np.bool_]
+    is_aided: Mask
     """(k - 1,): True where it does."""
     frame: Indices
     """(n,): keyframe of each hit."""
@@ -232,7 +229,7 @@ def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
 
 def in_rows(
     x: Unknowns, points: Array, wall: Indices, largest_gap_m: float
-) -> tuple[Indices, Array, NDArray[np.bool_]]:
+) -> tuple[Indices, Array, Mask]:
     """Sort hits (h, 2) on walls (h,) into rows without a larger gap.
 
     Returns the order by wall and position, (h,); the positions along the walls in that order; and a

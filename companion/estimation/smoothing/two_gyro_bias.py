@@ -17,9 +17,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, cauchy
-from companion.estimation.smoothing.state import Array, Measured
+from companion.estimation.smoothing.state import Measured
 
 ROUNDS = 3
 """Rounds of robust least squares. Chosen."""

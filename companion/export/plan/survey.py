@@ -19,6 +19,7 @@ import shapely
 from numpy.typing import NDArray
 from shapely import LineString, MultiLineString, Polygon
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import FloorPlan, WallSegment
 from companion.export.rays import rays
@@ -46,7 +47,6 @@ LOOKS = 3
 UNKNOWN_HEIGHT_M = 2.5
 """Height of walls if the up beam never detected a ceiling, m. Chosen."""
 
-Array = NDArray[np.float64]
 Lines = NDArray[np.object_]
 """Shapely LineStrings, (n,)."""
 

@@ -16,10 +16,11 @@ from typing import TextIO
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.errors import LogError
 from companion.core.messages import Beam
 from companion.offline.reading.dialect import Numbers, opened, read_header
-from companion.offline.reading.log import Array, Log, Reading, Watch
+from companion.offline.reading.log import Log, Reading, Watch
 
 MOTION = ("time_s", "odom_x_m", "odom_y_m", "odom_yaw_rad")
 """Required columns."""

@@ -4,13 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.errors import LogError
 from companion.core.messages import Beam
 from companion.offline.reading.plausible import check_clock, check_units
 
-Array = NDArray[np.float64]
 Watch = Callable[[str, float], None]
 """Progress callback: activity, and share done."""
 

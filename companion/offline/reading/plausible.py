@@ -7,11 +7,9 @@ of two times.
 import math
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.errors import LogError
-
-Array = NDArray[np.float64]
 
 MIN_ROWS = 10
 """A shorter log is not checked. Chosen."""

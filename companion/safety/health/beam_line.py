@@ -20,8 +20,8 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.messages import BEARING_FRD_RAD, Beam, RangeReading
 
 READINGS, MIN_READINGS = 40, 15
@@ -45,7 +45,6 @@ do not. Measured in recorded flights: 0.4 to 1.2 for correct beams, more than 6 
 pointed elsewhere."""
 AGAINST, WITHIN_S = 2, 5.0
 """Number of failed tests, within this time, s, that shows a wrong direction. Chosen."""
-Row = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,7 +99,7 @@ class BeamLine:
             self._against_s.clear()
 
 
-def _misfit_sigmas(rows: Row, bearing_rad: float) -> float:
+def _misfit_sigmas(rows: Array, bearing_rad: float) -> float:
     """Root mean square residual, in sigmas, of readings (n, 5) to the best fitting wall."""
     place, yaw_rad, distance_m, sigma_m = rows[:, :2], rows[:, 2], rows[:, 3], rows[:, 4]
     along = np.column_stack([np.cos(yaw_rad + bearing_rad), np.sin(yaw_rad + bearing_rad)])
@@ -114,11 +113,11 @@ def _misfit_sigmas(rows: Row, bearing_rad: float) -> float:
     return float(np.sqrt((weights * off_m**2).mean(axis=0).min()))
 
 
-def _normals(along: Row, ends: Row) -> Row:
+def _normals(along: Array, ends: Array) -> Array:
     """Normals (2, w) of the walls that are tried, for beams (n, 2) and their end points (n, 2)."""
     middle = along.mean(axis=0)
     normal_rad = math.atan2(middle[1], middle[0]) + INCIDENCES_RAD
-    tried: Row = np.stack([np.cos(normal_rad), np.sin(normal_rad)])
+    tried: Array = np.stack([np.cos(normal_rad), np.sin(normal_rad)])
     off = ends - ends.mean(axis=0)
     best = np.linalg.eigh(off.T @ off)[1][:, 0]
     if abs(best @ middle) < math.cos(INCIDENCES_RAD[-1]) * np.hypot(*middle):

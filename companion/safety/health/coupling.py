@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeScan
 
 WINDOW, PERIOD = 40, 5
@@ -29,7 +29,6 @@ MIN_POWERED_V = 1.1
 """Minimum mean voltage of the other channel, V. Chosen."""
 SHARE_TOLERANCE = 0.15
 """Tolerance of the share k. Chosen."""
-Table = NDArray[np.float64]
 
 
 class CouplingWatch:
@@ -64,14 +63,14 @@ class CouplingWatch:
                     yield beams[i]
 
 
-def _noise(volts: Table) -> Table:
+def _noise(volts: Array) -> Array:
     differences = np.diff(volts, 2, axis=0)
     most = MAX_MEDIANS * np.median(np.abs(differences), axis=0)
-    clipped: Table = np.clip(differences, -most, most)
+    clipped: Array = np.clip(differences, -most, most)
     return clipped
 
 
-def _alike(mine: Table, others: Table) -> Iterator[tuple[int, int, float, float]]:
+def _alike(mine: Array, others: Array) -> Iterator[tuple[int, int, float, float]]:
     """Pairs of different columns (mine, other), their correlation, and other's share in mine."""
     both = mine.T @ others
     mine2, others2 = (mine**2).sum(axis=0), (others**2).sum(axis=0)

@@ -4,14 +4,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from viser import GuiApi, GuiUplotHandle, uplot
 
+from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeReading
 from companion.view.scene.mapped import SIGMA_COLOURS, UNSURE_M
 from companion.view.snapshot import Snapshot
 
-Series = NDArray[np.float64]
 WINDOW_S = 60.0
 """Time span of the plots, s. Chosen."""
 PERIOD_S = 1.0
@@ -79,7 +78,7 @@ class Instruments:
         self._bias.data = (times, _column(shown, _bias_deg_s))
 
 
-def _column(shown: Sequence[Snapshot], value: Callable[[Snapshot], float]) -> Series:
+def _column(shown: Sequence[Snapshot], value: Callable[[Snapshot], float]) -> Array:
     return np.array([value(snapshot) for snapshot in shown], dtype=float)
 
 

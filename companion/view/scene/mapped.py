@@ -6,12 +6,12 @@ import time
 import numpy as np
 from viser import LabelHandle, PointCloudHandle, ViserServer
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, ned_to_enu
 from companion.core.messages import Sketch, WallSegment
 from companion.view.scene.shapes import (
     MIN_THICKNESS_M,
     SHOWN_HEIGHT_M,
-    Array,
     Drone,
     Trail,
     Upright,

@@ -5,13 +5,12 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import trimesh
-from numpy.typing import NDArray
 from viser import BatchedMeshHandle, SceneApi
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, ned_to_enu, yaw_ned_to_enu
 from companion.core.messages import Beam, Pose, RangeReading, RangeState
 
-Array = NDArray[np.float64]
 Colour = tuple[int, int, int]
 Quaternion = tuple[float, float, float, float]
 

@@ -5,9 +5,9 @@ It is a grid of places 10 cm apart, aligned with the world's north and east.
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from sitl.world.clutter.pieces import Piece
 from sitl.world.clutter.standing import standing
@@ -16,8 +16,6 @@ from sitl.world.geometry.model import BODY_RADIUS_M
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import NARROWEST_DOOR_M
 
-Cells = NDArray[np.bool_]
-Numbers = NDArray[np.int64]
 Window = tuple[slice, slice]
 
 GRID_M = 0.1
@@ -52,7 +50,7 @@ class FreeFloor:
         self._places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
         away_m = self._away_m(world)
         self._inside = _joined(away_m > INSIDE_M, self._cells(self._starts))
-        self._free: Cells = away_m > WAY_M
+        self._free: Mask = away_m > WAY_M
         self._taken: list[shapely.Geometry] = _solids(world)
         self._tree = shapely.STRtree(self._taken)
         self._pieces: list[shapely.Polygon] = []
@@ -67,9 +65,9 @@ class FreeFloor:
         return float(self._inside.sum()) * GRID_M**2
 
     @property
-    def places(self) -> NDArray[np.float64]:
+    def places(self) -> Array:
         """Places inside, (n, 2), m."""
-        inside: NDArray[np.float64] = self._places[self._inside]
+        inside: Array = self._places[self._inside]
         return inside
 
     def is_inside(self, place: Vector2) -> bool:
@@ -114,13 +112,13 @@ class FreeFloor:
         self._reached = self._get(self._starts)
         return True
 
-    def _away_m(self, world: World) -> NDArray[np.float64]:
+    def _away_m(self, world: World) -> Array:
         """Distance from each place to the nearest surface at flight height, m."""
         walls = np.array(standing(world, *FLIGHT_M), dtype=float).reshape(-1, 2, 2)
         if not len(walls):
             return np.full(self._places.shape[:2], np.inf)
         distance_m, _ = NearestWall(walls).query(self._places.reshape(-1, 2))
-        away_m: NDArray[np.float64] = distance_m.reshape(self._places.shape[:2])
+        away_m: Array = distance_m.reshape(self._places.shape[:2])
         return away_m
 
     def _has_room(self, piece: Piece) -> bool:
@@ -134,13 +132,13 @@ class FreeFloor:
             return False
         return not (self._pieces and shapely.dwithin(self._pieces, footprint, APART_M).any())
 
-    def _near(self, footprint: shapely.Polygon) -> tuple[Window, Cells]:
+    def _near(self, footprint: shapely.Polygon) -> tuple[Window, Mask]:
         """Window around a piece, and its cells that are too near to the piece for a way."""
         window = self._window(footprint, AROUND_M)
         points = shapely.points(self._places[window])
         return window, np.asarray(shapely.dwithin(points, footprint, WAY_M))
 
-    def _pockets(self, window: Window, near: Cells) -> Cells | None:
+    def _pockets(self, window: Window, near: Mask) -> Mask | None:
         """Cells that a piece would cut off; None if a check within the window finds none."""
         here = self._reached[window]
         before, _ = ndimage.label(here)
@@ -149,10 +147,10 @@ class FreeFloor:
             return None
         free = self._reached.copy()
         free[window] &= ~near
-        shut_off: Cells = free & ~_joined(free, self._roots())
+        shut_off: Mask = free & ~_joined(free, self._roots())
         return shut_off
 
-    def _roots(self) -> Numbers:
+    def _roots(self) -> Indices:
         """Cell of the first start in each connected area."""
         cells = self._cells(self._starts)
         parts, _ = ndimage.label(self._reached)
@@ -160,16 +158,16 @@ class FreeFloor:
         _, first = np.unique(numbers, return_index=True)
         return cells[[n for n in first.tolist() if numbers[n]]]
 
-    def _add(self, piece: Piece, window: Window, near: Cells) -> None:
+    def _add(self, piece: Piece, window: Window, near: Mask) -> None:
         self._free[window] &= ~near
         self._reached[window] &= ~near
         self._pieces.append(piece.footprint)
 
-    def _get(self, starts: list[Vector2]) -> Cells:
+    def _get(self, starts: list[Vector2]) -> Mask:
         """Cells that the drone can reach from these starts."""
         return _joined(self._free, self._cells(starts))
 
-    def _cells(self, places: list[Vector2]) -> Numbers:
+    def _cells(self, places: list[Vector2]) -> Indices:
         return np.array([self._cell(place) for place in places])
 
     def _cell(self, place: Vector2) -> tuple[int, int]:
@@ -198,11 +196,11 @@ def _grid(world: World) -> tuple[Vector2, tuple[int, int]]:
     return (float(low[0]), float(low[1])), (rows, columns)
 
 
-def _joined(free: Cells, cells: Numbers) -> Cells:
+def _joined(free: Mask, cells: Indices) -> Mask:
     """Free cells connected to any of the given cells."""
     parts, _ = ndimage.label(free)
     numbers = np.unique(parts[tuple(cells.T)])
-    joined: Cells = np.isin(parts, numbers[numbers > 0])
+    joined: Mask = np.isin(parts, numbers[numbers > 0])
     return joined
 
 

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from sitl.world.format import Box, Segment
 from sitl.world.generator.floor import Doorway, Rectangle
@@ -112,7 +112,7 @@ class Space:
             for row, column in cells.tolist()
         ]
 
-    def _is_passable(self, clearance_m: NDArray[np.float64]) -> bool:
+    def _is_passable(self, clearance_m: Array) -> bool:
         """One free area contains all doors and all places for a start, at least one."""
         parts, _ = ndimage.label(clearance_m >= WAY_M / 2 - ROUNDING_M)
         at_doors = {int(parts[self._cell(door)]) for door in self._doors}
@@ -123,7 +123,7 @@ class Space:
         north, east = place
         return round((north - self.room.low[0]) / GRID_M), round((east - self.room.low[1]) / GRID_M)
 
-    def _to_walls_m(self) -> NDArray[np.float64]:
+    def _to_walls_m(self) -> Array:
         """Distance of the grid's places to the room's walls, m; negative within them."""
         (south, west), (north, east) = self.inside
         norths, easts = self._grid
@@ -131,7 +131,7 @@ class Space:
         to_east_m = np.minimum(easts - west, east - easts)
         return np.asarray(np.minimum(to_north_m, to_east_m))
 
-    def _distance_m(self, place: Rectangle) -> NDArray[np.float64]:
+    def _distance_m(self, place: Rectangle) -> Array:
         """Distance of the grid's places to a rectangle, m; 0 within it."""
         north_m, east_m = (
             np.maximum(np.maximum(place.low[axis] - along, along - place.high[axis]), 0.0)

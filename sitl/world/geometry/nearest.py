@@ -1,13 +1,10 @@
 """Finds the nearest of thousands of walls for thousands of points, without a table of all pairs."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array, Indices
 from sitl.world.plan import spread
-
-Points = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
 ROUNDING_M = 1e-9
 SAMPLES_AT_FIRST = 8
@@ -22,7 +19,7 @@ class NearestWall:
     checked.
     """
 
-    def __init__(self, walls: Points) -> None:
+    def __init__(self, walls: Array) -> None:
         self._start, self._along = walls[:, 0], walls[:, 1] - walls[:, 0]
         self._length2 = np.maximum((self._along**2).sum(axis=1), 1e-12)
         points, self._wall_of = spread(walls)
@@ -31,7 +28,7 @@ class NearestWall:
         spacing_m = np.linalg.norm(self._along, axis=1) / count
         self._reach_m = float(spacing_m.max()) / 2 + ROUNDING_M
 
-    def query(self, points: Points) -> tuple[Points, Points]:
+    def query(self, points: Array) -> tuple[Array, Array]:
         """Distance (n,) and closest point (n, 2) on any wall, for points (n, 2), m."""
         if not len(points):
             return np.empty(0), np.empty((0, 2))
@@ -44,7 +41,7 @@ class NearestWall:
             pairs.append(np.column_stack([np.full(len(wall), crowded), wall]))
         return self._best(points, np.concatenate(pairs))
 
-    def _best(self, points: Points, pairs: Numbers) -> tuple[Points, Points]:
+    def _best(self, points: Array, pairs: Indices) -> tuple[Array, Array]:
         """The nearest wall of each point among pairs (k, 2); the first one if two are as near."""
         row, wall = pairs.T
         foot = self._feet(points[row], wall)
@@ -53,9 +50,9 @@ class NearestWall:
         first = order[np.unique(row[order], return_index=True)[1]]
         return distance[first], foot[first]
 
-    def _feet(self, points: Points, wall: Numbers) -> Points:
+    def _feet(self, points: Array, wall: Indices) -> Array:
         """The closest point (n, 2) on the given wall of each point."""
         start, along = self._start[wall], self._along[wall]
         share = ((points - start) * along).sum(axis=1) / self._length2[wall]
-        feet: Points = start + np.clip(share, 0, 1)[:, None] * along
+        feet: Array = start + np.clip(share, 0, 1)[:, None] * along
         return feet

@@ -7,15 +7,12 @@ from collections import defaultdict
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
 
-Points = NDArray[np.float64]
-Numbers = NDArray[np.int64]
 
-
-def join(segments: Points, same_within: float) -> list[Points]:
+def join(segments: Array, same_within: float) -> list[Array]:
     """Join segments (n, 2, 2) that meet end to end.
 
     Ends within `same_within` are the same point. A polyline ends where not exactly two segments
@@ -34,7 +31,7 @@ def join(segments: Points, same_within: float) -> list[Points]:
 class _Walker:
     """Traverses every edge (pair of vertex numbers) of a graph once."""
 
-    def __init__(self, edges: Numbers) -> None:
+    def __init__(self, edges: Indices) -> None:
         self._edges: list[tuple[int, int]] = [(a, b) for a, b in edges.tolist()]
         self._walked = [False] * len(self._edges)
         self._at: dict[int, list[int]] = defaultdict(list)
@@ -65,7 +62,7 @@ class _Walker:
         return walk
 
 
-def simplify(points: Points, tolerance: float) -> Points:
+def simplify(points: Array, tolerance: float) -> Array:
     """Douglas and Peucker 1973: every dropped point is within the tolerance of the result."""
     middle = 0
     if is_loop(points):
@@ -88,27 +85,27 @@ def simplify(points: Points, tolerance: float) -> Points:
     return points[keep]
 
 
-def legs(points: Points) -> list[tuple[Vector2, Vector2]]:
+def legs(points: Array) -> list[tuple[Vector2, Vector2]]:
     """Segments between consecutive points."""
     return list(pairwise((float(x), float(y)) for x, y in points))
 
 
-def is_loop(points: Points) -> bool:
+def is_loop(points: Array) -> bool:
     """The polyline ends at its first point."""
     return bool((points[0] == points[-1]).all())
 
 
-def _from_a_corner(loop: Points) -> Points:
+def _from_a_corner(loop: Array) -> Array:
     """The same loop, starting at the point farthest from its start, which is always a corner."""
     farthest = int(np.linalg.norm(loop - loop[0], axis=1).argmax())
     ring = np.roll(loop[:-1], -farthest, axis=0)
     return np.concatenate([ring, ring[:1]])
 
 
-def _distance(points: Points, start: Points, end: Points) -> Points:
+def _distance(points: Array, start: Array, end: Array) -> Array:
     """Distance of each point to the segment."""
     along = end - start
     length2 = max(float(along @ along), 1e-18)
     share = np.clip((points - start) @ along / length2, 0, 1)
-    distance: Points = np.linalg.norm(points - start - share[:, None] * along, axis=1)
+    distance: Array = np.linalg.norm(points - start - share[:, None] * along, axis=1)
     return distance

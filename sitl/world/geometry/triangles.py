@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
 from sitl.world.geometry.polylines import join, legs, simplify
 
@@ -21,8 +21,8 @@ class Mesh:
     FCL crashes the process on others.
     """
 
-    vertices: NDArray[np.float64]
-    faces: NDArray[np.int64]
+    vertices: Array
+    faces: Indices
 
     def __post_init__(self) -> None:
         if not len(self.faces):
@@ -33,7 +33,7 @@ class Mesh:
             raise ValueError("a mesh has faces that name no vertex")
 
     @property
-    def extremes(self) -> NDArray[np.float64]:
+    def extremes(self) -> Array:
         """Minimum and maximum north, east and down of the faces, (2, 3), m."""
         used = self.vertices[self.faces.reshape(-1)]
         return np.stack([used.min(axis=0), used.max(axis=0)])

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from PIL import Image
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from companion.core.arrays import Mask
 from companion.core.textfile import NotTextError, read_text
 from sitl.core.errors import error_line
 from sitl.world.format import Metres, WorldError
-from sitl.world.known import Cells, Raster
+from sitl.world.known import Raster
 from sitl.world.plan import OUTSIDE_M
 
 MAX_YAML_BYTES = 65_536
@@ -53,8 +54,8 @@ class _Record(BaseModel):
 class Grid:
     """Occupied and free cells and their place; all other cells are unknown."""
 
-    occupied: Cells
-    free: Cells
+    occupied: Mask
+    free: Mask
     raster: Raster
 
 
@@ -119,7 +120,7 @@ def _cropped(grid: Grid) -> Grid:
     return Grid(occupied, free, replace(grid.raster, first=(west - margin, south - margin)))
 
 
-def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
+def _read_picture(path: Path, picture: Path) -> tuple[Sums, Mask]:
     """Sum of each cell's colours (black is 0), and the opaque cells; rows from the top."""
     try:
         with picture.open("rb") as file, warnings.catch_warnings():
@@ -137,12 +138,12 @@ def _read_picture(path: Path, picture: Path) -> tuple[Sums, Cells]:
         raise WorldError(f"{path}: image = {picture.name}: {error}") from error
 
 
-def _sums(image: Image.Image) -> tuple[Sums, Cells]:
+def _sums(image: Image.Image) -> tuple[Sums, Mask]:
     """Sum of red, green and blue; Pillow's own grey weights them by perception."""
     hidden = image.info.get("transparency")
     if image.mode.startswith("I"):  # 16 bits
         wide: NDArray[np.int32] = np.asarray(image).astype(np.int32)
-        is_opaque: Cells = wide != (hidden if isinstance(hidden, int) else -1)
+        is_opaque: Mask = wide != (hidden if isinstance(hidden, int) else -1)
         return np.uint16(3) * (wide >> 8).astype(np.uint16), is_opaque
     if hidden is not None or "A" in image.getbands() or image.mode == "P":
         *colours, alpha = (np.asarray(band) for band in image.convert("RGBA").split())

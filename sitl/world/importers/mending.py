@@ -3,8 +3,8 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from sitl.world.format import WorldError
 from sitl.world.importers import FARTHEST_M
 
@@ -19,11 +19,8 @@ SLAB_M = 0.5
 FLOOR_SHARE = 0.6
 """Smallest area of a slab's top as a share of its underside; the rest is walls. Chosen."""
 
-Triangles = NDArray[np.float64]
-Faces = NDArray[np.int64]
 
-
-def mended(triangles: Triangles, source: str, report: Callable[[str], None]) -> Triangles:
+def mended(triangles: Array, source: str, report: Callable[[str], None]) -> Array:
     """Usable triangles, each once, with the floor at z = 0.
 
     Raises:
@@ -46,13 +43,13 @@ def mended(triangles: Triangles, source: str, report: Callable[[str], None]) -> 
     return _on_its_floor(single, source, report)
 
 
-def numbered(triangles: Triangles) -> tuple[Triangles, Faces]:
+def numbered(triangles: Array) -> tuple[Array, Indices]:
     """Unique vertices (n, 3), and faces (m, 3)."""
     vertices, number = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
     return vertices, number.reshape(-1, 3).astype(np.int64)
 
 
-def _check_place(triangles: Triangles, source: str) -> None:
+def _check_place(triangles: Array, source: str) -> None:
     low, high = triangles.min(axis=(0, 1)), triangles.max(axis=(0, 1))
     with np.errstate(over="ignore"):
         size = high - low
@@ -70,20 +67,20 @@ def _check_place(triangles: Triangles, source: str) -> None:
         )
 
 
-def _area_m2(triangles: Triangles) -> Triangles:
+def _area_m2(triangles: Array) -> Array:
     a, b, c = triangles.swapaxes(0, 1)
-    area: Triangles = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    area: Array = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
     return area
 
 
-def _once(triangles: Triangles) -> Triangles:
+def _once(triangles: Array) -> Array:
     """Triangles without repetitions; the order of corners is ignored."""
     _, faces = numbered(triangles)
     _, first = np.unique(np.sort(faces, axis=1), axis=0, return_index=True)
     return triangles[np.sort(first)]
 
 
-def _on_its_floor(triangles: Triangles, source: str, report: Callable[[str], None]) -> Triangles:
+def _on_its_floor(triangles: Array, source: str, report: Callable[[str], None]) -> Array:
     lowest_m, highest_m = triangles[..., 2].min(), triangles[..., 2].max()
     floor_m = _floor_m(triangles, lowest_m, min(SLAB_M, (highest_m - lowest_m) / 4))
     if floor_m - lowest_m > 0.001:
@@ -94,11 +91,11 @@ def _on_its_floor(triangles: Triangles, source: str, report: Callable[[str], Non
             f"{source}: is {height_m:.3g} m high; should be {MIN_HEIGHT_M:g} to "
             f"{MAX_HEIGHT_M:g} m; check its unit, metres, and which axis is up"
         )
-    on_floor: Triangles = triangles - np.array([0.0, 0.0, floor_m])
+    on_floor: Array = triangles - np.array([0.0, 0.0, floor_m])
     return on_floor
 
 
-def _floor_m(triangles: Triangles, lowest_m: float, slab_m: float) -> float:
+def _floor_m(triangles: Array, lowest_m: float, slab_m: float) -> float:
     """Height of the lowest point, or of the top of its slab, m."""
     z_m = triangles[..., 2]
     is_level = (np.ptp(z_m, axis=1) < 0.001) & (z_m.max(axis=1) < lowest_m + slab_m)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from sitl.world.format import World, WorldError
 from sitl.world.geometry.model import WorldModel
@@ -19,7 +20,7 @@ from sitl.world.importers.formats.gltf import read_gltf
 from sitl.world.importers.formats.obj import read_obj
 from sitl.world.importers.formats.ply import read_ply
 from sitl.world.importers.formats.stl import read_stl
-from sitl.world.importers.mending import Triangles, mended, numbered
+from sitl.world.importers.mending import mended, numbered
 from sitl.world.importers.starts import MIN_CLEARANCE_M, free_starts
 
 MAX_BYTES = 200_000_000
@@ -59,10 +60,10 @@ def load_mesh(path: Path, report: Callable[[str], None]) -> World:
     return World.model_validate({**parts, "starts": _starts(parts, mesh, str(path))})
 
 
-def _read(path: Path, report: Callable[[str], None]) -> Triangles:
+def _read(path: Path, report: Callable[[str], None]) -> Array:
     """Triangles of all parts, east, north, up; faces without existing vertices are dropped."""
     suffix = path.suffix.lower()
-    placed: list[Triangles] = []
+    placed: list[Array] = []
     count = 0
     try:
         if path.stat().st_size > MAX_BYTES:
@@ -89,11 +90,11 @@ def _read(path: Path, report: Callable[[str], None]) -> Triangles:
     return triangles
 
 
-def _corners(part: Part) -> Triangles:
+def _corners(part: Part) -> Array:
     """Triangles of one part, without those that refer to missing vertices."""
     vertices, faces = part
     exists = ((faces >= 0) & (faces < len(vertices))).all(axis=1)
-    corners: Triangles = vertices[faces[exists]]
+    corners: Array = vertices[faces[exists]]
     return corners
 
 

@@ -5,9 +5,9 @@ from collections.abc import Callable
 import numpy as np
 from scipy import ndimage
 
+from companion.core.arrays import Mask
 from sitl.world.importers import CEILING_M
 from sitl.world.importers.space import TOUCHING, near, of_each
-from sitl.world.known import Cells
 
 MARK_M = 3.0
 """Largest size of a mark, m: a letter, a number, an arrow. Chosen."""
@@ -19,7 +19,7 @@ BESIDE_CELLS = 1.5
 """Largest distance between the centres of touching cells, also at a corner, cells."""
 
 
-def marks_outside(kept: Cells, occupied: Cells, cell_m: float) -> Cells:
+def marks_outside(kept: Mask, occupied: Mask, cell_m: float) -> Mask:
     """Small pieces of thin strokes that touch no cell of the kept air: labels, stray echoes.
 
     They are in the unknown or outside the building, where no drone can detect them.
@@ -37,14 +37,12 @@ def marks_outside(kept: Cells, occupied: Cells, cell_m: float) -> Cells:
     return of_each(piece, is_mark)
 
 
-def _wide(occupied: Cells, cell_m: float) -> Cells:
+def _wide(occupied: Mask, cell_m: float) -> Mask:
     """Cells in the middle of pieces that are wider than a stroke."""
     return ~near(~occupied, max(STROKE_M / cell_m, STROKE_CELLS) / 2 + 0.5)
 
 
-def report_pieces(
-    marks: Cells, kept: Cells, occupied: Cells, report: Callable[[str], None]
-) -> None:
+def report_pieces(marks: Mask, kept: Mask, occupied: Mask, report: Callable[[str], None]) -> None:
     """Report the dropped marks and the kept specks."""
     _, left_out = ndimage.label(marks, TOUCHING)
     if left_out:

@@ -14,8 +14,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from sitl.world.format import MIN_LENGTH_M, Segment, World, WorldError
 from sitl.world.geometry.polylines import legs
@@ -31,7 +31,7 @@ from sitl.world.importers.map_files import Grid, read_map
 from sitl.world.importers.pieces import marks_outside, report_pieces
 from sitl.world.importers.space import Space, enclosed, near, reached, space_of
 from sitl.world.importers.starts import MIN_CLEARANCE_M, free_starts
-from sitl.world.known import Cells, KnownArea, Points
+from sitl.world.known import KnownArea
 from sitl.world.plan import NARROWEST_DOOR_M
 
 MAX_EDGES = 400_000
@@ -74,7 +74,7 @@ def load_ros_map(path: Path, report: Callable[[str], None]) -> World:
     return world.model_copy(update={"known": known})
 
 
-def _outlines(path: Path, grid: Grid) -> list[Points]:
+def _outlines(path: Path, grid: Grid) -> list[Array]:
     """Outlines of the occupied cells; images of noise are rejected."""
     if not grid.occupied.any():
         raise WorldError(f"{path}: no cell is a wall; see negate, occupied_thresh and mode")
@@ -89,7 +89,7 @@ def _outlines(path: Path, grid: Grid) -> list[Points]:
 
 
 def _walls(
-    path: Path, grid: Grid, rough: list[Points], report: Callable[[str], None]
+    path: Path, grid: Grid, rough: list[Array], report: Callable[[str], None]
 ) -> list[Segment]:
     """The straightened outlines in m, each segment once."""
     segments, repeated = _pieces(grid, [straightened(line) for line in rough])
@@ -103,7 +103,7 @@ def _walls(
     return segments
 
 
-def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
+def _pieces(grid: Grid, lines: list[Array]) -> tuple[list[Segment], int]:
     """Segments of polylines in m, each once, and the number of repeated or tiny ones."""
     placed = [grid.raster.to_plan(line).round(SAME_TO_DIGITS) for line in lines]
     pieces = [leg for line in placed for leg in legs(line)]
@@ -112,7 +112,7 @@ def _pieces(grid: Grid, lines: list[Points]) -> tuple[list[Segment], int]:
     return segments, len(pieces) - len(segments)
 
 
-def _border(path: Path, grid: Grid, kept: Cells) -> tuple[tuple[Segment, ...], float]:
+def _border(path: Path, grid: Grid, kept: Mask) -> tuple[tuple[Segment, ...], float]:
     """Border between this air and the unknown, and its length in m.
 
     It extends into the walls at its ends, because straightened outlines are up to a cell off.
@@ -134,7 +134,7 @@ def _starts(
     rank_of = space.rank()
     rank_of[near(~grid.free, MIN_CLEARANCE_M / grid.raster.cell_m - 0.5)] = -1
 
-    def rank(places: Points) -> NDArray[np.int64]:
+    def rank(places: Array) -> Indices:
         row, column = grid.raster.to_cells(places).T
         rows, columns = rank_of.shape
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
@@ -172,7 +172,7 @@ def _report_refused(space: Space, report: Callable[[str], None]) -> None:
         )
 
 
-def _known(grid: Grid, kept: Cells, start: Vector2) -> KnownArea:
+def _known(grid: Grid, kept: Mask, start: Vector2) -> KnownArea:
     """The map's known area, and the part of it that is reachable from a start."""
     cell_m = grid.raster.cell_m
     at = grid.raster.to_cells(np.array([start]))[0]

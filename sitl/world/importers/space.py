@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from companion.core.arrays import Indices, Mask
 from sitl.world.geometry.model import BODY_RADIUS_M
-from sitl.world.known import Cells, Numbers
 from sitl.world.plan import NARROWEST_DOOR_M
 
 GAP_M = 0.2
@@ -49,9 +49,9 @@ TOUCHING = np.ones((3, 3), dtype=bool)
 class Space:
     """The air of a map, and its regions: areas connected by openings at least as wide as a door."""
 
-    air: Cells
+    air: Mask
     """Cells without obstacles."""
-    region: Numbers
+    region: Indices
     """Region of each cell, 1, 2, ...; 0 where no drone fits."""
     order: list[int]
     """Regions with starts, the largest first."""
@@ -63,7 +63,7 @@ class Space:
     """Part of it in regions that are too small for starts and not connected to the largest, m²."""
 
     @property
-    def kept(self) -> Cells:
+    def kept(self) -> Mask:
         """The air connected to regions with starts: all that a drone can see."""
         patch, count = ndimage.label(self.air)
         holds = np.zeros(count + 1, dtype=bool)
@@ -77,7 +77,7 @@ class Space:
         return of_each(self.region, of_region)
 
 
-def space_of(free: Cells, occupied: Cells, cell_m: float) -> Space:
+def space_of(free: Mask, occupied: Mask, cell_m: float) -> Space:
     """The space for flight in a map's free and occupied cells."""
     air = _air(free, occupied, cell_m)
     fits = ~near(~air, _narrow(cell_m))
@@ -104,7 +104,7 @@ def _narrow(cell_m: float) -> float:
     return (NARROWEST_DOOR_M / 2 - cell_m) / cell_m
 
 
-def near(cells: Cells, radius: float) -> Cells:
+def near(cells: Mask, radius: float) -> Mask:
     """Cells with one of the given cells within a radius, in cells, between centres."""
     if radius < 1:
         return cells
@@ -123,7 +123,7 @@ def near(cells: Cells, radius: float) -> Cells:
     return found
 
 
-def of_each(label: Numbers, table: NDArray[Any]) -> NDArray[Any]:
+def of_each(label: Indices, table: NDArray[Any]) -> NDArray[Any]:
     """The table's entry for each cell's label; by rows, to limit the memory."""
     found = np.empty(label.shape, dtype=table.dtype)
     for row, numbers in enumerate(label):
@@ -131,14 +131,14 @@ def of_each(label: Numbers, table: NDArray[Any]) -> NDArray[Any]:
     return found
 
 
-def _air(free: Cells, occupied: Cells, cell_m: float) -> Cells:
+def _air(free: Mask, occupied: Mask, cell_m: float) -> Mask:
     """Cells without obstacles: free cells without the traces of single beams, and gaps."""
     open_ = free | _gaps(free, occupied, cell_m)
     wide = _opened(open_ | near(occupied, BESIDE_WALLS_M / cell_m), STRIP_M / cell_m / 2)
     return open_ & wide
 
 
-def _gaps(free: Cells, occupied: Cells, cell_m: float) -> Cells:
+def _gaps(free: Mask, occupied: Mask, cell_m: float) -> Mask:
     """Unknown cells that count as air."""
     unknown = ~(free | occupied)
     wide = _opened(unknown, GAP_M / cell_m / 2)
@@ -146,22 +146,22 @@ def _gaps(free: Cells, occupied: Cells, cell_m: float) -> Cells:
     leads_somewhere = np.zeros(count + 1, dtype=bool)
     leads_somewhere[patch[wide]] = True
     at_walls = near(occupied, AT_WALLS_M / cell_m)
-    gaps: Cells = unknown & ~wide & ~(at_walls & of_each(patch, leads_somewhere))
+    gaps: Mask = unknown & ~wide & ~(at_walls & of_each(patch, leads_somewhere))
     return gaps
 
 
-def _opened(cells: Cells, radius: float) -> Cells:
+def _opened(cells: Mask, radius: float) -> Mask:
     """The cells without parts no wider than twice this radius, in cells."""
     return cells & near(~near(~cells, radius), radius)
 
 
-def _lattice_step(fits: Cells, cell_m: float) -> int:
+def _lattice_step(fits: Mask, cell_m: float) -> int:
     """Spacing in cells of the places that are checked for enclosure."""
     most = math.sqrt(np.count_nonzero(fits) / MAX_LOOKED_FROM)
     return max(1, round(LATTICE_M / cell_m), math.ceil(most))
 
 
-def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
+def enclosed(at: Indices, air: Mask, occupied: Mask) -> Mask:
     """True for each of the cells (n, 2) with walls in nearly all directions, (n,).
 
     A wall counts as one cell thicker, because beams can pass between the cells of thin ones.
@@ -182,15 +182,15 @@ def enclosed(at: Numbers, air: Cells, occupied: Cells) -> Cells:
         wall = is_wall[row, column]
         meets[going[wall]] = True
         going = going[air[row, column] & ~wall]
-    found: Cells = meets.reshape(-1, RAYS).sum(axis=1) >= MIN_ENCLOSED
+    found: Mask = meets.reshape(-1, RAYS).sum(axis=1) >= MIN_ENCLOSED
     return found
 
 
-def reached(passable: Cells, at: Numbers, cell_m: float) -> Cells:
+def reached(passable: Mask, at: Indices, cell_m: float) -> Mask:
     """Cells that a drone reaches from a cell (row, column), and those next to them."""
     region, _ = ndimage.label(~near(~passable, _narrow(cell_m)))
     here = region[tuple(at)]
     if not here:
         return np.zeros_like(passable)
-    about: Cells = passable & near(region == here, _narrow(cell_m))
+    about: Mask = passable & near(region == here, _narrow(cell_m))
     return about

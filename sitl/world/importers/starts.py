@@ -4,9 +4,9 @@ import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
 from sitl.world.format import Segment, WorldError
 from sitl.world.plan import samples
@@ -26,15 +26,13 @@ RAYS = 16
 MIN_ENCLOSED = 12
 """Directions of `RAYS` that must hit a wall; otherwise the place is outside. Chosen."""
 
-Points = NDArray[np.float64]
-
 
 def anywhere(place: Vector2) -> bool:
     """Accept every place: for plans with walls only."""
     return True
 
 
-def all_alike(places: Points) -> NDArray[np.int64]:
+def all_alike(places: Array) -> Indices:
     """Rank all places equally: for plans without distinct areas."""
     return np.zeros(len(places), dtype=np.int64)
 
@@ -43,7 +41,7 @@ def free_starts(
     segments: list[Segment],
     source: str,
     is_free: Callable[[Vector2], bool] = anywhere,
-    rank: Callable[[Points], NDArray[np.int64]] = all_alike,
+    rank: Callable[[Array], Indices] = all_alike,
     closed: Sequence[Segment] = (),
 ) -> list[dict[str, object]]:
     """Up to three enclosed places with clearance, apart from each other, best first.
@@ -81,7 +79,7 @@ def free_starts(
     return [{"name": f"start {i + 1}", "position": place} for i, place in enumerate(chosen)]
 
 
-def _grid(walls: Points) -> Points:
+def _grid(walls: Array) -> Array:
     low, high = walls.min(axis=(0, 1)), walls.max(axis=(0, 1))
     step = max(STEP_M, float((high - low).max()) / 300)
     north = np.arange(low[0] + step, high[0], step)
@@ -89,7 +87,7 @@ def _grid(walls: Points) -> Points:
     return np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _clearance(place: Points, walls: Points) -> float:
+def _clearance(place: Array, walls: Array) -> float:
     """Distance of a place to the nearest wall, m."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((place - start) * along).sum(axis=1) / (along**2).sum(axis=1)
@@ -97,7 +95,7 @@ def _clearance(place: Points, walls: Points) -> float:
     return float(np.linalg.norm(place - foot, axis=1).min())
 
 
-def _is_enclosed(place: Points, walls: Points) -> bool:
+def _is_enclosed(place: Array, walls: Array) -> bool:
     """Rays in nearly all directions hit a wall."""
     bearings = np.arange(RAYS) * math.tau / RAYS + 0.01
     ray = np.column_stack([np.cos(bearings), np.sin(bearings)])[:, None]

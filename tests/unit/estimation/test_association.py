@@ -8,6 +8,7 @@ from random import Random
 import numpy as np
 import pytest
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit, WallSegment
 from companion.drivers.chips.sharp import GP2Y0A710K0F
@@ -19,7 +20,7 @@ from companion.estimation.smoothing.flight_record import NO_WALL, FlightRecord
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother
-from companion.estimation.smoothing.state import Array, Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project
 from companion.mapping.floor_plan import wall_segments
 
 Segment = tuple[Vector2, Vector2]

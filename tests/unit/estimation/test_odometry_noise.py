@@ -6,13 +6,13 @@ from random import Random
 import numpy as np
 import pytest
 
+from companion.core.arrays import Array
 from companion.estimation.filters.heading_filter import HeadingFilter
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
 from companion.estimation.smoothing.odometry_model import (
     MIN_WANDER_M,
     WANDER_S,
-    Array,
     OdometryModel,
     averaged,
 )

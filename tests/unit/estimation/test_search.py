@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from companion.core.arrays import Array
 from companion.core.frames import frd_to_ned
 from companion.core.messages import (
     BEARING_FRD_RAD,
@@ -36,7 +37,7 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
-from companion.estimation.smoothing.state import Array, Measured, Unknowns
+from companion.estimation.smoothing.state import Measured, Unknowns
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 Search = Callable[[HypothesisSearch, Estimate], Generator[None, None, Estimate]]

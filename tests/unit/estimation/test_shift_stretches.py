@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.core.arrays import Array
 from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
 from companion.drivers.chips.sharp import PAPER
 from companion.estimation.association.pruning import Support
@@ -17,7 +18,7 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import Array, Measured, Unknowns
+from companion.estimation.smoothing.state import Measured, Unknowns
 
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 SMOOTHER = Smoother(Models(UNITS), Support())

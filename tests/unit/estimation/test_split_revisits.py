@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from companion.core.arrays import Indices
 from companion.core.messages import BEARING_FRD_RAD, Beam, Pose, RangeUnit
 from companion.drivers.chips.sharp import PAPER
 from companion.estimation.association.pruning import Support
@@ -19,7 +20,7 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
-from companion.estimation.smoothing.state import Indices, Measured, Unknowns
+from companion.estimation.smoothing.state import Measured, Unknowns
 
 EASTWARDS_RAD = math.pi / 2
 UNITS = RangeUnits({b: RangeUnit(PAPER, at, 0.0) for b, at in BEARING_FRD_RAD.items()})

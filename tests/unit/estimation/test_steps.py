@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
+from companion.core.arrays import Array
 from companion.estimation.association.steps import Steps
 from companion.estimation.smoothing.odometry_model import OdometryModel
-from companion.estimation.smoothing.state import Array
 
 HITS, SIGMA_M = 120, 0.025
 ALL = np.zeros(HITS, dtype=np.int64)

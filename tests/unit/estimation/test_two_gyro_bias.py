@@ -5,15 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.state import Measured
 from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, aided
 
 STEP_S, KEYFRAMES = 0.2, 1500
 OWN_SCALE, THEIR_SCALE, THEIR_BIAS_DEG_S = 1.02, 0.99, 0.1
-Array = NDArray[np.float64]
 
 
 def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:

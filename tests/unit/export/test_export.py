@@ -23,12 +23,12 @@ from fontTools.pens.recordingPen import RecordingPen
 from fontTools.svgLib.path import parse_path
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from PIL import Image
 from pypcd4.pypcd4 import PointCloud
 from pypdf import PdfReader
 from pyproj import Geod, Transformer
 
+from companion.core.arrays import Array
 from companion.core.errors import OutputError
 from companion.core.frames import Place, ned_to_enu, ned_to_gltf
 from companion.core.messages import FloorPlan, Pose, WallSegment
@@ -48,7 +48,6 @@ LABELS = Labels("a flight", PLACE)
 PT_M = 0.0254 / 72
 WALL_PT = 2.0
 WALL_STROKE = f"stroke: {INK}; stroke-width: {WALL_PT:g};"
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -62,19 +61,19 @@ class Exported:
     def path(self, suffix: str) -> Path:
         return self.folder / f"map.{suffix}"
 
-    def off_truth_m(self, points_enu_m: Points) -> Points:
+    def off_truth_m(self, points_enu_m: Array) -> Array:
         """Distances (n,), m, of points (x east, y north of take-off) from the nearest true wall."""
         take_off = self.flight.truth.take_off
         cos, sin = math.cos(take_off.yaw_rad), math.sin(take_off.yaw_rad)
         turned = points_enu_m[:, 1::-1] @ np.array([[cos, sin], [-sin, cos]])
         world_ne_m = turned + take_off.position_ned_m[:2]
         surfaces = wall_surfaces(self.flight.setup.world, 1.2)
-        distances: Points = shapely.distance(
+        distances: Array = shapely.distance(
             shapely.points(world_ne_m), shapely.MultiLineString(surfaces)
         )
         return distances
 
-    def assert_walls(self, points_enu_m: Points, beyond_m: float = 0.0) -> None:
+    def assert_walls(self, points_enu_m: Array, beyond_m: float = 0.0) -> None:
         """Assert that points match the ground truth as well as the map does.
 
         `beyond_m` is the additional error of the format.
@@ -93,11 +92,11 @@ def exported(tmp_path_factory: pytest.TempPathFactory) -> Exported:
     return Exported(flight, found, folder)
 
 
-def along(ends_enu_m: Points) -> Points:
+def along(ends_enu_m: Array) -> Array:
     """Points (m, 2) on segments (n, 2, 2 or more), 200 on each."""
     share = np.linspace(0, 1, 200)[None, :, None]
     start, end = ends_enu_m[:, None, 0, :2], ends_enu_m[:, None, 1, :2]
-    points: Points = ((1 - share) * start + share * end).reshape(-1, 2)
+    points: Array = ((1 - share) * start + share * end).reshape(-1, 2)
     return points
 
 
@@ -189,8 +188,8 @@ def test_shapely_and_proj_read_the_geojson(exported: Exported) -> None:
     cos, sin = math.cos(PLACE.heading_rad), math.sin(PLACE.heading_rad)
     from_true_north = np.array([[cos, sin], [-sin, cos]])
 
-    def local_enu_m(lon_lat: Points) -> Points:
-        local: Points = np.column_stack(to_metres.transform(*lon_lat.T)) @ from_true_north
+    def local_enu_m(lon_lat: Array) -> Array:
+        local: Array = np.column_stack(to_metres.transform(*lon_lat.T)) @ from_true_north
         return local
 
     walls = [
@@ -218,15 +217,15 @@ def test_json_has_walls_with_covariance_in_the_maps_own_frame(exported: Exported
     assert len(record["path"]) == len(plan.path)
 
 
-def off_paper(survey: Survey, points_up_pt: Points) -> Points:
+def off_paper(survey: Survey, points_up_pt: Array) -> Array:
     """Convert points (n, 2) on the sheet, in pt from its lower left corner, to ENU, m."""
     sheet = choose_sheet(survey)
     inset_m = np.array([EDGE_MM, EDGE_MM + FOOT_MM]) * sheet.scale / 1000
-    enu_m: Points = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
+    enu_m: Array = points_up_pt * PT_M * sheet.scale - inset_m + [sheet.west_m, sheet.south_m]
     return enu_m
 
 
-def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Points) -> None:
+def assert_sheet(exported: Exported, size_pt: Sequence[float], wall_ends_up_pt: Array) -> None:
     """Assert the sheet's size, and that the ends of walls match the map and the ground truth."""
     sheet, walls = choose_sheet(exported.found), exported.flight.plan.walls
     assert np.array(size_pt) * PT_M == pytest.approx(

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.errors import LogError
 from companion.offline.reading.log import Log, Reading
 from companion.offline.reading.readers import read_log
 
 HEADER = "time_s,odom_x_m,odom_y_m,odom_yaw_rad,gyro_z_rad_s,front_m,left_m"
 TIME, X, Y, YAW, GYRO, FRONT, LEFT = range(7)
-Array = NDArray[np.float64]
 
 
 def silent(activity: str, share: float) -> None:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.logs import outcome, row
 from benchmarks.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
+from companion.core.arrays import Array
 from companion.core.messages import Beam
 from companion.offline.mapper import LogMap, map_log
 from companion.offline.reading.log import Log as ReadLog
@@ -20,8 +20,6 @@ from sitl.world.format import Segment
 
 LOGS = Path(__file__).parents[4] / "shared" / "logs"
 has_logs = pytest.mark.skipif(not LOGS.exists(), reason="no ../shared/logs beside the checkout")
-
-Array = NDArray[np.float64]
 
 
 def ring(north_m: float, east_m: float, inset_m: float) -> list[Segment]:

@@ -2,28 +2,27 @@
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.messages import Beam, RangeReading, RangeScan, RangeState
 from companion.safety.health.coupling import CouplingWatch
 
 FIVE = (Beam.FRONT, Beam.LEFT, Beam.RIGHT, Beam.UP, Beam.DOWN)
 NOISE_V = 0.010
-Table = NDArray[np.float64]
 
 
-def flown(seed: int, ticks: int = 200, noise_v: float = NOISE_V) -> Table:
+def flown(seed: int, ticks: int = 200, noise_v: float = NOISE_V) -> Array:
     """Voltages of five sensors whose distances to walls vary smoothly, with a few edges."""
     rng = np.random.default_rng(seed)
     at_s = 0.05 * np.arange(ticks)[:, None]
     phases, rates = rng.uniform(0, 6, 5), rng.uniform(0.1, 0.6, 5)
     edges = np.cumsum(rng.choice([0.0, 0.3, -0.3], (ticks, 5), p=[0.98, 0.01, 0.01]), axis=0)
     volts = 1.9 + 0.4 * np.sin(phases + rates * at_s) + np.clip(edges, -0.3, 0.3)
-    table: Table = volts + rng.normal(0, noise_v, volts.shape)
+    table: Array = volts + rng.normal(0, noise_v, volts.shape)
     return table
 
 
-def found_open(volts: Table) -> set[Beam]:
+def found_open(volts: Array) -> set[Beam]:
     watch, found = CouplingWatch(), set[Beam]()
     for i, row in enumerate(volts.tolist()):
         readings = {

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,
@@ -218,7 +218,7 @@ def test_a_round_wall_that_is_traced_stays_as_far_away(seed: int) -> None:
     assert states == {RangeState.DISTANCE}
 
 
-def seen_to_leap(metres: NDArray[np.float64]) -> set[RangeState]:
+def seen_to_leap(metres: Array) -> set[RangeState]:
     watch = RangeWatch()
     readings = [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in metres.tolist()]
     flights = zip(flown(len(readings)), readings, strict=True)

@@ -7,16 +7,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from companion.core.arrays import Array
 from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan, Pose, WallSegment
 from sitl.core.truth import TrueState
 from sitl.scoring.score import clear_in_the_open_m, least_time_s, score_map, score_trajectory
 from sitl.world.geometry.nearest import NearestWall
 from sitl.world.plan import samples
-
-Points = NDArray[np.float64]
 
 ROOM: list[tuple[Vector2, Vector2]] = [
     ((0.0, 0.0), (10.0, 0.0)),
@@ -115,7 +113,7 @@ def test_clearance_counts_where_there_is_room_to_keep_it(place: Vector2, clear_m
     assert clear_in_the_open_m([], np.array(away), 0.2) == math.inf
 
 
-def least_of_all(points: Points, walls: Points) -> tuple[Points, Points]:
+def least_of_all(points: Array, walls: Array) -> tuple[Array, Array]:
     """Distance and closest point on any wall, from a table of all pairs."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)

@@ -8,10 +8,8 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
-Faces = NDArray[np.int64]
+from companion.core.arrays import Array, Indices
 
 
 class MeshError(ValueError):
@@ -21,9 +19,9 @@ class MeshError(ValueError):
 class Part(NamedTuple):
     """Triangles of one part."""
 
-    vertices: Points
+    vertices: Array
     """(n, 3), in the file's axes."""
-    faces: Faces
+    faces: Indices
     """(m, 3) of vertex numbers; missing vertices have numbers below 0 or beyond the last."""
 
 
@@ -35,15 +33,15 @@ def part(vertices: Iterable[Iterable[float]], faces: Iterable[Iterable[int]]) ->
     )
 
 
-def strip(numbers: Faces) -> Faces:
+def strip(numbers: Indices) -> Indices:
     """Triangles of a strip: each number with the two before it; (n,) to (n - 2, 3)."""
     return np.column_stack([numbers[:-2], numbers[1:-1], numbers[2:]])
 
 
-def fan(numbers: Faces) -> Faces:
+def fan(numbers: Indices) -> Indices:
     """Triangles of a fan: the first number with each pair of neighbours; (n,) to (n - 2, 3)."""
     return np.column_stack([np.full(max(len(numbers) - 2, 0), numbers[:1]), *_pairs(numbers[1:])])
 
 
-def _pairs(numbers: Faces) -> tuple[Faces, Faces]:
+def _pairs(numbers: Indices) -> tuple[Indices, Indices]:
     return numbers[:-1], numbers[1:]

@@ -14,8 +14,9 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
+from companion.core.arrays import Array, Indices
 from companion.core.textfile import decoded
-from sitl.world.importers.formats import Faces, MeshError, Part, Points, fan, strip
+from sitl.world.importers.formats import MeshError, Part, fan, strip
 
 MAGIC, VERSION = b"glTF", 2
 CHUNK_JSON, CHUNK_BIN = 0x4E4F534A, 0x004E4942
@@ -122,7 +123,7 @@ class _Document:
         below = {child for node in nodes for child in node.get("children", ())}
         return [number for number in range(len(nodes)) if number not in below]
 
-    def _placed(self, node: Record, place: Points) -> Iterator[Part]:
+    def _placed(self, node: Record, place: Array) -> Iterator[Part]:
         if "skin" in node:
             raise MeshError(
                 f"node {node.get('name', '')!r} is deformed by a skin, which is not supported; "
@@ -133,7 +134,7 @@ class _Document:
             for vertices, faces in self._mesh(node):
                 yield Part(vertices @ turned[:3, :3].T + turned[:3, 3], faces)
 
-    def _instances(self, node: Record) -> Iterator[Points]:
+    def _instances(self, node: Record) -> Iterator[Array]:
         attributes = _extension(node, INSTANCES).get("attributes", {})
         columns = {
             key: self._values(attributes[name])
@@ -180,7 +181,7 @@ class _Document:
         for weight, target in zip(weights, primitive.get("targets", ()), strict=False):
             if weight and "POSITION" in target:
                 vertices = vertices + weight * self._values(target["POSITION"])
-        numbers: Faces = np.arange(len(vertices))
+        numbers: Indices = np.arange(len(vertices))
         if "indices" in primitive:
             numbers = self._values(primitive["indices"])[:, 0].astype(np.int64)
         mode = primitive.get("mode", TRIANGLES)
@@ -191,7 +192,7 @@ class _Document:
         faces = {STRIP: strip, FAN: fan}.get(mode, lambda n: n.reshape(-1, 3))(numbers)
         return Part(vertices, faces)
 
-    def _values(self, number: int) -> Points:
+    def _values(self, number: int) -> Array:
         """Values of an accessor, (count, width), normalized."""
         accessor = self._entry("accessors", number)
         kind = np.dtype(KINDS[accessor["componentType"]])
@@ -209,7 +210,7 @@ class _Document:
             values[places] = self._array(sparse["values"], kind, (count, shape[1]))
         if not accessor.get("normalized", False) or kind.kind == "f":
             return values.astype(float)
-        share: Points = np.maximum(values / np.iinfo(kind).max, -1.0)
+        share: Array = np.maximum(values / np.iinfo(kind).max, -1.0)
         return share
 
     def _array(
@@ -277,10 +278,10 @@ def _whole(record: Record, key: str) -> int:
     return number
 
 
-def _transform(node: Record) -> Points:
+def _transform(node: Record) -> Array:
     """Transform of a node or an instance, (4, 4)."""
     if "matrix" in node:
-        columns: Points = np.array(node["matrix"], dtype=float).reshape(4, 4)
+        columns: Array = np.array(node["matrix"], dtype=float).reshape(4, 4)
         return columns.T
     quaternion = np.array(node.get("rotation", (0.0, 0.0, 0.0, 1.0)), dtype=float)
     x, y, z, w = quaternion / (np.linalg.norm(quaternion) or 1.0)  # integers are rounded

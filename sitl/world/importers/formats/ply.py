@@ -9,7 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sitl.world.importers.formats import MeshError, Part, Points, part, strip
+from companion.core.arrays import Array
+from sitl.world.importers.formats import MeshError, Part, part, strip
 from sitl.world.importers.formats.polygons import triangles
 
 KINDS = {
@@ -50,7 +51,7 @@ def read_ply(data: bytes, path: Path) -> Iterator[Part]:
     """
     order, elements, body = _header(data)
     rows: _Words | _Bytes = _Bytes(body, order) if order else _Words(body)
-    vertices: Points = np.empty((0, 3))
+    vertices: Array = np.empty((0, 3))
     polygons: list[list[int]] = []
     strips: list[list[int]] = []
     for element in elements:
@@ -104,7 +105,7 @@ def _header(data: bytes) -> tuple[str, list[_Element], bytes]:
     return order, elements, body[newline:]
 
 
-def _xyz(element: _Element, table: Points) -> Points:
+def _xyz(element: _Element, table: Array) -> Array:
     names = [name for name, _, _ in element.properties]
     missing = [axis for axis in "xyz" if axis not in names]
     if missing or element.has_lists:
@@ -138,7 +139,7 @@ class _Words:
     def rest(self) -> bool:
         return self._at < len(self._words)
 
-    def table(self, element: _Element) -> Points:
+    def table(self, element: _Element) -> Array:
         """Values of an element without lists; (count, properties)."""
         size = element.count * len(element.properties)
         words = self._take(size)
@@ -180,7 +181,7 @@ class _Bytes:
     def rest(self) -> bool:
         return bool(self._body[self._at :].strip(b"\r\n\0"))
 
-    def table(self, element: _Element) -> Points:
+    def table(self, element: _Element) -> Array:
         """Values of an element without lists; (count, properties)."""
         kinds = [self._order + kind for _, kind, _ in element.properties]
         dtype = np.dtype([(str(i), kind) for i, kind in enumerate(kinds)])

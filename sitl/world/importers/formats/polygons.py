@@ -5,7 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from sitl.world.importers.formats import MeshError, Points
+from companion.core.arrays import Array
+from sitl.world.importers.formats import MeshError
 
 MAX_CORNERS = 500
 """Largest number of corners of a hollow polygon; the time grows with its square. Chosen."""
@@ -33,14 +34,14 @@ def triangles(corners: Sequence[int], vertices: Vertices) -> Iterator[Triangle]:
         yield corners[0], second, third
 
 
-def _is_fan(points: Points) -> bool:
+def _is_fan(points: Array) -> bool:
     """All triangles from the first corner turn the same way, so that none overlaps another."""
     off = points[1:] - points[0]
     normals = np.cross(off[:-1], off[1:])
     return bool((normals @ normals.sum(axis=0) >= 0).all())
 
 
-def _cut(corners: Sequence[int], points: Points) -> Iterator[Triangle]:
+def _cut(corners: Sequence[int], points: Array) -> Iterator[Triangle]:
     """Triangles by ear clipping."""
     if len(corners) > MAX_CORNERS:
         raise MeshError(f"has a hollow face of {len(corners)} corners; export triangles")
@@ -54,17 +55,17 @@ def _cut(corners: Sequence[int], points: Points) -> Iterator[Triangle]:
     yield corners[a], corners[b], corners[c]
 
 
-def _flat(points: Points) -> Points:
+def _flat(points: Array) -> Array:
     """The polygon projected along its axis of largest area, (n, 2), turning left."""
     off = points - points[0]
     normal = np.cross(off, np.roll(off, -1, axis=0)).sum(axis=0)  # Newell
     axis = int(np.abs(normal).argmax())
-    flat: Points = points[:, [i for i in range(3) if i != axis]]
+    flat: Array = points[:, [i for i in range(3) if i != axis]]
     turns_left = normal[axis] * (-1 if axis == 1 else 1) > 0
     return flat if turns_left else flat * np.array([1.0, -1.0])
 
 
-def _ear(ring: Points) -> int:
+def _ear(ring: Array) -> int:
     """Number of a corner to clip: convex, with no other corner in its triangle."""
     before, after = np.roll(ring, 1, axis=0), np.roll(ring, -1, axis=0)
     turns = _cross(before, ring, after)
@@ -78,8 +79,8 @@ def _ear(ring: Points) -> int:
     return int(np.abs(turns).argmin())  # self-intersecting: clip the smallest
 
 
-def _cross(a: Points, b: Points, c: Points) -> Points:
+def _cross(a: Array, b: Array, c: Array) -> Array:
     """Positive where a, b, c turn left."""
     (ax, ay), (bx, by), (cx, cy) = a.T, b.T, c.T
-    turn: Points = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
+    turn: Array = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
     return turn

@@ -10,11 +10,11 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 from typer.testing import CliRunner
 
+from companion.core.arrays import Mask
 from companion.core.frames import Vector2
 from sitl.commands.cli import commands
 from sitl.running.options import FlightOptions
@@ -96,7 +96,7 @@ def test_starts_stay_free(seed: int, difficulty: float) -> None:
             assert after.clearance_m(place) >= least_m - 1e-3
 
 
-def reachable(world: World, half_m: float) -> NDArray[np.bool_]:
+def reachable(world: World, half_m: float) -> Mask:
     """Grid places that a disc can reach from the first start at flight height."""
     (south, west), (north, east) = world.bounds
     norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)

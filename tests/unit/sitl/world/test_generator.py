@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
+from companion.core.arrays import Indices
 from companion.core.frames import Vector2
 from sitl.world.format import Box, Segment, Walls, World, WorldError
 from sitl.world.generator import random_world, seed_of
@@ -47,7 +47,7 @@ def either_side(wall: Segment, centre: Vector2, off_m: float) -> list[Vector2]:
     return [(centre[0] + side * across[0], centre[1] + side * across[1]) for side in (1, -1)]
 
 
-def reachable(world: World) -> NDArray[np.int64]:
+def reachable(world: World) -> Indices:
     """Labels of the cells by connected area, free at all heights for a disc of radius 0.5 m."""
     north_m, east_m = world.bounds[1]
     norths = GRID_M * np.arange(round(north_m / GRID_M) + 1)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from trimesh.visual import TextureVisuals
 
+from companion.core.arrays import Array, Mask
 from companion.core.frames import Vector3
 from sitl.world.format import Segment, World, WorldError
 from sitl.world.geometry.model import WorldModel
@@ -26,7 +27,6 @@ from sitl.world.plan import samples, wall_surfaces
 CELL_M = 0.05
 WALL_M = 0.15
 FREE, UNKNOWN, WALL = 254, 205, 0
-Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 MAP = {
@@ -75,7 +75,7 @@ def outside(corners: Array) -> Array:
     return outer
 
 
-def is_within(corners: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
+def is_within(corners: Array, shape: tuple[int, int]) -> Mask:
     """Cells with their centre in the polygon (x, y); rows from the top."""
     y, x = (np.indices(shape) + 0.5) * CELL_M
     inside = Outline(corners).contains_points(np.column_stack([x.ravel(), y.ravel()]))

@@ -5,17 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from benchmarks.ranges import hall
+from companion.core.arrays import Array
 from companion.core.frames import Vector3
 from sitl.world.format import World
 from sitl.world.geometry.mesh import obstacle_mesh
 from sitl.world.geometry.model import WorldModel
 from sitl.world.geometry.triangles import Mesh
 from sitl.world.loading import load_world
-
-Points = NDArray[np.float64]
 
 REACH_M = 12.0
 RAYS, AIMED_RAYS = 3400, 1400
@@ -33,13 +31,13 @@ class Range:
     model: WorldModel
     rng: np.random.Generator
 
-    def origins(self, count: int) -> Points:
+    def origins(self, count: int) -> Array:
         """Places with the floor in range all around."""
         low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
         shrink = np.array((REACH_M, REACH_M, 0))
         return self.rng.uniform(low + shrink, high - shrink, (count, 3))
 
-    def found(self, origins: Points, directions: Points) -> Points:
+    def found(self, origins: Array, directions: Array) -> Array:
         """Ranges by the model; NaN without a hit."""
         pairs = zip(origins.tolist(), directions.tolist(), strict=True)
         ranges = (self.model.range_m(as_vector(o), as_vector(d), REACH_M) for o, d in pairs)
@@ -70,7 +68,7 @@ def with_floor(obstacles: Mesh) -> Mesh:
     )
 
 
-def true_ranges(mesh: Mesh, origins: Points, directions: Points) -> Points:
+def true_ranges(mesh: Mesh, origins: Array, directions: Array) -> Array:
     """Ranges by every ray and every triangle's plane; NaN without a hit in range.
 
     With the plane's normal n the distance is (n·a - n·o) / n·d. A point p of the plane is inside
@@ -95,8 +93,8 @@ def true_ranges(mesh: Mesh, origins: Points, directions: Points) -> Points:
     return np.where(np.isinf(ranges), np.nan, ranges)
 
 
-def unit(vectors: Points) -> Points:
-    lengths: Points = np.linalg.norm(vectors, axis=1, keepdims=True)
+def unit(vectors: Array) -> Array:
+    lengths: Array = np.linalg.norm(vectors, axis=1, keepdims=True)
     return vectors / lengths
 
 
@@ -120,20 +118,20 @@ def test_level_and_upright_rays_are_exact(name: str) -> None:
     np.testing.assert_allclose(place.found(origins, directions), expected, rtol=0, atol=EXACT_M)
 
 
-def aimed_at(place: Range, targets: Points) -> tuple[Points, Points, Points]:
+def aimed_at(place: Range, targets: Array) -> tuple[Array, Array, Array]:
     """Rays to points from up to 9/10 of the range away: origins, directions, distances."""
     away = place.rng.uniform(0.3, 0.9 * REACH_M, (len(targets), 1))
     origins = targets + away * unit(place.rng.normal(size=targets.shape))
     return origins, unit(targets - origins), np.linalg.norm(targets - origins, axis=1)
 
 
-def edges_and_vertices(place: Range) -> Points:
+def edges_and_vertices(place: Range) -> Array:
     """Half of them corners of triangles, half of them points on edges."""
     triangles = place.mesh.vertices[place.rng.choice(place.mesh.faces, AIMED_RAYS)]
     first, second = triangles[:, 0], triangles[:, 1]
     share = place.rng.uniform(0, 1, (AIMED_RAYS, 1))
     share[::2] = 0
-    points: Points = first + share * (second - first)
+    points: Array = first + share * (second - first)
     return points
 
 
