@@ -34,9 +34,10 @@ SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
 s, and time for the turns at both ends, s."""
 ROUGHLY = 1.1
 """Safety factor on the computed time. Flights out of a maze took 5 % more than computed."""
-AMONG_LEGS_MEAN_M_S = 0.25
-"""Mean speed among legs, m/s. Below the 0.27 m/s that `benchmarks/legs.py` measures, because one
-flight went home at 0.22 m/s."""
+AMONG_LEGS_MEAN_M_S, AMONG_LEGS_PRIOR_S = 0.25, 40.0
+"""Initial mean speed on journeys among legs, m/s, and its weight, s. `benchmarks/legs.py` measures
+0.27 m/s on a straight path. In dense clutter, flights went home at 0.11 to 0.2 m/s with sweeps, so
+the flight's own journeys correct the mean. The weight is chosen."""
 STEP_M = 0.3
 """Spacing of the places where a path's clearance is evaluated, m. Chosen."""
 UNKNOWN_SPEED_SHARE = 0.4
@@ -60,6 +61,32 @@ class Spent:
 
 
 @value
+class Pace:
+    """Mean speed on journeys among legs, with sweeps and stops."""
+
+    at_ne_m: Vector2 | None = None
+    """Position at the last tick of the present journey, local NED, m; None between journeys."""
+    at_s: float = 0.0
+    """Time of that tick, s after the start."""
+    flown_m: float = AMONG_LEGS_MEAN_M_S * AMONG_LEGS_PRIOR_S
+    flown_s: float = AMONG_LEGS_PRIOR_S
+
+    @property
+    def mean_m_s(self) -> float:
+        """Mean speed, at most the initial one, m/s."""
+        return min(AMONG_LEGS_MEAN_M_S, self.flown_m / self.flown_s)
+
+    def onward(self, now_s: float, observation: Observation, *, travels: bool) -> "Pace":
+        """Add a tick. `travels`: the drone is on a journey to a viewpoint."""
+        if not (travels and observation.is_among_legs):
+            return self if self.at_ne_m is None else replace(self, at_ne_m=None)
+        here, before = observation.pose.ne_m, self.at_ne_m or observation.pose.ne_m
+        lasted_s = now_s - self.at_s if self.at_ne_m else 0.0
+        flown_m = self.flown_m + math.dist(here, before)
+        return Pace(here, now_s, flown_m, self.flown_s + lasted_s)
+
+
+@value
 class Reserve:
     """State: the time to fly home and the battery records."""
 
@@ -69,20 +96,34 @@ class Reserve:
     """Time to fly home at the last computation, s."""
     asked_s: float = 0.0
     """Time of the last computation, s after the start."""
+    pace: Pace = Pace()
+    """Journeys among legs so far."""
 
 
 def step(
-    reserve: Reserve, spent: Spent, observation: Observation, space: Occupancy, plan: MissionConfig
+    reserve: Reserve,
+    spent: Spent,
+    observation: Observation,
+    space: Occupancy,
+    plan: MissionConfig,
+    *,
+    travels: bool = False,
 ) -> tuple[Reserve, str]:
-    """Runs one tick. Returns the next state and the reason to return now, empty without one."""
+    """Runs one tick. Returns the next state and the reason to return now, empty without one.
+
+    `travels`: the drone is on a journey to a viewpoint.
+    """
     flown_s = spent.flown_s
     reserve = _noted(reserve, spent)
+    pace = reserve.pace.onward(flown_s, observation, travels=travels)
+    if pace is not reserve.pace:
+        reserve = replace(reserve, pace=pace)
     left_s, why = _left_s(reserve, spent, plan)
     since_s = flown_s - reserve.asked_s
     if left_s > ROUGHLY * reserve.way_home_s + since_s / UNKNOWN_SPEED_SHARE:
         return reserve, ""
     if since_s > ASK_AGAIN_S:
-        way_home_s = _way_home_s(observation, space, plan)
+        way_home_s = _way_home_s(observation, space, plan, reserve.pace)
         reserve = replace(reserve, asked_s=flown_s, way_home_s=way_home_s)
     return reserve, "" if left_s > ROUGHLY * reserve.way_home_s else why
 
@@ -116,7 +157,9 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
     return min(limit, (by_battery_s, f"with {100 * battery:.0f} % of the battery"))
 
 
-def _way_home_s(observation: Observation, space: Occupancy, plan: MissionConfig) -> float:
+def _way_home_s(
+    observation: Observation, space: Occupancy, plan: MissionConfig, pace: Pace
+) -> float:
     here = observation.pose.ne_m
     ground = find_ground(space, here, clear_of_all_m(plan))
     ways = find_ways(ground)
@@ -126,7 +169,7 @@ def _way_home_s(observation: Observation, space: Occupancy, plan: MissionConfig)
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    most_m_s = AMONG_LEGS_MEAN_M_S if observation.is_among_legs else plan.speed_m_s
+    most_m_s = pace.mean_m_s if observation.is_among_legs else plan.speed_m_s
     return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
 
 

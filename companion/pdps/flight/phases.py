@@ -133,7 +133,10 @@ def _climb(flight: FlightState, view: TickInput, plan: MissionConfig) -> float:
 def _in_time(flight: FlightState, view: TickInput, plan: MissionConfig) -> FlightState:
     """Enters HOME when the remaining time or battery is needed for the path home."""
     spent = Spent(view.time_s - flight.began_s, view.vehicle.battery)
-    kept, why = energy_reserve.step(flight.reserve, spent, view.observation, view.space, plan)
+    travels = flight.phase is Phase.BUILDING and flight.building.phase is ExplorePhase.GO
+    kept, why = energy_reserve.step(
+        flight.reserve, spent, view.observation, view.space, plan, travels=travels
+    )
     if kept is not flight.reserve:
         flight = replace(flight, reserve=kept)
     return _turn_back(flight, view, why) if why else flight

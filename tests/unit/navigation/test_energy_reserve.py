@@ -1,0 +1,49 @@
+"""Tests the mean speed by which the time home is estimated among legs."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from companion.core.messages import Pose
+from companion.navigation.energy_reserve import AMONG_LEGS_MEAN_M_S, Pace
+from companion.navigation.observation import Observation
+
+TICK_S = 0.05
+
+
+def flown(
+    speed_m_s: float, lasts_s: float = 300.0, *, among_legs: bool = True, travels: bool = True
+) -> Pace:
+    """The pace after a straight flight."""
+    pace = Pace()
+    for tick in range(round(lasts_s / TICK_S)):
+        at = Pose(tick * TICK_S, speed_m_s * tick * TICK_S, 0.0, -1.2, 0.0)
+        seen = Observation(at, {}, 0.0, is_among_legs=among_legs)
+        pace = pace.onward(tick * TICK_S, seen, travels=travels)
+    return pace
+
+
+@given(st.floats(0.02, AMONG_LEGS_MEAN_M_S))
+def test_slow_journeys_among_legs_lower_the_mean_speed(speed_m_s: float) -> None:
+    mean_m_s = flown(speed_m_s).mean_m_s
+    assert speed_m_s - 1e-9 <= mean_m_s <= 0.87 * speed_m_s + 0.13 * AMONG_LEGS_MEAN_M_S
+
+
+def test_fast_journeys_do_not_raise_it() -> None:
+    assert flown(0.6).mean_m_s == pytest.approx(AMONG_LEGS_MEAN_M_S)
+
+
+@pytest.mark.parametrize(("among_legs", "travels"), [(False, True), (True, False)])
+def test_looking_round_and_open_space_do_not_count(among_legs: bool, travels: bool) -> None:
+    pace = flown(0.01, among_legs=among_legs, travels=travels)
+    assert pace.mean_m_s == pytest.approx(AMONG_LEGS_MEAN_M_S)
+
+
+def test_the_way_between_two_journeys_does_not_count() -> None:
+    pace = flown(0.1, 100.0)
+    away = Observation(Pose(200.0, 50.0, 0.0, -1.2, 0.0), {}, 0.0, is_among_legs=True)
+    paused = pace.onward(150.0, away, travels=False)
+    resumed = paused.onward(200.0, away, travels=True)
+    assert math.isclose(resumed.mean_m_s, pace.mean_m_s)
