@@ -4,6 +4,7 @@ The chips here have no noise, so each driver must return the true value to the c
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from random import Random
 
@@ -80,6 +81,17 @@ def test_lsm9ds1_driver_reads_the_rate_to_half_a_count(rate_deg_s: float) -> Non
     for sample in samples:
         read_deg_s = math.degrees(sample.yaw_rate_rad_s)
         assert read_deg_s == pytest.approx(rate_deg_s, abs=8.75e-3 / 2 + 1e-9)
+
+
+def test_lsm9ds1_driver_dates_the_samples_of_a_full_fifo() -> None:
+    """After a pause the FIFO holds the 32 latest samples at 119 Hz, and older ones are lost."""
+    bus, gyro = gyro_at(10.0)
+    gyro.read(0.0)
+    bus.set_time(1.0)
+    times_s = [sample.time_s for sample in gyro.read(1.0)]
+    assert len(times_s) == 32
+    assert times_s[0] == pytest.approx(1.0 - 31 / 119, abs=1 / 119)
+    assert times_s[-1] == pytest.approx(1.0, abs=1 / 119)
 
 
 @pytest.mark.parametrize(
@@ -228,3 +240,22 @@ def test_vl53l1x_driver_sets_long_distance_mode_and_33_ms(register: int, value: 
     Vl53l1x(bus, TOF, None).read(0.0)
     read = Transaction(TOF, register.to_bytes(2, "big"), len(value))
     assert bus.transfer([read]) == [value]
+
+
+def test_vl53l1x_driver_reads_a_result_when_ready_and_clears_the_interrupt() -> None:
+    class Recorded(DeviceBus):
+        def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
+            registers.extend(transaction.data[:2] for transaction in transactions)
+            return super().transfer(transactions)
+
+    registers: list[bytes] = []
+    unit = TofUnit(TOF_PHYSICS["vl53l1x"], lambda time_s: 1.0, Random(1))
+    bus = Recorded({TOF: Vl53l1xDevice(unit)})
+    sensor = Vl53l1x(bus, TOF, None)
+    sensor.read(0.0)
+    assert b"\x00\x89" not in registers
+    bus.set_time(0.1)
+    assert sensor.read(0.1)
+    assert b"\x00\x89" in registers
+    (ready,) = bus.transfer([Transaction(TOF, b"\x00\x31", 1)])
+    assert not ready[0] & 0x01
