@@ -10,6 +10,8 @@ import statistics
 from collections.abc import Iterator
 from random import Random
 
+from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.drivers.chips.time_of_flight import SERIAL_KINDS, VL53L1X
 from sitl.core.noise import stream
 from sitl.sensors.beam import BeamPhysics, LightBeam
 from sitl.sensors.lsm9ds1 import draw_warming
@@ -20,6 +22,8 @@ from sitl.world.geometry.model import Hit, WorldModel
 
 REFRESHES = 4000
 CHIPS = 200
+MODELS = {"vl53l1x": VL53L1X, **SERIAL_KINDS}
+"""The drivers' measurement models of the time-of-flight sensors."""
 PILLAR_M, WALL_M = 2.0, 5.0
 STEPPED = World.model_validate(
     {
@@ -42,9 +46,9 @@ def sharp() -> Iterator[str]:
 
         unit = SharpUnit(physics, still, Random(1))
         volts = [unit.volts(0.05 * i) for i in range(REFRESHES)]
-        readings = (physics.profile.reading(v) for v in volts)
+        readings = (GP2Y0A710K0F.reading(v) for v in volts)
         spread_m = statistics.stdev(r.distance_m for r in readings if r.is_distance)
-        assumed_cm, spread_cm = 100 * physics.profile.sigma_m(distance_m), 100 * spread_m
+        assumed_cm, spread_cm = 100 * GP2Y0A710K0F.sigma_m(distance_m), 100 * spread_m
         mean_v = statistics.mean(volts)
         yield f"{distance_m:5.1f} m {mean_v:9.2f} {assumed_cm:12.1f} cm {spread_cm:12.1f} cm"
 
@@ -52,7 +56,7 @@ def sharp() -> Iterator[str]:
 def time_of_flight() -> Iterator[str]:
     yield "sensor      range, m     σ at 1 m, 3 m: assumed, measured every    age"
     for name, physics in TOF_PHYSICS.items():
-        model = physics.model
+        model = MODELS[name]
         spreads = []
         for distance_m in (1.0, 3.0):
 

@@ -16,7 +16,6 @@ from companion.config.range_sensors import (
 from companion.config.settings import SensorsConfig
 from companion.core.frames import Vector3
 from companion.core.messages import Beam
-from companion.drivers.models import model_of
 from sitl.core.noise import stream
 from sitl.core.truth import STEP_S, TrueState
 from sitl.sensors.ads1115 import Ads1115Device
@@ -27,7 +26,7 @@ from sitl.sensors.lsm9ds1 import Lsm9ds1Device, draw_warming
 from sitl.sensors.mcp3008 import Mcp3008Device
 from sitl.sensors.sharp import PHYSICS, USUAL_MEMORY, SharpPhysics, SharpUnit
 from sitl.sensors.tfmini import TfminiDevice
-from sitl.sensors.time_of_flight import TOF_PHYSICS, TofPhysics, TofUnit
+from sitl.sensors.time_of_flight import GAIN_SIGMA, TOF_PHYSICS, TofPhysics, TofUnit
 from sitl.sensors.vl53l1x import Vl53l1xDevice
 
 TruthAt = Callable[[float], TrueState]
@@ -173,7 +172,16 @@ def physics_of(sensor: RangeSensor) -> SharpPhysics | TofPhysics:
         case Vl53l1xSensor() | TfminiSensor():
             return TOF_PHYSICS[sensor.kind]
         case AutopilotRange():
-            return TofPhysics(model_of(sensor), AUTOPILOTS_SENSOR_S, 0.0, 0.003, 0.01)
+            return TofPhysics(
+                min_m=sensor.min_m,
+                max_m=sensor.max_m,
+                noise_m=sensor.sigma_m,
+                noise_share=0.0,
+                period_s=AUTOPILOTS_SENSOR_S,
+                integration_s=0.0,
+                gain_sigma=GAIN_SIGMA,
+                resolution_m=0.01,
+            )
 
 
 def _of_kind(config: SensorsConfig, kind: type[Kind]) -> Iterator[tuple[Beam, Kind]]:

@@ -1,42 +1,55 @@
 """Emulates the LSM9DS1's gyro at its bus, with its error sources.
 
-The datasheet (DocID025715) has no figures for drift. `GyroNoise` is the reference noise; `Warming`
+Registers, bits and sensitivities are those of the datasheet (DocID025715), not of the companion's
+driver. The datasheet has no figures for drift. `GyroNoise` is the reference noise; `Warming`
 adds a little to it.
 """
 
 import math
+import struct
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
 
-from companion.drivers.chips.lsm9ds1 import (
-    FIFO_CONTINUOUS,
-    RAD_S_PER_COUNT,
-    REG_CTRL_1_G,
-    REG_FIFO_CTRL,
-    REG_FIFO_SRC,
-    REG_OUT_X_G,
-    REG_WHO_AM_I,
-    SAMPLE,
-    WHO_AM_I,
-)
-
+REG_WHO_AM_I, WHO_AM_I = 0x0F, 0x68
+"""Address and value of the identity (DocID025715, section 7)."""
+REG_CTRL_1_G = 0x10
+"""Output data rate, full scale and bandwidth of the gyro (DocID025715, section 7)."""
+ODR_SHIFT, ODR_119_HZ = 5, 0b011
+"""Output data rate, bits 7 to 5 of CTRL_REG1_G; the only rate emulated (DocID025715, section 7)."""
+NOMINAL_ODR_HZ = 119.0
+"""Nominal output data rate, Hz (DocID025715, section 7)."""
+FS_SHIFT, FS_BITS = 3, 0b11
+"""Full scale, bits 4 and 3 of CTRL_REG1_G (DocID025715, section 7)."""
+MDPS_PER_COUNT = {0b00: 8.75, 0b01: 17.5, 0b11: 70.0}
+"""Sensitivity by full scale, mdps per count: of 245, 500 and 2000 °/s (DocID025715, mechanical
+characteristics)."""
+MAX_COUNT = 32767
+"""Largest count: 16 bits, two's complement. At 8.75 mdps it is 286.7 °/s."""
 REG_OUT_TEMP = 0x15
 """Two bytes, little-endian. 16 counts per °C by the datasheet (some drivers use 8), 0 at 25 °C."""
 TEMP_BYTES = 2
 COUNTS_PER_DEG_C = 16
 ZERO_COUNT_DEG_C = 25.0
+REG_OUT_X_G = 0x18
+"""First of the six output registers of the gyro, 0x18 to 0x1D (DocID025715, section 7)."""
+AXES = struct.Struct("<hhh")
+"""x, y and z of one sample, each low byte first (DocID025715, section 7)."""
+REG_CTRL_9, FIFO_EN = 0x23, 0x02
+"""Address of CTRL_REG9 and its bit that enables the FIFO (DocID025715, section 7)."""
+REG_FIFO_CTRL = 0x2E
+"""Mode of the FIFO (DocID025715, section 7)."""
+FMODE_SHIFT, FMODE_CONTINUOUS = 5, 0b110
+"""FIFO mode, bits 7 to 5 of FIFO_CTRL: new samples replace the oldest (DocID025715, section 3.5.3).
+The only mode emulated."""
+REG_FIFO_SRC, OVERRUN = 0x2F, 0x40
+"""State of the FIFO: the samples in it, bits 5 to 0, and the bit for lost ones (DocID025715,
+section 7)."""
 FIFO_DEPTH = 32
-"""Samples in the FIFO (LSM9DS1 datasheet)."""
-OVERRUN = 0x40
-"""Overrun bit of FIFO_SRC (LSM9DS1 datasheet)."""
+"""Samples in the FIFO (DocID025715, section 3.5)."""
 WALK_SAMPLES = 10
 """Samples between two updates of the bias."""
-NOMINAL_ODR_HZ = 119.0
-"""Nominal output data rate, Hz."""
-MAX_RATE_RAD_S = 32767 * RAD_S_PER_COUNT
-"""Full scale: 16 bits of 8.75 mdps, ±286.7 °/s."""
 YawRate = Callable[[float], float]
 """time_s -> true body rate about the down axis, rad/s."""
 
@@ -146,7 +159,7 @@ class Lsm9ds1Device:
 
     def _samples(self, count: int) -> bytes:
         """Oldest sample first. After OUT_Z_H_G the address wraps to OUT_X_L_G: the next sample."""
-        samples = min(-(-count // SAMPLE.size), len(self._fifo))
+        samples = min(-(-count // AXES.size), len(self._fifo))
         read = b"".join([self._fifo.popleft() for _ in range(samples)])
         return read[:count].ljust(count, b"\x00")
 
@@ -157,13 +170,24 @@ class Lsm9ds1Device:
             TEMP_BYTES, "little", signed=True
         )
 
+    @property
+    def _is_sampling(self) -> bool:
+        """True if the gyro runs at the emulated rate into the FIFO, in the emulated mode."""
+        return (
+            self._registers[REG_CTRL_1_G] >> ODR_SHIFT == ODR_119_HZ
+            and self._full_scale in MDPS_PER_COUNT
+            and bool(self._registers[REG_CTRL_9] & FIFO_EN)
+            and self._registers[REG_FIFO_CTRL] >> FMODE_SHIFT == FMODE_CONTINUOUS
+        )
+
+    @property
+    def _full_scale(self) -> int:
+        return self._registers[REG_CTRL_1_G] >> FS_SHIFT & FS_BITS
+
     def _fill(self, time_s: float) -> None:
         """Sample at the chip's clock until `time_s`; samples beyond the FIFO's depth are lost."""
         due = int(time_s / self._period_s)
-        running = (
-            self._registers[REG_CTRL_1_G] and self._registers[REG_FIFO_CTRL] == FIFO_CONTINUOUS
-        )
-        if not running:
+        if not self._is_sampling:
             self._sampled = due
             return
         if due - self._sampled > FIFO_DEPTH:
@@ -178,10 +202,12 @@ class Lsm9ds1Device:
             self._drift(time_s)
         rate = self._yaw_rate(time_s) * self._scale + self._bias
         rate += self._random.gauss(0, self._white) + self.fault_bias_rad_s
+        rad_s_per_count = math.radians(MDPS_PER_COUNT[self._full_scale] * 1e-3)
         if self.is_saturated:
-            rate = math.copysign(MAX_RATE_RAD_S, rate)
+            rate = math.copysign(MAX_COUNT * rad_s_per_count, rate)
         # The chip's z axis points up: its positive rate is counter-clockwise.
-        return SAMPLE.pack(0, 0, max(-32768, min(32767, round(-rate / RAD_S_PER_COUNT))))
+        counts = round(-rate / rad_s_per_count)
+        return AXES.pack(0, 0, max(-MAX_COUNT - 1, min(MAX_COUNT, counts)))
 
     def _drift(self, time_s: float) -> None:
         """Update the bias. It changes too slowly to compute it for every sample."""

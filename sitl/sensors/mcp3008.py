@@ -1,9 +1,26 @@
-"""Emulates the MCP3008 at its SPI bus."""
+"""Emulates the MCP3008 at its SPI bus.
+
+All constants are those of the datasheet (DS21295), not of the companion's driver.
+"""
 
 from collections.abc import Callable
 
-from companion.drivers.chips.mcp3008 import CHANNEL_SHIFT, COUNTS, HIGH_BITS, SINGLE_ENDED, START
-
+EXCHANGE_BYTES = 3
+"""Bytes of one conversion with 8-bit words (DS21295, section 6.1)."""
+START_BYTE = 0x01
+"""First byte in: seven leading zeros and the start bit (DS21295, section 6.1)."""
+SINGLE_ENDED = 0x80
+"""SGL/DIFF bit of the second byte in: convert one input against ground (DS21295, section 5)."""
+CHANNEL_SHIFT, CHANNEL_BITS = 4, 0x07
+"""D2 to D0, the input's number, in bits 6 to 4 of the second byte in (DS21295, section 5)."""
+UNDRIVEN = 0xFF
+"""Byte out while no chip drives the line. Chosen: the line has a pull-up."""
+UNDRIVEN_BITS = 0xF8
+"""Bits of the second byte out before the null bit, which is bit 2 and zero. Chosen: as UNDRIVEN."""
+HIGH_BITS = 0x03
+"""Bits 9 and 8 of the result, at the end of the second byte out (DS21295, section 6.1)."""
+COUNTS = 1024
+"""Counts of the reference voltage: ten bits (DS21295)."""
 Voltage = Callable[[int, float], float]
 """(channel, time_s) -> voltage at that input, V."""
 
@@ -16,9 +33,9 @@ class Mcp3008Device:
         self._reference_v = reference_v
 
     def exchange(self, data: bytes, time_s: float) -> bytes:
-        if len(data) != 3 or data[0] != START or not data[1] & SINGLE_ENDED:
-            return bytes([0xFF]) * len(data)
-        channel = data[1] >> CHANNEL_SHIFT & 0x07
+        if len(data) != EXCHANGE_BYTES or data[0] != START_BYTE or not data[1] & SINGLE_ENDED:
+            return bytes([UNDRIVEN]) * len(data)
+        channel = data[1] >> CHANNEL_SHIFT & CHANNEL_BITS
         counts = int(self._voltage(channel, time_s) / self._reference_v * COUNTS)
         counts = max(0, min(COUNTS - 1, counts))
-        return bytes([0xFF, 0xF8 | counts >> 8 & HIGH_BITS, counts & 0xFF])
+        return bytes([UNDRIVEN, UNDRIVEN_BITS | counts >> 8 & HIGH_BITS, counts & 0xFF])

@@ -1,10 +1,13 @@
-"""Models the Sharp infrared range sensor: its output voltage and when that changes."""
+"""Models the Sharp infrared range sensor: its output voltage and when that changes.
 
-from collections.abc import Callable
+The curve is that of the datasheet, stated here apart from the companion's driver, which inverts it.
+"""
+
+from bisect import bisect_right
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from operator import itemgetter
 from random import Random
-
-from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER, Profile
 
 TrueRange = Callable[[float], float | None]
 """time_s -> true distance along the beam, m; None without a surface."""
@@ -14,8 +17,10 @@ TrueRange = Callable[[float], float | None]
 class SharpPhysics:
     """Deviation of a unit from its datasheet, and its noise."""
 
-    profile: Profile
+    output_v: Callable[[float | None], float]
+    """Output before noise, V, at a distance, m; None: no return."""
     period_s: float
+    """Mean refresh period of the units, s."""
     period_spread: float
     """Relative standard deviation of the units' refresh period."""
     gain_sigma: float
@@ -26,9 +31,59 @@ class SharpPhysics:
     """Light from farther away does not return, m."""
 
 
+Point = tuple[float, float]
+"""Distance, m, and output, V."""
+FAR_POINTS: tuple[Point, ...] = (
+    *((5.5, 1.37), (5.0, 1.39), (4.7, 1.40), (4.4, 1.42), (4.1, 1.44), (3.8, 1.47)),
+    *((3.5, 1.50), (3.2, 1.52), (2.9, 1.57), (2.6, 1.63), (2.3, 1.70), (2.0, 1.80)),
+    *((1.8, 1.90), (1.6, 2.00), (1.4, 2.10), (1.2, 2.30), (1.0, 2.50)),
+)
+"""Output over the specified range, 1 to 5.5 m (GP2Y0A710K0F datasheet's figure)."""
+NEAR_POINTS: tuple[Point, ...] = (
+    *((0.0, 1.20), (0.2, 1.45), (0.4, 2.30)),
+    *((0.5, 3.13), (0.6, 3.08), (0.7, 3.00), (0.8, 2.80), (0.9, 2.60), (1.0, 2.50)),
+)
+"""Output below the specified range. From 0.5 m: the datasheet's figure. Nearer: assumed by the
+figure's shape."""
+NO_RETURN_V = 1.25
+"""Output without a return, V. Assumed. Beyond 5.5 m the curve falls to this value."""
+OVER_INVERSE_M = tuple((1 / metres, volts) for metres, volts in FAR_POINTS)
+"""Points of the far curve over 1/distance, in which a triangulating sensor is nearly linear."""
+
+
+def gp2y0a710k0f_v(distance_m: float | None) -> float:
+    """Output of the GP2Y0A710K0F before noise, V; None: no return."""
+    if distance_m is None:
+        return NO_RETURN_V
+    if distance_m < FAR_POINTS[-1][0]:
+        return _interpolated(NEAR_POINTS, max(distance_m, 0.0))
+    return max(_interpolated(OVER_INVERSE_M, 1 / distance_m), NO_RETURN_V)
+
+
+def _interpolated(points: Sequence[Point], x: float) -> float:
+    """Piecewise linear y over ascending x, extrapolated by the end pieces."""
+    end = bisect_right(points, x, 1, len(points) - 1, key=itemgetter(0))
+    (x0, y0), (x1, y1) = points[end - 1], points[end]
+    return y0 + (y1 - y0) / (x1 - x0) * (x - x0)
+
+
+PAPER_MAX_M = 5.0
+"""Range of the sensor that the paper describes, m (docs/sensors.md)."""
+PAPER_ZERO_V, PAPER_V_PER_M, PAPER_NO_RETURN_V = 1.2, 0.36, 3.1
+"""Output of that sensor at 0 m, V, its slope, V/m, and without a return, V. Chosen: an open input
+reads lower (docs/sensors.md)."""
+
+
+def paper_v(distance_m: float | None) -> float:
+    """Output of the sensor that the paper describes, before noise, V; None: no return."""
+    if distance_m is None or distance_m > PAPER_MAX_M:
+        return PAPER_NO_RETURN_V
+    return PAPER_ZERO_V + PAPER_V_PER_M * distance_m
+
+
 PHYSICS = {
-    "gp2y0a710k0f": SharpPhysics(GP2Y0A710K0F, 0.0165, 0.05, 0.003, 0.010, 0.0, 8.0),
-    "paper": SharpPhysics(PAPER, 0.050, 0.02, 0.0, 0.0, 0.05, 5.0),
+    "gp2y0a710k0f": SharpPhysics(gp2y0a710k0f_v, 0.0165, 0.05, 0.003, 0.010, 0.0, 8.0),
+    "paper": SharpPhysics(paper_v, 0.050, 0.02, 0.0, 0.0, 0.05, 5.0),
 }
 """Physics by profile; sources are in docs/sensors.md."""
 
@@ -75,4 +130,4 @@ class SharpUnit:
             distance_m = distance_m * self.gain + noise_m
             distance_m = distance_m if distance_m <= physics.max_return_m else None
         noise_v = noise_factor * self._random.gauss(0, physics.output_noise_v)
-        return physics.profile.volts(distance_m) + noise_v
+        return physics.output_v(distance_m) + noise_v

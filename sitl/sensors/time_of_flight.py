@@ -1,12 +1,11 @@
-"""Models time-of-flight range sensors: when they measure, and their errors."""
+"""Models time-of-flight range sensors: when they measure, and their errors.
 
-import math
+Figures are those of datasheet and product manuals, not of the companion's measurement models.
+"""
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from random import Random
-
-from companion.core.messages import RangeModel
-from companion.drivers.chips.time_of_flight import TF_LUNA, TFMINI_S, VL53L1X
 
 TrueRange = Callable[[float], float | None]
 """time_s -> true distance along the beam, m; None without a surface."""
@@ -16,27 +15,68 @@ TrueRange = Callable[[float], float | None]
 class TofPhysics:
     """Deviation of a unit from its datasheet, and its noise."""
 
-    model: RangeModel
+    min_m: float
+    max_m: float
+    """Specified range, m. Outside, the noise is that of the range's end."""
+    noise_m: float
+    """Standard deviation of a reading at short range, m."""
+    noise_share: float
+    """Standard deviation of a reading at long range, over its distance. The larger one applies."""
     period_s: float
+    """Interval of the measurements, s."""
     integration_s: float
     """Integration time, s. A reading is the mean over this time, which ends with the reading."""
     gain_sigma: float
     """Standard deviation of the units' gain."""
     resolution_m: float
+    """Step of a reading, m."""
     period_spread: float = 0.02
     """Relative standard deviation of the units' clocks."""
 
     @property
     def max_return_m(self) -> float:
-        return 1.1 * self.model.max_m
+        """Light from farther away does not return, m. Chosen: 10 % beyond the specified range."""
+        return 1.1 * self.max_m
 
 
-TOF_PHYSICS = {
-    "vl53l1x": TofPhysics(VL53L1X, VL53L1X.period_s, 0.033, VL53L1X.gain_sigma, 0.001),
-    "tfmini_s": TofPhysics(TFMINI_S, TFMINI_S.period_s, 0.0, TFMINI_S.gain_sigma, 0.01),
-    "tf_luna": TofPhysics(TF_LUNA, TF_LUNA.period_s, 0.0, TF_LUNA.gain_sigma, 0.01),
-}
-"""Physics by kind of sensor; sources are in docs/sensors.md."""
+GAIN_SIGMA = 0.003
+"""Standard deviation of the units' gain. Assumed, as for the Sharp sensor (docs/sensors.md)."""
+VL53L1X = TofPhysics(
+    min_m=0.04,
+    max_m=3.6,
+    noise_m=0.010,
+    noise_share=0.0,
+    period_s=0.040,
+    integration_s=0.033,
+    gain_sigma=GAIN_SIGMA,
+    resolution_m=0.001,
+)
+"""Long distance mode, white target, ±20 mm read as two sigma (DS12385). Interval and integration
+time are those that the companion sets."""
+TFMINI_S = TofPhysics(
+    min_m=0.1,
+    max_m=12.0,
+    noise_m=0.06 / 3,
+    noise_share=0.01 / 3,
+    period_s=0.010,
+    integration_s=0.0,
+    gain_sigma=GAIN_SIGMA,
+    resolution_m=0.01,
+)
+"""±6 cm up to 6 m, ±1 % beyond, read as three sigma; 100 frames a second (product manual)."""
+TF_LUNA = TofPhysics(
+    min_m=0.2,
+    max_m=8.0,
+    noise_m=0.06 / 3,
+    noise_share=0.02 / 3,
+    period_s=0.010,
+    integration_s=0.0,
+    gain_sigma=GAIN_SIGMA,
+    resolution_m=0.01,
+)
+"""±6 cm up to 3 m, ±2 % beyond, read as three sigma; 100 frames a second (product manual)."""
+TOF_PHYSICS = {"vl53l1x": VL53L1X, "tfmini_s": TFMINI_S, "tf_luna": TF_LUNA}
+"""Physics by kind of sensor."""
 
 
 class TofUnit:
@@ -78,9 +118,8 @@ class TofUnit:
         noise = self.noise_factor * self._random.gauss(0, 1)
         if true_m is None:
             return None
-        model = physics.model
-        within_m = min(max(true_m, model.min_m), model.max_m)
-        sigma2_m2 = model.sigma_m(within_m) ** 2 - (model.gain_sigma * within_m) ** 2
-        measured_m = true_m * self.gain + noise * math.sqrt(sigma2_m2)
+        within_m = min(max(true_m, physics.min_m), physics.max_m)
+        sigma_m = max(physics.noise_m, physics.noise_share * within_m)
+        measured_m = true_m * self.gain + noise * sigma_m
         steps = max(0, round(measured_m / physics.resolution_m))
         return steps * physics.resolution_m

@@ -165,7 +165,7 @@ def test_the_output_has_ten_millivolts_of_noise() -> None:
 
 
 def test_units_differ_in_gain() -> None:
-    seen_m = [GP2Y.profile.reading(unit.volts(1.0)).distance_m for unit in units(QUIET, 1000)]
+    seen_m = [GP2Y0A710K0F.reading(unit.volts(1.0)).distance_m for unit in units(QUIET, 1000)]
     assert statistics.mean(seen_m) == pytest.approx(2.0, rel=0.001)
     assert statistics.stdev(seen_m) / 2.0 == pytest.approx(0.003, rel=0.1)
 
