@@ -1,4 +1,4 @@
-"""A tape measure determines gain and offset of a unit, and so the scale of the map."""
+"""Calibration: gain and offset of a range unit by tape measure, gain of the gyro by turns."""
 
 import math
 from pathlib import Path
@@ -23,7 +23,7 @@ from companion.drivers.ranges import corrected
 
 
 @pytest.mark.parametrize("profile", PROFILES)
-def test_a_unit_five_percent_off_is_found_to_three_permille(profile: str) -> None:
+def test_a_gain_error_of_five_percent_is_fitted_to_three_permille(profile: str) -> None:
     found = calibrated_unit(profile, seed=1)
     assert found.calibration.gain / GAIN == pytest.approx(1.0, abs=0.003)
 
@@ -41,7 +41,7 @@ def test_without_noise_gain_and_offset_are_exact(gain: float, offset_m: float) -
         assert reading.distance_m == pytest.approx(point.true_m, abs=1e-3)
 
 
-def test_the_told_sigma_is_that_of_many_fits() -> None:
+def test_the_reported_gain_sigma_equals_the_spread_of_many_fits() -> None:
     random = Random(1)
     gains = []
     for _ in range(400):
@@ -53,7 +53,7 @@ def test_the_told_sigma_is_that_of_many_fits() -> None:
 
 
 @pytest.mark.parametrize("distances", [(1.0, 2.0), (1.0, 1.1, 1.2)])
-def test_too_few_or_too_near_together_are_refused(distances: tuple[float, ...]) -> None:
+def test_too_few_or_too_close_distances_are_refused(distances: tuple[float, ...]) -> None:
     with pytest.raises(CalibrationError, match="three to five"):
         fit([TapePoint(d, d, 0.001) for d in distances])
 
@@ -63,23 +63,23 @@ def test_another_beams_distances_are_refused() -> None:
         fit([TapePoint(d, 0.3, 0.001) for d in (1.0, 2.0, 3.0)])
 
 
-def test_a_distance_out_of_range_is_refused_with_what_was_read() -> None:
+def test_a_distance_out_of_range_is_refused_with_the_states_of_its_readings() -> None:
     nothing = [RangeReading(RangeState.NOTHING)] * 100
     with pytest.raises(CalibrationError, match=r"at 7 m only 0 of 100.*nothing in range"):
         tape_point(7.0, nothing)
 
 
-def test_a_full_turn_tells_the_gain() -> None:
+def test_full_turns_determine_the_gyro_gain() -> None:
     assert turn_gain(2 * math.tau * 0.98, 2) == pytest.approx(0.98)
 
 
 @pytest.mark.parametrize("turned", [-math.tau, 0.5 * math.tau])
-def test_a_turn_the_wrong_way_or_by_half_is_refused(turned: float) -> None:
+def test_an_anticlockwise_turn_or_half_a_turn_is_refused(turned: float) -> None:
     with pytest.raises(CalibrationError, match="clockwise"):
         turn_gain(turned, 1)
 
 
-def test_writing_a_calibration_leaves_the_rest_of_the_file_alone(tmp_path: Path) -> None:
+def test_writing_a_calibration_keeps_the_rest_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text("# mine\n[sensors]\nrest_s = 5   # longer\n\n[mission]\nkind = 'room'\n")
     configuration.update(path, "sensors.calibration.front", {"gain": 1.05, "offset_m": 0.01})
@@ -94,13 +94,13 @@ def test_writing_a_calibration_leaves_the_rest_of_the_file_alone(tmp_path: Path)
     assert (sensors.gyro_gain, sensors.rest_s) == (1.02, 5)
 
 
-def test_a_calibration_can_begin_a_file(tmp_path: Path) -> None:
+def test_writing_a_calibration_creates_a_missing_file(tmp_path: Path) -> None:
     path = tmp_path / "new.toml"
     configuration.update(path, "sensors.calibration.up", {"gain": 1.01, "offset_m": 0.0})
     assert configuration.load(path).sensors.calibration
 
 
-def test_a_value_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+def test_a_value_out_of_bounds_is_not_written(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     with pytest.raises(ConfigError, match="gyro_gain"):
         configuration.update(path, "sensors.gyro_gain", 7.0)

@@ -25,22 +25,22 @@ from tests.contract.bench import STILL, Bench, make_bench
 
 
 class Drone:
-    """A simulated drone on the floor, examined for some seconds."""
+    """A simulated drone on the floor, with an `Examination` of it."""
 
     def __init__(
         self,
         parameters: dict[str, float] | None = None,
         *,
         send_pose: bool = False,
-        **wired_otherwise: Any,
+        **sensor_settings: Any,
     ) -> None:
-        usual = Config()
+        defaults = Config()
         world = load_world("room_100")
-        setup = Setup(world, "room_100", 1, usual.sensors, parameters=parameters or {})
+        setup = Setup(world, "room_100", 1, defaults.sensors, parameters=parameters or {})
         sitl_end, companion_end = direct_pair(setup.system_id)
         self.simulation = Simulation(setup, [sitl_end])
         link = {"send_pose": send_pose}
-        config = Config.model_validate({"sensors": wired_otherwise, "link": link})
+        config = Config.model_validate({"sensors": sensor_settings, "link": link})
         self.examination = Examination(config, companion_end, self.simulation.board.bus)
 
     def examined(self, seconds: float = 6.0) -> dict[str, Finding]:
@@ -51,7 +51,7 @@ class Drone:
         return {finding.part: finding for finding in findings}
 
 
-def test_a_well_drone_is_good_in_every_part() -> None:
+def test_every_part_of_a_drone_without_faults_is_good() -> None:
     findings = Drone().examined()
     assert set(findings) == {*Beam.__members__.values()} - {"back"} | {
         *("gyro", "link", "battery", "autopilot", "avoidance")
@@ -59,7 +59,7 @@ def test_a_well_drone_is_good_in_every_part() -> None:
     assert {finding.verdict for finding in findings.values()} == {CheckResult.GOOD}
 
 
-def test_a_wrong_address_is_told_with_those_that_answer() -> None:
+def test_a_wrong_address_is_reported_with_the_addresses_that_answer() -> None:
     front = {"kind": "sharp_ads1115", "address": 0x4A, "channel": 0}
     left = {"kind": "sharp_ads1115", "address": 0x48, "channel": 1}
     findings = Drone(ranges={"front": front, "left": left}).examined(1.0)
@@ -69,13 +69,13 @@ def test_a_wrong_address_is_told_with_those_that_answer() -> None:
     assert findings["left"].verdict is CheckResult.GOOD
 
 
-def test_a_gyro_at_the_other_address_is_named() -> None:
+def test_a_wrong_gyro_address_is_reported() -> None:
     findings = Drone(gyro_address=0x6A).examined(1.0)
     assert findings["gyro"].verdict is CheckResult.BAD
     assert "0x6a" in findings["gyro"].remedy
 
 
-def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
+def test_an_unplugged_sensor_is_detected_by_its_voltage() -> None:
     drone = Drone()
     drone.simulation.board.unplug("left")
     findings = drone.examined(1.0)
@@ -85,7 +85,7 @@ def test_an_unplugged_sensor_is_told_by_its_voltage() -> None:
     assert findings["right"].verdict is CheckResult.GOOD
 
 
-def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
+def test_a_missing_autopilot_is_reported_with_the_url_of_the_link() -> None:
     drone = Drone()
     drone.simulation.disturb_link(LinkErrors(loss=1.0))
     link = drone.examined()["link"]
@@ -100,7 +100,7 @@ def test_no_autopilot_is_told_with_where_it_was_looked_for() -> None:
         ({"EK3_SRC1_VELXY": 0}, "no velocity source"),
     ],
 )
-def test_an_autopilot_without_velocity_is_told_what_it_needs(
+def test_a_missing_velocity_source_is_reported_with_the_remedy(
     parameters: dict[str, float], words: str
 ) -> None:
     autopilot = Drone(parameters).examined()["autopilot"]
@@ -117,7 +117,7 @@ def test_an_autopilot_without_velocity_is_told_what_it_needs(
         (None, "INVALID", "no autopilot is heard"),
     ],
 )
-def test_what_is_heard_and_not_flown_is_named(
+def test_an_unsupported_vehicle_or_autopilot_is_reported(
     vehicle: str | None, autopilot: str | None, words: str
 ) -> None:
     drone = Drone()
@@ -127,12 +127,12 @@ def test_what_is_heard_and_not_flown_is_named(
     assert words in link.remedy
 
 
-def test_another_system_is_named() -> None:
+def test_an_unexpected_system_id_is_reported() -> None:
     assert "link.system_id" in Drone({"SYSID_THISMAV": 3}).examined()["link"].remedy
 
 
 @pytest.mark.parametrize(("percent", "good"), [(15, False), (20, False), (21, True), (100, True)])
-def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -> None:
+def test_a_battery_at_or_below_the_return_threshold_is_not_good(percent: float, good: bool) -> None:
     drone = Drone()
     battery(percent).begin(drone.simulation)
     found = drone.examined()["battery"]
@@ -141,7 +141,7 @@ def test_a_battery_that_would_send_it_home_is_told(percent: float, good: bool) -
     assert good == ("battery_home_percent" not in found.remedy)
 
 
-def test_a_battery_that_is_not_told_is_said_and_does_no_harm() -> None:
+def test_a_missing_battery_report_is_good_and_has_a_remedy() -> None:
     drone = Drone()
     mute("SYS_STATUS").begin(drone.simulation)
     found = drone.examined()["battery"]
@@ -149,7 +149,7 @@ def test_a_battery_that_is_not_told_is_said_and_does_no_harm() -> None:
     assert "BATT_MONITOR" in found.remedy
 
 
-def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -> None:
+def test_the_check_waits_for_the_landed_state() -> None:
     drone = Drone()
     mute("EXTENDED_SYS_STATE").begin(drone.simulation)
     autopilot = drone.examined()["autopilot"]
@@ -157,8 +157,8 @@ def test_an_autopilot_that_does_not_tell_whether_it_has_landed_is_waited_for() -
     assert "EXTENDED_SYS_STATE" in autopilot.seen
 
 
-def test_an_autopilot_that_would_fly_away_on_our_pose_is_told() -> None:
-    """Position from us, heading from its compass."""
+def test_send_pose_with_the_compass_as_yaw_source_is_bad() -> None:
+    """The autopilot takes the position from our pose and the heading from its compass."""
     half = {"VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0}
     finding = Drone(half, send_pose=True).examined()["autopilot"]
     assert finding.verdict is CheckResult.BAD
@@ -169,7 +169,7 @@ def test_an_autopilot_that_would_fly_away_on_our_pose_is_told() -> None:
     )
 
 
-def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
+def test_the_check_waits_until_the_autopilots_estimator_has_settled() -> None:
     autopilot = Drone().examined(1.6)["autopilot"]
     assert autopilot.verdict is CheckResult.WAIT
 
@@ -183,7 +183,7 @@ def test_an_estimator_that_has_not_settled_is_waited_for() -> None:
         ({"PRX1_TYPE": 0, "AVOID_MARGIN": 2}, True),
     ],
 )
-def test_avoidance_that_keeps_it_from_its_stand_off_is_told(
+def test_an_avoidance_margin_larger_than_the_standoff_is_reported(
     parameters: dict[str, float], good: bool
 ) -> None:
     avoidance = Drone(parameters).examined()["avoidance"]
@@ -211,7 +211,7 @@ class Port:
     ("data", "words"),
     [(b"", ("swap TX and RX", "SERIALn_PROTOCOL")), (b"\x8f\xfe" * 20, ("another baud rate",))],
 )
-def test_a_silent_port_and_a_wrong_baud_rate_are_told_apart(
+def test_a_silent_port_and_a_wrong_baud_rate_have_different_remedies(
     monkeypatch: pytest.MonkeyPatch, data: bytes, words: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(SerialTransport, "_open", lambda self: Port(data))
@@ -224,7 +224,7 @@ def test_a_silent_port_and_a_wrong_baud_rate_are_told_apart(
     assert all(word in findings["link"].remedy for word in (*words, "/dev/ttyAMA0"))
 
 
-def test_a_port_that_takes_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_that_accepts_no_bytes_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     class Stuck(Port):
         def write(self, data: bytes) -> int:
             return 0
@@ -238,7 +238,7 @@ def test_a_port_that_takes_nothing_is_told(monkeypatch: pytest.MonkeyPatch) -> N
     assert "RTSCTS" in findings["sending"].remedy
 
 
-def test_a_stream_that_somebody_slows_again_and_again_is_told() -> None:
+def test_a_stream_that_another_system_slows_repeatedly_is_reported() -> None:
     drone = Drone()
     slow = other_rates("ATTITUDE", 4)
     findings = drone.examined(4.0)
@@ -250,7 +250,7 @@ def test_a_stream_that_somebody_slows_again_and_again_is_told() -> None:
     assert re.search(r"ATTITUDE \d+ Hz of 25", findings["streams"].seen)
 
 
-def test_a_serial_sensor_at_a_wrong_baud_rate_is_told() -> None:
+def test_a_serial_sensor_at_a_wrong_baud_rate_is_reported() -> None:
     bench = make_bench("tfmini_s")
     ports = {b: {**s.model_dump(), "baud": 57600} for b, s in bench.config.beams.items()}
     config = Config.model_validate({"sensors": {"ranges": ports}})
@@ -264,7 +264,7 @@ def test_a_serial_sensor_at_a_wrong_baud_rate_is_told() -> None:
 # Swapped sensors
 
 
-def look(**distances_m: float | None) -> list[dict[Beam, RangeReading]]:
+def scans(**distances_m: float | None) -> list[dict[Beam, RangeReading]]:
     random = Random(1)
 
     def reading(distance_m: float | None) -> RangeReading:
@@ -275,20 +275,20 @@ def look(**distances_m: float | None) -> list[dict[Beam, RangeReading]]:
     return [{Beam(b): reading(d) for b, d in distances_m.items()} for _ in range(30)]
 
 
-def test_the_hand_is_seen_by_the_sensor_it_is_held_before() -> None:
-    before, after = look(front=2.0, left=3.0), look(front=None, left=3.0)
+def test_a_hand_before_a_sensor_changes_the_beam_of_that_sensor() -> None:
+    before, after = scans(front=2.0, left=3.0), scans(front=None, left=3.0)
     assert changed_beam(before, after) is Beam.FRONT
     assert verdict(Beam.FRONT, Beam.FRONT) == ""
 
 
-def test_swapped_sensors_are_named() -> None:
-    before, after = look(front=2.0, left=3.0), look(front=2.0, left=1.2)
+def test_swapped_sensors_are_reported() -> None:
+    before, after = scans(front=2.0, left=3.0), scans(front=2.0, left=1.2)
     changed = changed_beam(before, after)
     assert "front and left are swapped" in verdict(Beam.FRONT, changed)
 
 
-def test_no_hand_is_no_sensor() -> None:
-    assert changed_beam(look(front=2.0), look(front=2.0)) is None
+def test_no_beam_changes_without_a_hand() -> None:
+    assert changed_beam(scans(front=2.0), scans(front=2.0)) is None
     assert "no reading changed" in verdict(Beam.FRONT, None)
 
 
@@ -311,7 +311,7 @@ def rig_on(bench: Bench) -> Rig:
     return make_rig(config, direct_pair()[1], bench.bus, BenchClock(bench))
 
 
-def test_what_is_read_at_a_distance_is_of_that_distance_only() -> None:
+def test_the_readings_at_a_distance_contain_none_of_an_earlier_distance() -> None:
     bench = make_bench("tfmini_s")
     rig = rig_on(bench)
     for distance_m in (1.0, 2.0):
@@ -321,7 +321,7 @@ def test_what_is_read_at_a_distance_is_of_that_distance_only() -> None:
         assert all(r.distance_m == pytest.approx(distance_m, abs=0.1) for r in readings)
 
 
-def test_a_turn_by_hand_is_measured_until_it_rests() -> None:
+def test_a_turn_by_hand_is_measured_until_the_gyro_rests() -> None:
     bench = make_bench("gp2y0a710k0f")
     rig = rig_on(bench)
     bias = rest_bias_rad_s(rig, 3.0)
@@ -339,7 +339,7 @@ def test_a_turn_by_hand_is_measured_until_it_rests() -> None:
     assert math.degrees(turn_rad(turning, bias)) == pytest.approx(360, rel=0.06)
 
 
-def test_behind_two_multiplexers_each_sensor_by_itself_tells_its_own_distance() -> None:
+def test_sensors_behind_two_multiplexers_each_read_their_own_distance() -> None:
     bench = make_bench("two multiplexers")
     for number, beam in enumerate(bench.distances_m):
         bench.distances_m[beam] = 1.0 + 0.5 * number

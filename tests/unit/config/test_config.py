@@ -64,13 +64,15 @@ def refused(tmp_path: Path, text: str) -> str:
         ("[mission\n", ("not TOML",)),
     ],
 )
-def test_what_cannot_be_used_is_named(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_an_invalid_configuration_is_refused_with_key_and_reason(
+    tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
     message = refused(tmp_path, text)
     for word in words:
         assert word in message
 
 
-def test_a_missing_file_is_named() -> None:
+def test_a_missing_file_is_refused_with_its_name() -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.toml"):
         load(Path("nowhere.toml"))
 
@@ -86,19 +88,19 @@ def test_values_are_read_and_the_rest_is_default(tmp_path: Path) -> None:
     assert list(config.sensors.channels) == [Beam.FRONT]
 
 
-def test_the_command_line_wins_over_the_file(tmp_path: Path) -> None:
+def test_the_command_line_overrides_the_file(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text("[sensors]\nprofile = 'paper'\nrest_s = 5\n")
     config = load(path, {"sensors.profile": "gp2y0a710k0f"})
     assert (config.sensors.profile, config.sensors.rest_s) == ("gp2y0a710k0f", 5)
 
 
-def test_a_bad_option_is_refused_like_a_bad_file() -> None:
+def test_an_invalid_command_line_option_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"command line: mission\.kind = 'dance'"):
         load(None, {"mission.kind": "dance"})
 
 
-def test_what_the_mission_is_to_be_like_may_be_said_on_the_command_line(tmp_path: Path) -> None:
+def test_assignments_on_the_command_line_override_the_mission_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text("[mission]\nspeed_m_s = 0.5\nheight_m = 1.0\n")
     mission = load(path, mission_settings(["speed_m_s=0.6", "standoff=range"])).mission
@@ -114,7 +116,7 @@ def test_what_the_mission_is_to_be_like_may_be_said_on_the_command_line(tmp_path
         ("speed_m_s", ("--set speed_m_s", "KEY=VALUE")),
     ],
 )
-def test_a_bad_assignment_is_refused_with_key_and_bound(
+def test_an_invalid_assignment_is_refused_with_key_and_bound(
     assignment: str, words: tuple[str, ...]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -122,7 +124,7 @@ def test_a_bad_assignment_is_refused_with_key_and_bound(
     assert all(word in str(refused.value) for word in words)
 
 
-def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
+def test_configured_ranges_replace_all_default_sensors(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text(
         "[sensors.ranges]\nfront = {kind = 'tf_luna', port = '/dev/ttyS0', mount_offset_m = 0.2}\n"
@@ -136,7 +138,7 @@ def test_where_ranges_are_given_they_are_all_there_is(tmp_path: Path) -> None:
     assert (sensors.mount_of_m(Beam.FRONT), sensors.mount_of_m(Beam.LEFT)) == (0.2, 0.08)
 
 
-def test_a_sensor_that_looks_aside_is_refused_with_the_key() -> None:
+def test_a_bearing_far_from_its_beams_direction_is_refused_with_the_key() -> None:
     values = {"sensors": {"ranges": {"left": {"kind": "vl53l1x", "bearing_deg": -45}}}}
     with pytest.raises(ConfigError, match=r"left\.bearing_deg = -45: should be within 20 of -90"):
         App(Config.model_validate(values))

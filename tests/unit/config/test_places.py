@@ -42,7 +42,7 @@ def spi(channel: int, reference_v: float = 3.3) -> dict[str, Any]:
         ({"front": spi(0, 3.0)}, ("reference_v", "3.2")),
     ],
 )
-def test_what_would_answer_together_is_refused(
+def test_conflicting_connections_are_refused(
     ranges: Mapping[str, Any], words: tuple[str, ...]
 ) -> None:
     with pytest.raises(ConfigError) as refused:
@@ -61,16 +61,16 @@ def test_what_would_answer_together_is_refused(
         {"front": spi(0, 5.0), "left": spi(1, 5.0), "right": sharp(0x48, 0)},
     ],
 )
-def test_what_is_told_apart_is_not(ranges: Mapping[str, Any]) -> None:
+def test_distinct_connections_are_accepted(ranges: Mapping[str, Any]) -> None:
     configuration.load(None, {"sensors.ranges": ranges})
 
 
-def test_a_gyro_of_the_autopilots_takes_no_address() -> None:
+def test_the_autopilots_gyro_occupies_no_i2c_address() -> None:
     sensors = {"gyro": "autopilot", "ranges": {"front": tof(address=0x6B)}}
     Config.model_validate({"sensors": sensors})
 
 
-def test_the_link_and_a_sensor_have_each_a_port_of_its_own(tmp_path: Path) -> None:
+def test_the_link_and_a_sensor_cannot_share_a_port(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_text("[link]\nurl = 'serial:/dev/ttyAMA1:921600'\n[sensors]\nprofile = 'tfmini_s'\n")
     with pytest.raises(ConfigError, match=r"link\.url and sensors\.ranges\.front\.port"):

@@ -1,4 +1,4 @@
-"""The JSON schema and the reference that are made from the configuration's fields."""
+"""JSON schema and reference, generated from the configuration's fields."""
 
 import json
 import re
@@ -35,13 +35,13 @@ TYPES: dict[str, type | tuple[type, ...]] = {
 }
 
 
-def complaints(value: Any, part: dict[str, Any], schema: dict[str, Any], at: str) -> Iterator[str]:
+def deviations(value: Any, part: dict[str, Any], schema: dict[str, Any], at: str) -> Iterator[str]:
     """Deviations from the schema, for the keywords that pydantic's schemas use."""
     if "$ref" in part:
         part = {**schema["$defs"][part["$ref"].rpartition("/")[2]], **part}
     for choice in ("anyOf", "oneOf"):
-        ways = part.get(choice)
-        if ways and all(any(complaints(value, way, schema, at)) for way in ways):
+        options = part.get(choice)
+        if options and all(any(deviations(value, option, schema, at)) for option in options):
             yield f"{at} = {value!r}: none of {choice}"
     if "type" in part and not isinstance(value, TYPES[part["type"]]):
         yield f"{at} = {value!r}: not of type {part['type']}"
@@ -50,30 +50,30 @@ def complaints(value: Any, part: dict[str, Any], schema: dict[str, Any], at: str
         if keyword in part and not holds(value, part[keyword]):
             yield f"{at} = {value!r}: {keyword} {part[keyword]}"
     if part.get("type") == "object":
-        yield from _complaints_of_table(value, part, schema, at)
+        yield from _deviations_of_table(value, part, schema, at)
 
 
-def _complaints_of_table(
+def _deviations_of_table(
     value: dict[str, Any], part: dict[str, Any], schema: dict[str, Any], at: str
 ) -> Iterator[str]:
     known, others = part.get("properties", {}), part.get("additionalProperties", True)
     yield from (f"{at}.{key}: missing" for key in part.get("required", ()) if key not in value)
     for key, entry in value.items():
         if key in known:
-            yield from complaints(entry, known[key], schema, f"{at}.{key}")
+            yield from deviations(entry, known[key], schema, f"{at}.{key}")
         elif isinstance(others, dict):
-            yield from complaints(entry, others, schema, f"{at}.{key}")
+            yield from deviations(entry, others, schema, f"{at}.{key}")
         elif not others:
             yield f"{at}.{key}: unknown key"
 
 
-def complaints_of(text: str) -> list[str]:
+def deviations_of(text: str) -> list[str]:
     schema = json_schema()
-    return list(complaints(tomllib.loads(text), schema, schema, ""))
+    return list(deviations(tomllib.loads(text), schema, schema, ""))
 
 
 def examples() -> dict[str, str]:
-    """The configuration that is installed, and each example of docs/config.md."""
+    """The installed configuration and each example of docs/config.md, by name."""
     blocks = re.findall(r"^```toml\n(.*?)^```", (DOCS / "config.md").read_text(), re.M | re.S)
     assert blocks
     shown = {f"docs/config.md, {number}": block for number, block in enumerate(blocks, start=1)}
@@ -82,12 +82,12 @@ def examples() -> dict[str, str]:
 
 @pytest.mark.parametrize("text", examples().values(), ids=examples().keys())
 def test_examples_fit_schema_and_program(text: str) -> None:
-    assert complaints_of(text) == []
+    assert deviations_of(text) == []
     Config.model_validate(tomllib.loads(text))
 
 
 def test_the_defaults_fit_the_schema() -> None:
-    assert complaints_of(to_toml(Config())) == []
+    assert deviations_of(to_toml(Config())) == []
 
 
 @pytest.mark.parametrize(
@@ -104,27 +104,27 @@ def test_the_defaults_fit_the_schema() -> None:
         "[wings]\nspan = 1",
     ],
 )
-def test_the_schema_refuses_mistakes(text: str) -> None:
-    assert complaints_of(text) != []
+def test_the_schema_rejects_invalid_values(text: str) -> None:
+    assert deviations_of(text) != []
 
 
 def test_every_key_has_a_description() -> None:
     schema = json_schema()
-    silent = [
+    undocumented = [
         f"{name}.{key}"
         for name, definition in schema["$defs"].items()
         for key, field in definition.get("properties", {}).items()
         if key != "kind" and not field.get("description")
     ]
-    assert silent == []
+    assert undocumented == []
 
 
 def test_the_reference_is_up_to_date() -> None:
-    """`companion config reference > docs/config-reference.md` mends it."""
+    """`companion config reference > docs/config-reference.md` updates it."""
     assert (DOCS / "config-reference.md").read_text(encoding="utf-8") == markdown()
 
 
-def test_the_commands_print_both() -> None:
+def test_the_commands_print_schema_and_reference() -> None:
     schema = CliRunner().invoke(commands, ["config", "schema"])
     assert json.loads(schema.stdout) == json_schema()
     reference = CliRunner().invoke(commands, ["config", "reference"])

@@ -18,15 +18,15 @@ TICK_S = 0.05
 SPEED_M_S, YAW_RATE_RAD_S = 0.5, math.radians(45)
 SET_AT_S = 4.0
 Report = tuple[float, Odometry]
-"""True time, and the odometry reported then."""
+"""True time, s, and the odometry reported at that time."""
 BootOf = Callable[[float], float]
-"""True time -> the autopilot's time since boot."""
+"""True time, s -> time of a clock, s."""
 
 
 def reports(
     boot_of: BootOf, ours_of: BootOf, *, until_s: float = 10.0, late_s: float = 0.005, seed: int = 1
 ) -> Iterator[Report]:
-    """Odometry of a drone that flies north and turns: positions at 20 Hz, attitudes at 25."""
+    """Odometry of a drone that flies north and turns: positions at 20 Hz, attitudes at 25 Hz."""
     reader, random = OdometryReader(follows_us=False), Random(seed)
     sent: list[tuple[float, object]] = []
     for hz, is_attitude in ((20.0, False), (25.0, True)):
@@ -66,12 +66,12 @@ def gaps_s(all_reports: list[Report]) -> list[float]:
     return [b - a for a, b in pairwise(times_s)]
 
 
-def off_m(report: Report) -> float:
+def position_error_m(report: Report) -> float:
     true_s, odometry = report
     return abs(odometry.position_ned_m[0] - SPEED_M_S * true_s)
 
 
-def turned_off_rad(report: Report) -> float:
+def turn_error_rad(report: Report) -> float:
     true_s, odometry = report
     return abs(math.remainder(odometry.turned_rad - YAW_RATE_RAD_S * true_s, math.tau))
 
@@ -82,10 +82,10 @@ def ours(true_s: float) -> float:
 
 @settings(deadline=None, max_examples=60)
 @given(st.floats(-3.0, 3.0), st.booleans(), st.integers(1, 1000))
-def test_a_clock_that_is_set_leaves_no_gap_and_no_jump(
+def test_a_clock_step_leaves_no_gap_and_no_jump_in_the_odometry(
     step_s: float, is_ours: bool, seed: int
 ) -> None:
-    """A step of the autopilot's clock, or of ours, which stops in a paused computer."""
+    """The autopilot's clock steps, or ours, which stops while the computer is paused."""
 
     def stepped(true_s: float) -> float:
         return 100.0 + true_s + (step_s if true_s > SET_AT_S else 0.0)
@@ -93,27 +93,27 @@ def test_a_clock_that_is_set_leaves_no_gap_and_no_jump(
     clocks = (lambda true_s: 100.0 + true_s, stepped) if is_ours else (stepped, ours)
     all_reports = list(reports(*clocks, seed=seed))
     assert max(gaps_s(all_reports)) < 0.5
-    assert max(map(off_m, all_reports)) < 0.12
+    assert max(map(position_error_m, all_reports)) < 0.12
     settled = [one for one in all_reports if not SET_AT_S < one[0] < SET_AT_S + 1.0]
-    assert max(map(off_m, settled)) < 0.02
-    assert max(map(turned_off_rad, settled)) < math.radians(2.5)
+    assert max(map(position_error_m, settled)) < 0.02
+    assert max(map(turn_error_rad, settled)) < math.radians(2.5)
 
 
 @pytest.mark.parametrize("ppm", [-1000, -300, 50, 300, 1000])
-def test_clocks_that_run_apart_are_followed(ppm: float) -> None:
+def test_the_odometry_follows_a_drifting_clock(ppm: float) -> None:
     all_reports = list(reports(lambda true_s: true_s * (1 + ppm * 1e-6), ours, until_s=120.0))
     assert max(gaps_s(all_reports)) < 0.11
-    assert max(map(off_m, all_reports[10:])) < 0.01
+    assert max(map(position_error_m, all_reports[10:])) < 0.01
 
 
-def test_a_link_that_makes_messages_late_is_no_clock_that_was_set() -> None:
+def test_link_latency_is_not_mistaken_for_a_clock_step() -> None:
     all_reports = list(reports(lambda true_s: true_s, ours, until_s=60.0, late_s=0.3))
     assert max(gaps_s(all_reports[20:])) < 0.6
-    assert max(map(off_m, all_reports[20:])) < 0.06
+    assert max(map(position_error_m, all_reports[20:])) < 0.06
 
 
 @given(st.floats(-3.0, 3.0))
-def test_the_autopilots_gyro_follows_its_clock(step_s: float) -> None:
+def test_the_autopilots_gyro_samples_follow_a_clock_step(step_s: float) -> None:
     gyro, times_s = AutopilotGyro(), []
     for i in range(400):
         true_s = 0.02 * i
@@ -129,9 +129,7 @@ def test_the_autopilots_gyro_follows_its_clock(step_s: float) -> None:
 
 
 @given(st.floats(-20.0, 20.0), st.integers(1, 60), st.floats(-90.0, 90.0))
-def test_a_heading_that_is_pulled_has_not_turned(
-    pull_deg: float, steps: int, rate_deg_s: float
-) -> None:
+def test_a_heading_correction_is_not_a_turn(pull_deg: float, steps: int, rate_deg_s: float) -> None:
     """A heading correction by the estimator, sudden or gradual, with and without a turn."""
     reader, rate_rad_s = OdometryReader(follows_us=False), math.radians(rate_deg_s)
     for i in range(120):
@@ -142,6 +140,6 @@ def test_a_heading_that_is_pulled_has_not_turned(
         reader.read(attitude(boot_ms, yaw_rad, rate_rad_s), time_s)
         odometry = reader.read(position(boot_ms, 0.0), time_s)
     assert odometry is not None
-    turned_off_rad = math.remainder(odometry.turned_rad - rate_rad_s * time_s, math.tau)
-    assert turned_off_rad == pytest.approx(0.0, abs=math.radians(0.1))
+    turn_error_rad = math.remainder(odometry.turned_rad - rate_rad_s * time_s, math.tau)
+    assert turn_error_rad == pytest.approx(0.0, abs=math.radians(0.1))
     assert math.remainder(odometry.yaw_rad - yaw_rad, math.tau) == pytest.approx(0.0, abs=1e-3)

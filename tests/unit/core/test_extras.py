@@ -1,4 +1,4 @@
-"""Without an extra, all that does not need it works, and the error names the extra."""
+"""Without an extra, commands that do not need it work; the others name it in their error."""
 
 import os
 import subprocess
@@ -21,13 +21,13 @@ class Gone:
             raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 sys.meta_path.insert(0, Gone())
 """
-OF_SITL = "fcl,evo,PIL,yaml"
-EVERY = f"{OF_SITL},ezdxf,shapely,pyoctomap,viser,websockets"
+SITL_PACKAGES = "fcl,evo,PIL,yaml"
+ALL_PACKAGES = f"{SITL_PACKAGES},ezdxf,shapely,pyoctomap,viser,websockets"
 PROJECT = Path(__file__).parents[3]
 
 
 def run(tmp_path: Path, gone: str, *arguments: str) -> subprocess.CompletedProcess[str]:
-    """Python with our modules in a foreign folder, without some packages."""
+    """Run Python in a foreign folder, with our modules and without the packages `gone`."""
     (tmp_path / "sitecustomize.py").write_text(BLOCKER)
     paths = os.pathsep.join([str(tmp_path), str(PROJECT)])
     return subprocess.run(
@@ -41,10 +41,10 @@ def run(tmp_path: Path, gone: str, *arguments: str) -> subprocess.CompletedProce
 
 
 def run_tests(tmp_path: Path, text: str) -> subprocess.CompletedProcess[str]:
-    """Run pytest with our plugin alone, for a foreign test file."""
+    """Run pytest on a foreign test file, with our plugin only."""
     (tmp_path / "test_other.py").write_text(text)
     given = ("-p", "no:sitl", "-p", "sitl.pytest_plugin", "-p", "no:cacheprovider")
-    return run(tmp_path, OF_SITL, "-m", "pytest", *given, "test_other.py")
+    return run(tmp_path, SITL_PACKAGES, "-m", "pytest", *given, "test_other.py")
 
 
 def test_tests_that_do_not_fly_run_without_the_simulator(tmp_path: Path) -> None:
@@ -61,7 +61,7 @@ def test_a_test_that_flies_fails_with_the_remedy(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("arguments", [["--help"], ["world", "list"], ["fly", "room_100"]])
 def test_sitl_names_its_extra_in_one_line(tmp_path: Path, arguments: list[str]) -> None:
-    ended = run(tmp_path, OF_SITL, "-m", "sitl", *arguments)
+    ended = run(tmp_path, SITL_PACKAGES, "-m", "sitl", *arguments)
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert ended.stderr.count("\n") == 1
@@ -70,18 +70,18 @@ def test_sitl_names_its_extra_in_one_line(tmp_path: Path, arguments: list[str]) 
 
 @pytest.mark.parametrize("command", ["export", "report", "view", "replay", "map", "check", "fly"])
 def test_the_help_of_every_command_needs_no_extra(tmp_path: Path, command: str) -> None:
-    ended = run(tmp_path, EVERY, "-m", "companion", command, "--help")
+    ended = run(tmp_path, ALL_PACKAGES, "-m", "companion", command, "--help")
     assert ended.returncode == 0, ended.stderr
 
 
 def test_view_names_its_extra(tmp_path: Path) -> None:
-    ended = run(tmp_path, EVERY, "-m", "companion", "view", "drone.local")
+    ended = run(tmp_path, ALL_PACKAGES, "-m", "companion", "view", "drone.local")
     assert ended.returncode == 2
     assert ended.stderr.count("\n") == 1
     assert "pip install 'pdps-companion[viewer]'" in ended.stderr
 
 
-def test_the_extra_that_is_named_brings_the_package() -> None:
+def test_the_error_names_the_extra_that_contains_the_package() -> None:
     """The simulator's page needs two extras."""
     with (
         pytest.raises(MissingExtraError, match=r"fcl.*pdps-companion\[sitl\]"),

@@ -1,4 +1,4 @@
-"""Frames and angles."""
+"""Conversions of frames, and wrapping of angles."""
 
 import math
 
@@ -21,7 +21,7 @@ def test_wrapping_keeps_the_direction(angle: float) -> None:
 
 
 @given(LENGTH, LENGTH, ANGLE)
-def test_there_and_back_again(forward: float, right: float, yaw: float) -> None:
+def test_frd_to_ned_and_back_is_the_identity(forward: float, right: float, yaw: float) -> None:
     assert ned_to_frd(*frd_to_ned(forward, right, yaw), yaw) == pytest.approx((forward, right))
 
 

@@ -10,7 +10,7 @@ import pytest
 pytestmark = pytest.mark.processes
 
 BACKENDS = ["module://matplotlib_inline.backend_inline", "Qt4Agg", "no such thing"]
-OWN = """
+PROGRAM = """
 import companion.export.map_png, pathlib
 from companion.core.messages import FloorPlan
 companion.export.map_png.draw(FloorPlan(), pathlib.Path("plan.png"))
@@ -32,14 +32,18 @@ def run(tmp_path: Path, *arguments: str, **environment: str) -> subprocess.Compl
 
 
 @pytest.mark.parametrize("encoding", ["ascii", "cp437", "cp1251", "cp1252", "cp932", "utf-8"])
-def test_what_the_stream_cannot_write_does_not_end_a_command(tmp_path: Path, encoding: str) -> None:
+def test_characters_outside_the_streams_encoding_do_not_end_a_command(
+    tmp_path: Path, encoding: str
+) -> None:
     ended = run(tmp_path, "-m", "sitl", "world", "list", PYTHONIOENCODING=encoding)
     assert ended.returncode == 0, ended.stderr
     assert "room_100" in ended.stdout
 
 
 @pytest.mark.parametrize("module", ["sitl", "companion"])
-def test_nor_does_a_refusal(tmp_path: Path, module: str) -> None:
+def test_characters_outside_the_streams_encoding_are_replaced_in_an_error(
+    tmp_path: Path, module: str
+) -> None:
     command = {"sitl": ["world", "check"], "companion": ["map"]}[module]
     ended = run(tmp_path, "-m", module, *command, "Küche × 2.csv", PYTHONIOENCODING="ascii")
     assert ended.returncode == 2
@@ -48,7 +52,9 @@ def test_nor_does_a_refusal(tmp_path: Path, module: str) -> None:
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_a_notebooks_backend_is_not_asked_for(tmp_path: Path, backend: str) -> None:
+def test_a_command_does_not_use_the_matplotlib_backend_of_a_notebook(
+    tmp_path: Path, backend: str
+) -> None:
     show = ("world", "show", "room_100", "--out", "plan.png")
     ended = run(tmp_path, "-m", "sitl", *show, MPLBACKEND=backend)
     assert ended.returncode == 0, ended.stderr
@@ -56,13 +62,15 @@ def test_a_notebooks_backend_is_not_asked_for(tmp_path: Path, backend: str) -> N
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_nor_by_a_program_that_uses_our_modules(tmp_path: Path, backend: str) -> None:
-    ended = run(tmp_path, "-c", OWN, MPLBACKEND=backend)
+def test_our_modules_do_not_use_the_matplotlib_backend_of_a_notebook(
+    tmp_path: Path, backend: str
+) -> None:
+    ended = run(tmp_path, "-c", PROGRAM, MPLBACKEND=backend)
     assert ended.returncode == 0, ended.stderr
     assert (tmp_path / "plan.png").stat().st_size > 0
 
 
 @pytest.mark.parametrize("first", ["", "import matplotlib\n"])
-def test_a_program_keeps_the_backend_that_it_has(tmp_path: Path, first: str) -> None:
-    ended = run(tmp_path, "-c", first + OWN, MPLBACKEND="svg")
+def test_a_program_keeps_its_own_matplotlib_backend(tmp_path: Path, first: str) -> None:
+    ended = run(tmp_path, "-c", first + PROGRAM, MPLBACKEND="svg")
     assert ended.stdout.split() == ["svg", "svg"], ended.stderr

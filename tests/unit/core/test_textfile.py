@@ -36,13 +36,13 @@ AS_SAVED = {
     "plain": lambda text: text.encode(),
     "Notepad": lambda text: codecs.BOM_UTF8 + text.replace("\n", "\r\n").encode(),
     "PowerShell": lambda text: text.replace("\n", "\r\n").encode("utf-16"),
-    "big end first": lambda text: codecs.BOM_UTF16_BE + text.encode("utf-16-be"),
+    "big-endian UTF-16": lambda text: codecs.BOM_UTF16_BE + text.encode("utf-16-be"),
 }
 
 
 @pytest.fixture(params=AS_SAVED)
 def saved(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):  # type: ignore[no-untyped-def]
-    """Saves a text like an editor; the machine's own encoding is a different one."""
+    """Saves a text as an editor does; the default encoding of the machine differs."""
     monkeypatch.setattr("locale.getpreferredencoding", lambda *_: "cp437")
     monkeypatch.setattr("io.text_encoding", lambda encoding, *_: encoding or "cp437")
 
@@ -94,7 +94,7 @@ def test_a_token_is_read(saved) -> None:  # type: ignore[no-untyped-def]
 @pytest.mark.parametrize(
     ("name", "text"), [("room.toml", ROOM), ("plan.json", PLAN), ("map.yaml", "image: Küche.pgm")]
 )
-def test_an_untold_encoding_is_refused_with_the_line_and_the_remedy(
+def test_an_unknown_encoding_is_refused_with_the_line_and_the_remedy(
     tmp_path: Path, name: str, text: str
 ) -> None:
     path = tmp_path / name
@@ -103,7 +103,7 @@ def test_an_untold_encoding_is_refused_with_the_line_and_the_remedy(
         load_world(str(path))
 
 
-def test_a_configuration_of_an_untold_encoding_is_one_line(tmp_path: Path) -> None:
+def test_an_unknown_encoding_of_a_configuration_is_a_one_line_error(tmp_path: Path) -> None:
     path = tmp_path / "drone.toml"
     path.write_bytes('[link]\n# Küche\nurl = "udpin:0.0.0.0:1"\n'.encode("cp1252"))
     with pytest.raises(ConfigError, match=rf"^{path}: line 2: byte 0xfc is not UTF-8; save"):
@@ -112,12 +112,12 @@ def test_a_configuration_of_an_untold_encoding_is_one_line(tmp_path: Path) -> No
         settings.load(tmp_path / "none", {})
 
 
-def test_utf_16_without_its_mark_is_told() -> None:
+def test_utf_16_without_a_byte_order_mark_is_refused() -> None:
     with pytest.raises(NotTextError, match="UTF-16"):
         decoded("name = 1".encode("utf-16-le"))
 
 
 @given(st.text(st.characters(exclude_characters="\r\0\ufeff", codec="utf-16")))
-def test_every_text_comes_back(text: str) -> None:
+def test_every_text_is_the_same_after_saving_and_reading(text: str) -> None:
     for save in AS_SAVED.values():
         assert decoded(save(text)) == text  # type: ignore[no-untyped-call]

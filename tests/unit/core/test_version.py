@@ -1,4 +1,4 @@
-"""`--version`."""
+"""The option `--version` of both commands."""
 
 from importlib.metadata import version
 
@@ -11,6 +11,6 @@ from sitl.commands import cli as sitl
 
 
 @pytest.mark.parametrize("commands", [companion.commands, sitl.commands])
-def test_both_commands_tell_their_version(commands: typer.Typer) -> None:
+def test_both_commands_print_their_version(commands: typer.Typer) -> None:
     result = CliRunner().invoke(commands, ["--version"])
     assert (result.exit_code, result.stdout.strip()) == (0, version("pdps-companion"))

@@ -1,7 +1,7 @@
 """Documentation: links as on GitHub, and the navigation of the site.
 
 `make docs` checks links between pages, anchors and the names of the API. These tests also check
-links to images, samples and sources, and that no page is left out.
+links to images, samples and sources, and that the navigation contains every page.
 """
 
 import re
@@ -46,12 +46,12 @@ def broken(page: Path) -> Iterator[str]:
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(PROJECT)))
-def test_links_lead_somewhere(page: Path) -> None:
+def test_every_link_has_a_target(page: Path) -> None:
     assert list(broken(page)) == []
 
 
 def pages_in(entry: Any) -> Iterator[Path]:
-    """The pages of an entry of docs/nav.yml, with those that a glob finds."""
+    """The pages of an entry of docs/nav.yml, including the matches of a glob."""
     match entry:
         case str(path):
             yield PROJECT / path

@@ -10,11 +10,11 @@ from companion.drivers.autopilot import AutopilotRanges
 FRONT = mavlink.MAV_SENSOR_ROTATION_NONE
 
 
-def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int = 0) -> RangeState:
-    """State after a single message; FAILED as without any message."""
+def state(current_cm: int, min_cm: int = 20, max_cm: int = 800, quality: int = 0) -> RangeState:
+    """State after one message; FAILED without a reading."""
     sensors = AutopilotRanges({Beam.FRONT: AutopilotRange(min_m=0.2, max_m=8.0)})
     message = mavlink.MAVLink_distance_sensor_message(
-        *(77, least_cm, most_cm, current_cm, mavlink.MAV_DISTANCE_SENSOR_LASER, 1, FRONT, 0),
+        *(77, min_cm, max_cm, current_cm, mavlink.MAV_DISTANCE_SENSOR_LASER, 1, FRONT, 0),
         signal_quality=quality,
     )
     sensors.receive(message, 1.0)
@@ -35,21 +35,21 @@ def state(current_cm: int, least_cm: int = 20, most_cm: int = 800, quality: int 
         (65535, RangeState.FAILED),
     ],
 )
-def test_a_distance_that_was_not_measured_is_not_free_space(
+def test_only_a_distance_beyond_the_maximum_is_free_space(
     current_cm: int, expected: RangeState
 ) -> None:
     assert state(current_cm) is expected
 
 
 @pytest.mark.parametrize("current_cm", [0, 10, 200, 801, 65535])
-def test_what_the_autopilot_calls_invalid_is_nothing_at_all(current_cm: int) -> None:
+def test_a_message_with_the_quality_invalid_gives_no_reading(current_cm: int) -> None:
     assert state(current_cm, quality=1) is RangeState.FAILED
 
 
-@pytest.mark.parametrize(("least_cm", "most_cm"), [(0, 0), (20, 0), (20, 20)])
-def test_bounds_that_are_not_told_are_those_of_the_configuration(
-    least_cm: int, most_cm: int
+@pytest.mark.parametrize(("min_cm", "max_cm"), [(0, 0), (20, 0), (20, 20)])
+def test_invalid_bounds_are_replaced_by_those_of_the_configuration(
+    min_cm: int, max_cm: int
 ) -> None:
-    assert state(300, least_cm, most_cm) is RangeState.DISTANCE
-    assert state(10, least_cm, most_cm) is RangeState.TOO_NEAR
-    assert state(900, least_cm, most_cm) is RangeState.NOTHING
+    assert state(300, min_cm, max_cm) is RangeState.DISTANCE
+    assert state(10, min_cm, max_cm) is RangeState.TOO_NEAR
+    assert state(900, min_cm, max_cm) is RangeState.NOTHING

@@ -19,16 +19,16 @@ class Adapter:
     fd = 7
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.done: list[str] = []
-        self.asked: list[tuple[int, int, int]] = []
-        monkeypatch.setattr(fcntl, "ioctl", lambda *request: self.asked.append(request))
+        self.calls: list[str] = []
+        self.ioctls: list[tuple[int, int, int]] = []
+        monkeypatch.setattr(fcntl, "ioctl", lambda *request: self.ioctls.append(request))
         messages = SimpleNamespace(write=lambda a, data: data, read=lambda a, count: bytes(count))
         module = SimpleNamespace(i2c_msg=messages, SMBus=lambda path: self)
         monkeypatch.setitem(sys.modules, "smbus2", module)
-        monkeypatch.setattr(time, "sleep", lambda s: self.done.append(f"wait {s}") if s else None)
+        monkeypatch.setattr(time, "sleep", lambda s: self.calls.append(f"wait {s}") if s else None)
 
     def i2c_rdwr(self, *messages: Any) -> None:
-        self.done.append(f"{len(messages)} messages")
+        self.calls.append(f"{len(messages)} messages")
 
 
 @pytest.fixture
@@ -36,26 +36,26 @@ def adapter(monkeypatch: pytest.MonkeyPatch) -> Adapter:
     return Adapter(monkeypatch)
 
 
-def test_a_wait_comes_between_the_transactions_around_it(adapter: Adapter) -> None:
+def test_a_wait_separates_the_calls_before_and_after_it(adapter: Adapter) -> None:
     start, read = Transaction(0x48, b"\x01", wait_s=0.002), Transaction(0x48, b"\x00", 2)
     assert LinuxI2cBus("").transfer([start, read, read]) == [b"", bytes(2), bytes(2)]
-    assert adapter.done == ["1 messages", "wait 0.002", "4 messages"]
+    assert adapter.calls == ["1 messages", "wait 0.002", "4 messages"]
 
 
-def test_no_call_is_longer_than_the_kernel_takes(adapter: Adapter) -> None:
+def test_no_call_has_more_messages_than_the_kernel_accepts(adapter: Adapter) -> None:
     read = Transaction(0x48, b"\x00", 2)
     assert len(LinuxI2cBus("").transfer([read] * 50)) == 50
-    assert adapter.done == ["42 messages", "42 messages", "16 messages"]
+    assert adapter.calls == ["42 messages", "42 messages", "16 messages"]
 
 
-def test_the_kernel_is_told_to_give_a_hung_bus_up_before_the_next_tick(adapter: Adapter) -> None:
+def test_the_kernels_timeout_for_a_hung_bus_is_shorter_than_a_tick(adapter: Adapter) -> None:
     LinuxI2cBus("")
-    requests = {request: argument for fd, request, argument in adapter.asked if fd == adapter.fd}
+    requests = {request: argument for fd, request, argument in adapter.ioctls if fd == adapter.fd}
     assert requests[0x0701] == 0  # I2C_RETRIES
     assert 2 <= requests[0x0702] <= 5  # I2C_TIMEOUT, tens of milliseconds
 
 
-def test_an_adapter_without_a_timeout_is_used_all_the_same(
+def test_an_adapter_without_a_timeout_setting_works(
     adapter: Adapter, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*request: int) -> None:

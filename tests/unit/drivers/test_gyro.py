@@ -37,7 +37,7 @@ class Rig:
     gyro: Lsm9ds1
 
     def rate_deg_s(self, time_s: float) -> float:
-        """Mean rate of the quarter of a second before a time."""
+        """Mean rate over the quarter of a second before `time_s`, deg/s."""
         self.bus.set_time(time_s - 0.25)
         self.gyro.read(time_s - 0.25)
         self.bus.set_time(time_s)
@@ -56,7 +56,7 @@ def rig(rate_deg_s: float = 0.0, warming: Warming = COLD, noise: GyroNoise = QUI
     return Rig(bus, Lsm9ds1(bus, ADDRESS))
 
 
-def test_the_chip_warms_by_its_time_constant() -> None:
+def test_the_chip_warms_with_its_time_constant() -> None:
     warming = Warming(0.0, room_deg_c=20, rise_deg_c=6, time_constant_s=180)
     assert warming.temperature_deg_c(0) == 20
     assert warming.temperature_deg_c(180) == pytest.approx(20 + 6 * (1 - 1 / math.e))
@@ -64,7 +64,7 @@ def test_the_chip_warms_by_its_time_constant() -> None:
 
 
 @given(st.floats(-40, 85), st.floats(0, 600))
-def test_the_temperature_registers_say_what_the_chip_feels(room: float, time_s: float) -> None:
+def test_the_temperature_registers_contain_the_chip_temperature(room: float, time_s: float) -> None:
     warming = Warming(0.0, room_deg_c=room)
     counts = rig(warming=warming).temperature_counts(time_s)
     assert 25 + counts / 16 == pytest.approx(warming.temperature_deg_c(time_s), abs=0.04)
@@ -78,7 +78,7 @@ def test_each_temperature_register_can_be_read_alone() -> None:
     assert int.from_bytes(low + high, "little", signed=True) == -20 * 16
 
 
-def test_one_burst_reads_what_single_reads_would() -> None:
+def test_one_burst_reads_the_same_samples_as_single_reads() -> None:
     def samples_read(counts: list[int]) -> bytes:
         bus = rig(30.0, noise=GyroNoise()).bus
         bus.set_time(0.1)
@@ -95,20 +95,20 @@ def test_an_empty_fifo_reads_zero() -> None:
     assert bus.transfer([Transaction(ADDRESS, bytes([REG_OUT_X_G]), 12)]) == [bytes(12)]
 
 
-def test_the_bias_moves_with_the_temperature() -> None:
+def test_the_bias_changes_with_the_temperature() -> None:
     gyro = rig(warming=Warming(math.radians(0.05), rise_deg_c=4, time_constant_s=240))
     assert gyro.rate_deg_s(1.0) == pytest.approx(0.0, abs=COUNT_DEG_S)
     assert gyro.rate_deg_s(240.0) == pytest.approx(0.2 * (1 - 1 / math.e), abs=COUNT_DEG_S)
     assert gyro.rate_deg_s(2400.0) == pytest.approx(0.2, abs=COUNT_DEG_S)
 
 
-def test_chips_drift_either_way_within_the_prior() -> None:
+def test_temperature_drifts_have_either_sign_and_are_within_the_prior() -> None:
     drifts = [math.degrees(draw_warming(stream(seed, "t")).bias_rad_s_deg_c) for seed in range(100)]
     assert all(0.03 <= abs(drift) <= 0.05 for drift in drifts)
     assert 30 < sum(drift > 0 for drift in drifts) < 70
 
 
-def test_warming_adds_to_the_reference_noise_and_hides_none_of_it() -> None:
+def test_the_drift_by_warming_adds_to_the_noise() -> None:
     steady, warming = (rig(noise=GyroNoise(), warming=w) for w in (COLD, Warming(0.001)))
     for time_s in (1.0, 60.0, 600.0):
         added_deg_s = warming.rate_deg_s(time_s) - steady.rate_deg_s(time_s)
@@ -117,6 +117,6 @@ def test_warming_adds_to_the_reference_noise_and_hides_none_of_it() -> None:
 
 
 @given(st.floats(-2000, 2000))
-def test_beyond_full_scale_it_saturates_and_never_wraps(rate_deg_s: float) -> None:
+def test_the_rate_saturates_at_full_scale_and_never_wraps(rate_deg_s: float) -> None:
     expected = max(-FULL_SCALE_DEG_S, min(FULL_SCALE_DEG_S, rate_deg_s))
     assert rig(rate_deg_s).rate_deg_s(1.0) == pytest.approx(expected, abs=2 * COUNT_DEG_S)

@@ -31,17 +31,17 @@ class Spi:
 class Port:
     """Replaces a serial port that can be disconnected."""
 
-    is_there = True
+    is_connected = True
     opened: ClassVar[list[tuple[str, int]]] = []
 
     def __init__(self, port: str, baud: int, **kwargs: Any) -> None:
-        if not Port.is_there:
+        if not Port.is_connected:
             raise serial.SerialException("could not open port")
         Port.opened.append((port, baud))
 
     @property
     def in_waiting(self) -> int:
-        if not Port.is_there:
+        if not Port.is_connected:
             raise OSError(5, "Input/output error")
         return 3
 
@@ -52,49 +52,49 @@ class Port:
 
 
 @pytest.fixture(autouse=True)
-def _made_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    made_up = SimpleNamespace(SPI=Spi, SPIError=SpiError)
-    monkeypatch.setitem(sys.modules, "periphery", made_up)
+def _simulated_devices(monkeypatch: pytest.MonkeyPatch) -> None:
+    periphery = SimpleNamespace(SPI=Spi, SPIError=SpiError)
+    monkeypatch.setitem(sys.modules, "periphery", periphery)
     monkeypatch.setattr(serial, "Serial", Port)
-    monkeypatch.setattr(Port, "is_there", True)
+    monkeypatch.setattr(Port, "is_connected", True)
     monkeypatch.setattr(Port, "opened", [])
 
 
-def test_nothing_is_opened_before_it_is_used() -> None:
+def test_a_device_is_not_opened_before_its_first_use() -> None:
     open_bus("/dev/i2c-99").close()
 
 
-def test_an_exchange_goes_to_the_device_that_is_named() -> None:
+def test_an_exchange_uses_the_named_device() -> None:
     wires = open_bus("/dev/i2c-99")
     assert wires.exchange("/dev/spidev0.1", b"\x01\x02") == b"\x02\x03"
     with pytest.raises(SensorError, match=r"/dev/spidev1\.0.*enable SPI"):
         wires.exchange("/dev/spidev1.0", b"\x01")
 
 
-def test_a_port_that_is_pulled_out_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reconnected_port_is_opened_again(monkeypatch: pytest.MonkeyPatch) -> None:
     now_s = [0.0]
     monkeypatch.setattr("companion.drivers.wires.linux_wires.time.monotonic", lambda: now_s[0])
     wires = open_bus("/dev/i2c-99")
     assert wires.receive("/dev/ttyUSB0", 115200) == b"abc"
-    Port.is_there = False
+    Port.is_connected = False
     for _ in range(3):
         now_s[0] += 0.4
         with pytest.raises(OSError, match=r"ttyUSB0|Input/output"):
             wires.receive("/dev/ttyUSB0", 115200)
-    Port.is_there = True
+    Port.is_connected = True
     now_s[0] += 1.5
     assert wires.receive("/dev/ttyUSB0", 115200) == b"abc"
     assert Port.opened == [("/dev/ttyUSB0", 115200)] * 2
 
 
-def test_a_missing_port_is_told_with_the_remedy() -> None:
-    Port.is_there = False
+def test_a_missing_port_is_an_error_with_the_remedy() -> None:
+    Port.is_connected = False
     with pytest.raises(SensorError, match="dialout"):
         open_bus("/dev/i2c-99").receive("/dev/ttyUSB0", 115200)
 
 
-def test_a_missing_i2c_adapter_is_told_with_the_remedy() -> None:
-    from companion.drivers.wires.bus import Transaction  # noqa: PLC0415 - only here
+def test_a_missing_i2c_adapter_is_an_error_with_the_remedy() -> None:
+    from companion.drivers.wires.bus import Transaction  # noqa: PLC0415 - only this test needs it
 
     with pytest.raises(SensorError, match="raspi-config"):
         open_bus("/dev/i2c-99").transfer([Transaction(0x48, b"\x00")])

@@ -30,14 +30,14 @@ class Stuck:
     """Wires whose I2C hangs on demand; SPI and serial ports answer."""
 
     def __init__(self) -> None:
-        self.goes = threading.Event()
-        self.goes.set()
+        self.released = threading.Event()
+        self.released.set()
         self.error: OSError | None = None
-        self.asked = 0
+        self.request_count = 0
 
     def transfer(self, transactions: Sequence[Transaction]) -> list[bytes]:
-        self.asked += 1
-        self.goes.wait(DEADLINE_S)
+        self.request_count += 1
+        self.released.wait(DEADLINE_S)
         if self.error is not None:
             raise self.error
         return [bytes(t.count) for t in transactions]
@@ -55,10 +55,10 @@ class Stuck:
 def stuck() -> Iterator[Stuck]:
     stuck = Stuck()
     yield stuck
-    stuck.goes.set()
+    stuck.released.set()
 
 
-def test_what_answers_in_time_is_handed_through_and_so_are_its_errors(stuck: Stuck) -> None:
+def test_answers_in_time_and_errors_are_passed_to_the_caller(stuck: Stuck) -> None:
     wires = PromptWires(stuck)
     assert wires.transfer(READ) == [bytes(2)]
     assert wires.exchange("/dev/spidev0.0", b"abc") == b"abc"
@@ -71,29 +71,29 @@ def test_what_answers_in_time_is_handed_through_and_so_are_its_errors(stuck: Stu
     wires.close()
 
 
-def test_a_hundred_requests_on_a_bus_that_hangs_wait_once_and_the_other_wires_answer(
+def test_requests_to_a_hung_bus_wait_once_and_the_other_wires_answer(
     stuck: Stuck,
 ) -> None:
     wires = PromptWires(stuck)
     wires.transfer(READ)
-    stuck.goes.clear()
+    stuck.released.clear()
     began_s = time.monotonic()
     for _ in range(100):
         with pytest.raises(TimeoutError):
             wires.transfer(READ)
     assert time.monotonic() - began_s < REQUEST_TIMEOUT_S + SLOW_MACHINE_S
-    assert stuck.asked == 2
+    assert stuck.request_count == 2
     assert wires.exchange("/dev/spidev0.0", b"abc") == b"abc"
     wires.close()
 
 
-def test_a_bus_that_goes_on_is_asked_again_and_its_late_answer_is_nobodys(stuck: Stuck) -> None:
+def test_a_bus_that_recovers_is_used_again_and_its_late_answer_is_dropped(stuck: Stuck) -> None:
     wires = PromptWires(stuck)
     wires.transfer(READ)
-    stuck.goes.clear()
+    stuck.released.clear()
     with pytest.raises(TimeoutError):
         wires.transfer([Transaction(0x48, b"\x00", 7)])
-    stuck.goes.set()
+    stuck.released.set()
     until_s = time.monotonic() + DEADLINE_S
     while time.monotonic() < until_s:
         try:
@@ -102,7 +102,7 @@ def test_a_bus_that_goes_on_is_asked_again_and_its_late_answer_is_nobodys(stuck:
             continue
         break
     else:
-        pytest.fail("it is never asked again")
+        pytest.fail("the bus is never used again")
     wires.close()
 
 
@@ -114,14 +114,14 @@ class Slow:
         self.takes_s = 0.0
         self.error: OSError | None = None
         self.busy_until_s = 0.0
-        self.asked = 0
+        self.request_count = 0
 
     @property
     def is_busy(self) -> bool:
         return self.now_s < self.busy_until_s
 
     def ask(self, request: Callable[[], Any], within_s: float) -> Any:
-        self.asked += 1
+        self.request_count += 1
         if self.takes_s > within_s:
             self.busy_until_s = self.now_s + self.takes_s
             self.now_s += within_s
@@ -155,24 +155,26 @@ def seconds_taken(wires: PromptWires, line: Slow, requests: int) -> float:
     ("takes_s", "number"),
     [(1.0, None), (0.05, errno.ETIMEDOUT), (0.0, errno.ETIMEDOUT), (1e9, None)],
 )
-def test_a_wire_that_has_timed_out_is_left_alone_for_a_while(
+def test_a_wire_that_has_timed_out_gets_no_request_until_the_next_probe(
     takes_s: float, number: int | None
 ) -> None:
     line = Slow()
     wires = opened(line)
-    line.takes_s, line.asked = takes_s, 0
+    line.takes_s, line.request_count = takes_s, 0
     line.error = OSError(number, "timed out") if number else None
     assert seconds_taken(wires, line, 20) <= REQUEST_TIMEOUT_S + 1e-9
-    assert line.asked == 1
+    assert line.request_count == 1
     line.takes_s, line.error = 0.0, None
     line.now_s = max(line.now_s + PROBE_S, line.busy_until_s) + 1e-6
     assert seconds_taken(wires, line, 3) == 0.0
-    assert line.asked == 4
+    assert line.request_count == 4
 
 
 @pytest.mark.parametrize("number", [errno.EREMOTEIO, errno.EIO, errno.EAGAIN, None])
 @pytest.mark.parametrize("takes_s", [0.005, 0.02, 0.029, 0.2, 2.0])
-def test_no_wire_takes_more_than_its_share_of_the_loop(takes_s: float, number: int | None) -> None:
+def test_no_wire_takes_more_than_its_share_of_the_loop_time(
+    takes_s: float, number: int | None
+) -> None:
     line = Slow()
     wires = opened(line)
     line.takes_s = takes_s
@@ -185,13 +187,13 @@ def test_no_wire_takes_more_than_its_share_of_the_loop(takes_s: float, number: i
     assert sum(taken_s) <= MAX_AT_ONCE_S + SHARE * line.now_s
 
 
-def test_opening_a_wire_may_take_longer() -> None:
+def test_the_first_request_of_a_wire_has_a_longer_timeout() -> None:
     line = Slow()
     line.takes_s = 1.0
     assert opened(line).transfer is not None
 
 
-def test_on_virtual_time_a_hung_bus_takes_what_it_would_of_a_thread() -> None:
+def test_a_hung_bus_takes_the_same_time_on_virtual_time_as_on_a_thread() -> None:
     bus = DeviceBus({0x48: Ads1115Device(lambda channel, time_s: 1.0)})
     wires = on_virtual_time(bus)
     assert wires.transfer(READ)

@@ -47,14 +47,14 @@ def test_a_distance_is_never_outside_the_sensors_range(name: str, volts: float) 
 
 
 @given(st.floats(0.14, 0.42))
-def test_what_has_folded_back_has_an_alias_that_tells_the_truth(distance_m: float) -> None:
+def test_the_alias_of_a_folded_back_reading_is_the_true_distance(distance_m: float) -> None:
     read_m = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(distance_m)).distance_m
     assert read_m >= GP2Y0A710K0F.min_m - 1e-9
     assert GP2Y0A710K0F.alias_m(read_m) == pytest.approx(distance_m, abs=0.02)
 
 
 @given(st.floats(0.55, 0.99))
-def test_what_is_too_near_comes_with_a_guess(distance_m: float) -> None:
+def test_a_too_near_reading_contains_an_estimate_of_the_distance(distance_m: float) -> None:
     reading = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(distance_m))
     assert reading.state is RangeState.TOO_NEAR
     assert reading.distance_m == pytest.approx(distance_m, abs=0.02)
@@ -77,18 +77,18 @@ def test_noise_grows_with_the_square_of_distance() -> None:
         (1.8, RangeState.DISTANCE),
     ],
 )
-def test_the_states_of_a_voltage(volts: float, state: RangeState) -> None:
+def test_the_voltage_determines_the_state_of_the_reading(volts: float, state: RangeState) -> None:
     assert GP2Y0A710K0F.reading(volts).state is state
 
 
 @pytest.mark.parametrize("volts", [0.0, 0.3, 0.57, 0.9, 1.05, 3.02, 3.2, 3.3, 5.0])
-def test_what_the_ideal_sensor_does_not_put_out_is_a_fault(volts: float) -> None:
+def test_a_voltage_that_the_ideal_sensor_does_not_output_is_a_fault(volts: float) -> None:
     assert PAPER.reading(volts).state is RangeState.FAILED
 
 
 @pytest.mark.parametrize("name", PROFILES)
 @given(distance_m=st.none() | st.floats(0.05, 10.0), sigmas=st.floats(-5, 5))
-def test_whatever_a_powered_sensor_puts_out_is_no_fault(
+def test_no_output_of_a_powered_sensor_is_a_fault(
     name: str, distance_m: float | None, sigmas: float
 ) -> None:
     profile = PROFILES[name]
@@ -98,8 +98,8 @@ def test_whatever_a_powered_sensor_puts_out_is_no_fault(
     assert profile.reading(volts).is_alive
 
 
-def test_very_near_things_read_as_metres() -> None:
-    """Aliasing: the driver cannot detect it, so ranges below half a metre are not reliable."""
+def test_an_obstacle_at_30_cm_reads_as_more_than_1_5_m() -> None:
+    """The driver cannot detect this aliasing: ranges below half a metre are not reliable."""
     folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.3))
     assert folded.is_distance
     assert folded.distance_m > 1.5
@@ -114,7 +114,7 @@ def test_the_curve_goes_through_the_datasheets_points(distance_m: float, volts: 
 
 
 @given(st.floats(1.0, 5.5), st.floats(1.0, 5.5))
-def test_in_range_the_nearer_the_higher(a_m: float, b_m: float) -> None:
+def test_the_voltage_falls_with_the_distance_within_the_range(a_m: float, b_m: float) -> None:
     near_m, far_m = sorted((a_m, b_m))
     assert GP2Y0A710K0F.volts(near_m) >= GP2Y0A710K0F.volts(far_m)
 
@@ -134,7 +134,7 @@ def units(physics: SharpPhysics, count: int, distance_m: float = 2.0) -> list[Sh
 
 
 def refreshes_s(unit: SharpUnit, until_s: float) -> list[float]:
-    """Time of an output change, to 0.1 ms; the noise differs after each change."""
+    """Times of output changes, s, to 0.1 ms. The noise differs after each change."""
     times_s = [step * 1e-4 for step in range(round(until_s / 1e-4))]
     volts = [unit.volts(time_s) for time_s in times_s]
     changes = zip(times_s[1:], pairwise(volts), strict=True)
@@ -165,9 +165,9 @@ def test_the_output_has_ten_millivolts_of_noise() -> None:
 
 
 def test_units_differ_in_gain() -> None:
-    seen_m = [GP2Y0A710K0F.reading(unit.volts(1.0)).distance_m for unit in units(QUIET, 1000)]
-    assert statistics.mean(seen_m) == pytest.approx(2.0, rel=0.001)
-    assert statistics.stdev(seen_m) / 2.0 == pytest.approx(0.003, rel=0.1)
+    read_m = [GP2Y0A710K0F.reading(unit.volts(1.0)).distance_m for unit in units(QUIET, 1000)]
+    assert statistics.mean(read_m) == pytest.approx(2.0, rel=0.001)
+    assert statistics.stdev(read_m) / 2.0 == pytest.approx(0.003, rel=0.1)
 
 
 @given(st.floats(0, 4.095))
@@ -178,17 +178,15 @@ def test_the_adc_rounds_to_its_counts(volts: float) -> None:
     assert read_v / 125e-6 == pytest.approx(round(read_v / 125e-6), abs=1e-6)
 
 
-def test_open_inputs_stand_at_some_tenths_of_a_volt_and_move_with_what_was_converted_before() -> (
-    None
-):
+def test_an_open_input_floats_and_follows_the_channel_converted_before_it() -> None:
     levels_v = []
     for seed in range(20):
-        (seeing,) = units(QUIET, 1, distance_m=1.0)
+        (powered,) = units(QUIET, 1, distance_m=1.0)
         (unplugged,) = units(QUIET, 1)
-        inputs = AdcInputs({0: seeing, 1: unplugged}, Random(seed))
+        inputs = AdcInputs({0: powered, 1: unplugged}, Random(seed))
         unplugged.is_unplugged = True
         high_v = [(inputs.volts(0, 0.05 * i), inputs.volts(1, 0.05 * i))[1] for i in range(50)]
-        seeing.true_range = lambda time_s: 5.0
+        powered.true_range = lambda time_s: 5.0
         low_v = [(inputs.volts(0, 5 + i), inputs.volts(1, 5 + i))[1] for i in range(50)]
         assert all(0.1 < volts < 1.1 for volts in (*high_v, *low_v))
         assert 0.001 < statistics.stdev(high_v) < 0.006

@@ -1,4 +1,4 @@
-"""Frames of the TFmini-S among other bytes."""
+"""The TFmini-S: frames in a stream of bytes, and their meaning."""
 
 from itertools import pairwise
 
@@ -29,9 +29,7 @@ class Port:
 
 
 @given(st.integers(0, 1200), st.integers(100, 65534), st.lists(st.integers(1, 8), max_size=4))
-def test_a_frame_is_found_however_it_is_cut(
-    distance_cm: int, strength: int, cuts: list[int]
-) -> None:
+def test_a_frame_in_any_pieces_is_found(distance_cm: int, strength: int, cuts: list[int]) -> None:
     data, rest, found = raw(distance_cm, strength), b"", None
     edges = sorted({0, len(data), *cuts})
     for start, end in pairwise(edges):
@@ -41,12 +39,12 @@ def test_a_frame_is_found_however_it_is_cut(
 
 
 @given(st.binary(max_size=40), st.integers(0, 1200))
-def test_after_any_garbage_the_next_two_frames_are_found(garbage: bytes, cm: int) -> None:
+def test_a_frame_is_found_within_two_frames_after_any_garbage(garbage: bytes, cm: int) -> None:
     found, _ = latest_frame(garbage + raw(cm, 500) + raw(cm, 500))
     assert found == (cm, 500)
 
 
-def test_the_latest_of_many_counts() -> None:
+def test_the_latest_of_several_frames_is_returned() -> None:
     found, rest = latest_frame(frame(1.0) + frame(2.0) + frame(3.0)[:5])
     assert found == (200, 2000)
     assert latest_frame(rest + frame(3.0)[5:])[0] == (300, 2000)
@@ -63,7 +61,7 @@ def test_the_latest_of_many_counts() -> None:
         (0, 20, RangeState.NOTHING),
     ],
 )
-def test_what_distance_and_strength_mean(
+def test_distance_and_strength_determine_the_state(
     distance_cm: int, strength: int, state: RangeState
 ) -> None:
     port = Port()
@@ -77,7 +75,7 @@ def test_what_distance_and_strength_mean(
 @pytest.mark.parametrize(
     "values", [(0xFFFE, 0xFFFF), (0xFFFC, 500), (300, 0xFFFF), (0xFFFD, 500), (0x8000, 50)]
 )
-def test_blinded_it_says_nothing_rather_than_something(values: tuple[int, int]) -> None:
+def test_a_saturated_sensor_gives_no_reading(values: tuple[int, int]) -> None:
     port = Port()
     sensor = Tfmini(port, "/dev/ttyAMA1", 115200, TFMINI_S)
     port.data = raw(*values)

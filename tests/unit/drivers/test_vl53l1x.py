@@ -1,4 +1,4 @@
-"""Properties of the VL53L1X beyond those of all range sensors."""
+"""Properties of the VL53L1X that other range sensors do not have."""
 
 from random import Random
 
@@ -29,7 +29,7 @@ def read_for(sensor: Vl53l1x, bus: DeviceBus, from_s: float, seconds: float) -> 
     return distances
 
 
-def test_two_of_the_same_address_are_told_apart_by_their_branch() -> None:
+def test_two_sensors_with_one_address_are_distinguished_by_their_branch() -> None:
     bus = DeviceBus({0x70: Multiplexer({0: {ADDRESS: device(1.0)}, 5: {ADDRESS: device(3.0)}})})
     near, far = (Vl53l1x(bus, ADDRESS, (0x70, branch)) for branch in (0, 5))
     for tick in range(40):
@@ -41,7 +41,7 @@ def test_two_of_the_same_address_are_told_apart_by_their_branch() -> None:
     assert readings[1].distance_m == pytest.approx(3.0, abs=0.05)
 
 
-def test_after_a_brown_out_it_is_configured_again() -> None:
+def test_the_sensor_is_configured_again_after_a_brown_out() -> None:
     chip = device(2.0)
     bus = DeviceBus({ADDRESS: chip})
     sensor = Vl53l1x(bus, ADDRESS, None)
@@ -53,7 +53,7 @@ def test_after_a_brown_out_it_is_configured_again() -> None:
 
 
 @pytest.mark.parametrize("distance_m", [2.0, None])
-def test_one_that_hangs_is_silent_though_it_goes_on_saying_what_it_said(
+def test_a_hung_sensor_that_repeats_its_last_result_gives_no_reading(
     distance_m: float | None,
 ) -> None:
     unit = TofUnit(TOF_PHYSICS["vl53l1x"], lambda time_s: distance_m, Random(1))
@@ -73,7 +73,7 @@ def test_only_a_valid_status_is_a_distance(status: int) -> None:
     assert reading is None or reading.state in (RangeState.NOTHING, RangeState.TOO_NEAR)
 
 
-def test_a_target_that_is_too_noisy_to_be_measured_is_not_free_space() -> None:
+def test_a_target_too_noisy_to_measure_is_not_free_space() -> None:
     """Sigma failure: light returns, as in sunlight, from an unknown distance."""
     assert MEANINGS.get(6) is None
 
@@ -85,7 +85,7 @@ def test_behind_two_multiplexers_only_one_branch_is_connected() -> None:
         0x71: Multiplexer({0: {ADDRESS: device(3.0)}}),
     }
     bus = DeviceBus(muxes)
-    for address in muxes:  # as an earlier program may have left them
+    for address in muxes:  # all branches connected, as an earlier program may leave them
         bus.transfer([Transaction(address, b"\xff")])
     places = {1.0: (0x70, 0), 2.0: (0x70, 1), 3.0: (0x71, 0)}
     sensors = {

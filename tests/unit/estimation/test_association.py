@@ -27,7 +27,7 @@ Segment = tuple[Vector2, Vector2]
 UNITS = RangeUnits({b: RangeUnit(GP2Y0A710K0F, at, 0.0) for b, at in BEARING_FRD_RAD.items()})
 
 
-def met_m(origin_ne_m: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
+def beam_range_m(origin_ne_m: Vector2, bearing_rad: float, segments: Sequence[Segment]) -> float:
     """Range of a beam to the nearest segment, m."""
     cos, sin = math.cos(bearing_rad), math.sin(bearing_rad)
     nearest = math.inf
@@ -53,7 +53,7 @@ def fly(segments: Sequence[Segment], path: Sequence[Vector2], seed: int) -> Flig
         pose = Pose(time_s, *place, -1.2, yaw_rad)
         record.advance(pose, place, yaw_rad)
         for beam, bearing_rad in BEARING_FRD_RAD.items():
-            true_m = met_m(place, yaw_rad + bearing_rad, segments)
+            true_m = beam_range_m(place, yaw_rad + bearing_rad, segments)
             if not 1.0 < true_m < 5.5:
                 continue
             reading_m = true_m + random.gauss(0, GP2Y0A710K0F.sigma_m(true_m))
@@ -90,7 +90,7 @@ def closed(*corners: Vector2) -> list[Segment]:
     return list(zip(corners, (*corners[1:], corners[0]), strict=True))
 
 
-def off_m(walls: Sequence[WallSegment], segments: Sequence[Segment]) -> Array:
+def wall_errors_m(walls: Sequence[WallSegment], segments: Sequence[Segment]) -> Array:
     """Distances of points every 5 cm along the mapped walls from the nearest true wall, m."""
     return np.array(
         [
@@ -127,20 +127,20 @@ WITH_A_SHELF = [*ROOM, *closed((2.6, -1.0), (3.0, -1.0), (3.0, 1.0), (2.6, 1.0))
     [(ROOM, 4), (WITH_A_BAY, 7), (WITH_A_SHELF, 5)],
     ids=["room", "bay", "shelf"],
 )
-def test_walls_are_found_where_they_are_and_no_others(
+def test_the_map_contains_the_true_walls_and_no_others(
     segments: list[Segment], walls: int, seed: int
 ) -> None:
     path = [(0.0, 0.0), (1.0, -2.0), (1.0, 2.0), (-1.0, 1.0), (0.0, 0.0)]
     record = fly(segments, path, seed)
     estimate = mapped(record)
-    off = off_m(walls_of(estimate, record), segments)
-    assert off.mean() < 0.04
-    assert off.max() < 0.5
+    errors_m = wall_errors_m(walls_of(estimate, record), segments)
+    assert errors_m.mean() < 0.04
+    assert errors_m.max() < 0.5
     assert len(estimate.x.walls) >= walls
     assert (estimate.wall_of != NO_WALL).mean() > 0.75
 
 
-def test_walls_of_two_rooms_that_are_nearly_in_line_stay_two() -> None:
+def test_walls_of_two_rooms_that_are_nearly_in_line_stay_separate() -> None:
     """Walls 0.4 m out of line, with a passage of 2 m between the rooms."""
     upper = [((1.0, -3.0), (1.0, 3.0)), ((1.0, 3.0), (7.0, 3.0)), ((1.0, -3.0), (7.0, -3.0))]
     lower = [((-1.0, -3.0), (-1.0, 3.4)), ((-1.0, 3.4), (-7.0, 3.4)), ((-1.0, -3.0), (-7.0, -3.0))]
@@ -157,7 +157,7 @@ def test_walls_of_two_rooms_that_are_nearly_in_line_stay_two() -> None:
     assert [round(offset_m, 1) for offset_m in east] == [3.0, 3.4]
 
 
-def test_people_are_no_walls_and_pull_at_nothing() -> None:
+def test_ranges_to_people_form_no_walls_and_do_not_shift_the_trajectory() -> None:
     """A fifth of all ranges end early, at a random distance."""
     record, random = fly(ROOM, [(0.0, 0.0), (1.0, -1.5), (1.0, 1.5), (0.0, 0.0)], 4), Random(4)
     for row in record.hits:
@@ -165,12 +165,14 @@ def test_people_are_no_walls_and_pull_at_nothing() -> None:
             row[6] = random.uniform(1.0, max(row[6], 1.1))
     estimate = mapped(record)
     assert len(estimate.x.walls) == 4
-    assert off_m(walls_of(estimate, record), ROOM).max() < 0.1
+    assert wall_errors_m(walls_of(estimate, record), ROOM).max() < 0.1
     assert np.abs(estimate.x.poses[:, :2] - record.poses[:, :2]).max() < 0.1
 
 
 @pytest.mark.parametrize(("hits", "are_on_wall"), [(1, False), (3, False), (12, True)])
-def test_a_wall_in_sight_is_met_again_and_again(hits: int, are_on_wall: bool) -> None:
+def test_a_hit_is_associated_with_a_wall_only_if_it_has_enough_neighbours(
+    hits: int, are_on_wall: bool
+) -> None:
     record = fly([((3.0, -3.0), (3.0, 3.0))], [(0.0, -2.0), (0.0, 2.0)], seed=1)
     for i in range(-100, hits):
         pose = Pose(60.0 + 0.05 * i, 0.0, 2.0, -1.2, math.tau)
@@ -187,19 +189,19 @@ CUPBOARD = closed((2.4, -1.9), (3.0, -1.9), (3.0, 1.9), (2.4, 1.9))
 
 
 @pytest.mark.parametrize(
-    ("between_m", "before", "one"), [(4.0, [], False), (4.0, CUPBOARD, True), (1.0, [], True)]
+    ("between_m", "obstacle", "one"), [(4.0, [], False), (4.0, CUPBOARD, True), (1.0, [], True)]
 )
-def test_pieces_of_wall_that_are_far_apart_are_two_unless_something_hides_the_rest(
-    between_m: float, before: list[Segment], one: bool
+def test_distant_pieces_are_one_wall_only_if_an_obstacle_hides_the_gap(
+    between_m: float, obstacle: list[Segment], one: bool
 ) -> None:
-    """A line fits any two short pieces, also without a wall."""
+    """A line fits any two short pieces, even without a wall between them."""
     end = 0.5 * between_m
     pieces = [((3.0, -end - 1.0), (3.0, -end)), ((3.0, end), (3.0, end + 1.0))]
-    record = fly([*pieces, *before], [(0.0, -end - 1.2), (0.0, end + 1.2)], seed=2)
+    record = fly([*pieces, *obstacle], [(0.0, -end - 1.2), (0.0, end + 1.2)], seed=2)
     x, m = Unknowns.at(record.poses.copy(), 0.0), Measured.of(record, UNITS)
     x.add_walls(np.array([[0.0, 3.0]]), np.array([[-end - 1.0, end + 1.0]]))
     wall_of = Association(UNITS, OdometryModel(), Support()).associate(x, m, FINAL_GATES[0])
     east_m = project(x, m).points[:, 1]
-    met = wall_of != NO_WALL
-    on_both = met[east_m < -end].any() and met[east_m > end].any()
+    is_on_wall = wall_of != NO_WALL
+    on_both = is_on_wall[east_m < -end].any() and is_on_wall[east_m > end].any()
     assert on_both == one

@@ -1,4 +1,4 @@
-"""Heading, wall runs and position in metres and degrees, on synthetic motions with ground truth."""
+"""Heading filter, wall runs and position filter on synthetic motions with ground truth."""
 
 import math
 from random import Random
@@ -48,7 +48,9 @@ def test_heading_integrates_the_gyro_without_its_rest_bias() -> None:
 
 @settings(deadline=None)
 @given(st.floats(-0.05, 0.05), st.floats(-0.3, 0.3))
-def test_a_wall_seen_again_after_a_turn_tells_the_gyros_scale(scale: float, bias: float) -> None:
+def test_a_wall_measured_again_after_a_full_turn_determines_the_gyro_scale(
+    scale: float, bias: float
+) -> None:
     """A full turn takes 8 s and the wall does not move."""
     model = GyroModel(bias_sigma_rad_s=math.radians(0.01))
     heading = HeadingFilter(math.radians(bias), model)
@@ -60,7 +62,7 @@ def test_a_wall_seen_again_after_a_turn_tells_the_gyros_scale(scale: float, bias
     assert heading.scale_error == pytest.approx(scale / (1 + scale), abs=0.004)
 
 
-def test_an_unbelievable_wall_direction_is_refused() -> None:
+def test_an_implausible_wall_direction_is_rejected() -> None:
     heading = HeadingFilter(0.0)
     wall = heading.add_wall(WallBearing(0.0, math.radians(0.5), 0.0, 0.0))
     assert not heading.correct_by_wall(wall, WallBearing(math.radians(20), 0.01, 0.0, 0.0))
@@ -75,7 +77,7 @@ def test_heading_wraps(turns: int) -> None:
     assert math.degrees(heading.yaw_rad) == pytest.approx(0, abs=0.5)
 
 
-def test_rest_calibration_waits_for_stillness() -> None:
+def test_rest_calibration_waits_until_the_drone_is_still() -> None:
     rest = RestCalibration(2.0)
     rest.add(gyro(0.5, 1.5))
     rest.add(gyro(30.0, 0.5, start_s=1.5))
@@ -84,8 +86,8 @@ def test_rest_calibration_waits_for_stillness() -> None:
     assert rest.bias_rad_s == pytest.approx(math.radians(0.5), abs=1e-6)
 
 
-def test_rest_calibration_begins_anew_for_as_long_as_the_drone_stands() -> None:
-    """The bias of the last seconds counts: a gyro drifts while it warms up."""
+def test_rest_calibration_repeats_while_the_drone_stands() -> None:
+    """The bias is that of the last seconds, because a gyro drifts while it warms up."""
     rest = RestCalibration(2.0)
     assert not rest.add(gyro(0.5, 1.5))
     assert rest.add(gyro(0.5, 1.0, start_s=1.5))
@@ -115,7 +117,7 @@ def run_along(normal_deg: float, sigma_m: float, seed: int) -> tuple[float, floa
 
 @settings(max_examples=40)
 @given(st.floats(-180, 180), st.sampled_from([0.01, 0.05]), st.integers(0, 10_000))
-def test_a_run_tells_the_walls_direction_as_well_as_it_claims(
+def test_the_direction_error_of_a_run_is_consistent_with_its_sigma(
     normal_deg: float, sigma_m: float, seed: int
 ) -> None:
     error_deg, sigma_deg = run_along(normal_deg, sigma_m, seed)
@@ -123,7 +125,7 @@ def test_a_run_tells_the_walls_direction_as_well_as_it_claims(
     assert sigma_deg < 2.0
 
 
-def test_noise_along_the_beam_is_no_wall() -> None:
+def test_noise_along_the_beam_forms_no_wall() -> None:
     random = Random(3)
     run = WallRun()
     for i in range(200):
@@ -156,7 +158,7 @@ def corridor(estimator: Estimator, scale: float, noise: Random, sigma_m: float) 
     return east
 
 
-def test_odometry_alone_is_believed_until_walls_say_otherwise() -> None:
+def test_the_pose_follows_odometry_without_walls() -> None:
     estimator = Estimator(0.0, units_of(PAPER))
     estimator.move(Odometry(0.0, (5.0, 5.0, 0.0), (0.0, 0.0, 0.0), 1.0))
     estimator.move(Odometry(0.1, (5.0, 5.5, -0.1), (0.0, 0.0, 0.0), 1.0))
@@ -175,11 +177,11 @@ def test_the_facing_wall_is_mapped_at_its_distance() -> None:
     assert distance_m == pytest.approx(1.5, abs=0.03)
 
 
-def test_before_anything_was_measured_there_is_a_map_without_walls() -> None:
+def test_the_map_before_the_first_measurement_has_no_walls() -> None:
     assert not Estimator(0.0, units_of(GP2Y0A710K0F)).so_far().walls
 
 
-def test_the_smoother_needs_something_to_smooth() -> None:
+def test_the_smoother_returns_no_map_without_measurements() -> None:
     assert Estimator(0.0, units_of(GP2Y0A710K0F)).smoothed() is None
     estimator = Estimator(0.0, units_of(PAPER))
     corridor(estimator, 1.0, Random(1), 0.02)
@@ -189,7 +191,7 @@ def test_the_smoother_needs_something_to_smooth() -> None:
     assert smoothed.walls[0].offset_m == pytest.approx(1.5, abs=0.03)
 
 
-# One range
+# Correction by single ranges
 
 
 NORTH = 0.0
@@ -216,17 +218,19 @@ def estimated_north_m(slam: LineSlam, range_m: float, times: int = 1) -> float:
 
 
 @given(st.floats(0.3, 0.45))
-def test_one_range_that_met_something_else_moves_the_drone_by_less_than_half(off_m: float) -> None:
-    assert abs(estimated_north_m(before_walls(3.0), 3.0 - off_m)) < 0.45 * off_m
+def test_one_range_to_another_obstacle_shifts_the_position_by_less_than_half_its_error(
+    error_m: float,
+) -> None:
+    assert abs(estimated_north_m(before_walls(3.0), 3.0 - error_m)) < 0.45 * error_m
 
 
 @given(st.floats(-0.3, 0.3))
-def test_ranges_that_agree_set_the_drone_right(off_m: float) -> None:
-    assert estimated_north_m(before_walls(3.0), 3.0 - off_m, times=20) == pytest.approx(
-        off_m, abs=0.05
+def test_consistent_ranges_correct_the_position(error_m: float) -> None:
+    assert estimated_north_m(before_walls(3.0), 3.0 - error_m, times=20) == pytest.approx(
+        error_m, abs=0.05
     )
 
 
-def test_a_range_of_what_is_too_far_to_tell_anything_is_given_to_no_nearer_wall() -> None:
+def test_a_range_that_fits_an_uninformative_wall_does_not_correct_a_nearer_one() -> None:
     assert estimated_north_m(before_walls(4.5), 5.05) != 0
     assert estimated_north_m(before_walls(4.5, 5.2), 5.05) == 0

@@ -20,7 +20,7 @@ RateOf = Callable[[float], float]
 
 @dataclass(frozen=True)
 class Turn:
-    """A turn with one rate, and from a moment on another, by a first-order lag."""
+    """A turn whose rate changes once, with a first-order lag."""
 
     before_rad_s: float
     after_rad_s: float
@@ -53,7 +53,7 @@ class Flown:
         self.complaints: set[str] = set()
 
     def waiting(self, now_s: float) -> list[GyroSample]:
-        """The samples since the last call, by the mean rate of each period."""
+        """The samples since the last call, each with the mean rate of its period."""
         taken = []
         while (time_s := self._phase_s + self._next * PERIOD_S) <= now_s:
             self._next += 1
@@ -82,7 +82,7 @@ class Flown:
 
     @property
     def error_rad(self) -> float:
-        """Error of the turn by all samples that were passed on, rad."""
+        """Error of the turn integrated over all samples that were passed on, rad."""
         first, last = self.passed_on[0].time_s, self.passed_on[-1].time_s
         rates = pairwise(self.passed_on)
         turned_rad = sum(
@@ -93,7 +93,7 @@ class Flown:
 
     @property
     def sigma_rad(self) -> float:
-        """Sigma of the heading by the gaps, with a known scale of the gyro."""
+        """Heading sigma due to the gaps, rad, for a gyro with a known scale."""
         heading = HeadingFilter(self._bias_rad_s, GyroModel(scale_sigma=0.0))
         heading.predict(self.passed_on)
         return heading.yaw_sigma_rad
@@ -113,7 +113,7 @@ RATES = st.floats(-90, 90).map(math.radians)
     waits=st.integers(0, 3),
     bias_deg_s=st.floats(-2.0, 2.0),
 )
-def test_what_is_handed_on_is_the_true_turn(
+def test_the_samples_contain_the_true_turn_in_a_gap(
     *,
     gap_s: float,
     before_rad_s: float,
@@ -124,7 +124,7 @@ def test_what_is_handed_on_is_the_true_turn(
     waits: int,
     bias_deg_s: float,
 ) -> None:
-    """After a pause of the process the chip has kept only the latest samples."""
+    """After a pause of the process the chip's FIFO contains only the latest samples."""
     turn = Turn(before_rad_s, after_rad_s, BEGINS_S + changes * gap_s)
     missed_s = gap_s - kept * PERIOD_S
     unexpected_rad = (
@@ -147,7 +147,7 @@ def test_what_is_handed_on_is_the_true_turn(
 
 
 @pytest.mark.parametrize("gap_s", [0.15, 0.3, 0.5, 0.82, 1.5, 3.0])
-def test_a_gap_makes_the_heading_less_sure(gap_s: float) -> None:
+def test_a_gap_increases_the_heading_sigma(gap_s: float) -> None:
     flown = Flown(Turn(math.radians(45), math.radians(45), 0.0), 0.0)
     now_s = flown.fly(0.0, BEGINS_S)
     before_rad = flown.sigma_rad
@@ -158,7 +158,7 @@ def test_a_gap_makes_the_heading_less_sure(gap_s: float) -> None:
     assert grown_rad < 0.05 * hidden_rad + math.radians(0.6)
 
 
-def test_a_gap_of_which_nobody_tells_is_bridged_by_the_rates_beside_it_and_is_a_guess() -> None:
+def test_a_gap_without_odometry_is_bridged_by_adjacent_rates_with_a_large_sigma() -> None:
     flown = Flown(Turn(math.radians(20), math.radians(20), 0.0), 0.0)
     now_s = flown.fly(0.0, BEGINS_S) + 0.5
     for _ in range(12):
@@ -168,7 +168,7 @@ def test_a_gap_of_which_nobody_tells_is_bridged_by_the_rates_beside_it_and_is_a_
     assert flown.sigma_rad > math.radians(10)
 
 
-def test_a_clock_of_ours_that_stood_still_hides_a_gap() -> None:
+def test_a_gap_in_which_our_clock_stood_still_is_bridged() -> None:
     """The chip ran for another second; its samples are within one tick of our clock."""
     rate_rad_s = math.radians(45)
     flown = Flown(Turn(rate_rad_s, rate_rad_s, 0.0), 0.0)
@@ -185,7 +185,7 @@ def test_a_clock_of_ours_that_stood_still_hides_a_gap() -> None:
 
 @settings(deadline=None)
 @given(st.floats(-20, 20), st.floats(0.05, 4.0), RATES)
-def test_a_heading_that_its_estimator_pulls_is_no_turn(
+def test_a_heading_correction_of_the_autopilot_is_not_a_turn(
     pull_deg: float, lasts_s: float, rate_rad_s: float
 ) -> None:
     """PX4 shifts its heading by 14° at take-off; ArduPilot steps when it aligns in flight."""

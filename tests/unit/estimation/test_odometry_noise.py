@@ -22,7 +22,7 @@ from sitl.autopilot.estimation.velocity_error import KICK_S, VelocityError
 TICK_S, WALL_M, RANGE_SIGMA_M = 0.05, 2.0, 0.02
 
 
-def learnt(wander_m: float, wall: int | None = 0) -> float:
+def estimated_wander_m(wander_m: float, wall: int | None = 0) -> float:
     """Estimated sigma of the wander after two minutes beside a wall to the north."""
     model, random = OdometryModel(), Random(1)
     noise, wander = OdometryNoise(model), 0.0
@@ -34,22 +34,22 @@ def learnt(wander_m: float, wall: int | None = 0) -> float:
     return model.wander_m
 
 
-def test_odometry_that_does_not_err_keeps_the_reference() -> None:
-    assert learnt(0.0) < 0.01
+def test_the_wander_of_exact_odometry_is_below_one_centimetre() -> None:
+    assert estimated_wander_m(0.0) < 0.01
 
 
 @pytest.mark.parametrize("wander_m", [0.05, 0.1])
-def test_a_wandering_estimate_is_noticed_and_measured(wander_m: float) -> None:
-    assert learnt(wander_m) == pytest.approx(wander_m, rel=0.35)
+def test_the_wander_is_estimated_from_ranges_to_a_wall(wander_m: float) -> None:
+    assert estimated_wander_m(wander_m) == pytest.approx(wander_m, rel=0.35)
 
 
-def test_hits_of_no_known_wall_tell_nothing() -> None:
-    assert learnt(0.1, wall=None) == MIN_WANDER_M
+def test_hits_without_a_known_wall_do_not_change_the_wander() -> None:
+    assert estimated_wander_m(0.1, wall=None) == MIN_WANDER_M
 
 
 @pytest.mark.parametrize("minutes", [0.5, 5])
-def test_what_wanders_does_not_drift_away(minutes: float) -> None:
-    """Only the walk grows with time."""
+def test_the_wander_does_not_grow_with_time(minutes: float) -> None:
+    """Only the random walk grows with time."""
     slam = LineSlam(HeadingFilter(0.0), model := OdometryModel(wander_m=0.07))
     for _ in range(int(minutes * 60 / TICK_S)):
         slam.move((0.0, 0.0), TICK_S)
@@ -57,8 +57,8 @@ def test_what_wanders_does_not_drift_away(minutes: float) -> None:
     assert slam.position_sigma_m == pytest.approx(math.hypot(walked_m, 0.07), rel=0.01)
 
 
-def test_the_position_error_that_autopilots_make_is_of_the_size_that_is_learnt() -> None:
-    """The emulated error oscillates, the model only decays; over a second they must agree."""
+def test_the_estimated_wander_matches_the_emulated_autopilots_position_error() -> None:
+    """The emulated error oscillates and the model only decays; both agree over a second."""
     wobble, random = VelocityError(Random(2), 0.1, 1.0, 1.5), Random(3)
     model = OdometryModel()
     noise, offs_m = OdometryNoise(model), []
@@ -75,10 +75,12 @@ def test_the_position_error_that_autopilots_make_is_of_the_size_that_is_learnt()
 
 @pytest.mark.parametrize("speed_m_s", [0.4, 2.0])
 @pytest.mark.parametrize("wander_m", [0.02, 0.07])
-def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_m: float) -> None:
+def test_the_direction_sigma_of_a_run_includes_the_wander(
+    speed_m_s: float, wander_m: float
+) -> None:
     """Errors that all hits share do not average out."""
     kept, random = math.exp(-TICK_S / WANDER_S), Random(4)
-    sigmas_off = []
+    errors_sigmas = []
     for _ in range(120):
         run, line, wander, tick = WallRun(), None, random.gauss(0, wander_m), 0
         run.MAX_NORMAL_SIGMA_RAD = math.radians(30)
@@ -88,27 +90,27 @@ def test_a_run_of_hits_knows_how_sure_its_direction_is(speed_m_s: float, wander_
             hit = RunHit(tick * TICK_S, at, RANGE_SIGMA_M**2, (at[0], 0.0), 0.0, wander_m=wander_m)
             line, tick = run.add(hit), tick + 1
         if isinstance(line, Line):
-            sigmas_off.append((line.normal_rad - math.pi / 2) / line.normal_sigma_rad)
-    assert len(sigmas_off) > 80
-    assert 0.4 < float(np.std(sigmas_off)) < 1.4
+            errors_sigmas.append((line.normal_rad - math.pi / 2) / line.normal_sigma_rad)
+    assert len(errors_sigmas) > 80
+    assert 0.4 < float(np.std(errors_sigmas)) < 1.4
 
 
-def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
-    """Steps of 0.2 s, true and reported, (n, 2), m: legs of 8 s and stops for ten minutes.
+def legs_and_stops(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
+    """True and reported steps of 0.2 s, (n, 2) each, m: ten minutes of 8 s legs and stops.
 
-    The drone is flown by its estimate, so an error of the estimate moves it the other way, with a
-    lag.
+    The autopilot follows its estimate, so an error of the estimate moves the drone the other way,
+    with a lag.
     """
     wobble, random = VelocityError(Random(4), wobble_m_s, 1.0, 1.5), Random(5)
-    steps_m, yields_m_s = [], 0.0
+    steps_m, response_m_s = [], 0.0
     for tick in range(60_000):
         if tick % round(KICK_S / 0.01) == 0:
             wobble.kick()
         wobble.step(0.01)
         leg = tick // 1000
         flown_m_s = (0.8 if leg % 2 else -0.8) if tick % 1000 < 800 else 0.0
-        yields_m_s += (wobble.velocity_m_s - yields_m_s) * 0.01 / 0.3
-        true_m_s = (flown_m_s - yields_m_s) / scale
+        response_m_s += (wobble.velocity_m_s - response_m_s) * 0.01 / 0.3
+        true_m_s = (flown_m_s - response_m_s) / scale
         steps_m.append((0.01 * true_m_s, 0.01 * (scale * true_m_s + wobble.velocity_m_s)))
     true_m, reported_m = np.array(steps_m).reshape(-1, 20, 2).sum(axis=1).T
     noise_m = np.array([random.gauss(0, 0.007) for _ in reported_m])
@@ -118,11 +120,11 @@ def to_and_fro(wobble_m_s: float, scale: float) -> tuple[Array, Array]:
 
 
 @pytest.mark.parametrize("wobble_m_s", [0.0, 0.05, 0.1])
-def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
+def test_the_scale_from_averaged_motion_has_no_bias_from_velocity_errors(
     wobble_m_s: float,
 ) -> None:
-    """With the reported motion of the moment the scale would be some per cent off."""
-    true_m, reported_m = to_and_fro(wobble_m_s, scale=1.03)
+    """The unaveraged reported motion would give a scale error of some per cent."""
+    true_m, reported_m = legs_and_stops(wobble_m_s, scale=1.03)
     still = np.zeros(len(reported_m))
     mean_m = averaged(np.full(len(reported_m), 0.2), reported_m, still)
     assert (mean_m * true_m).sum() / (mean_m * reported_m).sum() == pytest.approx(
@@ -131,10 +133,10 @@ def test_the_scale_is_not_told_by_what_the_drone_does_because_of_its_estimate(
 
 
 @pytest.mark.parametrize("turn_rad", [0.0, 0.05, -0.4])
-def test_averaged_motion_is_that_of_the_time_around_in_the_frames_of_the_steps(
+def test_averaged_motion_is_in_the_body_frame_of_each_step(
     turn_rad: float,
 ) -> None:
-    """A drone that turns while it flies straight: its mean motion is that of each step."""
+    """The drone flies straight and turns, so its mean motion equals that of each step."""
     steps = 60
     yaw_rad = turn_rad * np.arange(steps)
     straight_m = 0.1 * np.column_stack([np.cos(yaw_rad), -np.sin(yaw_rad)])

@@ -1,4 +1,4 @@
-"""Alternative associations where odometry contradicts the walls, and the autopilot's heading."""
+"""Search for alternative associations, and the autopilot's heading as a reference."""
 
 import math
 from collections.abc import Callable, Generator
@@ -44,12 +44,12 @@ Search = Callable[[HypothesisSearch, Estimate], Generator[None, None, Estimate]]
 KEYFRAMES = 151
 STEP_M = 0.1
 CABINET_M = 6.0, 9.0
-UNSEEN_M = 0.3
-"""Distance before and after its ends that has no hits, m."""
+NO_HITS_M = 0.3
+"""Distance on both sides of the cabinet's ends without hits, m."""
 
 
-def flight_past_a_cabinet(seed: int, *, its_ends_are_seen: bool = True) -> tuple[Measured, Array]:
-    """15 m east along a wall 1.5 m north, with a cabinet before it from 6 to 9 m.
+def flight_past_a_cabinet(seed: int, *, has_hits_at_ends: bool = True) -> tuple[Measured, Array]:
+    """Fly 15 m east along a wall 1.5 m north, with a cabinet before it from 6 to 9 m.
 
     Returns the measurements and the positions by odometry, (k, 3).
     """
@@ -63,8 +63,8 @@ def flight_past_a_cabinet(seed: int, *, its_ends_are_seen: bool = True) -> tuple
         pose = Pose(0.2 * k, north_m, east_m, -1.2, 0.0)
         record.advance(pose, (north_m, east_m), 0.0)
         before_m = 0.5 if CABINET_M[0] < k * STEP_M < CABINET_M[1] else 0.0
-        is_at_end = min(abs(k * STEP_M - end_m) for end_m in CABINET_M) < UNSEEN_M
-        for _ in range(4 if its_ends_are_seen or not is_at_end else 0):
+        is_at_end = min(abs(k * STEP_M - end_m) for end_m in CABINET_M) < NO_HITS_M
+        for _ in range(4 if has_hits_at_ends or not is_at_end else 0):
             reading_m = 1.5 - before_m + random.gauss(0, 0.05)
             record.add_hit(pose, front, reading_m, ((0.0, 0.0), 0.0), None)
         north_m += random.gauss(0, walk_m)
@@ -73,27 +73,29 @@ def flight_past_a_cabinet(seed: int, *, its_ends_are_seen: bool = True) -> tuple
 
 
 @given(st.integers(0, 1000))
-def test_what_odometry_measured_is_not_doubted(seed: int) -> None:
+def test_the_trajectory_of_the_odometry_is_not_contradicted(seed: int) -> None:
     m, poses = flight_past_a_cabinet(seed)
     assert not contradicted(Unknowns.at(poses, 0.0), m, Models(UNITS)).any()
 
 
 @given(st.integers(0, 1000), st.floats(0.25, 1.0), st.floats(0.4, 3.0))
-def test_a_stretch_pulled_aside_is_doubted(seed: int, aside_m: float, within_s: float) -> None:
+def test_a_stretch_shifted_sideways_is_contradicted(
+    seed: int, aside_m: float, within_s: float
+) -> None:
     """Shifted between the keyframes 50 and 100, with ramps at both ends."""
     m, poses = flight_past_a_cabinet(seed)
     k = np.arange(KEYFRAMES)
     ramp = np.minimum(k - 50, 100 - k) * 0.2 / within_s
     poses[:, 0] += aside_m * np.clip(ramp, 0, 1)
-    doubted = contradicted(Unknowns.at(poses, 0.0), m, Models(UNITS))
-    assert doubted[52:99].all()
-    assert not doubted[:10].any()
-    assert not doubted[-10:].any()
+    suspect = contradicted(Unknowns.at(poses, 0.0), m, Models(UNITS))
+    assert suspect[52:99].all()
+    assert not suspect[:10].any()
+    assert not suspect[-10:].any()
 
 
 @pytest.mark.parametrize("length_s", STRETCHES_S)
 @given(st.integers(0, 1000), st.integers(40, 110))
-def test_what_odometry_speaks_against_most_is_looked_at_first(
+def test_the_stretch_that_strains_odometry_most_is_searched_first(
     length_s: float, seed: int, moved_at: int
 ) -> None:
     """A permanent shift of 0.3 m within 1 s."""
@@ -105,25 +107,25 @@ def test_what_odometry_speaks_against_most_is_looked_at_first(
 
 
 @given(st.integers(0, 1000))
-def test_a_heading_that_was_turned_by_a_bias_that_no_gyro_has_is_doubted(seed: int) -> None:
-    """A change of 3° within the last 15 s, as along a wall with a step taken for one surface."""
+def test_a_heading_change_by_an_implausible_gyro_bias_is_contradicted(seed: int) -> None:
+    """A change of 3° within the last 15 s, as along a wall with a step mapped as one surface."""
     m, poses = flight_past_a_cabinet(seed)
     x = Unknowns.at(poses, 0.0)
     x.poses[75:, 3] = math.radians(0.4) * np.linspace(0, 1, KEYFRAMES - 75)
-    doubted = contradicted(x, m, Models(UNITS))
-    assert doubted[80:].all()
-    assert not doubted[:50].any()
+    suspect = contradicted(x, m, Models(UNITS))
+    assert suspect[80:].all()
+    assert not suspect[:50].any()
 
 
 @pytest.mark.parametrize(
     "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
 )
-def test_hits_given_to_a_wrong_wall_are_given_back(search: Search) -> None:
-    """The cabinet's hits were associated with the wall, which shifted the path by half a metre.
+def test_hits_associated_with_a_wrong_wall_get_their_own_wall(search: Search) -> None:
+    """The cabinet's hits are associated with the wall, which shifts the path by half a metre.
 
-    No beam crossed its ends, where the step would be detected.
+    No beam crosses the cabinet's ends, where the step would be detected.
     """
-    m, poses = flight_past_a_cabinet(1, its_ends_are_seen=False)
+    m, poses = flight_past_a_cabinet(1, has_hits_at_ends=False)
     k = np.arange(KEYFRAMES)
     poses[:, 0] += 0.5 * np.clip(np.minimum(k - 50, 100 - k) / 10, 0, 1)
     x = Unknowns.at(poses, 0.0)
@@ -147,8 +149,9 @@ def wall_distance_m(x: Unknowns) -> Array:
 def wall_turned_deg(compass_deg: float, *, follows_us: bool = False) -> float:
     """Hover for 6 s with nothing in range, then fly 40 m east past a wall.
 
-    In the hover our gyro drifts by 0.2 deg/s, of which nothing is left later: the wall would appear
-    turned by a degree. The autopilot's gyro drifts by 0.1 deg/s, and a compass resets its heading.
+    Our gyro drifts by 0.2 deg/s in the hover only, so the wall would appear turned by a degree. The
+    autopilot's gyro drifts by 0.1 deg/s, and a compass resets its heading. Returns the error of the
+    wall's direction, deg.
     """
     estimator, random = Estimator(0.0, UNITS.units), Random(1)
     north_m = east_m = 0.0
@@ -173,9 +176,9 @@ def wall_turned_deg(compass_deg: float, *, follows_us: bool = False) -> float:
 
 
 @pytest.mark.parametrize("compass_deg", [0.0, 13.0, -90.0])
-def test_the_autopilot_holds_the_heading_while_our_gyro_settles(compass_deg: float) -> None:
+def test_the_autopilots_heading_corrects_a_drift_of_our_gyro(compass_deg: float) -> None:
     assert wall_turned_deg(compass_deg) < 0.6
 
 
-def test_the_heading_of_an_autopilot_that_is_told_ours_counts_for_nothing() -> None:
+def test_the_heading_of_an_autopilot_that_receives_our_pose_is_not_used() -> None:
     assert wall_turned_deg(0.0, follows_us=True) > 0.9

@@ -39,7 +39,7 @@ from companion.estimation.smoothing.state import Measured, Unknowns
 @settings(deadline=None)
 @given(st.integers(0, 10_000))
 def test_the_bordered_system_solves_least_squares(seed: int) -> None:
-    """Twelve unknowns in a chain, three shared: step and covariance as by dense algebra."""
+    """Twelve chained and three shared unknowns: step and covariance equal the dense solution."""
     random = np.random.default_rng(seed)
     chained, shared, rows = 12, 3, 40
     system = BorderedSystem(chained, shared, bandwidth=4)
@@ -71,7 +71,7 @@ def test_the_bordered_system_solves_least_squares(seed: int) -> None:
 
 
 @pytest.mark.parametrize("sensor", [PAPER, GP2Y0A710K0F])
-def test_noise_is_the_same_at_any_distance_in_signals(sensor: RangeModel) -> None:
+def test_the_noise_of_the_signal_is_the_same_at_any_distance(sensor: RangeModel) -> None:
     units = level(sensor)
     front = np.array([BEAMS.index(Beam.FRONT)])
     for distance_m in (1.25, 2.15, 4.25):
@@ -85,7 +85,7 @@ def level(model: RangeModel) -> RangeUnits:
 
 
 def hits_on_a_wall(seed: int, sigma_m: float = 0.05) -> Measured:
-    """A flight 4 m east along a wall 1.5 m north, eight hits a keyframe."""
+    """A flight 4 m east along a wall 1.5 m north, with eight hits in each keyframe."""
     random, record = Random(seed), FlightRecord()
     front = BEAMS.index(Beam.FRONT)
     for k in range(21):
@@ -105,7 +105,7 @@ def east_flight(walls: list[tuple[float, float]]) -> Unknowns:
 @pytest.mark.parametrize(
     "other", [(0.0, 1.58), (math.radians(4), 1.45), (math.radians(60), 2.0), (math.pi, 1.5)]
 )
-def test_one_wall_is_mapped_as_one(other: tuple[float, float]) -> None:
+def test_two_lines_through_the_hits_of_one_wall_become_one_wall(other: tuple[float, float]) -> None:
     x = east_flight([(0.0, 1.5), other])
     association = Association(level(PAPER), OdometryModel(), Support())
     wall_of = association.associate(x, hits_on_a_wall(1), Gate(0.1))
@@ -116,7 +116,9 @@ def test_one_wall_is_mapped_as_one(other: tuple[float, float]) -> None:
 
 @settings(deadline=None, max_examples=30)
 @given(st.floats(-0.02, 0.02), st.floats(0, 0.008))
-def test_gyro_samples_are_stamped_when_they_were_taken(clock_error: float, phase_s: float) -> None:
+def test_gyro_samples_are_stamped_with_their_sampling_time(
+    clock_error: float, phase_s: float
+) -> None:
     period_s = (1 + clock_error) / 119
     clock, taken = SampleClock(0.0, 119.0), 0
     late_s: list[float] = []
@@ -129,7 +131,7 @@ def test_gyro_samples_are_stamped_when_they_were_taken(clock_error: float, phase
 
 
 def fly_east(estimator: Estimator, seconds: float, seed: int) -> None:
-    """Fly past a wall 1.5 m north towards one at 9 m, 1 m/s, with noise."""
+    """Fly east at 1 m/s past a wall 1.5 m north, towards a wall 9 m east, with noise."""
     random = Random(seed)
     walk_m = 0.005 * math.sqrt(0.05 / 0.1)
     north_error_m = east_error_m = 0.0
@@ -150,7 +152,7 @@ def fly_east(estimator: Estimator, seconds: float, seed: int) -> None:
         estimator.improve(time_s)
 
 
-def test_the_filters_go_on_where_the_smoother_ends() -> None:
+def test_the_filters_restart_from_the_smoothers_result() -> None:
     estimator = Estimator(0.0, level(PAPER).units)
     fly_east(estimator, PERIOD_S + 2.5, seed=1)
     pose = estimator.pose(0.0)
@@ -161,7 +163,7 @@ def test_the_filters_go_on_where_the_smoother_ends() -> None:
     assert wall.offset_m == pytest.approx(1.5, abs=0.03)
 
 
-def test_a_wall_is_as_exact_as_it_claims() -> None:
+def test_wall_errors_are_consistent_with_their_sigma() -> None:
     """Errors in sigmas over seeds, with odometry and range noise as modelled."""
     errors = []
     for seed in range(20):
@@ -175,13 +177,13 @@ def test_a_wall_is_as_exact_as_it_claims() -> None:
     assert 0.5 < float(np.sqrt(np.mean(np.square(errors)))) < 1.5
 
 
-def test_the_heading_is_as_exact_as_it_claims() -> None:
+def test_heading_errors_are_consistent_with_their_sigma() -> None:
     mean, low, high = consistency(seeds=8)
     assert 0.9 * low < mean < 1.1 * high
 
 
-def test_a_part_with_what_came_before_as_a_belief_says_what_the_whole_says() -> None:
-    """Past a wall, with the first half of the flight marginalized."""
+def test_a_part_with_the_marginal_prior_has_the_solution_of_the_whole_flight() -> None:
+    """A flight past a wall, with its first half marginalized."""
     estimator = Estimator(0.0, level(PAPER).units)
     fly_east(estimator, 8.0, seed=3)
     smoother = Smoother(estimator.models, Support())
@@ -194,5 +196,5 @@ def test_a_part_with_what_came_before_as_a_belief_says_what_the_whole_says() -> 
     again = smoother.smooth(x.since(20), whole.between(20, len(x.poses)), prior, (Gate(0.1),))
     assert again.x.poses[-1, :3] == pytest.approx(x.poses[-1, :3], abs=0.002)
     assert again.x.walls == pytest.approx(x.walls, abs=0.002)
-    for part, all_of_it in zip(again.wall_lines, estimate.wall_lines, strict=True):
-        assert part.sigma_m == pytest.approx(all_of_it.sigma_m, rel=0.05)
+    for part, full in zip(again.wall_lines, estimate.wall_lines, strict=True):
+        assert part.sigma_m == pytest.approx(full.sigma_m, rel=0.05)

@@ -1,4 +1,4 @@
-"""Walls nearly in line that were associated as one wall, and single walls."""
+"""Splitting of walls nearly in line that were associated as one wall."""
 
 import math
 from collections.abc import Callable, Generator
@@ -32,9 +32,9 @@ Search = Callable[[HypothesisSearch, Estimate], Generator[None, None, Estimate]]
 
 
 def flight_past_two_walls(seed: int, apart_m: float) -> tuple[Measured, Estimate]:
-    """15 m east, past a wall 1.5 m north, a gap of 3 m, and a wall `apart_m` further north.
+    """Fly 15 m east past a wall 1.5 m north, a gap of 3 m, and a wall `apart_m` further north.
 
-    A third wall runs 1.5 m south. Also returns the solution with the first two taken for one.
+    A third wall runs 1.5 m south. Also returns the solution with the first two as one wall.
     """
     random, record = Random(seed), FlightRecord()
     walk_m = 0.005 * math.sqrt(2)
@@ -60,7 +60,7 @@ def flight_past_two_walls(seed: int, apart_m: float) -> tuple[Measured, Estimate
     return m, Estimate(x, wall_of, solution)
 
 
-def doubtful_visits(m: Measured, estimate: Estimate) -> list[Indices]:
+def suspect_visits(m: Measured, estimate: Estimate) -> list[Indices]:
     work = split_candidates(SMOOTHER, estimate, m, START)
     while True:
         try:
@@ -72,23 +72,23 @@ def doubtful_visits(m: Measured, estimate: Estimate) -> list[Indices]:
 
 @settings(max_examples=30)
 @given(st.integers(0, 1000))
-def test_one_wall_seen_twice_is_not_doubted(seed: int) -> None:
-    m, taken_for_one = flight_past_two_walls(seed, 0.0)
-    assert not doubtful_visits(m, taken_for_one)
+def test_two_visits_to_one_wall_give_no_split_candidate(seed: int) -> None:
+    m, as_one_wall = flight_past_two_walls(seed, 0.0)
+    assert not suspect_visits(m, as_one_wall)
 
 
 @settings(max_examples=30)
 @given(st.integers(0, 1000), st.sampled_from([-0.5, -0.4, 0.4, 0.5]))
-def test_two_walls_taken_for_one_are_doubted(seed: int, apart_m: float) -> None:
-    m, taken_for_one = flight_past_two_walls(seed, apart_m)
-    assert doubtful_visits(m, taken_for_one)
+def test_two_walls_associated_as_one_give_a_split_candidate(seed: int, apart_m: float) -> None:
+    m, as_one_wall = flight_past_two_walls(seed, apart_m)
+    assert suspect_visits(m, as_one_wall)
 
 
 @pytest.mark.parametrize(
     "search", [HypothesisSearch.in_flight_search, HypothesisSearch.final_search]
 )
-def test_each_of_them_is_given_its_own(search: Search) -> None:
-    m, taken_for_one = flight_past_two_walls(1, 0.4)
-    likelier = run_to_end(search(HypothesisSearch(SMOOTHER, m, START, FINAL_GATES), taken_for_one))
+def test_the_search_splits_two_walls_that_were_associated_as_one(search: Search) -> None:
+    m, as_one_wall = flight_past_two_walls(1, 0.4)
+    likelier = run_to_end(search(HypothesisSearch(SMOOTHER, m, START, FINAL_GATES), as_one_wall))
     assert sorted(likelier.x.walls[:, 1]) == pytest.approx([1.5, 1.5, 1.9], abs=0.1)
     assert abs(likelier.x.poses[-1, 0]) < 0.1

@@ -20,7 +20,7 @@ NORTH = np.array([[0.0, 2.0]])
 def along_a_wall(
     out_m: Array, seed: int, slant_rad: float = 0.0, late_m: Array | None = None
 ) -> Steps:
-    """A beam passes a wall at 0.8 m/s, 20 times a second; the wall protrudes by `out_m`.
+    """Hits of a beam along a wall at 0.8 m/s, 20 a second; the wall protrudes by `out_m`, (n,).
 
     `late_m` is the position error of each hit by late odometry.
     """
@@ -46,7 +46,7 @@ def pilaster(depth_m: float) -> Array:
 
 
 @pytest.mark.parametrize("depth_m", [-0.3, -0.15, 0.15, 0.3])
-def test_what_stands_a_hand_before_or_behind_a_wall_is_beside_it(depth_m: float) -> None:
+def test_hits_on_a_pilaster_or_a_recess_are_off_the_surface(depth_m: float) -> None:
     expected = np.zeros(HITS, dtype=bool)
     expected[PILASTER] = True
     off_surface = [
@@ -57,7 +57,7 @@ def test_what_stands_a_hand_before_or_behind_a_wall_is_beside_it(depth_m: float)
 
 
 @pytest.mark.parametrize("slant_deg", [-4, 0, 4])
-def test_a_straight_wall_has_no_step_though_its_direction_is_not_known_well(
+def test_a_straight_wall_with_an_uncertain_direction_has_no_step(
     slant_deg: float,
 ) -> None:
     slant_rad = math.radians(slant_deg)
@@ -65,19 +65,19 @@ def test_a_straight_wall_has_no_step_though_its_direction_is_not_known_well(
     assert sum(steps.off_surface(ALL, NORTH).any() for steps in straight) <= 0.02 * FLIGHTS
 
 
-def test_hits_of_no_wall_are_beside_none() -> None:
+def test_hits_without_a_wall_are_never_off_the_surface() -> None:
     assert not along_a_wall(pilaster(0.15), 1).off_surface(np.full(HITS, -1), NORTH).any()
 
 
 @pytest.mark.parametrize(("depth_m", "apart"), [(0.15, True), (0.0, False)])
-def test_a_wall_and_its_pilaster_are_two(depth_m: float, apart: bool) -> None:
+def test_a_step_separates_a_wall_and_its_pilaster(depth_m: float, apart: bool) -> None:
     steps = along_a_wall(pilaster(depth_m), seed=1)
     on_it = np.arange(HITS)[PILASTER]
     assert steps.separates(on_it, np.setdiff1d(np.arange(HITS), on_it), 0.0) == apart
 
 
-def test_a_step_that_late_odometry_explains_is_none() -> None:
-    """Odometry that was 0.4 s late split a wall into three."""
+def test_a_step_that_late_odometry_explains_is_ignored() -> None:
+    """Otherwise odometry 0.4 s late would split a wall into three."""
     late_m = np.zeros(HITS)
     late_m[PILASTER] = 0.08
     straight = [along_a_wall(pilaster(0.1), seed, late_m=late_m) for seed in range(FLIGHTS)]

@@ -22,19 +22,19 @@ def noise_m(seed: int, hits: int = 400) -> np.ndarray:
 
 
 def fitted_m(across_m: np.ndarray) -> np.ndarray:
-    """Residuals about the best line."""
+    """Residuals from the least-squares line, m."""
     return across_m - np.polyval(np.polyfit(along_m(), across_m, 1), along_m())
 
 
 @given(st.integers(0, 2**32 - 1), st.floats(-0.1, 0.1))
-def test_a_straight_wall_is_straight_however_it_is_turned(seed: int, slope: float) -> None:
+def test_a_straight_wall_is_straight_in_any_direction(seed: int, slope: float) -> None:
     across_m = slope * along_m() + noise_m(seed)
     assert bend(along_m(), across_m, np.full(400, SIGMA_M)).is_straight
 
 
 @pytest.mark.parametrize("at_m", [-1.0, 0.0, 0.7])
 @pytest.mark.parametrize("bend_deg", [-16.0, 10.0])
-def test_a_wall_that_bends_is_cut_there(at_m: float, bend_deg: float) -> None:
+def test_a_wall_with_a_bend_is_cut_at_the_bend(at_m: float, bend_deg: float) -> None:
     behind_m = np.maximum(along_m() - at_m, 0.0)
     across_m = fitted_m(math.tan(math.radians(bend_deg)) * behind_m + noise_m(1))
     bent = bend(along_m(), across_m, np.full(400, SIGMA_M))
@@ -42,7 +42,7 @@ def test_a_wall_that_bends_is_cut_there(at_m: float, bend_deg: float) -> None:
     assert bent.at_m == pytest.approx(at_m, abs=0.5)
 
 
-def test_a_wall_with_a_step_is_cut_there_and_the_longer_side_is_kept() -> None:
+def test_a_wall_with_a_step_is_cut_at_the_step_and_the_longer_side_is_kept() -> None:
     across_m = fitted_m(np.where(along_m() > 1.0, 0.2, 0.0) + noise_m(2))
     bent = bend(along_m(), across_m, np.full(400, SIGMA_M))
     assert not bent.is_straight
@@ -51,8 +51,8 @@ def test_a_wall_with_a_step_is_cut_there_and_the_longer_side_is_kept() -> None:
     assert kept.sum() > 200
 
 
-def test_what_is_left_of_a_bend_that_the_flight_was_bent_to_is_seen_in_coarse_hits() -> None:
-    """Two walls of a corridor, bent by 16 degrees, were one wall with each hit within its noise."""
+def test_a_bend_to_which_the_trajectory_has_adapted_is_detected_in_noisy_hits() -> None:
+    """Two walls of a corridor, bent by 16 degrees, as one wall: each hit is within its noise."""
     sigma_m = 0.09
     along = np.linspace(-2.75, 0.5, 260)
     left_m = np.interp(along, [-2.75, -1.0, 0.5], [0.12, -0.09, 0.06])
@@ -63,9 +63,9 @@ def test_what_is_left_of_a_bend_that_the_flight_was_bent_to_is_seen_in_coarse_hi
     assert bent.at_m == pytest.approx(-1.0, abs=0.5)
 
 
-def test_what_is_too_short_is_straight() -> None:
+def test_a_wall_that_is_too_short_counts_as_straight() -> None:
     assert bend(np.linspace(0, 0.4, 20), np.linspace(0, 0.4, 20), np.full(20, 0.01)).is_straight
 
 
-def test_no_hits_are_straight() -> None:
+def test_a_wall_without_hits_counts_as_straight() -> None:
     assert bend(np.empty(0), np.empty(0), np.empty(0)).is_straight

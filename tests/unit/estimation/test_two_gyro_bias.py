@@ -12,16 +12,18 @@ from companion.estimation.smoothing.state import Measured
 from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, aided
 
 STEP_S, KEYFRAMES = 0.2, 1500
-OWN_SCALE, THEIR_SCALE, THEIR_BIAS_DEG_S = 1.02, 0.99, 0.1
+OWN_SCALE, AUTOPILOT_SCALE, AUTOPILOT_BIAS_DEG_S = 1.02, 0.99, 0.1
 
 
 def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
-    """Five minutes with turns to both sides and a trend to the right; our gyro has this bias."""
+    """Five minutes of turns to both sides with a trend to the right; our gyro has this bias."""
     time_s: Array = STEP_S * np.arange(KEYFRAMES, dtype=np.float64)
     yaw_deg = 3 * time_s + 45 * np.sin(time_s)
     noise = np.random.default_rng(1).normal(0, 1, (2, KEYFRAMES))
     own_deg = OWN_SCALE * np.diff(yaw_deg) + STEP_S * bias_deg_s[:-1] + 0.009 * noise[0, 1:]
-    autopilot_deg = THEIR_SCALE * yaw_deg + THEIR_BIAS_DEG_S * time_s + compass_deg + 0.2 * noise[1]
+    autopilot_deg = (
+        AUTOPILOT_SCALE * yaw_deg + AUTOPILOT_BIAS_DEG_S * time_s + compass_deg + 0.2 * noise[1]
+    )
     nothing, none = np.empty(0), np.empty(0, dtype=np.int64)
     return Measured(
         dt_s=np.full(KEYFRAMES - 1, STEP_S),
@@ -42,13 +44,13 @@ def flight(bias_deg_s: Array, compass_deg: Array | float = 0.0) -> Measured:
 
 
 def wandering(seed: int) -> Array:
-    """Random walk like that of an LSM9DS1: a tenth of a degree per second after some minutes."""
+    """Random walk as of an LSM9DS1, deg/s: a tenth of a degree per second after some minutes."""
     steps = np.random.default_rng(seed).normal(0, 0.008 * math.sqrt(STEP_S), KEYFRAMES)
     return np.cumsum(steps)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> None:
+def test_the_estimated_change_of_the_bias_keeps_the_heading_over_minutes(seed: int) -> None:
     bias_deg_s = wandering(seed)
     m = aided(flight(bias_deg_s), GyroModel(), AutopilotGyroModel())
     assert m.is_aided.all()
@@ -60,19 +62,19 @@ def test_how_the_bias_has_moved_holds_the_heading_over_minutes(seed: int) -> Non
     assert np.std(heading_off_deg) < 0.2 * np.std(alone_off_deg)
 
 
-def test_a_heading_that_a_compass_sets_counts_for_nothing() -> None:
+def test_a_heading_that_a_compass_resets_is_not_used() -> None:
     disturbed_deg = 8 * np.sin(0.7 * STEP_S * np.arange(KEYFRAMES))
     m = flight(wandering(0), disturbed_deg)
     assert aided(m, GyroModel(), AutopilotGyroModel()) is m
 
 
-def test_without_an_autopilot_that_tells_its_heading_nothing_is_known() -> None:
+def test_the_bias_change_is_not_estimated_without_a_reported_heading() -> None:
     m = flight(wandering(0))
-    silent = replace(m, autopilot_yaw_rad=np.full(KEYFRAMES, np.nan))
-    assert aided(silent, GyroModel(), AutopilotGyroModel()) is silent
+    unreported = replace(m, autopilot_yaw_rad=np.full(KEYFRAMES, np.nan))
+    assert aided(unreported, GyroModel(), AutopilotGyroModel()) is unreported
 
 
-def test_where_it_did_not_tell_for_a_while_it_is_bridged() -> None:
+def test_a_gap_in_the_reported_heading_is_bridged() -> None:
     bias_deg_s = wandering(2)
     m = flight(bias_deg_s)
     autopilot_yaw_rad = m.autopilot_yaw_rad.copy()

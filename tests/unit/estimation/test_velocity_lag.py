@@ -1,4 +1,4 @@
-"""Estimation of the velocity lag from earlier responses."""
+"""Estimation of the velocity lag from responses to earlier setpoints."""
 
 from collections.abc import Sequence
 from random import Random
@@ -24,11 +24,11 @@ class Flown:
         self._shaper = SetpointShaper(response)
         self._vehicle = Vehicle(start, Random(1), response.airframe, Gusts(sigma_m_s=0.0))
         self._steps = 0
-        for _ in range(300):  # off the ground, on which nothing moves
+        for _ in range(300):  # lift off: the vehicle does not move on the ground
             self._vehicle.step((0.0, 0.0, -0.5), 0.0)
 
     def flies(self, setpoint: Setpoint, for_s: float) -> float:
-        """Distance flown north, m."""
+        """Fly with a setpoint; returns the distance flown north, m."""
         began_m = self._vehicle.state.position_ned_m[0]
         for _ in range(round(for_s / (TICK_STEPS * STEP_S))):
             now_s = self._steps * STEP_S
@@ -49,17 +49,17 @@ def legs(speeds_m_s: Sequence[float]) -> list[tuple[Setpoint, float]]:
 
 
 @pytest.mark.parametrize("speed_m_s", [0.4, 0.8])
-def test_it_knows_how_far_the_drone_goes_on(speed_m_s: float) -> None:
-    for response, most in ((ARDUCOPTER, 1.25), (PX4, 1.6)):
+def test_the_estimated_lag_predicts_the_stopping_distance(speed_m_s: float) -> None:
+    for response, max_ratio in ((ARDUCOPTER, 1.25), (PX4, 1.6)):
         drone = Flown(response)
         for setpoint, for_s in legs((0.8, -0.8, 0.5, -0.5)):
             drone.flies(setpoint, for_s)
         drone.flies(Setpoint(speed_m_s), 4.0)
         coasted_m = drone.flies(HOLD, 5.0)
-        assert 0.75 < drone.lag.lag_s * speed_m_s / coasted_m < most
+        assert 0.75 < drone.lag.lag_s * speed_m_s / coasted_m < max_ratio
 
 
-def test_px4_goes_on_for_longer_than_arducopter() -> None:
+def test_px4_has_a_longer_lag_than_arducopter() -> None:
     lags_s = []
     for response in (ARDUCOPTER, PX4):
         drone = Flown(response)
@@ -69,26 +69,26 @@ def test_px4_goes_on_for_longer_than_arducopter() -> None:
     assert lags_s[0] < lags_s[1]
 
 
-def test_a_drone_that_hovers_tells_nothing() -> None:
+def test_a_hover_does_not_change_the_lag() -> None:
     drone = Flown(PX4)
     drone.flies(HOLD, 60.0)
     assert drone.lag.lag_s == pytest.approx(FIRST_LAG_S)
 
 
-def test_a_pause_of_the_setpoints_is_no_answer() -> None:
+def test_a_pause_of_the_setpoints_does_not_change_the_lag() -> None:
     drone = Flown(ARDUCOPTER)
     for setpoint, for_s in legs((0.8, -0.8)):
         drone.flies(setpoint, for_s)
-    known_s = drone.lag.lag_s
+    before_s = drone.lag.lag_s
     drone.lag.ask(100.0, None)
     drone.lag.take(Odometry(100.0, (0.0, 0.0, -1.0), (2.0, 0.0, 0.0), 0.0))
     drone.lag.ask(130.0, HOLD)
     drone.lag.take(Odometry(130.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0))
-    assert drone.lag.lag_s == known_s
+    assert drone.lag.lag_s == before_s
 
 
 @pytest.mark.parametrize("lag_s", [0.3, 0.75, 1.3])
-def test_the_speed_is_one_from_which_the_drone_can_stop(lag_s: float) -> None:
+def test_the_drone_can_stop_from_the_approach_speed_within_its_clearance(lag_s: float) -> None:
     for room_m in (0.1, 0.5, 2.0, 5.0):
         speed_m_s = approach_speed(room_m, 10.0, lag_s)
         assert speed_m_s * lag_s + speed_m_s**2 / (2 * 0.5) == pytest.approx(room_m)

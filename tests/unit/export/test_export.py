@@ -134,7 +134,7 @@ def test_trimesh_finds_floor_walls_and_ceiling_in_the_glb(exported: Exported) ->
     assert scene.geometry["ceiling"].bounds[:, 1] == pytest.approx([ceiling_m] * 2, abs=1e-4)
 
 
-def test_points_come_back_from_ply_and_pcd(exported: Exported) -> None:
+def test_trimesh_and_pypcd4_read_the_hits_from_ply_and_pcd(exported: Exported) -> None:
     hits = np.array([ned_to_enu(hit.position_ned_m) for hit in exported.flight.plan.hits])
     ply = trimesh.load(exported.path("ply"))
     pcd = PointCloud.from_path(exported.path("pcd"))
@@ -157,7 +157,7 @@ def test_pillow_and_yaml_read_the_ros_map(exported: Exported) -> None:
     assert cells[0, 0] == 205
 
 
-def test_octomap_knows_walls_from_free_and_from_unknown(exported: Exported) -> None:
+def test_octomap_distinguishes_walls_free_and_unknown_space(exported: Exported) -> None:
     tree = pyoctomap.OcTree(str(exported.path("bt")).encode())
     occupied, free = tree.extractPointCloud()
     assert tree.getResolution() == CELL_M
@@ -296,7 +296,7 @@ def test_an_empty_map_is_exported(name: str, tmp_path: Path) -> None:
     assert path.stat().st_size
 
 
-def test_a_folder_in_the_way_is_told_in_one_line(exported: Exported, tmp_path: Path) -> None:
+def test_a_folder_at_the_path_of_the_file_is_an_error(exported: Exported, tmp_path: Path) -> None:
     (tmp_path / "map.json").mkdir()
     with pytest.raises(OutputError, match=r"map\.json"):
         export(exported.found, ["json"], tmp_path, "map", LABELS)
@@ -328,7 +328,7 @@ def true_plan(name: str, way_ne_m: list[tuple[float, float]]) -> FloorPlan:
         ("office", [(3, 5), (5, 7), (5, 11), (7, 13)], [88.6, 68.4], [1.0]),
     ],
 )
-def test_rooms_and_doors_of_the_papers_buildings(
+def test_the_survey_finds_rooms_and_doors_of_the_papers_buildings(
     name: str, way_ne_m: list[tuple[float, float]], areas_m2: list[float], doors_m: list[float]
 ) -> None:
     found = survey(true_plan(name, way_ne_m))
@@ -336,8 +336,8 @@ def test_rooms_and_doors_of_the_papers_buildings(
     assert [gap.width_m for gap in found.openings] == pytest.approx(doors_m, abs=0.02)
 
 
-def test_the_area_of_a_flown_room_is_true_to_two_percent(exported: Exported) -> None:
-    """tests/flights checks the areas of other rooms."""
+def test_the_area_of_a_flown_room_has_an_error_below_two_percent(exported: Exported) -> None:
+    """Tests in tests/flights check the areas of other rooms."""
     assert [room.area_m2 for room in exported.found.rooms] == pytest.approx([100.0], rel=0.02)
 
 
@@ -354,7 +354,7 @@ BEHIND_A_CUPBOARD = walled(
 
 
 @pytest.mark.parametrize(("ways_out", "rooms_m2"), [(0, [48]), (3, [])])
-def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
+def test_a_gap_behind_a_cupboard_is_closed_unless_the_path_crosses_it(
     ways_out: int, rooms_m2: list[float]
 ) -> None:
     way = [(2, 3), (4, 3)] + ways_out * [(4, -2), (4, 3)]
@@ -364,7 +364,7 @@ def test_a_wall_goes_on_behind_a_cupboard_unless_one_can_look_through(
     assert not found.openings
 
 
-def test_the_inside_of_a_wall_is_no_part_of_a_room_though_its_ends_open_to_it() -> None:
+def test_the_inside_of_a_wall_with_an_open_end_is_not_part_of_a_room() -> None:
     """The partition is 14 cm thick; one face ends 3 cm before the outer wall; hits lie inside."""
     outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
     south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
@@ -389,7 +389,7 @@ def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_p
     assert len(space.query('LINE[layer=="OPENINGS"]')) == 1
 
 
-def test_a_room_behind_a_wall_that_nobody_looked_into_is_no_room() -> None:
+def test_a_room_that_neither_beams_nor_the_path_entered_is_not_a_room() -> None:
     found = survey(true_plan("two_room_300", [(5, 4), (7, 5)]))
     assert [room.area_m2 for room in found.rooms] == pytest.approx([149.25], rel=0.02)
     assert not found.openings
@@ -427,7 +427,7 @@ def test_gltf_is_enu_with_y_up(ned: tuple[float, float, float]) -> None:
 
 
 @given(st.floats(-80, 80), st.floats(-180, 180), st.floats(-100, 100), st.floats(-100, 100))
-def test_places_on_earth_are_as_proj_has_them(
+def test_geographic_positions_match_those_of_proj(
     lat_deg: float, lon_deg: float, north_m: float, east_m: float
 ) -> None:
     lon, lat = Place(lat_deg, lon_deg).lon_lat_deg(north_m, east_m)
@@ -461,7 +461,7 @@ def any_recording(request: pytest.FixtureRequest, recording: Path, tmp_path: Pat
     return cut
 
 
-def test_the_commands_take_whole_recordings_and_cut_ones(
+def test_the_commands_accept_whole_and_truncated_recordings(
     any_recording: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
@@ -478,21 +478,23 @@ def test_the_commands_take_whole_recordings_and_cut_ones(
     assert not re.search(r'(src|href)="(?!#|data:)', page)
 
 
-def test_the_report_tells_the_flight(recording: Path, tmp_path: Path) -> None:
+def test_the_report_contains_result_phases_rooms_and_faults(
+    recording: Path, tmp_path: Path
+) -> None:
     path = tmp_path / "report.html"
     companion("report", recording, "--out", path)
     page = path.read_text()
-    for told in (
+    for text in (
         "mission complete",
         "scanning parallel to the wall",
         "room 1",
         "no faults",
     ):
-        assert told in page
+        assert text in page
 
 
 @pytest.mark.parametrize("command", ["replay", "report", "export"])
-def test_what_is_no_recording_is_one_line(command: str, tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_a_one_line_error(command: str, tmp_path: Path) -> None:
     path = tmp_path / "x.mcap"
     path.write_text("no")
     options = ["--format", "dxf"] if command == "export" else []

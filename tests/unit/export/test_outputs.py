@@ -1,4 +1,4 @@
-"""Tests the output files: one that fails does not stop the others, and any file name works."""
+"""Output files: one that fails does not prevent the others, and any file name works."""
 
 import json
 from itertools import pairwise
@@ -44,7 +44,7 @@ def room(north_m: float = 4.0, east_m: float = 3.0, corner: Vector2 = (0.0, 0.0)
     )
 
 
-# Names
+# File names
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -56,7 +56,7 @@ def room(north_m: float = 4.0, east_m: float = 3.0, corner: Vector2 = (0.0, 0.0)
 @pytest.mark.parametrize(
     "always", ["kitchen #2", "flat 3: east wing", "- draft", "a\"b\\c'd", "😀"]
 )
-def test_a_ros_map_names_its_picture_whatever_it_is_called(
+def test_a_ros_map_names_its_image_for_any_file_name(
     tmp_path: Path, name: str, always: str
 ) -> None:
     for stem in (name, always):
@@ -67,13 +67,13 @@ def test_a_ros_map_names_its_picture_whatever_it_is_called(
         path.unlink()
 
 
-def test_names_with_dollars_are_no_formulas(tmp_path: Path) -> None:
+def test_dollar_signs_in_a_name_are_not_parsed_as_a_formula(tmp_path: Path) -> None:
     world = load_world("room_100").model_copy(update={"name": "$x^ and $y"})
     draw_plan(world, tmp_path / "plan.png")
     assert (tmp_path / "plan.png").stat().st_size > 0
 
 
-# DXF
+# Initial view of a DXF
 
 
 def active_view(document: Drawing) -> VPort:
@@ -87,7 +87,7 @@ def active_view(document: Drawing) -> VPort:
     corner=st.tuples(st.floats(-100, 100), st.floats(-100, 100)),
 )
 @settings(max_examples=10, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_a_cad_program_shows_the_whole_plan_at_first(
+def test_the_initial_view_of_a_dxf_shows_the_whole_plan(
     tmp_path: Path, north_m: float, east_m: float, corner: Vector2
 ) -> None:
     write_dxf(survey(room(north_m, east_m, corner)), tmp_path / "plan.dxf")
@@ -106,32 +106,32 @@ def test_a_cad_program_shows_the_whole_plan_at_first(
     assert (document.header["$INSUNITS"], document.header["$MEASUREMENT"]) == (6, 1)
 
 
-def test_an_empty_dxf_shows_some_metres(tmp_path: Path) -> None:
+def test_the_initial_view_of_an_empty_dxf_shows_some_metres(tmp_path: Path) -> None:
     write_dxf(survey(FloorPlan()), tmp_path / "plan.dxf")
     view = active_view(ezdxf.filemanagement.readfile(tmp_path / "plan.dxf"))
     assert 5 < view.dxf.height < 50
 
 
-# One fails
+# Failing output files
 
 
 def broken(*_: object) -> None:
-    raise RuntimeError("a library's own trouble")
+    raise RuntimeError("an error inside a library")
 
 
 @pytest.mark.parametrize("victim", ["map.json", "map.png", "map.ply"])
-def test_a_map_file_that_fails_does_not_take_the_others_along(
+def test_a_map_file_that_fails_does_not_prevent_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, victim: str
 ) -> None:
     monkeypatch.setitem(map_files.MAP_WRITERS, victim, broken)
-    with pytest.raises(OutputError, match=rf"^\S+{victim}: .*a library's own trouble"):
+    with pytest.raises(OutputError, match=rf"^\S+{victim}: .*an error inside a library"):
         save(room(), tmp_path)
     left = {"map.json", "map.png", "map.ply"} - {victim}
     assert {path.name for path in tmp_path.iterdir()} == left
 
 
 @pytest.mark.parametrize("victim", ["map.png", "map.json", "trajectory.tum", "report.json"])
-def test_a_file_of_a_log_that_fails_does_not_take_the_others_along(
+def test_an_output_file_of_a_log_that_fails_does_not_prevent_the_others(
     tmp_path: Path, victim: str
 ) -> None:
     rows = [f"{0.1 * i},{0.1 * i},0,0,{4 - 0.1 * i}" for i in range(20)]
@@ -147,23 +147,28 @@ def test_a_file_of_a_log_that_fails_does_not_take_the_others_along(
     assert written == every - {victim}
 
 
-def test_a_format_that_fails_does_not_take_the_others_along(
+def test_a_format_that_fails_does_not_prevent_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(formats.WRITERS, "dxf", ("gone", "write_dxf"))
     (tmp_path / "map.svg").mkdir()
-    told: list[Path] = []
+    written: list[Path] = []
     with pytest.raises(OutputError) as refused:
         export(
-            survey(room()), ["dxf", "svg", "pgm", "json"], tmp_path, "map", LABELS, tell=told.append
+            survey(room()),
+            ["dxf", "svg", "pgm", "json"],
+            tmp_path,
+            "map",
+            LABELS,
+            tell=written.append,
         )
     assert "pip install 'pdps-companion[export]'" in str(refused.value)
     assert f"{tmp_path / 'map.svg'}: Is a directory" in str(refused.value)
-    assert [path.name for path in told] == ["map.pgm", "map.json"]
+    assert [path.name for path in written] == ["map.pgm", "map.json"]
     assert json.loads((tmp_path / "map.json").read_text())["walls"]
 
 
-def test_a_simulated_flight_is_scored_though_its_map_cannot_be_written(tmp_path: Path) -> None:
+def test_a_simulated_flight_is_scored_if_its_map_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "map.png" / "in the way").mkdir(parents=True)
     result = CliRunner().invoke(sitl, ["fly", SMALL_ROOM, "--out", str(tmp_path)])
     assert isinstance(result.exception, OutputError)
@@ -174,7 +179,7 @@ def test_a_simulated_flight_is_scored_though_its_map_cannot_be_written(tmp_path:
 
 
 @pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"walls": [1]}'])
-def test_what_is_no_map_or_truth_is_one_line(tmp_path: Path, text: str) -> None:
+def test_an_invalid_map_or_ground_truth_is_a_one_line_error(tmp_path: Path, text: str) -> None:
     (tmp_path / "map.json").write_text(text)
     files = [str(tmp_path / "map.json")] * 2
     result = CliRunner().invoke(sitl, ["score", SMALL_ROOM, *files])
@@ -183,7 +188,7 @@ def test_what_is_no_map_or_truth_is_one_line(tmp_path: Path, text: str) -> None:
     assert "\n" not in str(result.exception)
 
 
-def test_a_plan_that_cannot_be_drawn_there_is_one_line(tmp_path: Path) -> None:
+def test_a_plan_that_cannot_be_written_is_an_error_with_its_path(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     out = str(tmp_path / "file" / "plan.png")
     result = CliRunner().invoke(sitl, ["world", "show", "room_100", "--out", out])
