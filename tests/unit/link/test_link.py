@@ -64,7 +64,7 @@ def vehicle() -> Vehicle:
     return Vehicle()
 
 
-def test_a_heartbeat_connects_and_silence_disconnects(vehicle: Vehicle) -> None:
+def test_a_heartbeat_connects_and_a_timeout_disconnects(vehicle: Vehicle) -> None:
     assert not vehicle.says().vehicle.connected
     state = vehicle.says(heartbeat(4, armed=True)).vehicle
     assert (state.connected, state.mode, state.in_offboard_mode, state.armed) == (
@@ -81,13 +81,13 @@ def test_an_unknown_autopilot_is_not_connected(vehicle: Vehicle) -> None:
     assert not vehicle.says(stranger).vehicle.connected
 
 
-def test_it_beats_once_a_second_as_an_onboard_controller(vehicle: Vehicle) -> None:
+def test_link_sends_one_heartbeat_per_second_as_onboard_controller(vehicle: Vehicle) -> None:
     beats = [m for _ in range(60) for m in vehicle.tick() if m.get_type() == "HEARTBEAT"]
     assert len(beats) == 3
     assert (beats[0].type, beats[0].autopilot, beats[0].get_srcComponent()) == (18, 8, 191)
 
 
-def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> None:
+def test_link_requests_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick()
     asked = {int(m.param1) for m in vehicle.received if m.get_type() == "COMMAND_LONG"}
@@ -96,7 +96,7 @@ def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> No
     assert (timeout.param_id, timeout.param_value) == ("GUID_TIMEOUT", 0.5)
 
 
-def test_how_long_an_old_setpoint_is_flown_can_be_set() -> None:
+def test_setpoint_timeout_is_configurable() -> None:
     vehicle = Vehicle(LinkConfig(setpoint_loss_s=2.0))
     vehicle.says(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3))
     vehicle.tick()
@@ -105,7 +105,7 @@ def test_how_long_an_old_setpoint_is_flown_can_be_set() -> None:
     assert "COM_OBL_RC_ACT" in told
 
 
-def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
+def test_link_requests_a_missing_stream_again(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     for _ in range(80):
         vehicle.says(position(int(vehicle.now_s * 1000) + 1))
@@ -142,7 +142,7 @@ def streams(vehicle: Vehicle, seconds: float, attitude_hz: float) -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, 0.2, 1.0, 4.0, 16.0])
-def test_a_stream_that_somebody_slows_is_asked_for_again_soon_and_then_more_rarely(
+def test_a_slowed_stream_is_requested_again_soon_and_then_less_often(
     vehicle: Vehicle, rate_hz: float
 ) -> None:
     vehicle.says(heartbeat())
@@ -160,14 +160,18 @@ def test_a_stream_that_somebody_slows_is_asked_for_again_soon_and_then_more_rare
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 25.0, 50.0])
-def test_a_stream_that_comes_about_as_asked_is_let_be(vehicle: Vehicle, rate_hz: float) -> None:
+def test_a_stream_at_the_requested_rate_is_not_requested_again(
+    vehicle: Vehicle, rate_hz: float
+) -> None:
     vehicle.says(heartbeat())
     streams(vehicle, 60.0, rate_hz)
     assert len(asked(vehicle, 30)) == 1
 
 
 @pytest.mark.parametrize("rate_hz", [0.4, 1.2])
-def test_a_stream_of_a_low_rate_is_asked_for_again_too(vehicle: Vehicle, rate_hz: float) -> None:
+def test_a_low_rate_stream_that_is_too_slow_is_requested_again(
+    vehicle: Vehicle, rate_hz: float
+) -> None:
     stream = Stream(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0)
     status = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0)
     stream.requests(0.0, (1, 1))
@@ -181,7 +185,7 @@ def test_a_stream_of_a_low_rate_is_asked_for_again_too(vehicle: Vehicle, rate_hz
     assert 2 <= requests <= 20
 
 
-def test_with_five_sensors_on_one_stream_each_counts_for_itself() -> None:
+def test_rate_of_a_stream_with_five_sensors_is_measured_per_sensor() -> None:
     stream = Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 20.0)
     stream.requests(0.0, (1, 1))
     requests = 0
@@ -195,7 +199,7 @@ def test_with_five_sensors_on_one_stream_each_counts_for_itself() -> None:
     assert stream.is_slow
 
 
-def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle) -> None:
+def test_estimate_is_ready_with_flags_position_timeout_and_landed_state(vehicle: Vehicle) -> None:
     def report(flags: int) -> Message:
         return mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0)
 
@@ -210,7 +214,7 @@ def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle)
     assert not vehicle.says(report(167)).vehicle.estimate_ready
 
 
-def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
+def test_odometry_is_extrapolated_to_the_present(vehicle: Vehicle) -> None:
     vehicle.now_s = 1.0
     vehicle.says(heartbeat(), attitude(1000, 0.6))
     vehicle.now_s = 1.05
@@ -220,7 +224,7 @@ def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
     assert odometry.yaw_rad == pytest.approx(0.6 + 0.2 * 0.05)
 
 
-def test_odometry_says_whether_it_comes_of_what_we_told() -> None:
+def test_odometry_is_marked_if_it_follows_the_pose_that_the_link_sends() -> None:
     for send_pose in (False, True):
         vehicle = Vehicle(LinkConfig(send_pose=send_pose))
         vehicle.says(heartbeat(), position(1000), attitude(1000))
@@ -229,20 +233,20 @@ def test_odometry_says_whether_it_comes_of_what_we_told() -> None:
         assert odometry.follows_us is send_pose
 
 
-def test_a_position_without_a_fresh_attitude_is_no_odometry(vehicle: Vehicle) -> None:
+def test_a_position_without_a_recent_attitude_gives_no_odometry(vehicle: Vehicle) -> None:
     assert vehicle.says(heartbeat(), position(100)).odometry is None
     vehicle.says(attitude(100))
     vehicle.now_s += 0.5
     assert vehicle.says(position(600)).odometry is None
 
 
-def test_late_and_repeated_messages_never_step_back(vehicle: Vehicle) -> None:
+def test_late_and_repeated_messages_give_no_odometry(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat(), attitude(200), position(200))
     assert vehicle.says(attitude(150), position(150)).odometry is None
     assert vehicle.says(attitude(200), position(200)).odometry is None
 
 
-def test_a_pause_before_reading_costs_one_odometry(vehicle: Vehicle) -> None:
+def test_a_pause_before_reading_drops_one_odometry(vehicle: Vehicle) -> None:
     """Messages received during the pause are newer than the last reading of our clock."""
     vehicle.says(heartbeat())
     for tick in range(1, 40):
@@ -255,7 +259,7 @@ def test_a_pause_before_reading_costs_one_odometry(vehicle: Vehicle) -> None:
             assert odometry.position_ned_m[0] == pytest.approx(0.1 * vehicle.now_s, abs=0.01)
 
 
-def test_other_vehicles_do_not_count(vehicle: Vehicle) -> None:
+def test_messages_of_other_vehicles_are_ignored(vehicle: Vehicle) -> None:
     from companion.link.transports.transport import make_codec  # noqa: PLC0415 - only here
 
     stranger = heartbeat(4).pack(make_codec(2, 1))
@@ -275,7 +279,7 @@ def commands(vehicle: Vehicle, number: int) -> list[Message]:
     return [m for m in vehicle.received if m.get_type() == "COMMAND_LONG" and m.command == number]
 
 
-def test_a_command_is_repeated_until_it_is_wanted_no_more(vehicle: Vehicle) -> None:
+def test_a_command_is_repeated_while_it_is_requested(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     for _ in range(25):
         vehicle.tick(command=Command(CommandKind.ARM))
@@ -295,7 +299,7 @@ def test_a_command_is_repeated_until_it_is_wanted_no_more(vehicle: Vehicle) -> N
         (Command(CommandKind.LAND), 176, (1, 9)),
     ],
 )
-def test_commands_are_what_arducopter_takes(
+def test_commands_have_the_parameters_that_arducopter_expects(
     vehicle: Vehicle, command: Command, number: int, parameters: tuple[int, int]
 ) -> None:
     vehicle.says(heartbeat())
@@ -304,14 +308,14 @@ def test_commands_are_what_arducopter_takes(
     assert (sent.param1, sent.param2) == parameters
 
 
-def test_take_off_names_the_height(vehicle: Vehicle) -> None:
+def test_take_off_command_contains_the_height(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick(command=Command(CommandKind.TAKE_OFF, 1.5))
     (sent,) = commands(vehicle, 22)
     assert sent.param7 == 1.5
 
 
-def test_a_refusal_carries_the_autopilots_reason(vehicle: Vehicle) -> None:
+def test_a_refusal_contains_the_autopilots_reason(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick(command=Command(CommandKind.ARM))
     ack = mavlink.MAVLink_command_ack_message(400, 4)
@@ -329,19 +333,19 @@ def test_chunks_of_a_long_text_are_joined(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize(("value", "state"), [(1, LandedState.ON_GROUND), (2, LandedState.IN_AIR)])
-def test_landed_state(vehicle: Vehicle, value: int, state: LandedState) -> None:
+def test_landed_state_is_decoded(vehicle: Vehicle, value: int, state: LandedState) -> None:
     message = mavlink.MAVLink_extended_sys_state_message(0, value)
     assert vehicle.says(heartbeat(), message).vehicle.landed_state is state
 
 
-def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> None:
+def test_silence_is_infinite_before_the_first_message(vehicle: Vehicle) -> None:
     assert math.isinf(vehicle.says().vehicle.silent_s)
 
 
 # Control of the drone, and answers to commands
 
 
-def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
+def test_only_a_heartbeat_makes_the_mode_recent(vehicle: Vehicle) -> None:
     assert vehicle.says(heartbeat(4)).vehicle.is_mode_recent
     vehicle.now_s = 3.0
     state = vehicle.says(attitude(1000)).vehicle
@@ -349,7 +353,7 @@ def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
     assert vehicle.says(heartbeat(5)).vehicle.is_mode_recent
 
 
-def test_a_mode_that_was_ours_again_by_the_time_we_looked_was_left(vehicle: Vehicle) -> None:
+def test_a_brief_mode_change_between_two_polls_is_detected(vehicle: Vehicle) -> None:
     assert not vehicle.says(heartbeat(0), heartbeat(4)).vehicle.left_offboard
     state = vehicle.says(heartbeat(5), heartbeat(4)).vehicle
     assert (state.in_offboard_mode, state.left_offboard) == (True, True)
@@ -363,7 +367,7 @@ def ack(command: int, result: int, to_component: int = 0) -> Message:
 @pytest.mark.parametrize(
     ("results", "refused"), [((), False), ((1,), True), ((0,), False), ((0, 1), False)]
 )
-def test_a_command_is_refused_if_nothing_but_refusals_answer_it(
+def test_a_command_is_refused_if_all_acknowledgements_refuse_it(
     vehicle: Vehicle, results: tuple[int, ...], refused: bool
 ) -> None:
     vehicle.says(heartbeat(4))
@@ -372,7 +376,7 @@ def test_a_command_is_refused_if_nothing_but_refusals_answer_it(
     assert told.is_refused == refused
 
 
-def test_an_ack_for_somebody_else_is_not_ours(vehicle: Vehicle) -> None:
+def test_an_acknowledgement_for_another_component_is_ignored(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat(4))
     vehicle.tick(command=Command(CommandKind.ARM))
     assert not vehicle.says(ack(400, 4, to_component=190)).vehicle.is_refused
@@ -380,7 +384,7 @@ def test_an_ack_for_somebody_else_is_not_ours(vehicle: Vehicle) -> None:
 
 
 @pytest.mark.parametrize("results", [(0,), (5,), (0, 1), (1, 0)])
-def test_a_take_off_is_asked_for_until_it_is_accepted(
+def test_take_off_is_repeated_until_it_is_accepted(
     vehicle: Vehicle, results: tuple[int, ...]
 ) -> None:
     vehicle.says(heartbeat(4, armed=True))
@@ -395,7 +399,7 @@ def test_a_take_off_is_asked_for_until_it_is_accepted(
     assert len(commands(vehicle, 22)) == 2
 
 
-def test_a_mode_that_was_accepted_is_asked_for_until_it_shows(vehicle: Vehicle) -> None:
+def test_an_accepted_mode_is_requested_until_a_heartbeat_reports_it(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
     vehicle.says(ack(176, 0))
@@ -404,7 +408,7 @@ def test_a_mode_that_was_accepted_is_asked_for_until_it_shows(vehicle: Vehicle) 
     assert len(commands(vehicle, 176)) == 2
 
 
-def test_the_refusal_of_one_command_is_not_told_of_the_next(vehicle: Vehicle) -> None:
+def test_the_refusal_of_one_command_is_not_reported_for_the_next(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
     assert vehicle.says(ack(176, 0), ack(176, 1)).vehicle.refusal
@@ -433,14 +437,16 @@ def test_an_autopilot_that_has_an_origin_keeps_it(vehicle: Vehicle) -> None:
     assert origins(ticks_for(vehicle, 5)) == 0
 
 
-def test_one_without_is_given_ours_until_it_tells_it(vehicle: Vehicle) -> None:
+def test_an_autopilot_without_an_origin_receives_ours_until_it_reports_one(
+    vehicle: Vehicle,
+) -> None:
     vehicle.says(heartbeat(), position(1))
     assert origins(ticks_for(vehicle, 5)) == 4
     vehicle.says(ORIGIN)
     assert origins(ticks_for(vehicle, 5)) == 0
 
 
-def test_a_restarted_autopilot_is_given_it_again(vehicle: Vehicle) -> None:
+def test_a_restarted_autopilot_receives_the_origin_again(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat(), ORIGIN, attitude(60_000))
     assert origins(ticks_for(vehicle, 3)) == 0
     vehicle.says(attitude(100))
@@ -477,7 +483,7 @@ def px4_estimate(flags: int) -> Message:
         (PX4_ESTIMATE_AT_REST & ~8, "no position"),
     ],
 )
-def test_a_px4_that_stands_is_ready_and_one_without_a_position_is_not(
+def test_px4_estimate_is_ready_at_rest_but_not_without_position_or_velocity(
     flags: int, complaint: str
 ) -> None:
     vehicle = Vehicle()
@@ -494,7 +500,7 @@ def ground_beats(messages: list[Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize(("dll_act", "beats"), [(0, 5), (2, 0), (None, 0)])
-def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
+def test_ground_station_heartbeats_are_sent_only_if_px4_has_no_data_link_loss_action(
     dll_act: int | None, beats: int
 ) -> None:
     """Otherwise it would mask the loss of a real ground station on another link."""
@@ -511,7 +517,7 @@ def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
     assert all(m.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER for m in own)
 
 
-def test_either_component_numbers_its_messages_without_gaps() -> None:
+def test_each_component_numbers_its_messages_without_gaps() -> None:
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat(), px4_parameter(b"NAV_DLL_ACT", 0))
     received = ticks_for(vehicle, 5)
@@ -521,12 +527,12 @@ def test_either_component_numbers_its_messages_without_gaps() -> None:
         assert steps == {1}
 
 
-def test_ardupilot_hears_no_ground_station(vehicle: Vehicle) -> None:
+def test_ardupilot_receives_no_ground_station_heartbeats(vehicle: Vehicle) -> None:
     vehicle.says(heartbeat())
     assert ground_beats(ticks_for(vehicle, 3)) == []
 
 
-def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
+def test_texts_of_px4_are_received_over_a_complete_link() -> None:
     """The emulated PX4 sends texts only to a ground station."""
     vehicle_end, companion_end = pipe_pair()
     link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, firmware="px4")
@@ -546,7 +552,7 @@ def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
 
 
 @pytest.mark.parametrize("text_id", [0, 7])
-def test_chunks_are_joined_whatever_the_id(text_id: int) -> None:
+def test_chunks_are_joined_with_and_without_an_id(text_id: int) -> None:
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat())
     chunks = [
@@ -556,7 +562,7 @@ def test_chunks_are_joined_whatever_the_id(text_id: int) -> None:
     assert vehicle.says(*chunks).texts == ("a" * 50 + "b",)
 
 
-def test_a_text_of_exactly_one_chunk_does_not_wait_for_ever() -> None:
+def test_a_text_of_exactly_one_chunk_is_complete_after_a_timeout() -> None:
     vehicle = Vehicle()
     vehicle.says(px4_heartbeat())
     assert vehicle.says(mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0)).texts == ()
@@ -611,7 +617,7 @@ class Told(Vehicle):
         ("px4", PX4_POSE, "EKF2_OF_CTRL", 0),
     ],
 )
-def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
+def test_an_autopilot_with_wrong_parameters_for_our_pose_is_refused(
     autopilot: str, right: dict[str, int], name: str, wrong: int
 ) -> None:
     assert Told(autopilot, right).waits_for == ""
@@ -621,7 +627,7 @@ def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
     assert f"does not report {name}" in Told(autopilot, without).waits_for
 
 
-def test_without_our_pose_these_parameters_do_not_matter() -> None:
+def test_pose_parameters_are_not_requested_without_send_pose() -> None:
     vehicle = Vehicle()
     vehicle.says(heartbeat())
     assert not any(m.get_type() == "PARAM_REQUEST_READ" for m in ticks_for(vehicle, 3))
@@ -629,7 +635,7 @@ def test_without_our_pose_these_parameters_do_not_matter() -> None:
 
 @pytest.mark.parametrize("component", [197, 25])
 @pytest.mark.parametrize("kind", ["odometry", "vision"])
-def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
+def test_a_second_sender_of_poses_is_refused(component: int, kind: str) -> None:
     told = Told("ardupilot", ARDUPILOT_POSE)
     message = (
         mavlink.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0)
@@ -645,7 +651,7 @@ def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
     assert told.waits_for == ""
 
 
-def test_the_autopilots_own_odometry_is_no_second_sender() -> None:
+def test_the_autopilots_own_odometry_does_not_count_as_a_second_sender() -> None:
     told = Told("px4", PX4_POSE)
     own = mavlink.MAVLink_odometry_message(
         *(0, 1, 12, 0, 0, 0, [1, 0, 0, 0], *(0,) * 6, [0] * 21, [0] * 21, 0, 8)

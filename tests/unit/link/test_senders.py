@@ -76,7 +76,7 @@ def test_multicopters_are_flown(autopilot: int, kind: int) -> None:
         (0, "a vehicle of no known type"),
     ],
 )
-def test_other_vehicles_are_named_and_nothing_is_asked_of_them(
+def test_other_vehicles_are_named_and_receive_no_requests(
     autopilot: int, kind: int, words: str
 ) -> None:
     air = Air()
@@ -87,7 +87,7 @@ def test_other_vehicles_are_named_and_nothing_is_asked_of_them(
     assert air.asked == []
 
 
-def test_another_system_is_named_with_the_key_to_mend() -> None:
+def test_another_system_is_named_with_the_configuration_key() -> None:
     air = Air()
     assert air.hears(beat(), system=3).unfit == "system 3 is heard there, not 1: link.system_id"
     both = air.hears(beat(), system=2).unfit
@@ -105,7 +105,7 @@ def test_an_autopilot_of_another_component_is_named() -> None:
     assert "component 5" in Air().hears(beat(), component=5).unfit
 
 
-def test_ground_stations_and_gimbals_alone_are_no_autopilot() -> None:
+def test_ground_stations_and_gimbals_do_not_count_as_autopilots() -> None:
     air = Air()
     air.hears(beat(NONE, GCS), system=255, component=190)
     told = air.hears(beat(NONE, 26), component=154).unfit
@@ -115,7 +115,7 @@ def test_ground_stations_and_gimbals_alone_are_no_autopilot() -> None:
     assert "router" in told
 
 
-def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
+def test_the_flight_fails_with_the_reason_that_the_vehicle_is_not_flown() -> None:
     told = Air().hears(beat(kind=ROVER))
     waiting = FlightState(Phase.CONNECT, since_s=99.0)
     patient, _ = step(waiting, view(told), PLAN)
@@ -125,7 +125,7 @@ def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
 
 
 @pytest.mark.parametrize("other", [beat(PX4), beat(kind=ROVER), beat(PX4, 13)])
-def test_two_autopilots_of_different_kinds_under_one_name_are_told(other: Message) -> None:
+def test_two_different_autopilots_with_one_system_id_are_reported(other: Message) -> None:
     air = Air()
     for _ in range(3):
         air.hears(beat())
@@ -134,7 +134,7 @@ def test_two_autopilots_of_different_kinds_under_one_name_are_told(other: Messag
     assert "system id" in vehicle.unfit
 
 
-def test_two_autopilots_of_one_kind_differ_in_their_clocks() -> None:
+def test_two_autopilots_of_one_kind_are_distinguished_by_their_clocks() -> None:
     air = Air()
     air.hears(beat())
     for tick in range(4):
@@ -143,7 +143,7 @@ def test_two_autopilots_of_one_kind_differ_in_their_clocks() -> None:
     assert "two autopilots" in vehicle.unfit
 
 
-def test_an_autopilot_that_restarts_is_only_one() -> None:
+def test_a_restarted_autopilot_is_not_reported_as_two() -> None:
     air = Air()
     air.hears(beat(PX4))
     air.hears(attitude(90_000))
@@ -162,7 +162,7 @@ def test_an_autopilot_that_restarts_is_only_one() -> None:
         ),
     ],
 )
-def test_another_companion_under_our_name_is_told(message: Message) -> None:
+def test_another_companion_with_our_component_id_is_reported(message: Message) -> None:
     air = Air()
     air.hears(beat())
     vehicle = air.hears(message, component=191)
@@ -174,7 +174,7 @@ def test_another_companion_under_our_name_is_told(message: Message) -> None:
     assert action.command is None
 
 
-def test_with_a_name_of_its_own_the_other_companion_does_not_matter() -> None:
+def test_a_companion_with_another_component_id_is_accepted() -> None:
     air = Air(component_id=192)
     air.hears(beat())
     assert air.hears(beat(NONE, ONBOARD), component=191).unfit == ""

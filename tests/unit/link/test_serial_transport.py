@@ -97,7 +97,7 @@ def beats(count: int) -> bytes:
 
 
 @given(st.lists(st.integers(0, 63), max_size=6))
-def test_messages_come_whole_however_the_stream_is_cut(cuts: list[int]) -> None:
+def test_messages_are_decoded_from_any_fragments_of_the_stream(cuts: list[int]) -> None:
     port, data = Port(), beats(3)
     transport = opened(port)
     edges = sorted({0, len(data), *cuts})
@@ -106,13 +106,13 @@ def test_messages_come_whole_however_the_stream_is_cut(cuts: list[int]) -> None:
     assert [message.get_type() for message in heard] == ["HEARTBEAT"] * 3
 
 
-def test_what_is_sent_is_mavlink() -> None:
+def test_a_sent_message_is_a_mavlink_2_frame() -> None:
     port = Port()
     opened(port).send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
     assert port.written[0] == 0xFD
 
 
-def test_a_port_that_vanishes_is_silence_until_it_is_back(
+def test_a_removed_port_gives_no_messages_until_it_returns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s = [10.0]
@@ -130,7 +130,7 @@ def test_a_port_that_vanishes_is_silence_until_it_is_back(
     assert len(transport.receive()) == 1
 
 
-def test_a_port_that_is_not_there_at_the_start_is_refused_with_the_remedy() -> None:
+def test_a_port_missing_at_start_is_refused_with_the_remedy() -> None:
     port = Port()
     port.is_there = False
     with pytest.raises(LinkError, match=r"ttyTEST.*dialout"):
@@ -173,7 +173,7 @@ def ages_s(port: Port) -> list[float]:
 @pytest.mark.parametrize("tells", [True, False])
 @pytest.mark.parametrize("at_once", [4096, 100, 7])
 @pytest.mark.parametrize("baud", [38400, 57600, 115200, 921600])
-def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
+def test_a_slow_port_receives_complete_and_recent_setpoints(
     monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, tells: bool
 ) -> None:
     """The messages exceed 57600 baud: poses are dropped, setpoints are sent."""
@@ -182,7 +182,7 @@ def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
     assert max(ages) < MAX_BACKLOG_S + 0.02
 
 
-def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heartbeats_are_in_time_among_setpoints(monkeypatch: pytest.MonkeyPatch) -> None:
     port = Port(5760.0)
     flown(port, monkeypatch, 57600)
     beats = [
@@ -192,7 +192,7 @@ def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch
 
 
 @pytest.mark.parametrize("tells", [True, False])
-def test_a_port_that_takes_nothing_is_silence_and_holds_nothing_up(
+def test_a_port_that_accepts_no_bytes_does_not_block(
     monkeypatch: pytest.MonkeyPatch, tells: bool
 ) -> None:
     port = Port(0.0, tells=tells)
@@ -200,7 +200,7 @@ def test_a_port_that_takes_nothing_is_silence_and_holds_nothing_up(
     assert len(port.written) <= 4096
 
 
-def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
+def test_the_backlog_of_a_blocked_port_is_bounded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     port = Port(0.0)
@@ -208,7 +208,7 @@ def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
     assert len(port.written) / 5760 <= MAX_BACKLOG_S + 0.02
 
 
-def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
+def test_an_incomplete_message_that_is_too_old_is_invalidated() -> None:
     """An incomplete message would corrupt the next; a complete one would seem new."""
     port = Port(tells=False)
     line = SerialLine(port, 57600)
@@ -222,7 +222,7 @@ def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
     assert len(decode_stream(make_codec(255, 1), port.written)) == 1
 
 
-def test_what_is_dropped_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dropped_messages_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     port = Port(0.0)
     transport = opened(port, "serial:/dev/ttyTEST:57600")
     for _ in range(300):
@@ -241,7 +241,7 @@ def terminal() -> Iterator[str]:
     os.close(master)
 
 
-def test_a_real_port_that_nobody_reads_does_not_block(terminal: str) -> None:
+def test_a_real_port_whose_other_end_is_not_read_does_not_block(terminal: str) -> None:
     transport = SerialTransport(f"serial:{terminal}:921600", 1, 191)
     began_s = time.monotonic()
     while transport.messages_dropped < 1000:

@@ -27,7 +27,7 @@ from tests.grids import (
 )
 
 
-def test_a_doorway_is_passed_squarely_through_its_middle() -> None:
+def test_a_path_crosses_a_doorway_perpendicularly_in_its_middle() -> None:
     travel, _ = gone(Travel((3.0, 1.5)), with_doorway(1.45))
     before, after = travel.way[:2]
     assert before[0] < 1.45 < after[0]
@@ -43,7 +43,7 @@ def test_a_wall_on_one_side_is_no_doorway() -> None:
     assert travel.doorways == ()
 
 
-def test_before_a_doorway_it_looks_at_both_jambs_and_goes_on() -> None:
+def test_the_drone_sweeps_both_jambs_before_a_doorway_and_then_continues() -> None:
     grid = with_doorway(1.45)
     travel, setpoint = gone(Travel((3.0, 0.0)), grid)
     assert travel.phase is TravelPhase.SWEEP
@@ -93,7 +93,7 @@ def looked_at(
 
 
 @pytest.mark.parametrize(("width_m", "enters"), [(0.7, False), (0.74, False), (0.9, True)])
-def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
+def test_an_opening_measured_narrower_than_a_door_is_not_entered(
     width_m: float, *, enters: bool
 ) -> None:
     """All openings are free cells. A reading every 3 cm, without noise, measures 1 to 6 cm more."""
@@ -107,7 +107,7 @@ def test_an_opening_narrower_than_a_door_is_not_entered_once_it_was_measured(
     assert bool(later.doorways) is enters
 
 
-def test_a_doorway_that_looked_too_narrow_once_is_looked_at_again_and_entered() -> None:
+def test_a_doorway_measured_too_narrow_once_is_swept_again_and_entered() -> None:
     grid = with_doorway(1.45)
     travel, time_s = looked_at(Travel((3.0, 0.0)), grid, 0.7)
     travel, time_s = looked_at(travel, grid, 0.9, time_s=time_s + 0.05)
@@ -116,7 +116,7 @@ def test_a_doorway_that_looked_too_narrow_once_is_looked_at_again_and_entered() 
     assert travel.doorways
 
 
-def test_a_step_of_the_pose_while_it_looks_does_not_make_a_doorway_narrower() -> None:
+def test_a_pose_correction_during_a_sweep_does_not_narrow_the_doorway() -> None:
     met = ((1.45, 0.45), (1.45, 0.5))
     seen = observation()
     doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.45)
@@ -126,7 +126,7 @@ def test_a_step_of_the_pose_while_it_looks_does_not_make_a_doorway_narrower() ->
     assert np.array(looking.met_ne_m) == pytest.approx(np.array([(1.45, 0.15), (1.45, 0.2)]))
 
 
-def test_home_it_goes_through_whatever_is_wide_enough_to_fly() -> None:
+def test_the_path_home_leads_through_any_opening_wide_enough_for_the_drone() -> None:
     grid = with_doorway(1.45)
     travel, time_s = looked_at(Travel((0.0, 0.0)), grid, 0.75, (2.9, 0.0))
     seen = observation((2.9, 0.0), math.pi, time_s=time_s + 0.05)
@@ -135,7 +135,7 @@ def test_home_it_goes_through_whatever_is_wide_enough_to_fly() -> None:
     assert travel.way[-1] == (0.0, 0.0)
 
 
-def test_through_an_opening_that_it_came_by_it_goes_again_however_narrow() -> None:
+def test_an_opening_already_flown_through_is_entered_again_although_it_is_narrow() -> None:
     grid = with_doorway(1.45)
     for decimetre in range(26):
         grid.add(Ray((0.1 * decimetre, 0.0), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
@@ -144,13 +144,13 @@ def test_through_an_opening_that_it_came_by_it_goes_again_however_narrow() -> No
     assert travel.phase is TravelPhase.FLY
 
 
-def test_too_near_to_a_doorway_to_measure_its_jambs_it_backs_off_first() -> None:
+def test_the_drone_backs_off_if_it_is_too_near_to_measure_the_jambs() -> None:
     travel, _ = gone(Travel((3.0, 0.0)), with_doorway(0.85))
     assert travel.phase is TravelPhase.FLY
     assert travel.way[0][0] < -0.2
 
 
-def test_where_it_has_no_room_to_turn_it_does_not_back_off() -> None:
+def test_the_drone_does_not_back_off_where_it_has_no_room_to_turn() -> None:
     grid = with_doorway(0.85)
     for row, side in product(range(-40, 8), (-1, 1)):
         grid.block((0.1 * row + 0.05, side * 0.65), 0.01)
@@ -159,7 +159,7 @@ def test_where_it_has_no_room_to_turn_it_does_not_back_off() -> None:
     assert min(corner[0] for corner in travel.way) > 0
 
 
-def test_a_step_of_the_pose_does_not_move_it_while_it_looks() -> None:
+def test_a_pose_correction_during_a_sweep_does_not_move_the_drone() -> None:
     grid = with_doorway(1.45)
     travel, _ = gone(Travel((3.0, 0.0)), grid)
     seen = observation((0.0, 0.3))
@@ -168,7 +168,7 @@ def test_a_step_of_the_pose_does_not_move_it_while_it_looks() -> None:
     assert (setpoint.forward_m_s, setpoint.right_m_s) == (0.0, 0.0)
 
 
-def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
+def test_in_a_corridor_the_drone_moves_aside_to_sweep_the_jambs() -> None:
     grid = with_doorway(0.65)
     for row in range(-40, 41):
         grid.block((-1.0, 0.1 * row + 0.05), 0.01)
@@ -180,7 +180,7 @@ def test_in_a_corridor_it_goes_aside_to_see_the_jambs() -> None:
     assert travel.phase is TravelPhase.SWEEP
 
 
-def test_a_doorway_just_looked_at_is_not_looked_at_again() -> None:
+def test_a_recently_swept_doorway_is_not_swept_again() -> None:
     for swept_s, phase in ((5.0, TravelPhase.FLY), (-50.0, TravelPhase.SWEEP)):
         doorway = Doorway(0, (1.45, 0.0), (1.0, 0.0), 0.5, swept_s)
         travel, _ = gone(Travel((3.0, 0.0), known=(doorway,)), with_doorway(1.45))
@@ -188,7 +188,7 @@ def test_a_doorway_just_looked_at_is_not_looked_at_again() -> None:
 
 
 @pytest.mark.parametrize("through", [1.0, -1.0])
-def test_a_doorway_found_once_is_remembered_where_its_jambs_are_not_seen(through: float) -> None:
+def test_a_known_doorway_is_swept_although_its_jambs_are_not_in_the_map(through: float) -> None:
     doorway = Doorway(3, (1.45, 0.1), (through, 0.0), 0.5)
     travel, _ = gone(Travel((3.0, 0.0), known=(doorway,)), open_ground())
     assert travel.phase is TravelPhase.SWEEP

@@ -34,31 +34,31 @@ def after(steps_s: Sequence[float]) -> Lateness:
     return lateness
 
 
-def test_a_loop_that_comes_round_in_time_is_well() -> None:
+def test_a_loop_with_ticks_in_time_has_no_fault() -> None:
     lateness = after([TICK_S] * 100)
     assert lateness.fault is None
     assert not lateness.is_late
 
 
-def test_now_and_then_a_tick_takes_longer() -> None:
+def test_an_occasional_long_tick_is_no_fault() -> None:
     """Saving the map or solving the flight delays a tick now and then."""
     assert after(([TICK_S] * 60 + [0.3]) * 5).fault is None
 
 
 @pytest.mark.parametrize("late_s", [0.2, 0.5, 0.8, 2.0])
-def test_ticks_that_are_late_again_and_again_are_named(late_s: float) -> None:
+def test_repeatedly_late_ticks_raise_a_fault(late_s: float) -> None:
     lateness = after([TICK_S] * 20 + [TICK_S + late_s] * 6)
     assert lateness.fault is not None
     assert lateness.fault.text == f"the computer is starved: ticks {late_s:.1f} s late"
 
 
-def test_it_is_over_two_seconds_after_the_last_late_tick() -> None:
+def test_the_fault_ends_two_seconds_after_the_last_late_tick() -> None:
     assert after([1.0] * 5 + [TICK_S] * 30).fault is not None
     assert after([1.0] * 5 + [TICK_S] * 45).fault is None
 
 
 @given(st.floats(0.16, 2.0), st.floats(-2, 2), st.floats(-2, 2), st.floats(0.1, 1.0))
-def test_it_flies_no_faster_than_it_may_fly_blind(
+def test_speed_is_limited_to_the_clearance_per_delay(
     late_s: float, forward_m_s: float, right_m_s: float, clearance_m: float
 ) -> None:
     asked = Setpoint(forward_m_s, right_m_s, 0.1, 0.5)
@@ -113,7 +113,7 @@ class Drone:
 
 
 @given(st.lists(st.floats(0.2, 2.0), min_size=1, max_size=8), st.integers(0, 10))
-def test_no_sensor_is_blamed_for_what_was_read_too_late(late_s: list[float], between: int) -> None:
+def test_late_readings_raise_no_sensor_fault(late_s: list[float], between: int) -> None:
     drone = Drone()
     for late in late_s:
         drone.tick(TICK_S + late)
@@ -126,7 +126,7 @@ def test_no_sensor_is_blamed_for_what_was_read_too_late(late_s: list[float], bet
 
 
 @given(st.floats(0.2, 2.0), st.booleans())
-def test_no_range_is_taken_with_a_heading_of_another_time(late_s: float, before: bool) -> None:
+def test_ranges_are_dropped_if_the_heading_is_of_another_time(late_s: float, before: bool) -> None:
     """The computer stops between link and gyro, or between gyro and ranges."""
     drone = Drone()
     drone.tick(TICK_S, late_s if before else 0.0, 0.0 if before else late_s)
@@ -137,7 +137,7 @@ def test_no_range_is_taken_with_a_heading_of_another_time(late_s: float, before:
     assert drone.faults <= {"the computer is starved"}
 
 
-def test_a_sensor_that_is_dead_is_named_as_soon_as_the_computer_is_well() -> None:
+def test_a_silent_autopilot_is_reported_once_ticks_are_in_time_again() -> None:
     drone = Drone()
     for _ in range(4):
         drone.tick(1.0)

@@ -36,7 +36,7 @@ def from_then_on(rate_m_s2: float, now_s: float) -> float:
 
 @pytest.mark.parametrize("course_rad", [0.0, 1.0, math.pi, -2.0])
 @pytest.mark.parametrize("forward_m_s", [0.0, 0.5])
-def test_a_fly_away_is_noticed_within_half_a_second(course_rad: float, forward_m_s: float) -> None:
+def test_a_fly_away_is_detected_within_650_ms(course_rad: float, forward_m_s: float) -> None:
     def velocity(now_s: float) -> tuple[float, float, float]:
         speed = from_then_on(2.5, now_s)
         return forward_m_s + speed * math.cos(course_rad), speed * math.sin(course_rad), 0.0
@@ -48,7 +48,7 @@ def test_a_fly_away_is_noticed_within_half_a_second(course_rad: float, forward_m
     ("rate_m_s2", "within_s"), [(5.0, 0.3), (2.5, 0.5), (1.5, 0.8), (0.5, 1.1)]
 )
 @pytest.mark.parametrize("up", [False, True])
-def test_from_a_hover_the_slower_it_is_the_later(
+def test_a_slower_fly_away_from_hover_is_detected_later(
     rate_m_s2: float, within_s: float, up: bool
 ) -> None:
     def velocity(now_s: float) -> tuple[float, float, float]:
@@ -61,7 +61,7 @@ def test_from_a_hover_the_slower_it_is_the_later(
 @pytest.mark.parametrize("gust_m_s", [0.5, 1.0])
 @pytest.mark.parametrize("rise_s", [0.05, 0.2, 0.3])
 @pytest.mark.parametrize("forward_m_s", [0.0, 0.5])
-def test_a_gust_is_borne(gust_m_s: float, rise_s: float, forward_m_s: float) -> None:
+def test_a_gust_is_no_fly_away(gust_m_s: float, rise_s: float, forward_m_s: float) -> None:
     def velocity(now_s: float) -> tuple[float, float, float]:
         pushed = min(1.0, max(0.0, now_s - AT_S) / rise_s) if now_s < AT_S + 3 else 0.0
         return forward_m_s + gust_m_s * pushed, 0.0, 0.0
@@ -70,7 +70,7 @@ def test_a_gust_is_borne(gust_m_s: float, rise_s: float, forward_m_s: float) -> 
 
 
 @pytest.mark.parametrize("left_s", [0.25, 0.5, 1.0, 2.0])
-def test_what_is_left_of_a_setpoint_is_as_asked(left_s: float) -> None:
+def test_the_lagging_response_to_a_setpoint_is_no_fly_away(left_s: float) -> None:
     """Setpoints start and stop every 3 s; the lags are the quickest and the slowest observed."""
 
     def asked(now_s: float) -> float:
@@ -87,7 +87,7 @@ def test_what_is_left_of_a_setpoint_is_as_asked(left_s: float) -> None:
     assert watched == math.inf
 
 
-def test_a_circle_is_as_asked() -> None:
+def test_a_requested_circle_is_no_fly_away() -> None:
     """The velocity lags half a second behind a heading that turns at 45 deg/s."""
 
     def velocity(now_s: float) -> tuple[float, float, float]:
@@ -99,19 +99,19 @@ def test_a_circle_is_as_asked() -> None:
     assert noticed_s(velocity, lambda now_s: circling, yaw_rad) == math.inf
 
 
-def test_while_the_autopilot_flies_by_itself_nothing_is_unasked() -> None:
+def test_no_fly_away_is_detected_while_the_autopilot_flies_by_itself() -> None:
     climb = lambda now_s: (0.0, 0.0, -1.24)  # noqa: E731 - one line
     assert noticed_s(climb, lambda now_s: None) == math.inf
 
 
-def test_the_end_of_a_take_off_is_not_unasked() -> None:
+def test_the_end_of_a_take_off_is_no_fly_away() -> None:
     def velocity(now_s: float) -> tuple[float, float, float]:
         return 0.0, 0.0, -1.24 * math.exp(-max(0.0, now_s - AT_S) / 0.3)
 
     assert noticed_s(velocity, lambda now_s: HOLD if now_s >= AT_S else None) == math.inf
 
 
-def test_it_lasts_until_it_is_over() -> None:
+def test_the_detection_lasts_as_long_as_the_fly_away() -> None:
     watch = UnaskedWatch()
     for tick in range(200):
         now_s = tick * TICK_S
