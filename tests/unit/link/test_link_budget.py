@@ -60,11 +60,11 @@ def test_excessive_load_is_refused_at_start_and_by_check(
         pass
     bench = make_bench("gp2y0a710k0f")
     findings = Examination(settings, direct_pair()[1], bench.bus).step(bench.passes(0.05))
-    (told,) = (finding for finding in findings if finding.part == "baud rate")
-    assert told.verdict is CheckResult.BAD
+    (complaint,) = (finding for finding in findings if finding.part == "baud rate")
+    assert complaint.verdict is CheckResult.BAD
     for words in (f"link.url = serial:/dev/ttyAMA0:{baud}", *remedies):
         assert words in str(refused.value)
-        assert words in told.remedy
+        assert words in complaint.remedy
 
 
 def test_budget_includes_the_requested_streams() -> None:

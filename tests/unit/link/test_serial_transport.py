@@ -28,12 +28,12 @@ class Port:
     """Returns the bytes that the test supplies, in the same pieces.
 
     Written bytes go into a buffer of 4096 bytes, as in the kernel, which a UART empties at
-    `bytes_per_s`. `at_once` is the maximum number of bytes that one write accepts. `tells`: the
-    driver reports its backlog.
+    `bytes_per_s`. `at_once` is the maximum number of bytes that one write accepts.
+    `reports_backlog`: the driver reports its backlog.
     """
 
     def __init__(
-        self, bytes_per_s: float = 1e9, at_once: int = 4096, *, tells: bool = True
+        self, bytes_per_s: float = 1e9, at_once: int = 4096, *, reports_backlog: bool = True
     ) -> None:
         self.pieces: deque[bytes] = deque()
         self.written = b""
@@ -42,7 +42,7 @@ class Port:
         self.is_there = True
         self.now_s = 0.0
         self.bytes_per_s = bytes_per_s
-        self._at_once, self._tells = at_once, tells
+        self._at_once, self._reports_backlog = at_once, reports_backlog
         self._queued = self._drained_at_s = 0.0
 
     @property
@@ -54,7 +54,7 @@ class Port:
     @property
     def out_waiting(self) -> int:
         self._drain()
-        return int(self._queued) if self._tells else 0
+        return int(self._queued) if self._reports_backlog else 0
 
     def _drain(self) -> None:
         self._queued -= min(self._queued, self.bytes_per_s * (self.now_s - self._drained_at_s))
@@ -102,8 +102,8 @@ def test_messages_are_decoded_from_any_fragments_of_the_stream(cuts: list[int]) 
     transport = opened(port)
     edges = sorted({0, len(data), *cuts})
     port.pieces += [data[a:b] for a, b in itertools.pairwise(edges)]
-    heard = [message for _ in edges for message in transport.receive()]
-    assert [message.get_type() for message in heard] == ["HEARTBEAT"] * 3
+    received = [message for _ in edges for message in transport.receive()]
+    assert [message.get_type() for message in received] == ["HEARTBEAT"] * 3
 
 
 def test_a_sent_message_is_a_mavlink_2_frame() -> None:
@@ -170,14 +170,14 @@ def ages_s(port: Port) -> list[float]:
     return ages
 
 
-@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize("reports_backlog", [True, False])
 @pytest.mark.parametrize("at_once", [4096, 100, 7])
 @pytest.mark.parametrize("baud", [38400, 57600, 115200, 921600])
 def test_a_slow_port_receives_complete_and_recent_setpoints(
-    monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, tells: bool
+    monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, reports_backlog: bool
 ) -> None:
     """The messages exceed 57600 baud: poses are dropped, setpoints are sent."""
-    ages = flown(Port(baud / 10, at_once, tells=tells), monkeypatch, baud)
+    ages = flown(Port(baud / 10, at_once, reports_backlog=reports_backlog), monkeypatch, baud)
     assert len(ages) >= 198
     assert max(ages) < MAX_BACKLOG_S + 0.02
 
@@ -191,11 +191,11 @@ def test_heartbeats_are_in_time_among_setpoints(monkeypatch: pytest.MonkeyPatch)
     assert len(beats) == 10
 
 
-@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize("reports_backlog", [True, False])
 def test_a_port_that_accepts_no_bytes_does_not_block(
-    monkeypatch: pytest.MonkeyPatch, tells: bool
+    monkeypatch: pytest.MonkeyPatch, reports_backlog: bool
 ) -> None:
-    port = Port(0.0, tells=tells)
+    port = Port(0.0, reports_backlog=reports_backlog)
     flown(port, monkeypatch, 57600, ticks=2000)
     assert len(port.written) <= 4096
 
@@ -210,7 +210,7 @@ def test_the_backlog_of_a_blocked_port_is_bounded(
 
 def test_an_incomplete_message_that_is_too_old_is_invalidated() -> None:
     """An incomplete message would corrupt the next; a complete one would seem new."""
-    port = Port(tells=False)
+    port = Port(reports_backlog=False)
     line = SerialLine(port, 57600)
     old, new = beats(1), beats(1)
     port.takes(10)

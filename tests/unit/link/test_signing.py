@@ -35,45 +35,45 @@ def beat(sender: Any) -> bytes:
     return bytes(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3).pack(sender))
 
 
-def hears(receiver: Any, *frames: bytes) -> int:
+def accepted(receiver: Any, *frames: bytes) -> int:
     return len(decode(receiver, b"".join(frames)))
 
 
 def test_frames_signed_with_the_key_are_accepted() -> None:
     sender = codec()
-    assert hears(codec(component=1), *(beat(sender) for _ in range(5))) == 5
+    assert accepted(codec(component=1), *(beat(sender) for _ in range(5))) == 5
 
 
 @pytest.mark.parametrize("key", [None, OTHER_KEY], ids=["unsigned", "another key"])
 def test_frames_not_signed_with_the_key_are_refused(key: bytes | None) -> None:
-    assert hears(codec(component=1), beat(codec(key))) == 0
+    assert accepted(codec(component=1), beat(codec(key))) == 0
 
 
 @given(st.integers(0, 200), st.integers(1, 255))
 def test_a_changed_frame_is_refused(place: int, flip: int) -> None:
     frame = bytearray(beat(codec()))
     frame[place % len(frame)] ^= flip
-    assert hears(codec(component=1), bytes(frame)) == 0
+    assert accepted(codec(component=1), bytes(frame)) == 0
 
 
 def test_a_repeated_frame_is_refused() -> None:
     frame, receiver = beat(codec()), codec(component=1)
-    assert [hears(receiver, frame) for _ in range(3)] == [1, 0, 0]
+    assert [accepted(receiver, frame) for _ in range(3)] == [1, 0, 0]
 
 
 def test_a_newly_started_receiver_refuses_a_frame_of_yesterday() -> None:
-    assert hears(codec(component=1), beat(codec(time_s=NOW_S - 86400))) == 0
+    assert accepted(codec(component=1), beat(codec(time_s=NOW_S - 86400))) == 0
 
 
 def test_a_forged_frame_with_a_future_time_stamp_does_not_block_the_true_sender() -> None:
     receiver, sender = codec(component=1), codec()
-    assert hears(receiver, beat(sender)) == 1
-    assert hears(receiver, beat(codec(OTHER_KEY, NOW_S + 1e7))) == 0
-    assert hears(receiver, beat(sender)) == 1
+    assert accepted(receiver, beat(sender)) == 1
+    assert accepted(receiver, beat(codec(OTHER_KEY, NOW_S + 1e7))) == 0
+    assert accepted(receiver, beat(sender)) == 1
 
 
 def test_a_receiver_without_a_key_accepts_signed_frames() -> None:
-    assert hears(codec(None, component=1), beat(codec())) == 1
+    assert accepted(codec(None, component=1), beat(codec())) == 1
 
 
 # The time stamp
@@ -165,40 +165,40 @@ def fails(monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
 def test_a_failed_medium_is_reported_once_and_the_time_stamp_continues(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, call: str, from_the_start: bool
 ) -> None:
-    now_s, told = [NOW_S], list[str]()
+    now_s, warnings = [NOW_S], list[str]()
     if from_the_start:
         fails(monkeypatch, call, number)
-    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], told.append)
+    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], warnings.append)
     fails(monkeypatch, call, number)
     used = []
     for _ in range(10):
         now_s[0] += 30
         used += stamps(signing, 3)
-    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
     used += stamps(signing, 3)
     assert used == sorted(set(used))
-    assert len(told) == 1
-    assert "signing_timestamp" in told[0]
-    assert os.strerror(number) in told[0]
+    assert len(warnings) == 1
+    assert "signing_timestamp" in warnings[0]
+    assert os.strerror(number) in warnings[0]
 
 
 @pytest.mark.parametrize("number", [*MEDIUM, errno.EACCES, errno.ENOENT])
 def test_in_flight_a_failed_medium_is_reported_and_not_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
-    told: list[str] = []
+    warnings: list[str] = []
     fails(monkeypatch, "open", number)
-    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), told.append, refuses=False)
-    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), warnings.append, refuses=False)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
 
 
 @pytest.mark.parametrize("text", ["", "torn", "-1"])
 def test_in_flight_a_lost_time_stamp_is_replaced_by_the_clock(tmp_path: Path, text: str) -> None:
-    told: list[str] = []
+    warnings: list[str] = []
     kept = written(tmp_path / "stamp", text)
-    signing = Signing(KEY, kept, at(NOW_S), told.append, refuses=False)
+    signing = Signing(KEY, kept, at(NOW_S), warnings.append, refuses=False)
     assert signing.timestamp == codec().signing.timestamp
-    assert len(told) == 1
+    assert len(warnings) == 1
 
 
 def test_a_medium_that_hangs_does_not_block(

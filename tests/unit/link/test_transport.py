@@ -94,7 +94,7 @@ def now_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
-def says(sender: UdpTransport, to: UdpTransport) -> list[Message]:
+def exchange(sender: UdpTransport, to: UdpTransport) -> list[Message]:
     """Send a heartbeat; returns the messages that are accepted."""
     sender.send(heartbeat())
     select.select([to._socket], [], [], 2.0)
@@ -103,12 +103,12 @@ def says(sender: UdpTransport, to: UdpTransport) -> list[Message]:
 
 def test_datagrams_of_another_sender_are_ignored(udp_pair: UdpPair, now_s: list[float]) -> None:
     autopilot, companion = udp_pair
-    assert says(companion, autopilot)
+    assert exchange(companion, autopilot)
     stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
     for _ in range(10):
         now_s[0] += 0.5
-        assert not says(stranger, autopilot)
-        assert says(companion, autopilot)
+        assert not exchange(stranger, autopilot)
+        assert exchange(companion, autopilot)
     assert autopilot.peer_port == companion.local_port
     assert autopilot.datagrams_received == 11
     stranger.close()
@@ -118,14 +118,14 @@ def test_a_new_sender_becomes_the_peer_while_the_peer_is_silent(
     udp_pair: UdpPair, now_s: list[float]
 ) -> None:
     autopilot, companion = udp_pair
-    assert says(companion, autopilot)
+    assert exchange(companion, autopilot)
     restarted = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 1, 191)
     now_s[0] += 60.0  # the silence counts only from the first message of another sender
-    heard = []
+    accepted = []
     for _ in range(3):
-        heard.append(bool(says(restarted, autopilot)))
+        accepted.append(bool(exchange(restarted, autopilot)))
         now_s[0] += 1.0
-    assert heard == [False, False, True]
+    assert accepted == [False, False, True]
     assert autopilot.peer_port == restarted.local_port
     assert autopilot.datagrams_received == 1
     restarted.close()

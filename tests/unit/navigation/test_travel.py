@@ -18,23 +18,23 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from tests.grids import (
     PLAN,
     Place,
-    gone,
     observation,
     open_ground,
-    stuck_on_a_way,
-    to_turn_to_rad,
+    remaining_headings_rad,
+    step_travel,
+    stuck_on_a_path,
     walled,
     with_doorway,
 )
 
 
 def test_the_drone_flies_to_its_goal_and_arrives() -> None:
-    travel, setpoint = gone(Travel((3.0, 0.0)), open_ground())
+    travel, setpoint = step_travel(Travel((3.0, 0.0)), open_ground())
     assert travel.phase is TravelPhase.FLY
     assert setpoint.forward_m_s > 0.5
-    travel, _ = gone(Travel((0.05, 0.0)), open_ground())
+    travel, _ = step_travel(Travel((0.05, 0.0)), open_ground())
     assert travel.phase is TravelPhase.ARRIVED
-    assert gone(travel, open_ground())[0].phase is TravelPhase.ARRIVED
+    assert step_travel(travel, open_ground())[0].phase is TravelPhase.ARRIVED
 
 
 @pytest.mark.parametrize(("half_m", "arrives"), [(0.55, True), (1.5, False)])
@@ -46,7 +46,7 @@ def test_travel_arrives_where_near_walls_keep_the_drone_from_its_goal(
         grid.block((0.1 * row + 0.05, side * half_m), 0.01)
     travel = Travel((0.25, 0.0))
     for second in range(6):
-        travel, _ = gone(travel, grid, time_s=10.0 + second)
+        travel, _ = step_travel(travel, grid, time_s=10.0 + second)
     assert (travel.phase is TravelPhase.ARRIVED) is arrives
 
 
@@ -65,32 +65,32 @@ def test_motion_to_and_fro_in_a_narrow_corridor_counts_as_stuck(
 
 
 def test_the_drone_waits_before_a_new_obstacle_on_its_path() -> None:
-    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
-    travel, setpoint = gone(travel, open_ground(), ahead_m=0.6, time_s=10.05)
+    travel, _ = step_travel(Travel((3.0, 0.0)), open_ground())
+    travel, setpoint = step_travel(travel, open_ground(), ahead_m=0.6, time_s=10.05)
     assert travel.phase is TravelPhase.FLY
     assert setpoint.forward_m_s == 0
 
 
 def test_the_path_leads_around_an_obstacle_that_stays() -> None:
-    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
+    travel, _ = step_travel(Travel((3.0, 0.0)), open_ground())
     grid = open_ground()
     grid.block((1.2, 0.0), 0.2)
-    travel, _ = gone(travel, grid, time_s=13.0)
+    travel, _ = step_travel(travel, grid, time_s=13.0)
     assert travel.phase is TravelPhase.FLY
     assert max(abs(east_m) for _, east_m in travel.way) > 0.4
 
 
 def test_without_a_path_the_drone_turns_all_round_once_and_then_gives_up() -> None:
     grid, time_s = walled(reach_m=2.0), 10.0
-    travel, _ = gone(Travel((5.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((5.0, 0.0)), grid)
     assert travel.phase is TravelPhase.SWEEP
-    turned = len(to_turn_to_rad(travel))
+    turned = len(remaining_headings_rad(travel))
     while travel.phase is TravelPhase.SWEEP:
         time_s += 0.05
-        seen = observation(yaw_rad=to_turn_to_rad(travel)[0], time_s=time_s)
+        seen = observation(yaw_rad=remaining_headings_rad(travel)[0], time_s=time_s)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert turned == 3
-    travel, setpoint = gone(travel, grid, time_s=time_s + 2)
+    travel, setpoint = step_travel(travel, grid, time_s=time_s + 2)
     assert travel.phase is TravelPhase.GAVE_UP
     assert setpoint == HOLD
 
@@ -105,19 +105,19 @@ def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
         grid.block((jamb_m, 0.0), 0.01)
     for decimetre in range(-20, 21):
         grid.block((0.1 * decimetre + 0.05, 1.5), 0.1)
-    travel, setpoint = gone(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
+    travel, setpoint = step_travel(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
     assert travel.phase is (TravelPhase.SWEEP if looks else TravelPhase.GAVE_UP)
     assert looks or setpoint == HOLD
 
 
 def test_travel_continues_after_a_full_sweep_beside_a_doorway() -> None:
     grid, time_s = with_doorway(0.45), 10.0
-    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((3.0, 0.0)), grid)
     sweep = Sweep((0.0,), (0.0, 0.0), resets=0)
     travel = replace(travel, way=(), phase=TravelPhase.SWEEP, sweep=sweep, looked_round=True)
     for _ in range(2):
         time_s += 0.05
-        travel, _ = gone(travel, grid, time_s=time_s)
+        travel, _ = step_travel(travel, grid, time_s=time_s)
     assert travel.phase is TravelPhase.FLY
     assert travel.way[-1] == (3.0, 0.0)
 
@@ -145,10 +145,10 @@ def test_a_drone_stuck_before_a_doorway_takes_another_if_there_is_one(*, has_ano
             east_m = 2.5 + 0.01 * centimetre
             for _ in range(20):
                 grid.add(Ray((0.0, east_m), 0.0, 2.0, 0.01, is_hit=False, time_s=0.0))
-    travel, _ = gone(Travel((2.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((2.0, 0.0)), grid)
     assert max(abs(east_m) for _, east_m in travel.way) < 0.5
     travel = replace(travel, looked_round=True)
-    travel, _ = gone(travel, grid, time_s=21.0)
+    travel, _ = step_travel(travel, grid, time_s=21.0)
     if has_another:
         assert travel.phase is TravelPhase.FLY
         assert max(east_m for _, east_m in travel.way) > 1.5
@@ -173,10 +173,10 @@ def test_a_drone_stuck_on_the_path_home_detours_around_an_unmapped_obstacle(
 
 
 def test_exploration_avoids_a_place_where_the_drone_was_stuck_twice() -> None:
-    once = stuck_on_a_way(None)
+    once = stuck_on_a_path(None)
     assert once.phase is TravelPhase.GAVE_UP
     assert stuck_twice(once) == ()
-    twice = stuck_on_a_way(once)
+    twice = stuck_on_a_path(once)
     ahead, *_ = stuck_twice(twice)
     assert math.dist(ahead.middle_ne_m, (0.5, 0.0)) < 0.2
     grid = open_ground()

@@ -15,7 +15,7 @@ from tests.grids import (
     PLAN,
     observation,
     open_ground,
-    stuck_on_a_way,
+    stuck_on_a_path,
     walled,
 )
 
@@ -23,7 +23,7 @@ from tests.grids import (
 def test_a_place_where_travel_gave_up_is_stored_for_the_next_travel() -> None:
     explore, grid = going(open_ground()), open_ground()
     assert explore.look is not None
-    stuck = replace(explore, travel=stuck_on_a_way(None))
+    stuck = replace(explore, travel=stuck_on_a_path(None))
     after, _ = step(stuck, observation(), grid, PLAN)
     assert after.phase is ExplorePhase.CHOOSE
     assert after.came is not None

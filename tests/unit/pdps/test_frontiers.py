@@ -9,9 +9,9 @@ from companion.pdps.frontiers import TRIES, frontiers, vague_surfaces
 from companion.pdps.viewpoints import MIN_SHOWN, Viewpoint, looks
 from tests.grids import (
     PLAN,
-    look_round,
     observation,
     open_ground,
+    sweep_round,
     walled,
     ways_from,
 )
@@ -47,7 +47,7 @@ def test_walls_detected_only_from_far_away_get_a_nearer_viewpoint() -> None:
 def test_a_wall_measured_well_from_one_side_gets_a_viewpoint_on_the_other() -> None:
     """The wall is 0.2 m thick: from one side only half of it is mapped."""
     grid = open_ground(1.5, (-2.0, 0.0))
-    look_round(grid, (2.0, 0.0), 1.5, hit=False)
+    sweep_round(grid, (2.0, 0.0), 1.5, hit=False)
     near_side_m, far_side_m = -0.1, 0.1
     for centimetre in range(-100, 101, 5):
         east_m = 0.01 * centimetre

@@ -308,12 +308,12 @@ def test_scanning_sweeps_both_sides_of_an_unknown_path_and_then_continues() -> N
     scan, setpoint = step(SCANNING, observation(front=at(1.5)), unseen, PLAN)
     assert scan.phase is ScanPhase.SWEEP
     assert setpoint.right_m_s == 0
-    looked_rad = []
+    swept_rad = []
     while scan.phase is ScanPhase.SWEEP:
-        looked_rad.append(scan.sweep_rad[0])
+        swept_rad.append(scan.sweep_rad[0])
         scan, setpoint = step(scan, observation(yaw_rad=scan.sweep_rad[0]), unseen, PLAN)
         assert setpoint.right_m_s == setpoint.forward_m_s == 0
-    assert min(looked_rad) < -0.4 < 0.4 < max(looked_rad)
+    assert min(swept_rad) < -0.4 < 0.4 < max(swept_rad)
     assert scan.phase is ScanPhase.SCAN
     _, setpoint = step(scan, observation(front=at(1.5)), FREE, PLAN)
     assert setpoint.right_m_s > 0

@@ -15,9 +15,9 @@ from companion.pdps.visibility import sights
 from tests.grids import (
     OUTSIDE,
     PLAN,
-    look_round,
     observation,
     open_ground,
+    sweep_round,
     ways_from,
 )
 
@@ -66,7 +66,7 @@ def test_unknown_space_amid_known_space_gets_viewpoints(plan: MissionConfig) -> 
     grid = Occupancy()
     for degree in range(0, 360, 40):
         bearing_rad = math.radians(degree)
-        look_round(grid, (7 * math.cos(bearing_rad), 7 * math.sin(bearing_rad)), 3.0, hit=False)
+        sweep_round(grid, (7 * math.cos(bearing_rad), 7 * math.sin(bearing_rad)), 3.0, hit=False)
     found = looks(ways_from(grid, (7.0, 0.0)), observation((7.0, 0.0)), plan)
     assert found
     assert all(math.hypot(*place) < 5 for look in found for place in look.at_ne_m)
@@ -88,7 +88,7 @@ def test_open_space_is_viewed_when_all_other_targets_are_far(strip_m: int, is_op
     pillar = tuple((0.1 * i, 0.1 * j) for i in range(-4, 5) for j in range(-4, 5))
     grid.block((0.0, 0.0), 0.3)
     for north_m in range(4, strip_m, 2):
-        look_round(grid, (float(north_m), 0.0), 2.0, hit=False)
+        sweep_round(grid, (float(north_m), 0.0), 2.0, hit=False)
     grid.block((strip_m + 1.0, 0.0), 0.3)
     seen_enough = (Viewpoint((1.5, 0.0), pillar),) * TRIES
     found = looks(ways_from(grid, here), observation(here), PLAN, seen_enough)

@@ -268,14 +268,14 @@ def _fly_recorded(folder: Path, like: Recorded) -> list[str]:
     config = configuration.load(None, {})
     recorder = open_recorder(folder, config, 0.0, warnings.append)
     setup = Setup(load_world(SMALL_ROOM), SMALL_ROOM, 1, config.sensors)
-    app, _ = fly_in_lockstep(setup, config, nobody_looks, recorder=recorder)
+    app, _ = fly_in_lockstep(setup, config, ignore_progress, recorder=recorder)
     plan = app.final_floor_plan()
     recorder.close(plan)
     assert plan == like.flight.plan
     return warnings
 
 
-def nobody_looks(progress: Progress) -> None:
+def ignore_progress(progress: Progress) -> None:
     pass
 
 

@@ -34,6 +34,6 @@ def parameters(command: Any) -> Iterator[Any]:
 @pytest.mark.parametrize("app", [companion.commands.cli.commands, sitl.commands.cli.commands])
 def test_no_help_text_is_parsed_as_markup(app: typer.Typer) -> None:
     """The help text once lacked the name "[mission]", which Rich reads as markup."""
-    told = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}
-    assert len(told) > 20
-    assert [n for n, text in told.items() if "[" in text.replace(r"\[", "")] == []
+    helps = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}
+    assert len(helps) > 20
+    assert [n for n, text in helps.items() if "[" in text.replace(r"\[", "")] == []

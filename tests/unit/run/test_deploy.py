@@ -68,9 +68,9 @@ def test_only_a_failed_flight_has_a_failure_status_for_systemd(
     unit: str, phase: Phase, is_failure: bool
 ) -> None:
     """The unit after a failure lands a drone in our mode, also after a change back to it."""
-    (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
+    (success,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
     status = exit_status(FlightState(phase, trouble="so it ended"))
-    assert (status not in (0, int(told))) == is_failure
+    assert (status not in (0, int(success))) == is_failure
 
 
 def test_the_installed_configuration_is_valid() -> None:
@@ -84,9 +84,9 @@ def test_the_installed_configuration_is_valid() -> None:
 def test_the_parameters_exist_and_are_in_range(file: str, autopilot: str) -> None:
     table = load_table(autopilot)
     lines = [line.split("#")[0].split() for line in (DEPLOY / file).read_text().splitlines()]
-    told = [(w[2], w[3]) if len(w) == 5 else (w[0], w[1]) for w in lines if w]
-    assert told
-    for name, value in told:
+    parameters = [(w[2], w[3]) if len(w) == 5 else (w[0], w[1]) for w in lines if w]
+    assert parameters
+    for name, value in parameters:
         if name not in HARDWARE_ONLY:
             parameter = table[name]
             assert parameter.least <= float(value) <= parameter.most
@@ -225,8 +225,8 @@ def test_a_raspberry_pi_5_keeps_its_debug_connector(
     boot.mkdir(parents=True)
     tree.mkdir(parents=True)
     (tree / "model").write_text(f"{model}\0")
-    told = "console=serial0,115200 console=ttyAMA0,115200 console=tty1\n"
-    (boot / "cmdline.txt").write_text(told)
+    command_line = "console=serial0,115200 console=ttyAMA0,115200 console=tty1\n"
+    (boot / "cmdline.txt").write_text(command_line)
     install(root, stub)
     assert (boot / "cmdline.txt").read_text() == line
     assert "[pi5]\ndtparam=uart0=on\n" in (boot / "config.txt").read_text()

@@ -44,16 +44,18 @@ def flown(ticks: int, north_m_s: float = 1.0, yaw_rad_s: float = 0.0) -> list[Od
 
 def test_odometry_without_jumps_is_unchanged() -> None:
     steady = SteadyOdometry()
-    for told in flown(20):
-        assert steady.take(told) is told
+    for odometry in flown(20):
+        assert steady.take(odometry) is odometry
 
 
 def test_a_jump_is_removed_and_motion_continues_from_before_it() -> None:
     steady = SteadyOdometry()
-    for told in flown(20):
-        x, y, z = told.position_ned_m
-        jumped = told.time_s > 0.5
-        moved = replace(told, position_ned_m=(x + 2.0, y - 1.0, z - 0.5)) if jumped else told
+    for odometry in flown(20):
+        x, y, z = odometry.position_ned_m
+        jumped = odometry.time_s > 0.5
+        moved = (
+            replace(odometry, position_ned_m=(x + 2.0, y - 1.0, z - 0.5)) if jumped else odometry
+        )
         given = steady.take(moved)
     assert given is not None
     north_m, east_m, down_m = given.position_ned_m
@@ -63,14 +65,14 @@ def test_a_jump_is_removed_and_motion_continues_from_before_it() -> None:
 
 def test_a_heading_jump_does_not_turn_the_frame() -> None:
     steady = SteadyOdometry()
-    for told in flown(20):
+    for odometry in flown(20):
         turned = replace(  # the autopilot's north is the former west
-            told,
-            position_ned_m=(0.0, told.position_ned_m[0], -1.0),
+            odometry,
+            position_ned_m=(0.0, odometry.position_ned_m[0], -1.0),
             velocity_ned_m_s=(0.0, 1.0, 0.0),
             yaw_rad=math.pi / 2,
         )
-        given = steady.take(turned if told.time_s > 0.5 else told)
+        given = steady.take(turned if odometry.time_s > 0.5 else odometry)
     assert given is not None
     assert given.yaw_rad == pytest.approx(0.0)
     assert given.position_ned_m[0] == pytest.approx(19 * TICK_S, abs=0.06)
@@ -78,7 +80,7 @@ def test_a_heading_jump_does_not_turn_the_frame() -> None:
 
 
 @pytest.mark.parametrize(
-    "told",
+    "odometry",
     [
         replace(STILL, position_ned_m=(math.nan, 0.0, 0.0)),
         replace(STILL, yaw_rad=math.inf),
@@ -86,8 +88,8 @@ def test_a_heading_jump_does_not_turn_the_frame() -> None:
         replace(STILL, velocity_ned_m_s=(80.0, 0.0, 0.0)),
     ],
 )
-def test_implausible_odometry_is_dropped(told: Odometry) -> None:
-    assert SteadyOdometry().take(told) is None
+def test_implausible_odometry_is_dropped(odometry: Odometry) -> None:
+    assert SteadyOdometry().take(odometry) is None
 
 
 def samples(now_s: float, rate_rad_s: float) -> list[GyroSample]:
@@ -96,8 +98,8 @@ def samples(now_s: float, rate_rad_s: float) -> list[GyroSample]:
 
 def watched(gyro_rad_s: float, autopilot_rad_s: float, seconds: float = 5.0) -> GyroWatch:
     watch = GyroWatch()
-    for told in flown(round(seconds / TICK_S), yaw_rad_s=autopilot_rad_s):
-        watch.take(told.time_s, samples(told.time_s, gyro_rad_s), told, 0.0)
+    for odometry in flown(round(seconds / TICK_S), yaw_rad_s=autopilot_rad_s):
+        watch.take(odometry.time_s, samples(odometry.time_s, gyro_rad_s), odometry, 0.0)
     return watch
 
 
@@ -137,9 +139,9 @@ def test_the_autopilots_turn_fills_a_gap_of_the_gyro() -> None:
     assert turned_rad == pytest.approx(1.0)
 
 
-def seen_by(watch: RangeWatch, told: Odometry, front: RangeReading) -> RangeState:
-    scan = RangeScan(told.time_s, {Beam.FRONT: front})
-    return watch.take(scan, told, 0.0).readings[Beam.FRONT].state
+def seen_by(watch: RangeWatch, odometry: Odometry, front: RangeReading) -> RangeState:
+    scan = RangeScan(odometry.time_s, {Beam.FRONT: front})
+    return watch.take(scan, odometry, 0.0).readings[Beam.FRONT].state
 
 
 STUCK = RangeReading(RangeState.DISTANCE, 3.0, 0.01)
@@ -149,19 +151,19 @@ OPEN = RangeReading(RangeState.NOTHING, raw=1.25)
 @pytest.mark.parametrize("reading", [STUCK, OPEN])
 def test_a_constant_reading_in_motion_is_failed(reading: RangeReading) -> None:
     watch = RangeWatch()
-    states = [seen_by(watch, told, reading) for told in flown(20)]
+    states = [seen_by(watch, odometry, reading) for odometry in flown(20)]
     assert states[5] is reading.state
     assert states[-1] is RangeState.FAILED
 
 
 def test_a_constant_reading_at_rest_is_valid() -> None:
     watch = RangeWatch()
-    assert {seen_by(watch, told, STUCK) for told in flown(60, 0.0)} == {RangeState.DISTANCE}
+    assert {seen_by(watch, odometry, STUCK) for odometry in flown(60, 0.0)} == {RangeState.DISTANCE}
 
 
 def test_nothing_in_range_in_motion_is_valid() -> None:
     watch, nothing = RangeWatch(), RangeReading(RangeState.NOTHING)
-    assert {seen_by(watch, told, nothing) for told in flown(60)} == {RangeState.NOTHING}
+    assert {seen_by(watch, odometry, nothing) for odometry in flown(60)} == {RangeState.NOTHING}
 
 
 SIGMA_M = 0.05
@@ -170,15 +172,17 @@ SIGMA_M = 0.05
 def shaken(sigmas: float, seed: int, metres: Sequence[float]) -> list[RangeReading]:
     """Readings of the distances, with noise of `sigmas` standard deviations."""
     noise_m = np.random.default_rng(seed).normal(0.0, sigmas * SIGMA_M, len(metres))
-    told_m = (np.array(metres) + noise_m).tolist()
-    return [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in told_m]
+    metres_m = (np.array(metres) + noise_m).tolist()
+    return [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in metres_m]
 
 
 def states_of(flight: Sequence[Odometry], readings: Sequence[RangeReading]) -> list[RangeState]:
     """States of a front beam's readings; the gyro turns as the autopilot does."""
     watch, states = RangeWatch(), []
-    for told, reading in zip(flight, readings, strict=True):
-        scan = watch.take(RangeScan(told.time_s, {Beam.FRONT: reading}), told, told.yaw_rad)
+    for odometry, reading in zip(flight, readings, strict=True):
+        scan = watch.take(
+            RangeScan(odometry.time_s, {Beam.FRONT: reading}), odometry, odometry.yaw_rad
+        )
         states.append(scan.readings[Beam.FRONT].state)
     return states
 
@@ -199,10 +203,10 @@ def test_a_low_noise_sensor_that_approaches_turns_or_rests_is_valid(
     seed: int, sigmas: float
 ) -> None:
     flight = flown(60, 0.5)
-    comes = [4.0 - 0.5 * told.time_s for told in flight]
+    comes = [4.0 - 0.5 * odometry.time_s for odometry in flight]
     assert set(states_of(flight, shaken(sigmas, seed, comes))) == {RangeState.DISTANCE}
     flight = flown(60, 0.0, math.radians(30))
-    turns = [2.0 / math.cos(told.yaw_rad - math.radians(45)) for told in flight]
+    turns = [2.0 / math.cos(odometry.yaw_rad - math.radians(45)) for odometry in flight]
     assert set(states_of(flight, shaken(sigmas, seed, turns))) == {RangeState.DISTANCE}
     waits = shaken(sigmas, seed, [3.0] * 60)
     assert set(states_of(flown(60, 0.0), waits)) == {RangeState.DISTANCE}
@@ -213,33 +217,38 @@ def test_a_constant_distance_along_a_round_wall_is_valid(seed: int) -> None:
     flight = flown(200, 0.5, -0.5)  # on a circle of one metre radius
     readings = shaken(0.3, seed, [1.5] * 200)
     watch, states = RangeWatch(), set()
-    for told, reading in zip(flight, readings, strict=True):
+    for odometry, reading in zip(flight, readings, strict=True):
         forward = replace(
-            told, velocity_ned_m_s=(0.5 * math.cos(told.yaw_rad), 0.5 * math.sin(told.yaw_rad), 0.0)
+            odometry,
+            velocity_ned_m_s=(
+                0.5 * math.cos(odometry.yaw_rad),
+                0.5 * math.sin(odometry.yaw_rad),
+                0.0,
+            ),
         )
-        scan = RangeScan(told.time_s, {Beam.LEFT: reading})
-        states.add(watch.take(scan, forward, told.yaw_rad).readings[Beam.LEFT].state)
+        scan = RangeScan(odometry.time_s, {Beam.LEFT: reading})
+        states.add(watch.take(scan, forward, odometry.yaw_rad).readings[Beam.LEFT].state)
     assert states == {RangeState.DISTANCE}
 
 
-def seen_to_leap(metres: NDArray[np.float64]) -> set[RangeState]:
+def states_at(metres: NDArray[np.float64]) -> set[RangeState]:
     watch = RangeWatch()
     readings = [RangeReading(RangeState.DISTANCE, m, SIGMA_M**2) for m in metres.tolist()]
     flights = zip(flown(len(readings)), readings, strict=True)
-    return {seen_by(watch, told, reading) for told, reading in flights}
+    return {seen_by(watch, odometry, reading) for odometry, reading in flights}
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_sensor_with_ten_times_its_noise_is_failed(seed: int) -> None:
     noise_m = np.random.default_rng(seed).normal(0.0, 10 * SIGMA_M, 100)
-    assert RangeState.FAILED in seen_to_leap(3.0 + noise_m)
+    assert RangeState.FAILED in states_at(3.0 + noise_m)
 
 
 @pytest.mark.parametrize("seed", range(20))
 def test_a_beam_along_an_edge_is_valid(seed: int) -> None:
     rng = np.random.default_rng(seed)
     walls_m = rng.choice([2.0, 3.0], 200)
-    assert seen_to_leap(rng.normal(walls_m, SIGMA_M)) == {RangeState.DISTANCE}
+    assert states_at(rng.normal(walls_m, SIGMA_M)) == {RangeState.DISTANCE}
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -289,17 +298,17 @@ def turn_round(watch: MountingWatch, turns: int, quarters: dict[Beam, int]) -> N
 
 
 @pytest.mark.parametrize(
-    ("first", "is_believed"), [({}, False), ({Beam.RIGHT: 1, Beam.LEFT: 3}, True)]
+    ("first", "is_confirmed"), [({}, False), ({Beam.RIGHT: 1, Beam.LEFT: 3}, True)]
 )
 def test_a_beam_that_was_confirmed_in_one_turn_stays_confirmed(
-    first: dict[Beam, int], is_believed: bool
+    first: dict[Beam, int], is_confirmed: bool
 ) -> None:
     """In a later corner of a maze, the same beam may fit another direction better."""
     watch = MountingWatch()
     if first:
         turn_round(watch, 2, {Beam.FRONT: 0, **first})
     turn_round(watch, 2, {Beam.FRONT: 0, Beam.RIGHT: 3, Beam.LEFT: 1})
-    assert (watch.misplaced == ()) is is_believed
+    assert (watch.misplaced == ()) is is_confirmed
 
 
 def watched_front(walls_m: Sequence[tuple[float, float]]) -> tuple[Beam, ...]:

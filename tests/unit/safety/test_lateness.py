@@ -21,7 +21,7 @@ from companion.safety.health.lateness import Lateness
 from companion.safety.health.watch import Health
 
 TICK_S = 0.05
-HEARD = VehicleState(connected=True, silent_s=0.0, armed=True)
+CONNECTED = VehicleState(connected=True, silent_s=0.0, armed=True)
 LEVEL = (Beam.FRONT, Beam.LEFT, Beam.RIGHT)
 
 
@@ -61,13 +61,13 @@ def test_the_fault_ends_two_seconds_after_the_last_late_tick() -> None:
 def test_speed_is_limited_to_the_clearance_per_delay(
     late_s: float, forward_m_s: float, right_m_s: float, clearance_m: float
 ) -> None:
-    asked = Setpoint(forward_m_s, right_m_s, 0.1, 0.5)
-    told = after([TICK_S + late_s]).slowed(asked, clearance_m)
-    assert told is not None
-    speed_m_s = math.hypot(told.forward_m_s, told.right_m_s)
+    requested = Setpoint(forward_m_s, right_m_s, 0.1, 0.5)
+    slowed = after([TICK_S + late_s]).slowed(requested, clearance_m)
+    assert slowed is not None
+    speed_m_s = math.hypot(slowed.forward_m_s, slowed.right_m_s)
     assert speed_m_s * min(late_s, 0.5) <= clearance_m + 1e-9
-    assert (told.down_m_s, told.yaw_rate_rad_s) == (0.1, 0.5)
-    assert after([TICK_S] * 9).slowed(asked, clearance_m) is asked
+    assert (slowed.down_m_s, slowed.yaw_rate_rad_s) == (0.1, 0.5)
+    assert after([TICK_S] * 9).slowed(requested, clearance_m) is requested
 
 
 class Drone:
@@ -95,7 +95,7 @@ class Drone:
         ]
         self.turned_s = gyro_s
         yaw_rad = math.remainder(self.RATE_RAD_S * now_s, math.tau)
-        told = Odometry(now_s, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), yaw_rad)
+        reported = Odometry(now_s, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), yaw_rad)
         scan_s = gyro_s + ranges_late_s
         state = RangeState.FAILED if step_s > 0.25 else RangeState.DISTANCE
         readings = {
@@ -103,12 +103,12 @@ class Drone:
             for place, beam in enumerate(LEVEL)
         }
         self.health.tick(scan_s)
-        odometry = self.health.odometry(told)
+        odometry = self.health.odometry(reported)
         self.health.gyro(scan_s, samples, odometry, 0.0)
         scan = self.health.ranges(RangeScan(scan_s, readings), odometry)
         self.now_s = scan_s
         self.placed = any(reading.is_alive for reading in scan.readings.values())
-        if fault := self.health.fault(HEARD):
+        if fault := self.health.fault(CONNECTED):
             self.faults.add(fault.text.split(":")[0])
 
 
@@ -122,7 +122,7 @@ def test_late_readings_raise_no_sensor_fault(late_s: list[float], between: int) 
     for _ in range(60):
         drone.tick(TICK_S)
     assert drone.faults <= {"the computer is starved"}
-    assert drone.health.fault(HEARD) is None
+    assert drone.health.fault(CONNECTED) is None
 
 
 @given(st.floats(0.2, 2.0), st.booleans())
@@ -144,6 +144,6 @@ def test_a_silent_autopilot_is_reported_once_ticks_are_in_time_again() -> None:
     for _ in range(60):
         drone.health.tick(drone.now_s)
         drone.now_s += TICK_S
-    fault = drone.health.fault(HEARD)
+    fault = drone.health.fault(CONNECTED)
     assert fault is not None
     assert fault.text == "the autopilot tells no position"

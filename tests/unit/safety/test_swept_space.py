@@ -95,11 +95,11 @@ def test_space_swept_long_ago_counts_as_unswept() -> None:
 
 
 @pytest.mark.parametrize(
-    ("aside_m", "since_s", "is_looked_at"),
+    ("aside_m", "since_s", "is_targeted"),
     [(0.5, 6, True), (-0.5, 6, True), (0.5, 1, False), (1.0, 6, False)],
 )
 def test_the_nose_turns_to_an_obstacle_beside_the_path_detected_long_ago(
-    aside_m: float, since_s: float, is_looked_at: bool
+    aside_m: float, since_s: float, is_targeted: bool
 ) -> None:
     near = ObstacleMemory(
         {b: RangeUnit(GP2Y0A710K0F, at, 0.08) for b, at in BEARING_FRD_RAD.items()}
@@ -122,7 +122,7 @@ def test_the_nose_turns_to_an_obstacle_beside_the_path_detected_long_ago(
     if aside_m < 0:
         to_it_rad, off_it_rad = off_it_rad, to_it_rad
     assert off_it_rad < math.radians(20)
-    if is_looked_at:
+    if is_targeted:
         assert math.degrees(to_it_rad) == pytest.approx(29, abs=1)
     else:
         assert to_it_rad < math.radians(20)

@@ -72,7 +72,7 @@ def tick_until(feed: TcpFeed, is_done: Callable[[], bool], first_s: float = 0.0)
 
 def test_a_viewer_receives_map_and_pose(feed: TcpFeed) -> None:
     seen: Queue[Snapshot] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 3)
     first = seen.get(timeout=DEADLINE_S)
     assert first.sketch == Mapping(Config()).sketch()
@@ -81,7 +81,7 @@ def test_a_viewer_receives_map_and_pose(feed: TcpFeed) -> None:
     assert first.readings[Beam.FRONT].distance_m == 1.5
     assert first.readings[Beam.UP].state is RangeState.NOTHING
     assert first.mount_offset_m == 0.08
-    looker.close()
+    viewer.close()
 
 
 def test_a_late_viewer_receives_the_map_at_once(feed: TcpFeed) -> None:
@@ -99,11 +99,11 @@ def test_a_late_viewer_receives_the_map_at_once(feed: TcpFeed) -> None:
 def test_a_viewer_with_a_wrong_token_receives_nothing(feed: TcpFeed) -> None:
     seen: list[Snapshot] = []
     complaints: Queue[str] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
+    viewer = FeedClient(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
     tick_until(feed, lambda: not complaints.empty())
     assert "--drone-token-file" in complaints.get(timeout=DEADLINE_S)
     assert not seen
-    looker.close()
+    viewer.close()
 
 
 def test_a_client_that_sends_nothing_or_garbage_does_not_block_the_feed(feed: TcpFeed) -> None:
@@ -111,9 +111,9 @@ def test_a_client_that_sends_nothing_or_garbage_does_not_block_the_feed(feed: Tc
     babbling = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
     babbling.sendall(b"GET / HTTP/1.1\r\nHost: drone\r\n\r\n" + b"x" * 1000)
     seen: Queue[Snapshot] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 1)
-    for other in (looker, silent, babbling):
+    for other in (viewer, silent, babbling):
         other.close()
 
 
@@ -134,10 +134,10 @@ def test_an_error_ends_the_feed_and_not_the_flight() -> None:
 
     warnings: list[str] = []
     feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
     tick_until(feed, lambda: bool(warnings))
     assert "ZeroDivisionError" in warnings[0]
-    looker.close()
+    viewer.close()
 
 
 def test_a_snapshot_is_unchanged_after_encoding_and_decoding() -> None:
@@ -184,9 +184,9 @@ def test_a_snapshot_of_excessive_length_is_not_read() -> None:
 
     Thread(target=lie, daemon=True).start()
     port = listener.getsockname()[1]
-    looker = FeedClient(("127.0.0.1", port), "", lambda seen: None, complaints.put)
+    viewer = FeedClient(("127.0.0.1", port), "", lambda seen: None, complaints.put)
     assert "2147483648 bytes" in complaints.get(timeout=DEADLINE_S)
-    looker.close()
+    viewer.close()
     listener.close()
 
 

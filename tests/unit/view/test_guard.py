@@ -108,10 +108,10 @@ def test_the_token_gives_access_and_is_removed_from_the_address(public: PageServ
     cookie = headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
-    told = {"Cookie": cookie.partition(";")[0]}
-    assert get(public, headers=told)[0] == 200
-    assert open_socket(public, headers=told) == 101
-    assert open_socket(public, origin="http://evil.example", headers=told) == 403
+    with_cookie = {"Cookie": cookie.partition(";")[0]}
+    assert get(public, headers=with_cookie)[0] == 200
+    assert open_socket(public, headers=with_cookie) == 101
+    assert open_socket(public, origin="http://evil.example", headers=with_cookie) == 403
 
 
 COOKIE = f"pdps_view_8080={TOKEN}"
@@ -128,11 +128,11 @@ COOKIE = f"pdps_view_8080={TOKEN}"
 )
 def test_a_refusal_names_the_host_that_a_proxy_changed(host: str, origin: str) -> None:
     for token in (TOKEN, None):
-        told = refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}, token=token)
-        assert repr(host) in told
-        assert repr(origin) in told
-        assert "proxy must pass Host" in told
-        assert "only for the machine" not in told
+        refused = refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}, token=token)
+        assert repr(host) in refused
+        assert repr(origin) in refused
+        assert "proxy must pass Host" in refused
+        assert "only for the machine" not in refused
 
 
 @pytest.mark.parametrize(
