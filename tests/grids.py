@@ -1,4 +1,4 @@
-"""Known space for tests, what the drone observes in it, and a step of its travel."""
+"""Occupancy grids for tests, observations in them, and one step of a travel."""
 
 import math
 from dataclasses import replace
@@ -79,7 +79,7 @@ def with_doorway(ahead_m: float) -> Occupancy:
 
 
 def stuck_on_a_path(before: Travel | None) -> Travel:
-    """The drone has turned all round, and is stuck at the start."""
+    """Travel of a drone that has turned all round and is stuck at the start."""
     grid = open_ground()
     travel = replace(onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
     for time_s in (10.0, 21.0):

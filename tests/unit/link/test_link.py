@@ -505,7 +505,7 @@ def ground_beats(messages: list[Any]) -> list[Any]:
 def test_ground_station_heartbeats_are_sent_only_if_px4_has_no_data_link_loss_action(
     dll_act: int | None, beats: int
 ) -> None:
-    """Otherwise it would mask the loss of a real ground station on another link."""
+    """The heartbeats would mask the loss of a real ground station on another link."""
     vehicle = Vehicle()
     vehicle.sends(px4_heartbeat())
     if dll_act is not None:

@@ -1,4 +1,4 @@
-"""Vehicles that are received but not flown, and that they get no requests."""
+"""Vehicles that are not flown are named, and receive no requests."""
 
 from typing import Any
 

@@ -137,7 +137,7 @@ def test_a_port_missing_at_start_is_refused_with_the_remedy() -> None:
         opened(port)
 
 
-# A port that takes nothing, or too little
+# A port that accepts no bytes, or too few
 
 TICK_S = 0.05
 
@@ -209,7 +209,7 @@ def test_the_backlog_of_a_blocked_port_is_bounded(
 
 
 def test_an_incomplete_message_that_is_too_old_is_invalidated() -> None:
-    """An incomplete message would corrupt the next; a complete one would seem new."""
+    """An incomplete message would corrupt the next. A completed old message would seem new."""
     port = Port(reports_backlog=False)
     line = SerialLine(port, 57600)
     old, new = beats(1), beats(1)

@@ -79,7 +79,7 @@ def test_one_stray_reading_does_not_close_a_doorway() -> None:
 
 
 def corridor() -> Occupancy:
-    """Two metres wide, from 3 m south to 3 m north, with a wall at its north end."""
+    """A corridor two metres wide, from 3 m south to 3 m north, with a wall at its north end."""
     grid = Occupancy()
     for _ in range(3):
         for step in range(-10, 11):

@@ -60,7 +60,7 @@ def test_the_drone_sweeps_both_jambs_before_a_doorway_and_then_continues() -> No
 
 
 def swept_again_if_narrow(travel: Travel, grid: Occupancy, width_m: float) -> tuple[Travel, float]:
-    """Sweeps the opening, twice if it looks narrow; returns the journey and the time."""
+    """Sweep the opening, twice if it seems narrow; return the travel and the time."""
     travel, time_s = swept(travel, grid, width_m)
     if travel.known[0].looks_narrow:
         travel, time_s = swept(travel, grid, width_m, time_s=time_s + 0.05)
@@ -74,7 +74,7 @@ def swept(
     place: Place = (0.0, 0.0),
     time_s: float = 10.0,
 ) -> tuple[Travel, float]:
-    """The journey after a sweep of both jambs, 1.45 m north, and the time."""
+    """The travel after a sweep of both jambs, 1.45 m north, and the time."""
     heading = 1.0 if place[0] < 1.45 else -1.0
     seen = observation(place, math.acos(heading), time_s=time_s)
     travel, _ = travelling.step(travel, seen, grid, PLAN)

@@ -99,7 +99,7 @@ def test_without_a_path_the_drone_turns_all_round_once_and_then_gives_up() -> No
 def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
     roomy: Place, *, looks: bool
 ) -> None:
-    """The drone is in a doorway. A wall 1.5 m east, which it flew round, is between."""
+    """The drone is in a doorway. It has flown round a wall 1.5 m east, which is between."""
     grid = walled(reach_m=2.0)
     for jamb_m in (-0.6, 0.6):
         grid.block((jamb_m, 0.0), 0.01)

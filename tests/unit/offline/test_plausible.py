@@ -109,7 +109,7 @@ def test_time_in_whole_seconds_is_refused(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("since_s", [1.7e9, -3.0, -20.0, 86400.0])
 def test_a_clock_set_in_flight_is_refused(tmp_path: Path, since_s: float) -> None:
-    """A clock set by the network some time after a start without it."""
+    """The computer starts without a network, and the network sets its clock later."""
     rows = flown()
     rows[300:, TIME] += since_s
     message = refusal(tmp_path, rows)

@@ -72,7 +72,7 @@ def with_motion(log: Log, scale: float, turned_rad: Array) -> Log:
 def with_wheel_odometry(
     log: Log, deg_per_sqrt_m: float, seed: int, *, deg_per_m: float = 0.0
 ) -> Log:
-    """The heading walks with the distance driven, and drifts to one side."""
+    """Odometry with a random walk of the heading over the distance, and a drift to one side."""
     way_m = np.hypot(*np.diff(log.truth[:, :2], axis=0).T)
     noise = np.random.default_rng(seed).normal(0, 1, len(way_m))
     off_deg = deg_per_sqrt_m * np.sqrt(way_m) * noise + deg_per_m * way_m
@@ -85,7 +85,7 @@ def shuffled(log: Log) -> Log:
 
 
 def late(log: Log) -> Log:
-    """Ranges delayed by some 4 s."""
+    """Ranges delayed by about 4 s."""
     rows = math.ceil(4 / float(np.diff(log.time_s).mean()))
     ranges_m = {beam: np.roll(ranges, rows) for beam, ranges in log.ranges_m.items()}
     return replace(log, ranges_m=ranges_m)
@@ -127,7 +127,7 @@ def test_a_log_with_a_quarter_of_outliers_is_trusted() -> None:
 
 @pytest.mark.parametrize("seed", [1, 2])
 def test_heading_errors_do_not_shrink_a_corridor(seed: int) -> None:
-    """The error would shrink it by a tenth or more: a shorter path crosses the walls less."""
+    """Such errors would shrink it by a tenth or more: a shorter path crosses the walls less."""
     scenario = Scenario(corridor(ends=False), TO_AND_FRO, Noise(range_sigma_m=0.03))
     log = with_wheel_odometry(record(scenario, seed), 1.2, seed, deg_per_m=1.0)
     result = mapped(log)

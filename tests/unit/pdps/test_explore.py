@@ -1,4 +1,4 @@
-"""The phases of exploration: look, choose, go."""
+"""Tests the phases of exploration: look, choose, go."""
 
 import math
 from dataclasses import replace
@@ -132,7 +132,7 @@ def test_go_chooses_again_when_its_targets_were_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, setpoint = step(explore, observation(time_s=20.0), open_ground(reach_m=9.0), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
-    assert setpoint != HOLD  # it continues to fly meanwhile
+    assert setpoint != HOLD  # the drone continues to fly meanwhile
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 

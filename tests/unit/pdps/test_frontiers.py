@@ -1,4 +1,4 @@
-"""Frontiers and surfaces that were seen only vaguely."""
+"""Frontiers, and surfaces with only vague detections."""
 
 import math
 

@@ -41,7 +41,7 @@ HERE: Vector2 = (0.0, -2.0)
 
 
 def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) -> KnownWalls:
-    """Two walls with this sigma of the distance to the origin; `tied`: exact between them."""
+    """Two walls with this sigma to the origin. `tied`: the distance between them is exact."""
     normals = np.array([[math.cos(turned_rad), math.sin(turned_rad)]]) * [[1.0], [-1.0]]
     covariance_m2 = sigma_m**2 * np.array([[1.0, -1.0], [-1.0, 1.0]] if tied else np.eye(2))
     reach_m = np.array([[-REACH_M, REACH_M]] * 2)
@@ -64,7 +64,7 @@ def yard(*, partition: bool = False) -> Occupancy:
 
 
 def sealed() -> Occupancy:
-    """The same with walls at its east and west ends."""
+    """The yard with walls at its east and west ends."""
     grid = yard().copy()
     for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
         for east_m in (-4.6, 4.7):

@@ -134,7 +134,7 @@ def test_a_drone_that_the_pilot_landed_is_not_disarmed() -> None:
     assert (taken.phase, action) == (Phase.HANDED_OVER, NOTHING)
 
 
-# Refused before it arms
+# Refusals before arming
 
 
 @pytest.mark.parametrize("phase", [Phase.PREPARE, Phase.OFFBOARD, Phase.ARM])

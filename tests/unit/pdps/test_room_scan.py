@@ -136,7 +136,7 @@ def test_scanning_begins_at_the_stand_off() -> None:
 
 
 def test_the_stand_off_follows_the_drift_of_the_estimate() -> None:
-    """The stand-off depends on the estimate's drift, which is known only after walls are."""
+    """The stand-off depends on the drift of the estimate, which is known after the first walls."""
     seen = replace(observation(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
     scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
     assert scan.standoff_m == 1.7

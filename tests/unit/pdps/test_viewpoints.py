@@ -1,4 +1,4 @@
-"""From where the drone looks next."""
+"""Choice of the next viewpoint."""
 
 import math
 from dataclasses import replace
@@ -33,7 +33,7 @@ def test_a_frontier_is_visible_from_the_front_and_not_from_the_side() -> None:
 
 
 def test_a_viewpoint_has_unknown_space_behind_its_frontier() -> None:
-    """Not from the side, where the line continues through known space."""
+    """From the side, the line through the frontier continues in known space."""
     grid = open_ground()
     known = known_cells(grid)
     for look in looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN):

@@ -334,7 +334,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_recording_that_has_stopped_keeps_no_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise they would fill the memory until the flight ends."""
+    """Stored messages would fill the memory until the flight ends."""
     monkeypatch.setattr(FlightRecorder, "_tick", lambda *_: 1 / 0)
     recorder = FlightRecorder(
         tmp_path / "flight.mcap", Config(), 0.0, lambda _: None, lambda: 0.0, continues=""

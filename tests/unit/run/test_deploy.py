@@ -67,7 +67,7 @@ def test_the_units_are_hardened() -> None:
 def test_only_a_failed_flight_has_a_failure_status_for_systemd(
     unit: str, phase: Phase, is_failure: bool
 ) -> None:
-    """The unit after a failure lands a drone in our mode, also after a change back to it."""
+    """The unit that starts after a failure lands a drone in our mode, also after a change back."""
     (success,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
     status = exit_status(FlightState(phase, trouble="so it ended"))
     assert (status not in (0, int(success))) == is_failure

@@ -71,7 +71,7 @@ def test_speed_is_limited_to_the_clearance_per_delay(
 
 
 class Drone:
-    """A drone that turns at 45 deg/s; all its sensors are sound whenever they are read."""
+    """A drone that turns at 45 deg/s; all its sensors are healthy whenever they are read."""
 
     RATE_RAD_S = math.radians(45)
 

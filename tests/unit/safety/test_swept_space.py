@@ -42,7 +42,7 @@ def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0)
 def test_space_is_swept_beyond_where_the_swing_is_as_wide_as_the_drone(
     bearing_deg: float,
 ) -> None:
-    """That is from 0.8 m on; in flight, nearer space was swept when it was farther ahead."""
+    """The swing is that wide beyond 0.8 m. In flight, nearer space was swept from farther back."""
     bearing_rad = math.radians(bearing_deg)
     passed = swung(bearing_rad)
     assert passed.lane(HERE, bearing_rad, 10.1).clear_m < 0.8

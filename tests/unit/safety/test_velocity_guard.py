@@ -208,7 +208,7 @@ class Drone:
 
     @property
     def points(self) -> list[Place]:
-        """The exact points."""
+        """The points that are not vague."""
         around = self.near.surroundings(0.5)
         exact = around.points_frd_m[~around.is_vague]
         return [(float(f), float(r)) for f, r in exact]
@@ -304,7 +304,7 @@ def test_clearance_from_a_far_detection_includes_its_sigma_until_an_exact_detect
 
 
 def test_a_vague_point_is_moved_out_of_swept_space() -> None:
-    """Otherwise a jamb detected from far away blocks the middle of its doorway."""
+    """A jamb detected from far away would block the middle of its doorway."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.turn_to(math.radians(30))
     drone.see(front=RangeReading(RangeState.DISTANCE, 3.0, 0.15**2))
@@ -441,7 +441,7 @@ def test_a_measured_point_stays_while_it_is_too_near_to_be_measured() -> None:
     for _ in range(14):
         drone.move(0.05)
     for _ in range(5):
-        drone.see(front=at(5.2))  # a very near obstacle may read the same
+        drone.see(front=at(5.2))  # a very near obstacle may give the same reading
     assert drone.points == [pytest.approx((0.48, 0.0))]
 
 
@@ -501,7 +501,7 @@ def test_readings_behind_the_end_of_a_near_wall_are_valid(behind_m: float) -> No
 
 def test_readings_beside_an_edge_do_not_mark_far_readings_as_folded_back() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
-    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # as a wide beam measures there
+    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # of a wide beam at an edge
         drone.turn_to(math.radians(degree))
         drone.see(front=GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(float(between_m))))
     for _ in range(30):
@@ -543,7 +543,7 @@ def test_a_moved_obstacle_is_removed_where_a_folded_back_reading_would_be_nearer
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=was)
     drone.move(max(forward_m for forward_m, _ in drone.points) - 0.75)
-    drone.sweep(front=at(3.0))  # 3.0 m and 0.22 m from the sensor read the same
+    drone.sweep(front=at(3.0))  # 3.0 m and 0.22 m from the sensor give the same reading
     assert drone.points == []
 
 
