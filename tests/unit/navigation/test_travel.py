@@ -95,9 +95,9 @@ def test_without_a_path_the_drone_turns_all_round_once_and_then_gives_up() -> No
     assert setpoint == HOLD
 
 
-@pytest.mark.parametrize(("roomy", "looks"), [((0.0, -1.5), True), ((0.0, 2.5), False)])
+@pytest.mark.parametrize(("roomy", "sweeps"), [((0.0, -1.5), True), ((0.0, 2.5), False)])
 def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
-    roomy: Place, *, looks: bool
+    roomy: Place, *, sweeps: bool
 ) -> None:
     """The drone is in a doorway. It has flown round a wall 1.5 m east, which is between."""
     grid = walled(reach_m=2.0)
@@ -106,8 +106,8 @@ def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
     for decimetre in range(-20, 21):
         grid.block((0.1 * decimetre + 0.05, 1.5), 0.1)
     travel, setpoint = step_travel(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
-    assert travel.phase is (TravelPhase.SWEEP if looks else TravelPhase.GAVE_UP)
-    assert looks or setpoint == HOLD
+    assert travel.phase is (TravelPhase.SWEEP if sweeps else TravelPhase.GAVE_UP)
+    assert sweeps or setpoint == HOLD
 
 
 def test_travel_continues_after_a_full_sweep_beside_a_doorway() -> None:
