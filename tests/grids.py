@@ -1,4 +1,4 @@
-"""Known space for tests, what the drone observes in it, and a step of its travel."""
+"""Occupancy grids for tests, observations in them, and one step of a travel."""
 
 import math
 from dataclasses import replace
@@ -30,11 +30,11 @@ def ways_from(grid: Occupancy, place_ne_m: Vector2) -> ShortestPaths:
 def open_ground(reach_m: float = 4.0, centre: Place = (0.0, 0.0)) -> Occupancy:
     """A disc of free space without walls."""
     grid = Occupancy()
-    look_round(grid, centre, reach_m, hit=False)
+    sweep_round(grid, centre, reach_m, hit=False)
     return grid
 
 
-def look_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> None:
+def sweep_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> None:
     for degree in range(0, 360):
         for _ in range(3):
             grid.add(Ray(centre, math.radians(degree), reach_m, 0.01, hit, 0.0))
@@ -43,7 +43,7 @@ def look_round(grid: Occupancy, centre: Place, reach_m: float, *, hit: bool) -> 
 def walled(centre: Place = (0.0, 0.0), reach_m: float = 3.0) -> Occupancy:
     """A round room without a door."""
     grid = Occupancy()
-    look_round(grid, centre, reach_m, hit=True)
+    sweep_round(grid, centre, reach_m, hit=True)
     return grid
 
 
@@ -58,13 +58,13 @@ def length_m(start: Place, way: tuple[Place, ...]) -> float:
     return sum(math.dist(a, b) for a, b in pairwise((start, *way)))
 
 
-def gone(
+def step_travel(
     travel: Travel, grid: Occupancy, *, ahead_m: float = 5.0, time_s: float = 10.0
 ) -> tuple[Travel, Setpoint]:
     return travelling.step(travel, observation(ahead_m=ahead_m, time_s=time_s), grid, PLAN)
 
 
-def to_turn_to_rad(travel: Travel) -> tuple[float, ...]:
+def remaining_headings_rad(travel: Travel) -> tuple[float, ...]:
     """Remaining headings of the sweep."""
     assert travel.sweep is not None
     return travel.sweep.headings_rad
@@ -78,10 +78,10 @@ def with_doorway(ahead_m: float) -> Occupancy:
     return grid
 
 
-def stuck_on_a_way(before: Travel | None) -> Travel:
-    """The drone has turned all round, and is stuck at the start."""
+def stuck_on_a_path(before: Travel | None) -> Travel:
+    """Travel of a drone that has turned all round and is stuck at the start."""
     grid = open_ground()
     travel = replace(onward(before, (3.0, 0.0), ARRIVED_M), looked_round=True)
     for time_s in (10.0, 21.0):
-        travel, _ = gone(travel, grid, time_s=time_s)
+        travel, _ = step_travel(travel, grid, time_s=time_s)
     return travel

@@ -1,4 +1,4 @@
-"""Draws occupancy maps for tests: rows northwards, cells of 5 cm, as a robot writes them."""
+"""Draws occupancy maps for tests: rows northwards, cells of 5 cm, as in a robot's map."""
 
 from pathlib import Path
 

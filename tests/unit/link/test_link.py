@@ -26,9 +26,9 @@ class Vehicle:
         self.link = Link(companion, config or LinkConfig())
         self.now_s = 0.0
         self.received: list[Message] = []
-        self.heard_at: list[tuple[float, Message]] = []
+        self.received_at: list[tuple[float, Message]] = []
 
-    def says(self, *messages: Message) -> Telemetry:
+    def sends(self, *messages: Message) -> Telemetry:
         for message in messages:
             self.transport.send(message)
         return self.link.poll(self.now_s)
@@ -37,7 +37,7 @@ class Vehicle:
         self.link.send(self.now_s, setpoint, command)
         new: list[Any] = self.transport.receive()
         self.received += new
-        self.heard_at += [(self.now_s, message) for message in new]
+        self.received_at += [(self.now_s, message) for message in new]
         self.now_s += TICK_S
         return new
 
@@ -64,31 +64,31 @@ def vehicle() -> Vehicle:
     return Vehicle()
 
 
-def test_a_heartbeat_connects_and_silence_disconnects(vehicle: Vehicle) -> None:
-    assert not vehicle.says().vehicle.connected
-    state = vehicle.says(heartbeat(4, armed=True)).vehicle
+def test_a_heartbeat_connects_and_a_timeout_disconnects(vehicle: Vehicle) -> None:
+    assert not vehicle.sends().vehicle.connected
+    state = vehicle.sends(heartbeat(4, armed=True)).vehicle
     assert (state.connected, state.mode, state.in_offboard_mode, state.armed) == (
         *(True, "GUIDED", True, True),
     )
     vehicle.now_s += 3.5
-    state = vehicle.says().vehicle
+    state = vehicle.sends().vehicle
     assert not state.connected
     assert state.silent_s == pytest.approx(3.5)
 
 
 def test_an_unknown_autopilot_is_not_connected(vehicle: Vehicle) -> None:
     stranger = mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, 3, 3)
-    assert not vehicle.says(stranger).vehicle.connected
+    assert not vehicle.sends(stranger).vehicle.connected
 
 
-def test_it_beats_once_a_second_as_an_onboard_controller(vehicle: Vehicle) -> None:
+def test_link_sends_one_heartbeat_per_second_as_onboard_controller(vehicle: Vehicle) -> None:
     beats = [m for _ in range(60) for m in vehicle.tick() if m.get_type() == "HEARTBEAT"]
     assert len(beats) == 3
     assert (beats[0].type, beats[0].autopilot, beats[0].get_srcComponent()) == (18, 8, 191)
 
 
-def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_link_requests_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     vehicle.tick()
     asked = {int(m.param1) for m in vehicle.received if m.get_type() == "COMMAND_LONG"}
     assert asked == {32, 30, 245, 193, 1, 49}
@@ -96,19 +96,21 @@ def test_it_asks_for_streams_origin_and_setpoint_timeout(vehicle: Vehicle) -> No
     assert (timeout.param_id, timeout.param_value) == ("GUID_TIMEOUT", 0.5)
 
 
-def test_how_long_an_old_setpoint_is_flown_can_be_set() -> None:
+def test_setpoint_timeout_is_configurable() -> None:
     vehicle = Vehicle(LinkConfig(setpoint_loss_s=2.0))
-    vehicle.says(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3))
+    vehicle.sends(mavlink.MAVLink_heartbeat_message(2, mavlink.MAV_AUTOPILOT_PX4, 81, 0, 3, 3))
     vehicle.tick()
-    told = {m.param_id: m.param_value for m in vehicle.received if m.get_type() == "PARAM_SET"}
-    assert told["COM_OF_LOSS_T"] == 2.0
-    assert "COM_OBL_RC_ACT" in told
+    parameters = {
+        m.param_id: m.param_value for m in vehicle.received if m.get_type() == "PARAM_SET"
+    }
+    assert parameters["COM_OF_LOSS_T"] == 2.0
+    assert "COM_OBL_RC_ACT" in parameters
 
 
-def test_it_asks_again_for_a_stream_that_stays_silent(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_link_requests_a_missing_stream_again(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     for _ in range(80):
-        vehicle.says(position(int(vehicle.now_s * 1000) + 1))
+        vehicle.sends(position(int(vehicle.now_s * 1000) + 1))
         vehicle.tick()
     asked = [int(m.param1) for m in vehicle.received if m.get_type() == "COMMAND_LONG"]
     assert asked.count(30) >= 2
@@ -119,7 +121,7 @@ def asked(vehicle: Vehicle, message_id: int) -> list[float]:
     """Times of the requests for a stream, s."""
     return [
         now_s
-        for now_s, m in vehicle.heard_at
+        for now_s, m in vehicle.received_at
         if m.get_type() == "COMMAND_LONG" and m.command == 511 and m.param1 == message_id
     ]
 
@@ -137,15 +139,15 @@ def streams(vehicle: Vehicle, seconds: float, attitude_hz: float) -> None:
         due += attitude_hz * TICK_S
         messages = [attitude(ms + n) for n in range(int(due))]
         due -= int(due)
-        vehicle.says(position(ms), *messages, *(slow if tick % 10 == 0 else ()))
+        vehicle.sends(position(ms), *messages, *(slow if tick % 10 == 0 else ()))
         vehicle.tick()
 
 
 @pytest.mark.parametrize("rate_hz", [0.0, 0.2, 1.0, 4.0, 16.0])
-def test_a_stream_that_somebody_slows_is_asked_for_again_soon_and_then_more_rarely(
+def test_a_slowed_stream_is_requested_again_soon_and_then_less_often(
     vehicle: Vehicle, rate_hz: float
 ) -> None:
-    vehicle.says(heartbeat())
+    vehicle.sends(heartbeat())
     streams(vehicle, 20.0, 25.0)
     assert len(asked(vehicle, 30)) == 1
     streams(vehicle, 8.0, rate_hz)
@@ -154,20 +156,24 @@ def test_a_stream_that_somebody_slows_is_asked_for_again_soon_and_then_more_rare
     if rate_hz > 1.0:
         assert len(asked(vehicle, 30)) <= 6
     assert [len(asked(vehicle, other)) for other in (32, 1, 245, 193)] == [1] * 4
-    told = len(asked(vehicle, 30))
+    requests = len(asked(vehicle, 30))
     streams(vehicle, 20.0, 25.0)
-    assert len(asked(vehicle, 30)) <= told + 1
+    assert len(asked(vehicle, 30)) <= requests + 1
 
 
 @pytest.mark.parametrize("rate_hz", [20.0, 25.0, 50.0])
-def test_a_stream_that_comes_about_as_asked_is_let_be(vehicle: Vehicle, rate_hz: float) -> None:
-    vehicle.says(heartbeat())
+def test_a_stream_at_the_requested_rate_is_not_requested_again(
+    vehicle: Vehicle, rate_hz: float
+) -> None:
+    vehicle.sends(heartbeat())
     streams(vehicle, 60.0, rate_hz)
     assert len(asked(vehicle, 30)) == 1
 
 
 @pytest.mark.parametrize("rate_hz", [0.4, 1.2])
-def test_a_stream_of_a_low_rate_is_asked_for_again_too(vehicle: Vehicle, rate_hz: float) -> None:
+def test_a_low_rate_stream_that_is_too_slow_is_requested_again(
+    vehicle: Vehicle, rate_hz: float
+) -> None:
     stream = Stream(mavlink.MAVLINK_MSG_ID_SYS_STATUS, 2.0)
     status = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 50, 0, 0, 0, 0, 0, 0)
     stream.requests(0.0, (1, 1))
@@ -181,81 +187,81 @@ def test_a_stream_of_a_low_rate_is_asked_for_again_too(vehicle: Vehicle, rate_hz
     assert 2 <= requests <= 20
 
 
-def test_with_five_sensors_on_one_stream_each_counts_for_itself() -> None:
+def test_rate_of_a_stream_with_five_sensors_is_measured_per_sensor() -> None:
     stream = Stream(mavlink.MAVLINK_MSG_ID_DISTANCE_SENSOR, 20.0)
     stream.requests(0.0, (1, 1))
     requests = 0
     for tick in range(1, 200):
         for number in range(5 if tick % 4 == 0 else 0):  # 5 Hz of 20, from five sensors
-            told = mavlink.MAVLink_distance_sensor_message(0, 10, 500, 100, 2, number, 0, 0)
-            stream.note(told, tick * TICK_S)
+            message = mavlink.MAVLink_distance_sensor_message(0, 10, 500, 100, 2, number, 0, 0)
+            stream.note(message, tick * TICK_S)
         if tick % 20 == 0:
             requests += len(stream.requests(tick * TICK_S, (1, 1)))
     assert requests >= 1
     assert stream.is_slow
 
 
-def test_the_estimate_is_ready_with_flags_position_and_timeout(vehicle: Vehicle) -> None:
+def test_estimate_is_ready_with_flags_position_timeout_and_landed_state(vehicle: Vehicle) -> None:
     def report(flags: int) -> Message:
         return mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0)
 
     timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 65535)
-    assert not vehicle.says(heartbeat(), report(167)).vehicle.estimate_ready
-    assert not vehicle.says(report(895)).vehicle.estimate_ready
-    assert not vehicle.says(position(1)).vehicle.estimate_ready
-    told = vehicle.says(timeout).vehicle
-    assert not told.estimate_ready
-    assert "whether it has landed (EXTENDED_SYS_STATE)" in told.waits_for
-    assert vehicle.says(landed_state(1)).vehicle.estimate_ready
-    assert not vehicle.says(report(167)).vehicle.estimate_ready
+    assert not vehicle.sends(heartbeat(), report(167)).vehicle.estimate_ready
+    assert not vehicle.sends(report(895)).vehicle.estimate_ready
+    assert not vehicle.sends(position(1)).vehicle.estimate_ready
+    state = vehicle.sends(timeout).vehicle
+    assert not state.estimate_ready
+    assert "whether it has landed (EXTENDED_SYS_STATE)" in state.waits_for
+    assert vehicle.sends(landed_state(1)).vehicle.estimate_ready
+    assert not vehicle.sends(report(167)).vehicle.estimate_ready
 
 
-def test_odometry_is_carried_to_the_present(vehicle: Vehicle) -> None:
+def test_odometry_is_extrapolated_to_the_present(vehicle: Vehicle) -> None:
     vehicle.now_s = 1.0
-    vehicle.says(heartbeat(), attitude(1000, 0.6))
+    vehicle.sends(heartbeat(), attitude(1000, 0.6))
     vehicle.now_s = 1.05
-    odometry = vehicle.says(position(1020, 3.0), attitude(1040, 0.7)).odometry
+    odometry = vehicle.sends(position(1020, 3.0), attitude(1040, 0.7)).odometry
     assert odometry is not None
     assert odometry.position_ned_m == pytest.approx((3.003, 2.006, -0.991))
     assert odometry.yaw_rad == pytest.approx(0.6 + 0.2 * 0.05)
 
 
-def test_odometry_says_whether_it_comes_of_what_we_told() -> None:
+def test_odometry_is_marked_if_it_follows_the_pose_that_the_link_sends() -> None:
     for send_pose in (False, True):
         vehicle = Vehicle(LinkConfig(send_pose=send_pose))
-        vehicle.says(heartbeat(), position(1000), attitude(1000))
-        odometry = vehicle.says(position(1050), attitude(1050)).odometry
+        vehicle.sends(heartbeat(), position(1000), attitude(1000))
+        odometry = vehicle.sends(position(1050), attitude(1050)).odometry
         assert odometry is not None
         assert odometry.follows_us is send_pose
 
 
-def test_a_position_without_a_fresh_attitude_is_no_odometry(vehicle: Vehicle) -> None:
-    assert vehicle.says(heartbeat(), position(100)).odometry is None
-    vehicle.says(attitude(100))
+def test_a_position_without_a_recent_attitude_gives_no_odometry(vehicle: Vehicle) -> None:
+    assert vehicle.sends(heartbeat(), position(100)).odometry is None
+    vehicle.sends(attitude(100))
     vehicle.now_s += 0.5
-    assert vehicle.says(position(600)).odometry is None
+    assert vehicle.sends(position(600)).odometry is None
 
 
-def test_late_and_repeated_messages_never_step_back(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(), attitude(200), position(200))
-    assert vehicle.says(attitude(150), position(150)).odometry is None
-    assert vehicle.says(attitude(200), position(200)).odometry is None
+def test_late_and_repeated_messages_give_no_odometry(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat(), attitude(200), position(200))
+    assert vehicle.sends(attitude(150), position(150)).odometry is None
+    assert vehicle.sends(attitude(200), position(200)).odometry is None
 
 
-def test_a_pause_before_reading_costs_one_odometry(vehicle: Vehicle) -> None:
+def test_a_pause_before_reading_drops_one_odometry(vehicle: Vehicle) -> None:
     """Messages received during the pause are newer than the last reading of our clock."""
-    vehicle.says(heartbeat())
+    vehicle.sends(heartbeat())
     for tick in range(1, 40):
-        told_s = 0.05 * tick + (0.6 if tick >= 20 else 0.0)
-        vehicle.now_s = told_s if tick != 20 else told_s - 0.6
-        said = attitude(round(1000 * told_s)), position(round(1000 * told_s), 0.1 * told_s)
-        odometry = vehicle.says(*said).odometry
+        sent_s = 0.05 * tick + (0.6 if tick >= 20 else 0.0)
+        vehicle.now_s = sent_s if tick != 20 else sent_s - 0.6
+        messages = attitude(round(1000 * sent_s)), position(round(1000 * sent_s), 0.1 * sent_s)
+        odometry = vehicle.sends(*messages).odometry
         if tick != 20:
             assert odometry is not None
             assert odometry.position_ned_m[0] == pytest.approx(0.1 * vehicle.now_s, abs=0.01)
 
 
-def test_other_vehicles_do_not_count(vehicle: Vehicle) -> None:
+def test_messages_of_other_vehicles_are_ignored(vehicle: Vehicle) -> None:
     from companion.link.transports.transport import make_codec  # noqa: PLC0415 - only here
 
     stranger = heartbeat(4).pack(make_codec(2, 1))
@@ -264,7 +270,7 @@ def test_other_vehicles_do_not_count(vehicle: Vehicle) -> None:
 
 
 def test_a_setpoint_is_a_body_velocity_with_yaw_rate(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(4, armed=True))
+    vehicle.sends(heartbeat(4, armed=True))
     sent = vehicle.tick(Setpoint(0.5, -0.25, 0.125, 0.75))
     (target,) = [m for m in sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"]
     assert (target.coordinate_frame, target.type_mask) == (8, 0x05C7)
@@ -275,8 +281,8 @@ def commands(vehicle: Vehicle, number: int) -> list[Message]:
     return [m for m in vehicle.received if m.get_type() == "COMMAND_LONG" and m.command == number]
 
 
-def test_a_command_is_repeated_until_it_is_wanted_no_more(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_a_command_is_repeated_while_it_is_requested(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     for _ in range(25):
         vehicle.tick(command=Command(CommandKind.ARM))
     sent = commands(vehicle, 400)
@@ -295,28 +301,28 @@ def test_a_command_is_repeated_until_it_is_wanted_no_more(vehicle: Vehicle) -> N
         (Command(CommandKind.LAND), 176, (1, 9)),
     ],
 )
-def test_commands_are_what_arducopter_takes(
+def test_commands_have_the_parameters_that_arducopter_expects(
     vehicle: Vehicle, command: Command, number: int, parameters: tuple[int, int]
 ) -> None:
-    vehicle.says(heartbeat())
+    vehicle.sends(heartbeat())
     vehicle.tick(command=command)
     (sent,) = commands(vehicle, number)
     assert (sent.param1, sent.param2) == parameters
 
 
-def test_take_off_names_the_height(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_take_off_command_contains_the_height(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     vehicle.tick(command=Command(CommandKind.TAKE_OFF, 1.5))
     (sent,) = commands(vehicle, 22)
     assert sent.param7 == 1.5
 
 
-def test_a_refusal_carries_the_autopilots_reason(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_a_refusal_contains_the_autopilots_reason(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     vehicle.tick(command=Command(CommandKind.ARM))
     ack = mavlink.MAVLink_command_ack_message(400, 4)
     text = mavlink.MAVLink_statustext_message(2, b"Arm: Need Position Estimate")
-    refusal = vehicle.says(ack, text).vehicle.refusal
+    refusal = vehicle.sends(ack, text).vehicle.refusal
     assert refusal == "COMPONENT_ARM_DISARM: FAILED: Arm: Need Position Estimate"
 
 
@@ -325,35 +331,35 @@ def test_chunks_of_a_long_text_are_joined(vehicle: Vehicle) -> None:
         mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0),
         mavlink.MAVLink_statustext_message(6, b"b", 7, 1),
     ]
-    assert vehicle.says(heartbeat(), *chunks).texts == ("a" * 50 + "b",)
+    assert vehicle.sends(heartbeat(), *chunks).texts == ("a" * 50 + "b",)
 
 
 @pytest.mark.parametrize(("value", "state"), [(1, LandedState.ON_GROUND), (2, LandedState.IN_AIR)])
-def test_landed_state(vehicle: Vehicle, value: int, state: LandedState) -> None:
+def test_landed_state_is_decoded(vehicle: Vehicle, value: int, state: LandedState) -> None:
     message = mavlink.MAVLink_extended_sys_state_message(0, value)
-    assert vehicle.says(heartbeat(), message).vehicle.landed_state is state
+    assert vehicle.sends(heartbeat(), message).vehicle.landed_state is state
 
 
-def test_before_anything_is_heard_the_silence_is_endless(vehicle: Vehicle) -> None:
-    assert math.isinf(vehicle.says().vehicle.silent_s)
+def test_silence_is_infinite_before_the_first_message(vehicle: Vehicle) -> None:
+    assert math.isinf(vehicle.sends().vehicle.silent_s)
 
 
 # Control of the drone, and answers to commands
 
 
-def test_how_old_the_word_of_its_mode_is(vehicle: Vehicle) -> None:
-    assert vehicle.says(heartbeat(4)).vehicle.is_mode_recent
+def test_only_a_heartbeat_makes_the_mode_recent(vehicle: Vehicle) -> None:
+    assert vehicle.sends(heartbeat(4)).vehicle.is_mode_recent
     vehicle.now_s = 3.0
-    state = vehicle.says(attitude(1000)).vehicle
+    state = vehicle.sends(attitude(1000)).vehicle
     assert (state.is_silent, state.is_mode_recent) == (False, False)
-    assert vehicle.says(heartbeat(5)).vehicle.is_mode_recent
+    assert vehicle.sends(heartbeat(5)).vehicle.is_mode_recent
 
 
-def test_a_mode_that_was_ours_again_by_the_time_we_looked_was_left(vehicle: Vehicle) -> None:
-    assert not vehicle.says(heartbeat(0), heartbeat(4)).vehicle.left_offboard
-    state = vehicle.says(heartbeat(5), heartbeat(4)).vehicle
+def test_a_brief_mode_change_between_two_polls_is_detected(vehicle: Vehicle) -> None:
+    assert not vehicle.sends(heartbeat(0), heartbeat(4)).vehicle.left_offboard
+    state = vehicle.sends(heartbeat(5), heartbeat(4)).vehicle
     assert (state.in_offboard_mode, state.left_offboard) == (True, True)
-    assert not vehicle.says(heartbeat(4)).vehicle.left_offboard
+    assert not vehicle.sends(heartbeat(4)).vehicle.left_offboard
 
 
 def ack(command: int, result: int, to_component: int = 0) -> Message:
@@ -363,53 +369,53 @@ def ack(command: int, result: int, to_component: int = 0) -> Message:
 @pytest.mark.parametrize(
     ("results", "refused"), [((), False), ((1,), True), ((0,), False), ((0, 1), False)]
 )
-def test_a_command_is_refused_if_nothing_but_refusals_answer_it(
+def test_a_command_is_refused_if_all_acknowledgements_refuse_it(
     vehicle: Vehicle, results: tuple[int, ...], refused: bool
 ) -> None:
-    vehicle.says(heartbeat(4))
+    vehicle.sends(heartbeat(4))
     vehicle.tick(command=Command(CommandKind.ARM))
-    told = vehicle.says(*(ack(400, result) for result in results)).vehicle
-    assert told.is_refused == refused
+    state = vehicle.sends(*(ack(400, result) for result in results)).vehicle
+    assert state.is_refused == refused
 
 
-def test_an_ack_for_somebody_else_is_not_ours(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(4))
+def test_an_acknowledgement_for_another_component_is_ignored(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat(4))
     vehicle.tick(command=Command(CommandKind.ARM))
-    assert not vehicle.says(ack(400, 4, to_component=190)).vehicle.is_refused
-    assert vehicle.says(ack(400, 4, to_component=191)).vehicle.is_refused
+    assert not vehicle.sends(ack(400, 4, to_component=190)).vehicle.is_refused
+    assert vehicle.sends(ack(400, 4, to_component=191)).vehicle.is_refused
 
 
 @pytest.mark.parametrize("results", [(0,), (5,), (0, 1), (1, 0)])
-def test_a_take_off_is_asked_for_until_it_is_accepted(
+def test_take_off_is_repeated_until_it_is_accepted(
     vehicle: Vehicle, results: tuple[int, ...]
 ) -> None:
-    vehicle.says(heartbeat(4, armed=True))
+    vehicle.sends(heartbeat(4, armed=True))
     take_off = Command(CommandKind.TAKE_OFF, 1.2)
     for _ in range(15):
         vehicle.tick(command=take_off)
     assert len(commands(vehicle, 22)) == 2
-    vehicle.says(*(ack(22, result) for result in results))
+    vehicle.sends(*(ack(22, result) for result in results))
     vehicle.tick()
     for _ in range(200):
         vehicle.tick(command=take_off)
     assert len(commands(vehicle, 22)) == 2
 
 
-def test_a_mode_that_was_accepted_is_asked_for_until_it_shows(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_an_accepted_mode_is_requested_until_a_heartbeat_reports_it(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
-    vehicle.says(ack(176, 0))
+    vehicle.sends(ack(176, 0))
     for _ in range(15):
         vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
     assert len(commands(vehicle, 176)) == 2
 
 
-def test_the_refusal_of_one_command_is_not_told_of_the_next(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_the_refusal_of_one_command_is_not_reported_for_the_next(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     vehicle.tick(command=Command(CommandKind.OFFBOARD_MODE))
-    assert vehicle.says(ack(176, 0), ack(176, 1)).vehicle.refusal
+    assert vehicle.sends(ack(176, 0), ack(176, 1)).vehicle.refusal
     vehicle.tick(command=Command(CommandKind.ARM))
-    assert vehicle.says().vehicle.refusal == ""
+    assert vehicle.sends().vehicle.refusal == ""
 
 
 # Global origin
@@ -427,23 +433,25 @@ ORIGIN = mavlink.MAVLink_gps_global_origin_message(473977000, 85456000, 488000)
 
 
 def test_an_autopilot_that_has_an_origin_keeps_it(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+    vehicle.sends(heartbeat())
     vehicle.tick()
-    vehicle.says(ORIGIN)
+    vehicle.sends(ORIGIN)
     assert origins(ticks_for(vehicle, 5)) == 0
 
 
-def test_one_without_is_given_ours_until_it_tells_it(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(), position(1))
+def test_an_autopilot_without_an_origin_receives_ours_until_it_reports_one(
+    vehicle: Vehicle,
+) -> None:
+    vehicle.sends(heartbeat(), position(1))
     assert origins(ticks_for(vehicle, 5)) == 4
-    vehicle.says(ORIGIN)
+    vehicle.sends(ORIGIN)
     assert origins(ticks_for(vehicle, 5)) == 0
 
 
-def test_a_restarted_autopilot_is_given_it_again(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat(), ORIGIN, attitude(60_000))
+def test_a_restarted_autopilot_receives_the_origin_again(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat(), ORIGIN, attitude(60_000))
     assert origins(ticks_for(vehicle, 3)) == 0
-    vehicle.says(attitude(100))
+    vehicle.sends(attitude(100))
     assert origins(ticks_for(vehicle, 5)) > 2
 
 
@@ -477,14 +485,14 @@ def px4_estimate(flags: int) -> Message:
         (PX4_ESTIMATE_AT_REST & ~8, "no position"),
     ],
 )
-def test_a_px4_that_stands_is_ready_and_one_without_a_position_is_not(
+def test_px4_estimate_is_ready_at_rest_but_not_without_position_or_velocity(
     flags: int, complaint: str
 ) -> None:
     vehicle = Vehicle()
     timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
     action = px4_parameter(b"COM_OBL_RC_ACT", 4)
-    vehicle.says(px4_heartbeat(), position(1), landed_state(1))
-    state = vehicle.says(timeout, action, px4_estimate(flags)).vehicle
+    vehicle.sends(px4_heartbeat(), position(1), landed_state(1))
+    state = vehicle.sends(timeout, action, px4_estimate(flags)).vehicle
     assert state.estimate_ready == (not complaint)
     assert complaint in state.waits_for
 
@@ -494,26 +502,26 @@ def ground_beats(messages: list[Any]) -> list[Any]:
 
 
 @pytest.mark.parametrize(("dll_act", "beats"), [(0, 5), (2, 0), (None, 0)])
-def test_px4_hears_a_ground_station_only_if_it_does_nothing_without_one(
+def test_ground_station_heartbeats_are_sent_only_if_px4_has_no_data_link_loss_action(
     dll_act: int | None, beats: int
 ) -> None:
-    """Otherwise it would mask the loss of a real ground station on another link."""
+    """The heartbeats would mask the loss of a real ground station on another link."""
     vehicle = Vehicle()
-    vehicle.says(px4_heartbeat())
+    vehicle.sends(px4_heartbeat())
     if dll_act is not None:
-        vehicle.says(px4_parameter(b"NAV_DLL_ACT", dll_act))
+        vehicle.sends(px4_parameter(b"NAV_DLL_ACT", dll_act))
     received = ticks_for(vehicle, 5)
-    told = ground_beats(received)
-    assert len(told) == pytest.approx(beats, abs=1)
-    assert {m.get_srcComponent() for m in told} <= {190}
+    from_ground = ground_beats(received)
+    assert len(from_ground) == pytest.approx(beats, abs=1)
+    assert {m.get_srcComponent() for m in from_ground} <= {190}
     own = [m for m in received if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == 191]
     assert len(own) == 5
     assert all(m.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER for m in own)
 
 
-def test_either_component_numbers_its_messages_without_gaps() -> None:
+def test_each_component_numbers_its_messages_without_gaps() -> None:
     vehicle = Vehicle()
-    vehicle.says(px4_heartbeat(), px4_parameter(b"NAV_DLL_ACT", 0))
+    vehicle.sends(px4_heartbeat(), px4_parameter(b"NAV_DLL_ACT", 0))
     received = ticks_for(vehicle, 5)
     for component in (190, 191):
         numbers = [m.get_seq() for m in received if m.get_srcComponent() == component]
@@ -521,12 +529,12 @@ def test_either_component_numbers_its_messages_without_gaps() -> None:
         assert steps == {1}
 
 
-def test_ardupilot_hears_no_ground_station(vehicle: Vehicle) -> None:
-    vehicle.says(heartbeat())
+def test_ardupilot_receives_no_ground_station_heartbeats(vehicle: Vehicle) -> None:
+    vehicle.sends(heartbeat())
     assert ground_beats(ticks_for(vehicle, 3)) == []
 
 
-def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
+def test_texts_of_px4_are_received_over_a_complete_link() -> None:
     """The emulated PX4 sends texts only to a ground station."""
     vehicle_end, companion_end = pipe_pair()
     link, px4 = Link(companion_end, LinkConfig()), Autopilot(1, START, firmware="px4")
@@ -546,25 +554,25 @@ def test_what_px4_says_reaches_us_over_a_whole_link() -> None:
 
 
 @pytest.mark.parametrize("text_id", [0, 7])
-def test_chunks_are_joined_whatever_the_id(text_id: int) -> None:
+def test_chunks_are_joined_with_and_without_an_id(text_id: int) -> None:
     vehicle = Vehicle()
-    vehicle.says(px4_heartbeat())
+    vehicle.sends(px4_heartbeat())
     chunks = [
         mavlink.MAVLink_statustext_message(6, chunk, text_id, number)
         for number, chunk in enumerate((b"a" * 50, b"b\t"))
     ]
-    assert vehicle.says(*chunks).texts == ("a" * 50 + "b",)
+    assert vehicle.sends(*chunks).texts == ("a" * 50 + "b",)
 
 
-def test_a_text_of_exactly_one_chunk_does_not_wait_for_ever() -> None:
+def test_a_text_of_exactly_one_chunk_is_complete_after_a_timeout() -> None:
     vehicle = Vehicle()
-    vehicle.says(px4_heartbeat())
-    assert vehicle.says(mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0)).texts == ()
+    vehicle.sends(px4_heartbeat())
+    assert vehicle.sends(mavlink.MAVLink_statustext_message(6, b"a" * 50, 7, 0)).texts == ()
     vehicle.now_s += 0.6
-    assert vehicle.says().texts == ("a" * 50,)
-    vehicle.says(mavlink.MAVLink_statustext_message(6, b"b" * 50, 8, 0))
+    assert vehicle.sends().texts == ("a" * 50,)
+    vehicle.sends(mavlink.MAVLink_statustext_message(6, b"b" * 50, 8, 0))
     following = mavlink.MAVLink_statustext_message(6, b"c\t", 9, 0)
-    assert vehicle.says(following).texts == ("b" * 50, "c")
+    assert vehicle.sends(following).texts == ("b" * 50, "c")
 
 
 # Our pose
@@ -574,29 +582,29 @@ ARDUPILOT_POSE = {"VISO_TYPE": 1, "EK3_SRC1_POSXY": 6, "EK3_SRC1_VELXY": 5, "EK3
 PX4_POSE = {"EKF2_EV_CTRL": 9, "EKF2_OF_CTRL": 1}
 
 
-class Told(Vehicle):
+class PoseVehicle(Vehicle):
     """A vehicle that is ready except for its parameters on our pose."""
 
     def __init__(self, autopilot: str, parameters: dict[str, int]) -> None:
         super().__init__(LinkConfig(send_pose=True))
         if autopilot == "px4":
             timeout = mavlink.MAVLink_param_value_message(b"COM_OF_LOSS_T", 0.5, 9, 1, 0)
-            self.says(px4_heartbeat(), timeout, px4_parameter(b"COM_OBL_RC_ACT", 4))
-            self.says(px4_estimate(PX4_ESTIMATE_AT_REST))
-            told = [px4_parameter(name.encode(), value) for name, value in parameters.items()]
+            self.sends(px4_heartbeat(), timeout, px4_parameter(b"COM_OBL_RC_ACT", 4))
+            self.sends(px4_estimate(PX4_ESTIMATE_AT_REST))
+            reports = [px4_parameter(name.encode(), value) for name, value in parameters.items()]
         else:
             timeout = mavlink.MAVLink_param_value_message(b"GUID_TIMEOUT", 0.5, 9, 1, 0)
             report = mavlink.MAVLink_ekf_status_report_message(895, 0, 0, 0, 0, 0)
-            self.says(heartbeat(), timeout, report)
-            told = [
+            self.sends(heartbeat(), timeout, report)
+            reports = [
                 mavlink.MAVLink_param_value_message(name.encode(), value, 2, 1, 0)
                 for name, value in parameters.items()
             ]
-        self.says(position(1), landed_state(1), *told)
+        self.sends(position(1), landed_state(1), *reports)
 
     @property
     def waits_for(self) -> str:
-        return self.says().vehicle.waits_for
+        return self.sends().vehicle.waits_for
 
 
 @pytest.mark.parametrize(
@@ -611,26 +619,26 @@ class Told(Vehicle):
         ("px4", PX4_POSE, "EKF2_OF_CTRL", 0),
     ],
 )
-def test_an_autopilot_that_cannot_fly_by_our_pose_is_refused(
+def test_an_autopilot_with_wrong_parameters_for_our_pose_is_refused(
     autopilot: str, right: dict[str, int], name: str, wrong: int
 ) -> None:
-    assert Told(autopilot, right).waits_for == ""
-    waits_for = Told(autopilot, {**right, name: wrong}).waits_for
+    assert PoseVehicle(autopilot, right).waits_for == ""
+    waits_for = PoseVehicle(autopilot, {**right, name: wrong}).waits_for
     assert f"{name} is {wrong}, set it to {right[name]}" in waits_for
     without = {other: value for other, value in right.items() if other != name}
-    assert f"does not report {name}" in Told(autopilot, without).waits_for
+    assert f"does not report {name}" in PoseVehicle(autopilot, without).waits_for
 
 
-def test_without_our_pose_these_parameters_do_not_matter() -> None:
+def test_pose_parameters_are_not_requested_without_send_pose() -> None:
     vehicle = Vehicle()
-    vehicle.says(heartbeat())
+    vehicle.sends(heartbeat())
     assert not any(m.get_type() == "PARAM_REQUEST_READ" for m in ticks_for(vehicle, 3))
 
 
 @pytest.mark.parametrize("component", [197, 25])
 @pytest.mark.parametrize("kind", ["odometry", "vision"])
-def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
-    told = Told("ardupilot", ARDUPILOT_POSE)
+def test_a_second_sender_of_poses_is_refused(component: int, kind: str) -> None:
+    vehicle = PoseVehicle("ardupilot", ARDUPILOT_POSE)
     message = (
         mavlink.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0)
         if kind == "vision"
@@ -638,17 +646,17 @@ def test_two_who_tell_poses_are_refused(component: int, kind: str) -> None:
             *(0, 20, 12, 0, 0, 0, [1, 0, 0, 0], *(0,) * 6, [0] * 21, [0] * 21, 0, 2)
         )
     )
-    told.says(sent_by(message, component, 0))
-    assert f"component {component} sends it a pose" in told.waits_for
-    told.now_s += 6
-    told.says(heartbeat())
-    assert told.waits_for == ""
+    vehicle.sends(sent_by(message, component, 0))
+    assert f"component {component} sends it a pose" in vehicle.waits_for
+    vehicle.now_s += 6
+    vehicle.sends(heartbeat())
+    assert vehicle.waits_for == ""
 
 
-def test_the_autopilots_own_odometry_is_no_second_sender() -> None:
-    told = Told("px4", PX4_POSE)
+def test_the_autopilots_own_odometry_does_not_count_as_a_second_sender() -> None:
+    vehicle = PoseVehicle("px4", PX4_POSE)
     own = mavlink.MAVLink_odometry_message(
         *(0, 1, 12, 0, 0, 0, [1, 0, 0, 0], *(0,) * 6, [0] * 21, [0] * 21, 0, 8)
     )
-    told.says(own)
-    assert told.waits_for == ""
+    vehicle.sends(own)
+    assert vehicle.waits_for == ""

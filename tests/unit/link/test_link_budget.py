@@ -19,7 +19,7 @@ def config(baud: int, sensors: Mapping[str, Any] | None = None, **link: Any) -> 
     return Config.model_validate({"link": {"url": url, **link}, "sensors": sensors or {}})
 
 
-def test_what_is_sent_is_counted_as_it_is_packed() -> None:
+def test_budget_counts_sent_messages_as_packed() -> None:
     sent = link_budget(config(57600, send_pose=True, tell_ranges="distance_sensor")).sent
     assert set(sent) == {
         *("HEARTBEAT", "SET_POSITION_TARGET_LOCAL_NED", "ODOMETRY", "DISTANCE_SENSOR")
@@ -52,7 +52,7 @@ def test_signed_frames_are_longer() -> None:
         (9600, {}, ("ttyAMA0:9600", "B/s of 960", "raise the baud rate to")),
     ],
 )
-def test_too_much_is_refused_at_the_start_and_by_check(
+def test_excessive_load_is_refused_at_start_and_by_check(
     baud: int, link: Mapping[str, Any], remedies: tuple[str, ...]
 ) -> None:
     settings = config(baud, **link)
@@ -60,14 +60,14 @@ def test_too_much_is_refused_at_the_start_and_by_check(
         pass
     bench = make_bench("gp2y0a710k0f")
     findings = Examination(settings, direct_pair()[1], bench.bus).step(bench.passes(0.05))
-    (told,) = (finding for finding in findings if finding.part == "baud rate")
-    assert told.verdict is CheckResult.BAD
+    (complaint,) = (finding for finding in findings if finding.part == "baud rate")
+    assert complaint.verdict is CheckResult.BAD
     for words in (f"link.url = serial:/dev/ttyAMA0:{baud}", *remedies):
         assert words in str(refused.value)
-        assert words in told.remedy
+        assert words in complaint.remedy
 
 
-def test_what_the_autopilot_is_asked_for_counts_too() -> None:
+def test_budget_includes_the_requested_streams() -> None:
     beams = {
         beam: {"kind": "autopilot", "max_m": 5.0}
         for beam in ("front", "left", "right", "up", "down")
@@ -79,9 +79,9 @@ def test_what_the_autopilot_is_asked_for_counts_too() -> None:
 
 
 @pytest.mark.parametrize("baud", [57600, 115200, 921600])
-def test_what_is_usual_fits(baud: int) -> None:
+def test_the_default_messages_fit_usual_baud_rates(baud: int) -> None:
     assert budget_error(config(baud)) == ""
 
 
-def test_a_link_without_a_baud_rate_is_not_held_to_one() -> None:
+def test_a_link_without_a_baud_rate_has_no_limit() -> None:
     assert budget_error(Config.model_validate({"link": {"send_pose": True}})) == ""

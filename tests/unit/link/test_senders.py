@@ -1,4 +1,4 @@
-"""Vehicles that are received but not flown, and that they get no requests."""
+"""Vehicles that are not flown are named, and receive no requests."""
 
 from typing import Any
 
@@ -36,7 +36,7 @@ class Air:
 
     def close(self) -> None: ...
 
-    def hears(self, message: Message, system: int = 1, component: int = 1) -> VehicleState:
+    def deliver(self, message: Message, system: int = 1, component: int = 1) -> VehicleState:
         message._header.srcSystem, message._header.srcComponent = system, component
         self._waiting.append(message)
         self.now_s += 0.25
@@ -58,7 +58,7 @@ def attitude(ms: int) -> Message:
 @pytest.mark.parametrize("autopilot", [ARDUPILOT, PX4])
 @pytest.mark.parametrize("kind", [2, 13, 14, 15, 29, 35])
 def test_multicopters_are_flown(autopilot: int, kind: int) -> None:
-    vehicle = Air().hears(beat(autopilot, kind))
+    vehicle = Air().deliver(beat(autopilot, kind))
     assert (vehicle.connected, vehicle.unfit) == (True, "")
 
 
@@ -76,80 +76,80 @@ def test_multicopters_are_flown(autopilot: int, kind: int) -> None:
         (0, "a vehicle of no known type"),
     ],
 )
-def test_other_vehicles_are_named_and_nothing_is_asked_of_them(
+def test_other_vehicles_are_named_and_receive_no_requests(
     autopilot: int, kind: int, words: str
 ) -> None:
     air = Air()
-    vehicle = air.hears(beat(autopilot, kind, mode=4))
+    vehicle = air.deliver(beat(autopilot, kind, mode=4))
     air.link.send(air.now_s, None, Command(CommandKind.ARM))
     assert not vehicle.connected
     assert vehicle.unfit == f"{words} at udpin:127.0.0.1:14550: only multicopters are flown"
     assert air.asked == []
 
 
-def test_another_system_is_named_with_the_key_to_mend() -> None:
+def test_another_system_is_named_with_the_configuration_key() -> None:
     air = Air()
-    assert air.hears(beat(), system=3).unfit == "system 3 is heard there, not 1: link.system_id"
-    both = air.hears(beat(), system=2).unfit
+    assert air.deliver(beat(), system=3).unfit == "system 3 is heard there, not 1: link.system_id"
+    both = air.deliver(beat(), system=2).unfit
     assert both == "systems 2 and 3 are heard there, not 1: link.system_id"
-    assert air.hears(beat(), system=1).unfit == ""
+    assert air.deliver(beat(), system=1).unfit == ""
 
 
 def test_an_autopilot_of_another_kind_is_named() -> None:
-    told = Air().hears(beat(GENERIC)).unfit
-    assert told.startswith("an autopilot of kind GENERIC is heard at udpin:127.0.0.1:14550;")
-    assert told.endswith("ArduPilot and PX4 are flown")
+    unfit = Air().deliver(beat(GENERIC)).unfit
+    assert unfit.startswith("an autopilot of kind GENERIC is heard at udpin:127.0.0.1:14550;")
+    assert unfit.endswith("ArduPilot and PX4 are flown")
 
 
 def test_an_autopilot_of_another_component_is_named() -> None:
-    assert "component 5" in Air().hears(beat(), component=5).unfit
+    assert "component 5" in Air().deliver(beat(), component=5).unfit
 
 
-def test_ground_stations_and_gimbals_alone_are_no_autopilot() -> None:
+def test_ground_stations_and_gimbals_do_not_count_as_autopilots() -> None:
     air = Air()
-    air.hears(beat(NONE, GCS), system=255, component=190)
-    told = air.hears(beat(NONE, 26), component=154).unfit
-    assert "no autopilot is heard" in told
-    assert "GCS (system 255, component 190)" in told
-    assert "GIMBAL (system 1, component 154)" in told
-    assert "router" in told
+    air.deliver(beat(NONE, GCS), system=255, component=190)
+    unfit = air.deliver(beat(NONE, 26), component=154).unfit
+    assert "no autopilot is heard" in unfit
+    assert "GCS (system 255, component 190)" in unfit
+    assert "GIMBAL (system 1, component 154)" in unfit
+    assert "router" in unfit
 
 
-def test_what_was_heard_is_why_the_flight_did_not_begin() -> None:
-    told = Air().hears(beat(kind=ROVER))
+def test_the_flight_fails_with_the_reason_that_the_vehicle_is_not_flown() -> None:
+    vehicle = Air().deliver(beat(kind=ROVER))
     waiting = FlightState(Phase.CONNECT, since_s=99.0)
-    patient, _ = step(waiting, view(told), PLAN)
+    patient, _ = step(waiting, view(vehicle), PLAN)
     assert patient.phase is Phase.CONNECT  # PX4 reports no valid type while it starts
-    ended, _ = step(patient, view(told, time_s=99.1 + CONNECT_TIMEOUT_S), PLAN)
-    assert (ended.phase, ended.trouble) == (Phase.FAILED, told.unfit)
+    ended, _ = step(patient, view(vehicle, time_s=99.1 + CONNECT_TIMEOUT_S), PLAN)
+    assert (ended.phase, ended.trouble) == (Phase.FAILED, vehicle.unfit)
 
 
 @pytest.mark.parametrize("other", [beat(PX4), beat(kind=ROVER), beat(PX4, 13)])
-def test_two_autopilots_of_different_kinds_under_one_name_are_told(other: Message) -> None:
+def test_two_different_autopilots_with_one_system_id_are_reported(other: Message) -> None:
     air = Air()
     for _ in range(3):
-        air.hears(beat())
-        vehicle = air.hears(other)
+        air.deliver(beat())
+        vehicle = air.deliver(other)
     assert "two autopilots" in vehicle.unfit
     assert "system id" in vehicle.unfit
 
 
-def test_two_autopilots_of_one_kind_differ_in_their_clocks() -> None:
+def test_two_autopilots_of_one_kind_are_distinguished_by_their_clocks() -> None:
     air = Air()
-    air.hears(beat())
+    air.deliver(beat())
     for tick in range(4):
-        air.hears(attitude(90_000 + 50 * tick))
-        vehicle = air.hears(attitude(20_000 + 50 * tick))
+        air.deliver(attitude(90_000 + 50 * tick))
+        vehicle = air.deliver(attitude(20_000 + 50 * tick))
     assert "two autopilots" in vehicle.unfit
 
 
-def test_an_autopilot_that_restarts_is_only_one() -> None:
+def test_a_restarted_autopilot_is_not_reported_as_two() -> None:
     air = Air()
-    air.hears(beat(PX4))
-    air.hears(attitude(90_000))
-    air.hears(attitude(100))
-    air.hears(beat(PX4, kind=0))
-    vehicle = air.hears(beat(PX4))
+    air.deliver(beat(PX4))
+    air.deliver(attitude(90_000))
+    air.deliver(attitude(100))
+    air.deliver(beat(PX4, kind=0))
+    vehicle = air.deliver(beat(PX4))
     assert vehicle.unfit == ""
 
 
@@ -162,10 +162,10 @@ def test_an_autopilot_that_restarts_is_only_one() -> None:
         ),
     ],
 )
-def test_another_companion_under_our_name_is_told(message: Message) -> None:
+def test_another_companion_with_our_component_id_is_reported(message: Message) -> None:
     air = Air()
-    air.hears(beat())
-    vehicle = air.hears(message, component=191)
+    air.deliver(beat())
+    vehicle = air.deliver(message, component=191)
     assert vehicle.connected
     assert "somebody else sends as system 1, component 191" in vehicle.unfit
     assert "link.component_id" in vehicle.unfit
@@ -174,7 +174,7 @@ def test_another_companion_under_our_name_is_told(message: Message) -> None:
     assert action.command is None
 
 
-def test_with_a_name_of_its_own_the_other_companion_does_not_matter() -> None:
+def test_a_companion_with_another_component_id_is_accepted() -> None:
     air = Air(component_id=192)
-    air.hears(beat())
-    assert air.hears(beat(NONE, ONBOARD), component=191).unfit == ""
+    air.deliver(beat())
+    assert air.deliver(beat(NONE, ONBOARD), component=191).unfit == ""

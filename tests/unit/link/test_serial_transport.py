@@ -28,12 +28,12 @@ class Port:
     """Returns the bytes that the test supplies, in the same pieces.
 
     Written bytes go into a buffer of 4096 bytes, as in the kernel, which a UART empties at
-    `bytes_per_s`. `at_once` is the maximum number of bytes that one write accepts. `tells`: the
-    driver reports its backlog.
+    `bytes_per_s`. `at_once` is the maximum number of bytes that one write accepts.
+    `reports_backlog`: the driver reports its backlog.
     """
 
     def __init__(
-        self, bytes_per_s: float = 1e9, at_once: int = 4096, *, tells: bool = True
+        self, bytes_per_s: float = 1e9, at_once: int = 4096, *, reports_backlog: bool = True
     ) -> None:
         self.pieces: deque[bytes] = deque()
         self.written = b""
@@ -42,7 +42,7 @@ class Port:
         self.is_there = True
         self.now_s = 0.0
         self.bytes_per_s = bytes_per_s
-        self._at_once, self._tells = at_once, tells
+        self._at_once, self._reports_backlog = at_once, reports_backlog
         self._queued = self._drained_at_s = 0.0
 
     @property
@@ -54,7 +54,7 @@ class Port:
     @property
     def out_waiting(self) -> int:
         self._drain()
-        return int(self._queued) if self._tells else 0
+        return int(self._queued) if self._reports_backlog else 0
 
     def _drain(self) -> None:
         self._queued -= min(self._queued, self.bytes_per_s * (self.now_s - self._drained_at_s))
@@ -97,22 +97,22 @@ def beats(count: int) -> bytes:
 
 
 @given(st.lists(st.integers(0, 63), max_size=6))
-def test_messages_come_whole_however_the_stream_is_cut(cuts: list[int]) -> None:
+def test_messages_are_decoded_from_any_fragments_of_the_stream(cuts: list[int]) -> None:
     port, data = Port(), beats(3)
     transport = opened(port)
     edges = sorted({0, len(data), *cuts})
     port.pieces += [data[a:b] for a, b in itertools.pairwise(edges)]
-    heard = [message for _ in edges for message in transport.receive()]
-    assert [message.get_type() for message in heard] == ["HEARTBEAT"] * 3
+    received = [message for _ in edges for message in transport.receive()]
+    assert [message.get_type() for message in received] == ["HEARTBEAT"] * 3
 
 
-def test_what_is_sent_is_mavlink() -> None:
+def test_a_sent_message_is_a_mavlink_2_frame() -> None:
     port = Port()
     opened(port).send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3))
     assert port.written[0] == 0xFD
 
 
-def test_a_port_that_vanishes_is_silence_until_it_is_back(
+def test_a_removed_port_gives_no_messages_until_it_returns(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     now_s = [10.0]
@@ -130,14 +130,14 @@ def test_a_port_that_vanishes_is_silence_until_it_is_back(
     assert len(transport.receive()) == 1
 
 
-def test_a_port_that_is_not_there_at_the_start_is_refused_with_the_remedy() -> None:
+def test_a_port_missing_at_start_is_refused_with_the_remedy() -> None:
     port = Port()
     port.is_there = False
     with pytest.raises(LinkError, match=r"ttyTEST.*dialout"):
         opened(port)
 
 
-# A port that takes nothing, or too little
+# A port that accepts no bytes, or too few
 
 TICK_S = 0.05
 
@@ -170,19 +170,19 @@ def ages_s(port: Port) -> list[float]:
     return ages
 
 
-@pytest.mark.parametrize("tells", [True, False])
+@pytest.mark.parametrize("reports_backlog", [True, False])
 @pytest.mark.parametrize("at_once", [4096, 100, 7])
 @pytest.mark.parametrize("baud", [38400, 57600, 115200, 921600])
-def test_a_slow_port_gets_every_setpoint_whole_and_fresh(
-    monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, tells: bool
+def test_a_slow_port_receives_complete_and_recent_setpoints(
+    monkeypatch: pytest.MonkeyPatch, baud: int, at_once: int, reports_backlog: bool
 ) -> None:
     """The messages exceed 57600 baud: poses are dropped, setpoints are sent."""
-    ages = flown(Port(baud / 10, at_once, tells=tells), monkeypatch, baud)
+    ages = flown(Port(baud / 10, at_once, reports_backlog=reports_backlog), monkeypatch, baud)
     assert len(ages) >= 198
     assert max(ages) < MAX_BACKLOG_S + 0.02
 
 
-def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_heartbeats_are_in_time_among_setpoints(monkeypatch: pytest.MonkeyPatch) -> None:
     port = Port(5760.0)
     flown(port, monkeypatch, 57600)
     beats = [
@@ -191,16 +191,16 @@ def test_beside_setpoints_heartbeats_are_in_time(monkeypatch: pytest.MonkeyPatch
     assert len(beats) == 10
 
 
-@pytest.mark.parametrize("tells", [True, False])
-def test_a_port_that_takes_nothing_is_silence_and_holds_nothing_up(
-    monkeypatch: pytest.MonkeyPatch, tells: bool
+@pytest.mark.parametrize("reports_backlog", [True, False])
+def test_a_port_that_accepts_no_bytes_does_not_block(
+    monkeypatch: pytest.MonkeyPatch, reports_backlog: bool
 ) -> None:
-    port = Port(0.0, tells=tells)
+    port = Port(0.0, reports_backlog=reports_backlog)
     flown(port, monkeypatch, 57600, ticks=2000)
     assert len(port.written) <= 4096
 
 
-def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
+def test_the_backlog_of_a_blocked_port_is_bounded(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     port = Port(0.0)
@@ -208,9 +208,9 @@ def test_when_a_port_takes_bytes_again_nothing_old_is_told_for_long(
     assert len(port.written) / 5760 <= MAX_BACKLOG_S + 0.02
 
 
-def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
-    """An incomplete message would corrupt the next; a complete one would seem new."""
-    port = Port(tells=False)
+def test_an_incomplete_message_that_is_too_old_is_invalidated() -> None:
+    """An incomplete message would corrupt the next. A completed old message would seem new."""
+    port = Port(reports_backlog=False)
     line = SerialLine(port, 57600)
     old, new = beats(1), beats(1)
     port.takes(10)
@@ -222,7 +222,7 @@ def test_a_message_that_was_begun_and_is_too_old_now_is_spoilt() -> None:
     assert len(decode_stream(make_codec(255, 1), port.written)) == 1
 
 
-def test_what_is_dropped_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_dropped_messages_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     port = Port(0.0)
     transport = opened(port, "serial:/dev/ttyTEST:57600")
     for _ in range(300):
@@ -241,7 +241,7 @@ def terminal() -> Iterator[str]:
     os.close(master)
 
 
-def test_a_real_port_that_nobody_reads_does_not_block(terminal: str) -> None:
+def test_a_real_port_whose_other_end_is_not_read_does_not_block(terminal: str) -> None:
     transport = SerialTransport(f"serial:{terminal}:921600", 1, 191)
     began_s = time.monotonic()
     while transport.messages_dropped < 1000:

@@ -35,45 +35,45 @@ def beat(sender: Any) -> bytes:
     return bytes(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 3, 3).pack(sender))
 
 
-def hears(receiver: Any, *frames: bytes) -> int:
+def accepted(receiver: Any, *frames: bytes) -> int:
     return len(decode(receiver, b"".join(frames)))
 
 
-def test_who_has_the_key_is_heard() -> None:
+def test_frames_signed_with_the_key_are_accepted() -> None:
     sender = codec()
-    assert hears(codec(component=1), *(beat(sender) for _ in range(5))) == 5
+    assert accepted(codec(component=1), *(beat(sender) for _ in range(5))) == 5
 
 
 @pytest.mark.parametrize("key", [None, OTHER_KEY], ids=["unsigned", "another key"])
-def test_who_has_not_is_not(key: bytes | None) -> None:
-    assert hears(codec(component=1), beat(codec(key))) == 0
+def test_frames_not_signed_with_the_key_are_refused(key: bytes | None) -> None:
+    assert accepted(codec(component=1), beat(codec(key))) == 0
 
 
 @given(st.integers(0, 200), st.integers(1, 255))
 def test_a_changed_frame_is_refused(place: int, flip: int) -> None:
     frame = bytearray(beat(codec()))
     frame[place % len(frame)] ^= flip
-    assert hears(codec(component=1), bytes(frame)) == 0
+    assert accepted(codec(component=1), bytes(frame)) == 0
 
 
-def test_nothing_is_heard_twice() -> None:
+def test_a_repeated_frame_is_refused() -> None:
     frame, receiver = beat(codec()), codec(component=1)
-    assert [hears(receiver, frame) for _ in range(3)] == [1, 0, 0]
+    assert [accepted(receiver, frame) for _ in range(3)] == [1, 0, 0]
 
 
-def test_a_recording_from_yesterday_is_refused_by_who_has_just_started() -> None:
-    assert hears(codec(component=1), beat(codec(time_s=NOW_S - 86400))) == 0
+def test_a_newly_started_receiver_refuses_a_frame_of_yesterday() -> None:
+    assert accepted(codec(component=1), beat(codec(time_s=NOW_S - 86400))) == 0
 
 
-def test_a_forged_frame_of_the_future_does_not_silence_whom_it_claims_to_be() -> None:
+def test_a_forged_frame_with_a_future_time_stamp_does_not_block_the_true_sender() -> None:
     receiver, sender = codec(component=1), codec()
-    assert hears(receiver, beat(sender)) == 1
-    assert hears(receiver, beat(codec(OTHER_KEY, NOW_S + 1e7))) == 0
-    assert hears(receiver, beat(sender)) == 1
+    assert accepted(receiver, beat(sender)) == 1
+    assert accepted(receiver, beat(codec(OTHER_KEY, NOW_S + 1e7))) == 0
+    assert accepted(receiver, beat(sender)) == 1
 
 
-def test_an_unsigned_receiver_understands_who_signs() -> None:
-    assert hears(codec(None, component=1), beat(codec())) == 1
+def test_a_receiver_without_a_key_accepts_signed_frames() -> None:
+    assert accepted(codec(None, component=1), beat(codec())) == 1
 
 
 # The time stamp
@@ -87,7 +87,7 @@ def stamps(signing: Signing, count: int) -> list[int]:
     return taken
 
 
-def test_it_follows_the_clock_and_never_repeats() -> None:
+def test_time_stamp_follows_the_clock_and_never_repeats() -> None:
     now_s = [NOW_S]
     signing = Signing(KEY, clock=lambda: now_s[0])
     first = stamps(signing, 3)
@@ -100,7 +100,7 @@ def test_it_follows_the_clock_and_never_repeats() -> None:
 
 
 @given(st.lists(st.floats(-1e6, 1e6), min_size=1, max_size=5))
-def test_after_any_restarts_with_any_clock_no_stamp_was_used_before(
+def test_no_time_stamp_repeats_after_restarts_with_any_clock(
     tmp_path_factory: pytest.TempPathFactory, clocks_s: list[float]
 ) -> None:
     kept = tmp_path_factory.mktemp("kept") / "stamp"
@@ -110,7 +110,7 @@ def test_after_any_restarts_with_any_clock_no_stamp_was_used_before(
     assert used == sorted(set(used))
 
 
-def test_it_is_written_once_a_minute_not_with_every_frame(tmp_path: Path) -> None:
+def test_time_stamp_is_written_once_a_minute_not_with_every_frame(tmp_path: Path) -> None:
     kept = tmp_path / "stamp"
     now_s = [NOW_S]
     signing = Signing(KEY, kept, lambda: now_s[0])
@@ -135,7 +135,7 @@ def test_it_is_written_once_a_minute_not_with_every_frame(tmp_path: Path) -> Non
         (lambda folder: written(folder / "stamp", ""), "delete it"),
     ],
 )
-def test_a_file_that_can_never_keep_it_ends_the_start(
+def test_an_unusable_time_stamp_file_is_refused_at_start(
     tmp_path: Path, prepare: Callable[[Path], Path], words: str
 ) -> None:
     with pytest.raises(LinkError, match=rf"signing_timestamp.*{words}"):
@@ -162,46 +162,46 @@ def fails(monkeypatch: pytest.MonkeyPatch, call: str, number: int) -> None:
 @pytest.mark.parametrize("number", MEDIUM)
 @pytest.mark.parametrize("call", ["open", "fsync"])
 @pytest.mark.parametrize("from_the_start", [True, False])
-def test_a_medium_that_fails_is_told_once_and_the_stamp_goes_on(
+def test_a_failed_medium_is_reported_once_and_the_time_stamp_continues(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, call: str, from_the_start: bool
 ) -> None:
-    now_s, told = [NOW_S], list[str]()
+    now_s, warnings = [NOW_S], list[str]()
     if from_the_start:
         fails(monkeypatch, call, number)
-    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], told.append)
+    signing = Signing(KEY, tmp_path / "stamp", lambda: now_s[0], warnings.append)
     fails(monkeypatch, call, number)
     used = []
     for _ in range(10):
         now_s[0] += 30
         used += stamps(signing, 3)
-    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
     used += stamps(signing, 3)
     assert used == sorted(set(used))
-    assert len(told) == 1
-    assert "signing_timestamp" in told[0]
-    assert os.strerror(number) in told[0]
+    assert len(warnings) == 1
+    assert "signing_timestamp" in warnings[0]
+    assert os.strerror(number) in warnings[0]
 
 
 @pytest.mark.parametrize("number", [*MEDIUM, errno.EACCES, errno.ENOENT])
-def test_in_the_air_nothing_is_refused(
+def test_in_flight_a_failed_medium_is_reported_and_not_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
-    told: list[str] = []
+    warnings: list[str] = []
     fails(monkeypatch, "open", number)
-    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), told.append, refuses=False)
-    until(lambda: bool(stamps(signing, 1)) and bool(told), "it is told", DEADLINE_S)
+    signing = Signing(KEY, tmp_path / "stamp", at(NOW_S), warnings.append, refuses=False)
+    until(lambda: bool(stamps(signing, 1)) and bool(warnings), "it is told", DEADLINE_S)
 
 
 @pytest.mark.parametrize("text", ["", "torn", "-1"])
-def test_in_the_air_a_stamp_that_is_lost_is_that_of_the_clock(tmp_path: Path, text: str) -> None:
-    told: list[str] = []
+def test_in_flight_a_lost_time_stamp_is_replaced_by_the_clock(tmp_path: Path, text: str) -> None:
+    warnings: list[str] = []
     kept = written(tmp_path / "stamp", text)
-    signing = Signing(KEY, kept, at(NOW_S), told.append, refuses=False)
+    signing = Signing(KEY, kept, at(NOW_S), warnings.append, refuses=False)
     assert signing.timestamp == codec().signing.timestamp
-    assert len(told) == 1
+    assert len(warnings) == 1
 
 
-def test_a_medium_that_hangs_holds_nothing_up(
+def test_a_medium_that_hangs_does_not_block(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers = threading.Event()
@@ -227,7 +227,7 @@ def key_file(folder: Path, text: str, mode: int = 0o600) -> Path:
     return path
 
 
-def test_a_key_is_64_digits_in_a_file_of_ones_own(tmp_path: Path) -> None:
+def test_a_key_is_64_hexadecimal_digits_in_a_private_file(tmp_path: Path) -> None:
     signing = load_signing(key_file(tmp_path, KEY.hex() + "\n"), None)
     assert signing.secret_key == KEY
     assert signing.timestamp > 0
@@ -243,7 +243,7 @@ def test_a_key_is_64_digits_in_a_file_of_ones_own(tmp_path: Path) -> None:
         ("", 0o600, "openssl rand"),
     ],
 )
-def test_other_keys_are_refused_with_the_remedy(
+def test_invalid_keys_are_refused_with_the_remedy(
     tmp_path: Path, text: str, mode: int, words: str
 ) -> None:
     with pytest.raises(LinkError, match=words) as refused:
@@ -251,6 +251,6 @@ def test_other_keys_are_refused_with_the_remedy(
     assert KEY.hex() not in str(refused.value)
 
 
-def test_a_missing_key_is_named(tmp_path: Path) -> None:
+def test_a_missing_key_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(LinkError, match=r"none\.key"):
         load_signing(tmp_path / "none.key", None)

@@ -27,7 +27,7 @@ def carried(pair: object, message: Message) -> Message:
 
 
 @given(st.lists(FLOATS, min_size=6, max_size=6), st.integers(0, 2**32 - 1))
-def test_a_message_handed_over_is_what_its_bytes_would_be(values: list[float], ms: int) -> None:
+def test_a_message_passed_directly_equals_the_decoded_message(values: list[float], ms: int) -> None:
     direct = carried(direct_pair, mavlink.MAVLink_local_position_ned_message(ms, *values))
     as_bytes = carried(pipe_pair, mavlink.MAVLink_local_position_ned_message(ms, *values))
     assert direct.to_dict() == as_bytes.to_dict()
@@ -35,7 +35,7 @@ def test_a_message_handed_over_is_what_its_bytes_would_be(values: list[float], m
 
 
 @given(st.lists(FLOATS, min_size=21, max_size=21))
-def test_arrays_of_floats_are_rounded_too(covariance: list[float]) -> None:
+def test_arrays_of_floats_are_rounded_to_float32(covariance: list[float]) -> None:
     def message() -> Message:
         return mavlink.MAVLink_odometry_message(
             0, 20, 12, 1.1, 2.2, 3.3, [1.0, 0.1, 0.2, 0.3], *(0.1,) * 6, covariance, covariance
@@ -44,7 +44,7 @@ def test_arrays_of_floats_are_rounded_too(covariance: list[float]) -> None:
     assert carried(direct_pair, message()).to_dict() == carried(pipe_pair, message()).to_dict()
 
 
-def test_nan_survives_the_hand_over() -> None:
+def test_nan_is_passed_unchanged() -> None:
     message = mavlink.MAVLink_local_position_ned_message(0, math.nan, 0, 0, 0, 0, 0)
     assert math.isnan(carried(direct_pair, message).x)
 
@@ -65,7 +65,7 @@ def heartbeat() -> Message:
     return mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3)
 
 
-def test_udp_answers_who_spoke(udp_pair: UdpPair) -> None:
+def test_udp_replies_to_the_sender(udp_pair: UdpPair) -> None:
     autopilot, companion = udp_pair
     companion.send(heartbeat())
     autopilot.await_datagrams(1, 2.0)
@@ -77,7 +77,7 @@ def test_udp_answers_who_spoke(udp_pair: UdpPair) -> None:
 
 
 @pytest.mark.parametrize("garbage", [b"hello", b"\xfd" * 40, b"\xfd\x09\x00\x00", b"\xfe\xff"])
-def test_garbage_is_no_message(udp_pair: UdpPair, garbage: bytes) -> None:
+def test_garbage_gives_no_message(udp_pair: UdpPair, garbage: bytes) -> None:
     autopilot, companion = udp_pair
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as stranger:
         stranger.sendto(garbage, ("127.0.0.1", autopilot.local_port))
@@ -94,44 +94,44 @@ def now_s(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     return now
 
 
-def says(sender: UdpTransport, to: UdpTransport) -> list[Message]:
+def exchange(sender: UdpTransport, to: UdpTransport) -> list[Message]:
     """Send a heartbeat; returns the messages that are accepted."""
     sender.send(heartbeat())
     select.select([to._socket], [], [], 2.0)
     return to.receive()
 
 
-def test_a_stranger_is_neither_heard_nor_answered(udp_pair: UdpPair, now_s: list[float]) -> None:
+def test_datagrams_of_another_sender_are_ignored(udp_pair: UdpPair, now_s: list[float]) -> None:
     autopilot, companion = udp_pair
-    assert says(companion, autopilot)
+    assert exchange(companion, autopilot)
     stranger = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 7, 1)
     for _ in range(10):
         now_s[0] += 0.5
-        assert not says(stranger, autopilot)
-        assert says(companion, autopilot)
+        assert not exchange(stranger, autopilot)
+        assert exchange(companion, autopilot)
     assert autopilot.peer_port == companion.local_port
     assert autopilot.datagrams_received == 11
     stranger.close()
 
 
-def test_whoever_speaks_while_the_peer_is_silent_takes_over(
+def test_a_new_sender_becomes_the_peer_while_the_peer_is_silent(
     udp_pair: UdpPair, now_s: list[float]
 ) -> None:
     autopilot, companion = udp_pair
-    assert says(companion, autopilot)
+    assert exchange(companion, autopilot)
     restarted = UdpTransport(f"udpout:127.0.0.1:{autopilot.local_port}", 1, 191)
     now_s[0] += 60.0  # the silence counts only from the first message of another sender
-    heard = []
+    accepted = []
     for _ in range(3):
-        heard.append(bool(says(restarted, autopilot)))
+        accepted.append(bool(exchange(restarted, autopilot)))
         now_s[0] += 1.0
-    assert heard == [False, False, True]
+    assert accepted == [False, False, True]
     assert autopilot.peer_port == restarted.local_port
     assert autopilot.datagrams_received == 1
     restarted.close()
 
 
-def test_nobody_there_is_no_error(udp_pair: UdpPair) -> None:
+def test_a_closed_peer_causes_no_error(udp_pair: UdpPair) -> None:
     autopilot, companion = udp_pair
     autopilot.close()
     for _ in range(3):
@@ -146,13 +146,13 @@ def test_a_port_in_use_is_refused_with_its_url(udp_pair: UdpPair) -> None:
         UdpTransport(url, 1, 191)
 
 
-def test_float32_is_what_arrives() -> None:
+def test_values_are_received_as_float32() -> None:
     message = mavlink.MAVLink_local_position_ned_message(0, 0.1, 0, 0, 0, 0, 0)
     (rounded,) = struct.unpack("<f", struct.pack("<f", 0.1))
     assert carried(direct_pair, message).x == rounded
 
 
-def test_a_field_named_id_does_not_hide_which_message_it_is() -> None:
+def test_a_field_named_id_does_not_hide_the_message_type() -> None:
     vehicle_end, end = pipe_pair()
     vehicle_end.send(mavlink.MAVLink_distance_sensor_message(0, 2, 500, 150, 2, 10, 0, 0))
     assert [m.get_type() for m in end.receive()] == ["DISTANCE_SENSOR"]

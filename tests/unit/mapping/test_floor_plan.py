@@ -65,13 +65,15 @@ def test_a_gap_without_hits_stays_open() -> None:
     assert sorted(round(wall.length_m, 2) for wall in walls) == [1.5, 1.5]
 
 
-def test_a_few_stray_hits_are_no_wall() -> None:
+def test_a_few_stray_hits_form_no_wall() -> None:
     line = WallLine(0.0, 2.0, 0.01)
     assert segments([line], hits_along(line, 0.0, 0.2)) == ()
 
 
 @pytest.mark.parametrize(("beyond", "end_m"), [(4, 2.0), (8, 2.8)])
-def test_a_wall_ends_at_another_unless_enough_was_met_beyond(beyond: int, end_m: float) -> None:
+def test_a_wall_ends_at_a_crossing_wall_unless_enough_hits_lie_beyond(
+    beyond: int, end_m: float
+) -> None:
     line, other = LINES[0], LINES[1]
     hits = hits_along(line, -1.8, 1.9) + hits_along(other, -1.9, 1.9, wall=1)
     hits += hits_along(line, 2.1, 2.0 + 0.1 * beyond)
@@ -94,7 +96,7 @@ def test_the_outline_is_closed_when_every_direction_has_a_wall() -> None:
     assert outline_closed((), (0.0, 0.0)) == 0.0
 
 
-def test_the_files_hold_the_map(tmp_path: Path) -> None:
+def test_the_files_contain_the_map(tmp_path: Path) -> None:
     plan = square()
     files = save(plan, tmp_path)
     assert [file.name for file in files] == ["map.json", "map.png", "map.ply"]
@@ -108,12 +110,12 @@ def test_the_files_hold_the_map(tmp_path: Path) -> None:
     assert {path.name for path in tmp_path.iterdir()} == {file.name for file in files}
 
 
-def test_an_empty_map_is_a_map(tmp_path: Path) -> None:
+def test_an_empty_map_can_be_saved_and_loaded(tmp_path: Path) -> None:
     save(FloorPlan(), tmp_path)
     assert load_json(tmp_path / "map.json").walls == ()
 
 
-def test_the_map_is_kept_while_the_flight_goes_on(tmp_path: Path) -> None:
+def test_the_map_is_saved_during_the_flight(tmp_path: Path) -> None:
     autosave = AutoSave(tmp_path, square, print)
     autosave.update(1.0)
     assert not list(tmp_path.iterdir())
@@ -123,7 +125,7 @@ def test_the_map_is_kept_while_the_flight_goes_on(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
-def test_a_disk_that_refuses_the_map_so_far_is_told_of_once(
+def test_a_failed_autosave_is_reported_once(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     def refuse(*_: object, **__: object) -> None:
@@ -139,7 +141,7 @@ def test_a_disk_that_refuses_the_map_so_far_is_told_of_once(
     assert os.strerror(number) in messages[0]
 
 
-def test_a_map_so_far_that_cannot_be_drawn_up_does_not_end_the_flight(tmp_path: Path) -> None:
+def test_an_error_while_the_map_is_built_is_reported_once_and_not_raised(tmp_path: Path) -> None:
     def broken() -> FloorPlan:
         raise ArithmeticError("singular")
 
@@ -150,7 +152,7 @@ def test_a_map_so_far_that_cannot_be_drawn_up_does_not_end_the_flight(tmp_path: 
     assert len(messages) == 1
 
 
-def test_one_file_of_the_map_that_cannot_be_written_leaves_the_others(tmp_path: Path) -> None:
+def test_the_other_files_of_the_map_are_written_if_one_fails(tmp_path: Path) -> None:
     (tmp_path / ".unfinished-map.png").symlink_to("/dev/full")
     with pytest.raises(OutputError, match=r"map\.png: No space left"):
         save(square(), tmp_path)

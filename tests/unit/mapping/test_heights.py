@@ -24,7 +24,7 @@ def block(north: range, east: range, top_m: float) -> dict[tuple[int, int], floa
     return {(n, e): top_m for n in north for e in east}
 
 
-def test_an_empty_room_has_a_floor_and_nothing_on_it() -> None:
+def test_an_empty_room_has_a_floor_and_no_table_tops() -> None:
     heights = flown_over({})
     assert heights.floor_m == pytest.approx(0, abs=0.01)
     assert heights.tops() == ()
@@ -39,17 +39,17 @@ def test_table_tops_are_found_with_their_heights_and_places() -> None:
     assert shelf.height_m == pytest.approx(1.1, abs=0.02)
 
 
-def test_two_heights_side_by_side_are_two_tops() -> None:
+def test_adjacent_tops_of_two_heights_are_distinguished() -> None:
     steps = block(range(4, 12), range(4, 12), 0.4) | block(range(4, 12), range(12, 20), 0.8)
     assert sorted(round(top.height_m, 1) for top in flown_over(steps).tops()) == [0.4, 0.8]
 
 
-def test_most_of_a_room_may_be_furniture() -> None:
+def test_the_floor_is_found_in_a_room_with_much_furniture() -> None:
     heights = flown_over(block(range(0, 40), range(0, 12), 0.72))
     assert heights.floor_m == pytest.approx(0, abs=0.02)
 
 
-def test_what_nothing_was_met_of_is_not_known() -> None:
+def test_the_floor_is_unknown_without_detections() -> None:
     heights = Heights(OFFSET_M)
     heights.see(RangeScan(0.0, {Beam.DOWN: RangeReading(RangeState.NOTHING)}), Pose(0, 0, 0, 0, 0))
     assert heights.floor_m is None

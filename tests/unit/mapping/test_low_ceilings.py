@@ -24,7 +24,7 @@ def at(distance_m: float) -> RangeReading:
 
 
 @given(st.floats(-0.1, 0.1))
-def test_a_drift_of_the_barometer_is_set_right_by_the_floor(drift_m: float) -> None:
+def test_the_down_beam_corrects_barometer_drift(drift_m: float) -> None:
     height = Height()
     height.move(1.2, TICK_S)
     for _ in range(60 * 20):
@@ -34,7 +34,7 @@ def test_a_drift_of_the_barometer_is_set_right_by_the_floor(drift_m: float) -> N
 
 
 @given(st.floats(0.15, 1.0))
-def test_over_a_table_it_does_not_rise(table_m: float) -> None:
+def test_a_table_does_not_change_the_height(table_m: float) -> None:
     height = Height()
     height.move(1.2, TICK_S)
     for _ in range(200):
@@ -43,7 +43,7 @@ def test_over_a_table_it_does_not_rise(table_m: float) -> None:
     assert height.metres == 1.2
 
 
-def test_without_a_down_beam_it_is_the_autopilots() -> None:
+def test_without_a_down_beam_the_height_is_the_autopilots() -> None:
     height = Height()
     height.move(1.2, TICK_S)
     height.see_floor(RangeReading(RangeState.FAILED), OFFSET_M)
@@ -68,18 +68,18 @@ def test_a_lintel_is_low_and_a_ceiling_is_not() -> None:
     assert passed_under(at(0.72)).lower_than(1.7, CEILING_M) == ()
 
 
-def test_what_is_too_near_to_be_measured_may_be_right_above() -> None:
+def test_a_too_near_reading_counts_as_a_low_ceiling() -> None:
     passed = passed_under(RangeReading(RangeState.TOO_NEAR))
     assert passed.lower_than(1.7, CEILING_M)
     assert not passed.lower_than(1.7, 2.2)  # the ceiling itself is too near
 
 
-def test_a_stray_reading_closes_no_doorway() -> None:
+def test_one_stray_reading_does_not_close_a_doorway() -> None:
     assert passed_under(at(0.3), times=1).lower_than(2.3, CEILING_M) == ()
 
 
 def corridor() -> Occupancy:
-    """Two metres wide, from 3 m south to 3 m north, with a wall at its north end."""
+    """A corridor two metres wide, from 3 m south to 3 m north, with a wall at its north end."""
     grid = Occupancy()
     for _ in range(3):
         for step in range(-10, 11):
@@ -89,7 +89,7 @@ def corridor() -> Occupancy:
 
 
 @pytest.mark.parametrize("low", [(), ((0.05, 0.05),)])
-def test_a_higher_layer_is_flown_only_above_free_space_and_below_nothing(
+def test_a_higher_layer_is_free_only_above_free_space_and_not_under_low_ceilings(
     low: tuple[tuple[float, float], ...],
 ) -> None:
     below = corridor()

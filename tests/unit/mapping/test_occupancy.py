@@ -27,7 +27,7 @@ def seen(grid: Occupancy, ray: Ray, times: int = 3) -> Occupancy:
 
 
 @given(PLACE, st.floats(-math.pi, math.pi), st.floats(0.5, 5))
-def test_a_hit_is_free_before_it_and_unknown_behind(
+def test_cells_before_a_hit_are_free_and_cells_behind_it_unknown(
     origin: tuple[float, float], bearing_rad: float, end_m: float
 ) -> None:
     grid = seen(Occupancy(), Ray(origin, bearing_rad, end_m, 0.01, True, 0.0))
@@ -41,19 +41,19 @@ def test_a_hit_is_free_before_it_and_unknown_behind(
     assert state(grid, at(end_m + 2 * CELL_M)) == "unknown"
 
 
-def test_nothing_met_frees_but_fills_nothing() -> None:
+def test_a_beam_without_a_hit_frees_cells_and_fills_none() -> None:
     grid = seen(Occupancy(), Ray((0, 0), 0.0, 4.0, 0.0, False, 0.0))
     assert state(grid, (3.9, 0)) == "free"
     assert not grid.occupied.any()
 
 
-def test_a_reading_too_inexact_fills_nothing() -> None:
+def test_a_reading_with_a_large_sigma_fills_no_cell() -> None:
     grid = seen(Occupancy(), Ray((0, 0), 0.0, 5.0, 0.18, True, 0.0))
     assert not grid.occupied.any()
     assert state(grid, (2, 0)) == "free"
 
 
-def test_what_has_walked_on_is_forgotten() -> None:
+def test_the_cell_of_a_moved_obstacle_becomes_free() -> None:
     grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True, 0.0))
     assert state(grid, (2, 0)) == "occupied"
     seen(grid, Ray((0, 0), 0.0, 4.0, 0.02, True, 0.0), times=20)
@@ -61,13 +61,13 @@ def test_what_has_walked_on_is_forgotten() -> None:
 
 
 @given(PLACE)
-def test_cells_and_places_are_each_others_inverse(place: tuple[float, float]) -> None:
+def test_cell_and_place_are_inverse_functions(place: tuple[float, float]) -> None:
     grid = Occupancy()
     assert grid.cell(grid.place(grid.cell(place))) == grid.cell(place)
     assert math.dist(grid.place(grid.cell(place)), place) <= CELL_M
 
 
-def test_the_nearest_thing() -> None:
+def test_nearest_m_is_the_distance_to_the_nearest_obstacle() -> None:
     grid = seen(Occupancy(), Ray((0, 0), 0.0, 2.0, 0.02, True, 0.0))
     assert grid.nearest_m((1.4, 0.0), 1.0) == pytest.approx(0.6, abs=0.15)
     assert grid.nearest_m((-5.0, 0.0), 1.0) == 1.0

@@ -59,7 +59,7 @@ def is_known(space: RedrawnGrid, to_m: float) -> bool:
 
 
 @pytest.mark.usefixtures("forgetful")
-def test_what_was_seen_long_ago_stays_as_it_was_drawn() -> None:
+def test_old_cells_stay_as_drawn_after_a_correction() -> None:
     """Regression: the return path of a long flight was reduced to single rays by a redraw."""
     space = along_a_corridor()
     assert is_known(space, STEP_M * KEYFRAMES - 1)
@@ -71,7 +71,7 @@ def test_what_was_seen_long_ago_stays_as_it_was_drawn() -> None:
 
 
 @pytest.mark.usefixtures("forgetful")
-def test_the_last_part_is_still_set_right() -> None:
+def test_recent_cells_are_corrected() -> None:
     space, corrected = along_a_corridor(), way_north()
     corrected[-LAST:, 1] += 0.5
     space.correct(corrected)
@@ -82,7 +82,7 @@ def test_the_last_part_is_still_set_right() -> None:
 
 
 @pytest.mark.usefixtures("forgetful")
-def test_a_step_of_what_was_forgotten_moves_nothing() -> None:
+def test_a_correction_of_discarded_rays_changes_no_cell() -> None:
     space, corrected = along_a_corridor(), way_north()
     before = space.grid.free.copy()
     corrected[:100, 1] += 1.0

@@ -8,12 +8,12 @@ from companion.mapping.occupancy import Ray
 from tests.grids import length_m, open_ground, ways_from
 
 
-def test_a_way_in_the_open_is_straight() -> None:
+def test_a_path_through_free_space_is_straight() -> None:
     ways = ways_from(open_ground(), (-2.0, 0.0))
     assert ways.to((2.0, 1.0)) == ((2.0, 1.0),)
 
 
-def test_a_way_goes_round_what_is_there_with_room() -> None:
+def test_a_path_keeps_its_clearance_around_an_obstacle() -> None:
     grid = open_ground()
     grid.block((0.0, 0.0), 0.4)
     way = ways_from(grid, (-2.0, 0.0)).to((2.0, 0.0))
@@ -25,11 +25,11 @@ def test_a_way_goes_round_what_is_there_with_room() -> None:
             assert grid.nearest_m((here[0], here[1]), 2.0) > 0.35
 
 
-def test_there_is_no_way_through_what_was_never_seen() -> None:
+def test_no_path_leads_through_unknown_space() -> None:
     assert not ways_from(open_ground(), (0.0, 0.0)).reaches((6.0, 0.0))
 
 
-def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
+def test_a_path_leads_through_a_doorway_but_not_through_a_narrower_one() -> None:
     for width_m, passes in ((1.4, True), (0.9, True), (0.6, False)):
         grid = open_ground()
         for row in range(-40, 41):
@@ -39,7 +39,7 @@ def test_a_doorway_is_passed_in_the_middle_and_a_narrower_one_not() -> None:
 
 
 @pytest.mark.parametrize(("width_m", "least_m", "most_m"), [(0.9, 0.5, 1.2), (1.3, 5.0, 6.0)])
-def test_it_does_not_go_far_into_what_is_narrower_than_its_clearance_nor_step_by_step(
+def test_repeated_plans_do_not_lead_far_into_a_passage_narrower_than_the_clearance(
     width_m: float, least_m: float, most_m: float
 ) -> None:
     grid = open_ground(reach_m=7.0)
@@ -56,7 +56,7 @@ def test_it_does_not_go_far_into_what_is_narrower_than_its_clearance_nor_step_by
     ("width_m", "came_through", "passes"),
     [(0.8, True, True), (0.8, False, False), (0.0, True, False)],
 )
-def test_where_it_has_come_through_it_may_go_back_unless_that_was_closed(
+def test_a_passage_already_flown_is_free_unless_it_was_closed(
     width_m: float, came_through: bool, passes: bool
 ) -> None:
     grid = open_ground()

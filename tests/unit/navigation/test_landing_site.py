@@ -25,7 +25,7 @@ def flown(*track_ne_m: Vector2) -> Occupancy:
     return space
 
 
-def met(tops_m: dict[Vector2, float]) -> Heights:
+def height_map(tops_m: dict[Vector2, float]) -> Heights:
     """Height map from the down beam, with these heights at these places."""
     heights = Heights(0.0)
     for (north_m, east_m), top_m in tops_m.items():
@@ -40,35 +40,35 @@ def line(from_m: float, to_m: float) -> list[Vector2]:
     return [(from_m + 0.1 * n, 0.05) for n in range(round((to_m - from_m) / 0.1))]
 
 
-def test_it_does_not_land_on_the_table_that_it_hovers_over() -> None:
+def test_the_site_is_not_on_the_table_below_the_drone() -> None:
     track = line(0.0, 3.0)
-    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    heights = height_map({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
     north_m, _ = landing_site((2.8, 0.05), flown(*track), heights, PLAN)
     assert north_m < 2.0 - 0.4
 
 
-def test_it_lands_no_farther_off_than_it_must() -> None:
+def test_the_site_is_no_farther_away_than_necessary() -> None:
     track = line(0.0, 3.0)
-    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    heights = height_map({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
     north_m, _ = landing_site((2.8, 0.05), flown(*track), heights, PLAN)
     assert north_m > 1.0
 
 
-def test_over_floor_it_stays_where_it_is() -> None:
+def test_over_floor_the_site_is_directly_below() -> None:
     track = line(0.0, 3.0)
-    assert landing_site((1.5, 0.05), flown(*track), met(dict.fromkeys(track, 0.0)), PLAN) == (
-        pytest.approx((1.5, 0.05), abs=0.11)
-    )
+    assert landing_site(
+        (1.5, 0.05), flown(*track), height_map(dict.fromkeys(track, 0.0)), PLAN
+    ) == (pytest.approx((1.5, 0.05), abs=0.11))
 
 
-def test_where_nothing_is_known_of_the_floor_it_stays_where_it_is() -> None:
+def test_without_a_known_floor_the_site_is_directly_below() -> None:
     track = line(0.0, 3.0)
     assert landing_site((2.8, 0.05), flown(*track), Heights(0.0), PLAN) == (2.8, 0.05)
 
 
-def test_it_does_not_fly_through_a_wall_to_land() -> None:
+def test_the_site_is_not_behind_a_wall() -> None:
     track = line(0.0, 3.0)
-    heights = met({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
+    heights = height_map({place: 0.45 if place[0] > 2.0 else 0.0 for place in track})
     space = flown(*line(2.2, 3.0))
     for east in range(-40, 41):
         for _ in range(5):

@@ -32,7 +32,7 @@ def followed(
     return follow(way, course, at, grid or open_ground(), PLAN)
 
 
-def test_it_turns_to_where_it_flies_and_is_slow_until_it_has() -> None:
+def test_the_drone_turns_to_its_course_and_is_slow_until_it_faces_it() -> None:
     setpoint = followed(((0.0, 3.0),), observation(), course=None)
     assert setpoint.forward_m_s == pytest.approx(0)
     assert setpoint.right_m_s == pytest.approx(0)
@@ -53,7 +53,7 @@ def test_a_course_is_faced_when_the_nose_has_pointed_along_it(
     assert (faced(None, (corner,), here) is not None) == is_faced
 
 
-def test_a_course_stays_faced_until_the_way_bends() -> None:
+def test_a_course_stays_faced_until_the_path_bends() -> None:
     turned = observation(yaw_rad=math.radians(45))
     still = faced(NORTH, ((3.0, 1.0),), turned)
     assert still is not None
@@ -61,7 +61,7 @@ def test_a_course_stays_faced_until_the_way_bends() -> None:
     assert faced(NORTH, ((1.0, -1.0),), turned) is None
 
 
-def test_it_slows_down_where_it_is_narrow() -> None:
+def test_speed_is_lower_in_a_narrow_passage() -> None:
     grid = open_ground()
     wide = followed(((3.0, 0.0),), observation(), grid)
     grid.block((0.6, 0.5), 0.1)
@@ -71,7 +71,7 @@ def test_it_slows_down_where_it_is_narrow() -> None:
 
 @pytest.mark.parametrize("beside_m", [0.6, 9.0])
 @pytest.mark.parametrize("gap_deg", [(40, 40), (40, 5), (5, 40), (0, 0)])
-def test_it_swings_its_nose_to_where_gaps_are_left_and_keeps_to_its_way(
+def test_the_nose_swings_over_unswept_gaps_while_the_course_is_kept(
     beside_m: float, gap_deg: tuple[int, int]
 ) -> None:
     grid = open_ground()
@@ -92,7 +92,7 @@ def test_it_swings_its_nose_to_where_gaps_are_left_and_keeps_to_its_way(
     assert max(yaws_deg) == pytest.approx(max(right_deg, 3), abs=3)
 
 
-def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -> None:
+def test_speed_is_lower_near_an_old_wall_if_the_position_is_uncertain() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
     sure = observation(place=(1.0, 0.0), time_s=120.0)
@@ -100,7 +100,7 @@ def test_lost_near_to_a_wall_met_long_ago_it_is_slow_as_if_it_were_beside_it() -
     assert followed(way, lost, grid).forward_m_s < followed(way, sure, grid).forward_m_s
 
 
-def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> None:
+def test_position_uncertainty_does_not_slow_near_a_recently_detected_wall() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((1.0, -1.2), 0.1)
     sure = observation(place=(1.0, 0.0), time_s=5.0)
@@ -108,14 +108,14 @@ def test_far_from_its_start_it_knows_where_a_wall_is_that_it_met_just_now() -> N
     assert followed(way, far, grid) == followed(way, sure, grid)
 
 
-def test_beside_a_wall_that_the_map_has_elsewhere_it_is_slow() -> None:
+def test_a_too_near_side_reading_slows_although_the_map_has_no_wall_there() -> None:
     way, alone = ((3.0, 0.0),), observation(place=(1.0, 0.0), time_s=5.0)
     near = {**alone.ranges, Beam.LEFT: RangeReading(RangeState.TOO_NEAR)}
     free, beside = followed(way, alone), followed(way, replace(alone, ranges=near))
     assert beside.forward_m_s < 0.5 * free.forward_m_s
 
 
-def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
+def test_an_obstacle_beside_the_path_does_not_stop_the_drone() -> None:
     grid, way = open_ground(), ((3.0, 0.0),)
     grid.block((0.6, -0.7), 0.1)
     left_rad = math.radians(-35)
@@ -125,13 +125,13 @@ def test_what_the_turned_nose_meets_beside_the_way_does_not_stop_it() -> None:
     assert before.forward_m_s == 0
 
 
-def test_it_stops_before_what_stands_in_the_way() -> None:
+def test_the_drone_stops_before_an_obstacle_on_the_path() -> None:
     way = ((3.0, 0.0),)
     assert is_blocked(way, observation(ahead_m=0.5))
     assert not is_blocked(way, observation(ahead_m=3.0))
     assert followed(way, observation(ahead_m=0.5)).forward_m_s == 0
 
 
-def test_corners_that_are_near_are_passed() -> None:
+def test_near_corners_of_the_path_are_passed() -> None:
     assert passed(((0.05, 0.0),), observation(), ARRIVED_M) == ()
     assert passed(((0.05, 0.0), (2.0, 0.0)), observation(), ARRIVED_M) == ((2.0, 0.0),)

@@ -18,27 +18,27 @@ from companion.pdps.explore import Explore, ExplorePhase, step
 from tests.grids import (
     PLAN,
     Place,
-    gone,
     observation,
     open_ground,
-    stuck_on_a_way,
-    to_turn_to_rad,
+    remaining_headings_rad,
+    step_travel,
+    stuck_on_a_path,
     walled,
     with_doorway,
 )
 
 
-def test_it_flies_to_its_goal_and_arrives() -> None:
-    travel, setpoint = gone(Travel((3.0, 0.0)), open_ground())
+def test_the_drone_flies_to_its_goal_and_arrives() -> None:
+    travel, setpoint = step_travel(Travel((3.0, 0.0)), open_ground())
     assert travel.phase is TravelPhase.FLY
     assert setpoint.forward_m_s > 0.5
-    travel, _ = gone(Travel((0.05, 0.0)), open_ground())
+    travel, _ = step_travel(Travel((0.05, 0.0)), open_ground())
     assert travel.phase is TravelPhase.ARRIVED
-    assert gone(travel, open_ground())[0].phase is TravelPhase.ARRIVED
+    assert step_travel(travel, open_ground())[0].phase is TravelPhase.ARRIVED
 
 
 @pytest.mark.parametrize(("half_m", "arrives"), [(0.55, True), (1.5, False)])
-def test_between_walls_that_keep_it_off_it_has_arrived_where_it_gets_no_nearer(
+def test_travel_arrives_where_near_walls_keep_the_drone_from_its_goal(
     half_m: float, arrives: bool
 ) -> None:
     grid = open_ground()
@@ -46,12 +46,14 @@ def test_between_walls_that_keep_it_off_it_has_arrived_where_it_gets_no_nearer(
         grid.block((0.1 * row + 0.05, side * half_m), 0.01)
     travel = Travel((0.25, 0.0))
     for second in range(6):
-        travel, _ = gone(travel, grid, time_s=10.0 + second)
+        travel, _ = step_travel(travel, grid, time_s=10.0 + second)
     assert (travel.phase is TravelPhase.ARRIVED) is arrives
 
 
 @pytest.mark.parametrize(("half_m", "is_stuck"), [(0.55, True), (1.5, False)])
-def test_between_walls_to_and_fro_is_not_getting_on(half_m: float, *, is_stuck: bool) -> None:
+def test_motion_to_and_fro_in_a_narrow_corridor_counts_as_stuck(
+    half_m: float, *, is_stuck: bool
+) -> None:
     grid = open_ground()
     for row, side in product(range(-6, 7), (-1, 1)):
         grid.block((0.1 * row + 0.05, side * half_m), 0.01)
@@ -62,66 +64,68 @@ def test_between_walls_to_and_fro_is_not_getting_on(half_m: float, *, is_stuck: 
     assert travel.looked_round is is_stuck
 
 
-def test_it_waits_for_who_stands_in_the_way() -> None:
-    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
-    travel, setpoint = gone(travel, open_ground(), ahead_m=0.6, time_s=10.05)
+def test_the_drone_waits_before_a_new_obstacle_on_its_path() -> None:
+    travel, _ = step_travel(Travel((3.0, 0.0)), open_ground())
+    travel, setpoint = step_travel(travel, open_ground(), ahead_m=0.6, time_s=10.05)
     assert travel.phase is TravelPhase.FLY
     assert setpoint.forward_m_s == 0
 
 
-def test_it_goes_round_who_has_stood_there_for_a_while() -> None:
-    travel, _ = gone(Travel((3.0, 0.0)), open_ground())
+def test_the_path_leads_around_an_obstacle_that_stays() -> None:
+    travel, _ = step_travel(Travel((3.0, 0.0)), open_ground())
     grid = open_ground()
     grid.block((1.2, 0.0), 0.2)
-    travel, _ = gone(travel, grid, time_s=13.0)
+    travel, _ = step_travel(travel, grid, time_s=13.0)
     assert travel.phase is TravelPhase.FLY
     assert max(abs(east_m) for _, east_m in travel.way) > 0.4
 
 
-def test_without_a_way_it_turns_all_round_once_and_then_gives_up() -> None:
+def test_without_a_path_the_drone_turns_all_round_once_and_then_gives_up() -> None:
     grid, time_s = walled(reach_m=2.0), 10.0
-    travel, _ = gone(Travel((5.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((5.0, 0.0)), grid)
     assert travel.phase is TravelPhase.SWEEP
-    turned = len(to_turn_to_rad(travel))
+    turned = len(remaining_headings_rad(travel))
     while travel.phase is TravelPhase.SWEEP:
         time_s += 0.05
-        seen = observation(yaw_rad=to_turn_to_rad(travel)[0], time_s=time_s)
+        seen = observation(yaw_rad=remaining_headings_rad(travel)[0], time_s=time_s)
         travel, _ = travelling.step(travel, seen, grid, PLAN)
     assert turned == 3
-    travel, setpoint = gone(travel, grid, time_s=time_s + 2)
+    travel, setpoint = step_travel(travel, grid, time_s=time_s + 2)
     assert travel.phase is TravelPhase.GAVE_UP
     assert setpoint == HOLD
 
 
-@pytest.mark.parametrize(("roomy", "looks"), [((0.0, -1.5), True), ((0.0, 2.5), False)])
-def test_it_goes_back_to_look_round_only_where_the_straight_way_is_free(
-    roomy: Place, *, looks: bool
+@pytest.mark.parametrize(("roomy", "sweeps"), [((0.0, -1.5), True), ((0.0, 2.5), False)])
+def test_the_drone_returns_for_a_full_sweep_only_along_a_free_straight_line(
+    roomy: Place, *, sweeps: bool
 ) -> None:
-    """The drone is in a doorway. A wall 1.5 m east, which it flew round, is between."""
+    """The drone is in a doorway. It has flown round a wall 1.5 m east, which is between."""
     grid = walled(reach_m=2.0)
     for jamb_m in (-0.6, 0.6):
         grid.block((jamb_m, 0.0), 0.01)
     for decimetre in range(-20, 21):
         grid.block((0.1 * decimetre + 0.05, 1.5), 0.1)
-    travel, setpoint = gone(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
-    assert travel.phase is (TravelPhase.SWEEP if looks else TravelPhase.GAVE_UP)
-    assert looks or setpoint == HOLD
+    travel, setpoint = step_travel(Travel((5.0, 0.0), roomy_ne_m=roomy), grid)
+    assert travel.phase is (TravelPhase.SWEEP if sweeps else TravelPhase.GAVE_UP)
+    assert sweeps or setpoint == HOLD
 
 
-def test_having_looked_round_beside_a_doorway_it_goes_on_and_has_not_arrived() -> None:
+def test_travel_continues_after_a_full_sweep_beside_a_doorway() -> None:
     grid, time_s = with_doorway(0.45), 10.0
-    travel, _ = gone(Travel((3.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((3.0, 0.0)), grid)
     sweep = Sweep((0.0,), (0.0, 0.0), resets=0)
     travel = replace(travel, way=(), phase=TravelPhase.SWEEP, sweep=sweep, looked_round=True)
     for _ in range(2):
         time_s += 0.05
-        travel, _ = gone(travel, grid, time_s=time_s)
+        travel, _ = step_travel(travel, grid, time_s=time_s)
     assert travel.phase is TravelPhase.FLY
     assert travel.way[-1] == (3.0, 0.0)
 
 
 @pytest.mark.parametrize(("goal", "goes"), [((0.0, 0.0), True), ((-1.0, 0.0), False)])
-def test_home_it_goes_as_it_came_whatever_is_drawn_there(goal: Place, *, goes: bool) -> None:
+def test_the_path_home_follows_the_flown_path_although_the_map_blocks_it(
+    goal: Place, *, goes: bool
+) -> None:
     grid = open_ground()
     for decimetre in range(26):
         grid.add(Ray((0.1 * decimetre, 0.0), 0.0, 0.5, 0.01, is_hit=False, time_s=0.0))
@@ -134,17 +138,17 @@ def test_home_it_goes_as_it_came_whatever_is_drawn_there(goal: Place, *, goes: b
 
 
 @pytest.mark.parametrize("has_another", [True, False])
-def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_another: bool) -> None:
+def test_a_drone_stuck_before_a_doorway_takes_another_if_there_is_one(*, has_another: bool) -> None:
     grid = with_doorway(1.0)
     if has_another:
         for centimetre in range(-39, 40, 3):
             east_m = 2.5 + 0.01 * centimetre
             for _ in range(20):
                 grid.add(Ray((0.0, east_m), 0.0, 2.0, 0.01, is_hit=False, time_s=0.0))
-    travel, _ = gone(Travel((2.0, 0.0)), grid)
+    travel, _ = step_travel(Travel((2.0, 0.0)), grid)
     assert max(abs(east_m) for _, east_m in travel.way) < 0.5
     travel = replace(travel, looked_round=True)
-    travel, _ = gone(travel, grid, time_s=21.0)
+    travel, _ = step_travel(travel, grid, time_s=21.0)
     if has_another:
         assert travel.phase is TravelPhase.FLY
         assert max(east_m for _, east_m in travel.way) > 1.5
@@ -153,7 +157,7 @@ def test_stuck_before_a_doorway_it_goes_by_another_if_there_is_one(*, has_anothe
 
 
 @pytest.mark.parametrize(("goal", "goes"), [((0.0, 0.0), True), ((0.0, 0.1), False)])
-def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
+def test_a_drone_stuck_on_the_path_home_detours_around_an_unmapped_obstacle(
     goal: Place, *, goes: bool
 ) -> None:
     """The drone is stuck again and again, as at a real wall that a distorted map lacks."""
@@ -168,11 +172,11 @@ def test_stuck_on_its_way_home_it_goes_round_what_it_does_not_see(
     assert not goes or max(abs(east_m) for _, east_m in travel.way) > 0.5
 
 
-def test_where_it_was_stuck_on_two_ways_nothing_is_looked_for_any_more() -> None:
-    once = stuck_on_a_way(None)
+def test_exploration_avoids_a_place_where_the_drone_was_stuck_twice() -> None:
+    once = stuck_on_a_path(None)
     assert once.phase is TravelPhase.GAVE_UP
     assert stuck_twice(once) == ()
-    twice = stuck_on_a_way(once)
+    twice = stuck_on_a_path(once)
     ahead, *_ = stuck_twice(twice)
     assert math.dist(ahead.middle_ne_m, (0.5, 0.0)) < 0.2
     grid = open_ground()
@@ -184,7 +188,7 @@ def test_where_it_was_stuck_on_two_ways_nothing_is_looked_for_any_more() -> None
         assert straight is leads_ahead
 
 
-def test_with_no_way_on_it_turns_where_it_last_had_room_and_not_in_the_doorway() -> None:
+def test_without_a_path_the_drone_turns_where_it_last_had_room_and_not_in_the_doorway() -> None:
     grid = open_ground()
     for row in range(-40, 41):
         if abs(0.1 * row + 0.05) > 0.45:

@@ -78,18 +78,18 @@ def assert_whole(log: Log) -> None:
     ("delimiter", "mark"),
     [(",", "."), (",", ","), (";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", ".")],
 )
-def test_the_same_log_in_every_dialect(
+def test_every_dialect_gives_the_same_log(
     tmp_path: Path, delimiter: str, mark: str, quoting: Quoting, end: str
 ) -> None:
     data = text(delimiter, mark=mark, quoting=quoting, end=end).encode()
     assert_whole(read(tmp_path, data))
 
 
-def test_quotes_may_be_single_ones(tmp_path: Path) -> None:
+def test_single_quotes_are_accepted(tmp_path: Path) -> None:
     assert_whole(read(tmp_path, text(quoting=csv.QUOTE_ALL, quote="'").encode()))
 
 
-def test_columns_may_be_set_apart_by_spaces(tmp_path: Path) -> None:
+def test_columns_may_be_separated_by_spaces(tmp_path: Path) -> None:
     rows = [[*NAMES], *([number(v) or "nan" for v in row[:-1]] + ["x"] for row in ROWS)]
     for widths in ([0] * 7, [12] * 7):
         lines = [" ".join(c.rjust(w) for c, w in zip(row, widths, strict=True)) for row in rows]
@@ -115,11 +115,11 @@ def test_spaces_may_follow_commas(tmp_path: Path) -> None:
         lambda t: gzip.compress(t.encode("utf-16")),
     ],
 )
-def test_in_every_encoding(tmp_path: Path, encode: Callable[[str], bytes]) -> None:
+def test_every_encoding_gives_the_same_log(tmp_path: Path, encode: Callable[[str], bytes]) -> None:
     assert_whole(read(tmp_path, encode(text(";", mark=",", quoting=csv.QUOTE_ALL, end="\r\n"))))
 
 
-def test_a_spreadsheets_first_line_and_comments_before_the_header(tmp_path: Path) -> None:
+def test_a_separator_line_and_comments_before_the_header_are_skipped(tmp_path: Path) -> None:
     assert_whole(read(tmp_path, b"sep=;\r\n" + text(";", mark=",").encode()))
     assert_whole(read(tmp_path, b"# recorded by hand\n#\n" + text().encode()))
     log = read(tmp_path, b"# by hand\n" + text().replace("0.1,0.05", "x,0.05").encode())
@@ -127,19 +127,19 @@ def test_a_spreadsheets_first_line_and_comments_before_the_header(tmp_path: Path
     assert skipped.first.startswith("line 4:")
 
 
-def test_empty_cells_behind_the_rows_do_not_matter(tmp_path: Path) -> None:
+def test_empty_cells_at_the_ends_of_rows_are_ignored(tmp_path: Path) -> None:
     head, *rows = text().splitlines()
     assert_whole(read(tmp_path, "\n".join([head, *(f"{row},,," for row in rows)]).encode()))
     assert_whole(read(tmp_path, "\n".join(f"{row},," for row in [head, *rows]).encode()))
 
 
-def test_notes_may_have_commas_quotes_and_lines(tmp_path: Path) -> None:
+def test_notes_may_contain_commas_quotes_and_line_breaks(tmp_path: Path) -> None:
     data = text(quoting=csv.QUOTE_ALL).replace("at the door", 'at ""the""\n door, left')
     assert_whole(read(tmp_path, data.encode()))
     assert_whole(read(tmp_path, text().replace("at the door", '5" tube').encode()))
 
 
-def test_a_quote_that_is_never_closed_costs_one_row(tmp_path: Path) -> None:
+def test_an_unclosed_quote_drops_one_row(tmp_path: Path) -> None:
     lines = text().splitlines()
     lines[5] = f'"{lines[5]}'
     log = read(tmp_path, "\n".join(lines).encode())
@@ -147,20 +147,20 @@ def test_a_quote_that_is_never_closed_costs_one_row(tmp_path: Path) -> None:
     assert log.reading.rows == len(ROWS)
 
 
-def test_a_compressed_log_has_its_sensors_beside_it(tmp_path: Path) -> None:
+def test_the_sensor_file_of_a_compressed_log_is_found(tmp_path: Path) -> None:
     (tmp_path / "flight.toml").write_text("[sensors]\nsigma_m = 0.03\n")
     assert_whole(read(tmp_path, gzip.compress(text().encode()), "flight.csv.gz"))
     assert load(None, tmp_path / "flight.csv.gz").sigma_m == 0.03
 
 
-def test_a_compressed_log_that_is_cut_short_is_one_line(tmp_path: Path) -> None:
+def test_a_truncated_compressed_log_is_refused_in_one_line(tmp_path: Path) -> None:
     whole = gzip.compress(text().encode())
     for data in (whole[:-12], whole[:20], whole[:15] + b"\xff" * 9 + whole[24:]):
         with pytest.raises(LogError, match=r"flight\.csv\.gz: compressed, and cut short or dam"):
             read(tmp_path, data, "flight.csv.gz")
 
 
-def test_thousands_are_no_decimals(tmp_path: Path) -> None:
+def test_thousands_separators_are_not_read_as_decimal_marks(tmp_path: Path) -> None:
     """A comma and points in one file are ambiguous and are not interpreted."""
     log = read(tmp_path, text(";").replace(";1.5;", ';"1,500";').encode())
     (skipped,) = log.reading.cells_skipped.values()
@@ -173,7 +173,7 @@ CELLS = st.lists(st.text(st.characters(codec="utf-8", exclude_characters="\r\n\0
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(notes=CELLS, delimiter=st.sampled_from(",;\t|"), mark=st.sampled_from(".,"))
-def test_whatever_stands_in_a_column_that_is_ignored(
+def test_any_text_in_an_ignored_column_is_accepted(
     tmp_path: Path, notes: Sequence[str], delimiter: str, mark: str
 ) -> None:
     buffer = io.StringIO()

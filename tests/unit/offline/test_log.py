@@ -49,19 +49,21 @@ def refused(tmp_path: Path, text: str) -> str:
         (HEADER + "\n0,0\n0,0\n", ("2 rows skipped", "wrong number of cells", "line 2")),
     ],
 )
-def test_what_is_no_log_is_refused(tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
+def test_invalid_logs_are_refused_with_the_reason(
+    tmp_path: Path, text: str, words: tuple[str, ...]
+) -> None:
     message = refused(tmp_path, text)
     assert all(word in message for word in words)
 
 
-def test_a_file_that_is_not_there_or_of_no_known_kind_is_refused(tmp_path: Path) -> None:
+def test_a_missing_file_or_an_unknown_file_type_is_refused(tmp_path: Path) -> None:
     with pytest.raises(LogError, match="No such file"):
         read_log(tmp_path / "nowhere.csv", silent)
     with pytest.raises(LogError, match=r"\.csv"):
         read_log(tmp_path / "flight.bag", silent)
 
 
-def test_columns_come_in_any_order_and_unknown_ones_are_told(tmp_path: Path) -> None:
+def test_columns_may_have_any_order_and_unknown_ones_are_reported(tmp_path: Path) -> None:
     log = read(
         tmp_path, "left_m,battery,odom_yaw_rad,odom_y_m,odom_x_m,time_s\n1.5,11.1,0.3,2,1,10\n"
     )
@@ -70,7 +72,7 @@ def test_columns_come_in_any_order_and_unknown_ones_are_told(tmp_path: Path) -> 
     assert log.reading.columns_ignored == ("battery",)
 
 
-def test_rows_are_sorted_and_one_time_counts_once(tmp_path: Path) -> None:
+def test_rows_are_sorted_and_repeated_times_are_skipped(tmp_path: Path) -> None:
     log = read(tmp_path, HEADER + "\n0,0,0,0,1\n2,2,0,0,1\n1,1,0,0,1\n2,9,9,9,9\n")
     assert log.time_s.tolist() == [0, 1, 2]
     assert log.odometry[:, 0].tolist() == [0, 1, 2]
@@ -78,20 +80,20 @@ def test_rows_are_sorted_and_one_time_counts_once(tmp_path: Path) -> None:
     assert log.reading.rows_skipped["time repeated"].count == 1
 
 
-def test_a_heading_that_wraps_goes_on(tmp_path: Path) -> None:
+def test_a_wrapped_heading_is_unwrapped(tmp_path: Path) -> None:
     log = read(tmp_path, HEADER + "\n0,0,0,3.1,1\n1,0,0,-3.1,1\n")
     assert log.odometry[1, 2] == pytest.approx(3.1832, abs=1e-3)
 
 
 @pytest.mark.parametrize("cell", ["", " ", "nan", "NaN", "inf", "-inf"])
-def test_nothing_returned_is_no_fault(tmp_path: Path, cell: str) -> None:
+def test_an_empty_or_infinite_range_is_no_error(tmp_path: Path, cell: str) -> None:
     log = read(tmp_path, HEADER + f"\n0,0,0,0,{cell}\n")
     assert np.isnan(log.ranges_m[Beam.FRONT][0])
     assert not log.reading.cells_skipped
 
 
 @pytest.mark.parametrize("cell", ["x", "1.2.3", "0x1f", "1_0", "-1", "0", "1e300", "[bold"])
-def test_a_range_that_says_nothing_is_counted(tmp_path: Path, cell: str) -> None:
+def test_an_invalid_range_is_counted(tmp_path: Path, cell: str) -> None:
     log = read(tmp_path, HEADER + f"\n0,0,0,0,{cell}\n")
     assert np.isnan(log.ranges_m[Beam.FRONT][0])
     (skipped,) = log.reading.cells_skipped.values()
@@ -114,7 +116,7 @@ COLUMNS = st.permutations([*HEADER.split(","), "left_m", "up_m", "gyro_z_rad_s"]
     raw=st.binary(max_size=60),
 )
 @example(header=HEADER, rows=["0,0,0,0,1e-320"], raw=b"")
-def test_garbage_ends_in_a_result_or_in_one_line(
+def test_garbage_gives_a_map_or_a_log_error(
     tmp_path_factory: pytest.TempPathFactory, header: str, rows: list[str], raw: bytes
 ) -> None:
     path = tmp_path_factory.mktemp("log") / "flight.csv"
@@ -151,14 +153,14 @@ def config_refused(tmp_path: Path, text: str) -> str:
         ("[sensors\n", ("not TOML",)),
     ],
 )
-def test_sensors_that_cannot_be_are_refused(
+def test_invalid_sensor_configurations_are_refused(
     tmp_path: Path, text: str, words: tuple[str, ...]
 ) -> None:
     message = config_refused(tmp_path, text)
     assert all(word in message for word in words)
 
 
-def test_a_beam_has_its_own_keys_before_the_common_ones(tmp_path: Path) -> None:
+def test_keys_of_a_beam_override_the_common_keys(tmp_path: Path) -> None:
     (tmp_path / "flight.toml").write_text(
         "[sensors]\nsigma_m = 0.02\noffset_m = 0.08\n"
         "[sensors.left]\nbearing_deg = -45\nsigma_per_m2 = 0.01\noffset_m = 0.0\n"
@@ -171,7 +173,7 @@ def test_a_beam_has_its_own_keys_before_the_common_ones(tmp_path: Path) -> None:
     assert sensors.bearing_rad(Beam.BACK) == pytest.approx(np.pi)
 
 
-def test_without_a_file_there_are_defaults_but_a_file_named_must_be_there(tmp_path: Path) -> None:
+def test_a_missing_default_file_gives_defaults_but_a_named_file_must_exist(tmp_path: Path) -> None:
     assert load(None, tmp_path / "flight.csv") == SensorsConfig()
     with pytest.raises(ConfigError, match="No such file"):
         load(tmp_path / "none.toml", tmp_path / "flight.csv")

@@ -37,7 +37,7 @@ def rms_m(path: np.ndarray[tuple[int, ...], np.dtype[np.float64]], log: Log) -> 
 
 
 @pytest.mark.parametrize("name", [name for name in SCENARIOS if name != "garbage"])
-def test_the_map_is_better_than_the_odometrys(name: str) -> None:
+def test_the_map_is_better_than_that_of_the_odometry(name: str) -> None:
     """At half the benchmark's rate, for speed."""
     found = outcome(name, 2, rate_hz=1.0 if name == "sparse rows" else 5.0)
     assert found.trusted
@@ -56,7 +56,7 @@ def test_four_beams_map_a_room_to_centimetres() -> None:
     assert found.walls.coverage > 0.98
 
 
-def test_garbage_leaves_the_odometry_as_it_is() -> None:
+def test_garbage_leaves_the_odometry_unchanged() -> None:
     log = record(replace(SHORT, noise=Noise(only_garbage=True)), 1)
     result = mapped(log)
     assert result.verdict.word == "doubtful"
@@ -67,14 +67,14 @@ def test_garbage_leaves_the_odometry_as_it_is() -> None:
 @pytest.mark.parametrize(
     "beams", [(), (Beam.FRONT,), (Beam.LEFT,), (Beam.FRONT, Beam.RIGHT), (Beam.LEFT, Beam.BACK)]
 )
-def test_any_beams_do_no_harm(beams: tuple[Beam, ...]) -> None:
+def test_any_set_of_beams_is_no_worse_than_odometry(beams: tuple[Beam, ...]) -> None:
     log = record(replace(SHORT, beams=beams), 3)
     result = mapped(log)
     assert rms_m(result.path, log) <= rms_m(log.odometry, log) + 1e-9
     assert len(beams) < 2 or result.verdict.trusted
 
 
-def test_a_jump_of_the_odometry_is_no_motion() -> None:
+def test_an_odometry_jump_is_removed() -> None:
     log = record(SHORT, 1)
     log.odometry[45:, :2] += (6.0, -4.0)
     result = mapped(log)
@@ -82,7 +82,7 @@ def test_a_jump_of_the_odometry_is_no_motion() -> None:
     assert rms_m(result.path, log) < 0.1
 
 
-def test_a_jump_of_the_heading_is_none_if_there_is_a_gyro() -> None:
+def test_a_heading_jump_is_removed_if_there_is_a_gyro() -> None:
     log = record(SHORT, 1)
     rate_rad_s = np.gradient(log.odometry[:, 2], log.time_s)
     log.odometry[45:, 2] += math.radians(20)
@@ -91,7 +91,7 @@ def test_a_jump_of_the_heading_is_none_if_there_is_a_gyro() -> None:
     assert rms_m(result.path, log) < 0.15
 
 
-def test_a_beam_that_is_stuck_says_nothing() -> None:
+def test_a_stuck_beam_is_ignored() -> None:
     log = record(SHORT, 1)
     log.ranges_m[Beam.LEFT][:] = 1.0
     result = mapped(log)
@@ -119,7 +119,7 @@ def test_long_runs_are_solved_in_windows() -> None:
     assert rms_m(result.path, log) < 0.1
 
 
-def test_the_command_leaves_files_that_others_read(tmp_path: Path) -> None:
+def test_the_command_writes_files_that_other_programs_read(tmp_path: Path) -> None:
     log, path, out = record(SHORT, 1), tmp_path / "room.csv", tmp_path / "out"
     log.ranges_m[Beam.UP] = np.full(len(log.time_s), 1.5)
     log.ranges_m[Beam.DOWN] = np.full(len(log.time_s), 1.0)

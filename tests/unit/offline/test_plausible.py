@@ -66,7 +66,7 @@ def times(column: int, factor: float, rows: Array | None = None) -> Array:
     began_s=st.sampled_from([0.0, -5.0, 1e4, 1.76e9]),
     has_gyro=st.booleans(),
 )
-def test_what_flies_is_not_refused(
+def test_plausible_logs_are_not_refused(
     hz: float, turn_deg_s: float, wraps: bool, began_s: float, has_gyro: bool
 ) -> None:
     turn_rad_s = max(-0.7 * hz, min(0.7 * hz, math.radians(turn_deg_s)))
@@ -80,17 +80,19 @@ def test_what_flies_is_not_refused(
     ("factor", "unit"), [(1e3, "milliseconds"), (1e6, "microseconds"), (1e9, "nanoseconds")]
 )
 @pytest.mark.parametrize("hz", [2, 10, 50])
-def test_time_in_smaller_units(tmp_path: Path, factor: float, unit: str, hz: float) -> None:
+def test_time_in_smaller_units_is_refused(
+    tmp_path: Path, factor: float, unit: str, hz: float
+) -> None:
     message = refusal(tmp_path, times(TIME, factor, flown(hz=hz)))
     assert "time_s" in message
     assert f"if these are {unit}, divide by" in message
 
 
-def test_time_in_days(tmp_path: Path) -> None:
+def test_time_in_days_is_refused(tmp_path: Path) -> None:
     assert "multiply by 86400" in refusal(tmp_path, times(TIME, 1 / 86400))
 
 
-def test_unix_time_in_milliseconds(tmp_path: Path) -> None:
+def test_unix_time_in_milliseconds_is_refused(tmp_path: Path) -> None:
     rows = times(TIME, 1e3)
     rows[:, TIME] += 1.76e12
     message = refusal(tmp_path, rows)
@@ -98,15 +100,15 @@ def test_unix_time_in_milliseconds(tmp_path: Path) -> None:
     assert "milliseconds" in message
 
 
-def test_whole_seconds(tmp_path: Path) -> None:
+def test_time_in_whole_seconds_is_refused(tmp_path: Path) -> None:
     rows = flown()
     rows[:, TIME] = np.floor(rows[:, TIME])
     assert "rounded" in refusal(tmp_path, rows)
 
 
 @pytest.mark.parametrize("since_s", [1.7e9, -3.0, -20.0, 86400.0])
-def test_a_clock_that_is_set_in_flight(tmp_path: Path, since_s: float) -> None:
-    """A clock set by the network some time after a start without it."""
+def test_a_clock_set_in_flight_is_refused(tmp_path: Path, since_s: float) -> None:
+    """The computer starts without a network, and the network sets its clock later."""
     rows = flown()
     rows[300:, TIME] += since_s
     message = refusal(tmp_path, rows)
@@ -114,11 +116,11 @@ def test_a_clock_that_is_set_in_flight(tmp_path: Path, since_s: float) -> None:
     assert "goes back" in message if since_s < 0 else "leaps" in message
 
 
-def test_a_second_flight_in_the_same_log(tmp_path: Path) -> None:
+def test_a_second_flight_in_the_same_log_is_refused(tmp_path: Path) -> None:
     assert "logs were joined" in refusal(tmp_path, np.vstack([flown(), flown(hz=7)]))
 
 
-def test_rows_that_come_late_are_sorted(tmp_path: Path) -> None:
+def test_late_rows_are_sorted(tmp_path: Path) -> None:
     rows = flown()
     late = rows.copy()
     late[[100, 125]] = late[[125, 100]]
@@ -129,7 +131,7 @@ def test_rows_that_come_late_are_sorted(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("factor", [1000, 100])
-def test_places_in_millimetres_or_centimetres(tmp_path: Path, factor: float) -> None:
+def test_positions_in_millimetres_or_centimetres_are_refused(tmp_path: Path, factor: float) -> None:
     rows = times(Y, factor, times(X, factor))
     assert "if these are millimetres, divide by 1000; if centimetres" in refusal(tmp_path, rows)
 
@@ -137,7 +139,7 @@ def test_places_in_millimetres_or_centimetres(tmp_path: Path, factor: float) -> 
 @pytest.mark.parametrize("without", [(), (GYRO,)])
 @pytest.mark.parametrize("wraps", [False, True])
 @pytest.mark.parametrize(("hz", "turn_deg_s"), [(1, 40), (10, 30), (10, 90), (50, 15)])
-def test_headings_in_degrees(
+def test_headings_in_degrees_are_refused(
     tmp_path: Path, hz: float, turn_deg_s: float, wraps: bool, without: tuple[int, ...]
 ) -> None:
     rows = flown(hz=hz, turn_rad_s=math.radians(turn_deg_s), wraps=wraps)
@@ -146,20 +148,22 @@ def test_headings_in_degrees(
     assert "multiply by 0.0174533" in message
 
 
-def test_the_gyro_in_degrees(tmp_path: Path) -> None:
+def test_gyro_rates_in_degrees_are_refused(tmp_path: Path) -> None:
     message = refusal(tmp_path, times(GYRO, math.degrees(1)))
     assert "gyro_z_rad_s: is 57 times" in message
     assert "0.0174533" in message
 
 
-def test_ranges_in_millimetres(tmp_path: Path) -> None:
+def test_ranges_in_millimetres_are_refused(tmp_path: Path) -> None:
     message = refusal(tmp_path, times(FRONT, 1000))
     assert "front_m: 600 of 600 are beyond 200 m" in message
     assert "divide by 1000" in message
 
 
 @pytest.mark.parametrize("nothing", [999.0, 65535.0])
-def test_a_number_for_nothing_in_range_is_no_unit(tmp_path: Path, nothing: float) -> None:
+def test_a_constant_for_nothing_in_range_is_not_taken_for_a_wrong_unit(
+    tmp_path: Path, nothing: float
+) -> None:
     rows = flown()
     rows[50:, FRONT] = nothing
     log = read(tmp_path, rows)
@@ -168,7 +172,7 @@ def test_a_number_for_nothing_in_range_is_no_unit(tmp_path: Path, nothing: float
 
 
 @pytest.mark.parametrize("spoil", [lambda v: v, lambda v: v * np.nan, lambda v: v[::-1]])
-def test_a_gyro_that_tells_nothing_refuses_nothing(
+def test_an_uninformative_gyro_does_not_refuse_the_log(
     tmp_path: Path, spoil: Callable[[Array], Array]
 ) -> None:
     rows = flown()

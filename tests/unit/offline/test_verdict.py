@@ -70,7 +70,7 @@ def with_motion(log: Log, scale: float, turned_rad: Array) -> Log:
 def with_wheel_odometry(
     log: Log, deg_per_sqrt_m: float, seed: int, *, deg_per_m: float = 0.0
 ) -> Log:
-    """The heading walks with the distance driven, and drifts to one side."""
+    """Odometry with a random walk of the heading over the distance, and a drift to one side."""
     way_m = np.hypot(*np.diff(log.truth[:, :2], axis=0).T)
     noise = np.random.default_rng(seed).normal(0, 1, len(way_m))
     off_deg = deg_per_sqrt_m * np.sqrt(way_m) * noise + deg_per_m * way_m
@@ -83,7 +83,7 @@ def shuffled(log: Log) -> Log:
 
 
 def late(log: Log) -> Log:
-    """Ranges delayed by some 4 s."""
+    """Ranges delayed by about 4 s."""
     rows = math.ceil(4 / float(np.diff(log.time_s).mean()))
     ranges_m = {beam: np.roll(ranges, rows) for beam, ranges in log.ranges_m.items()}
     return replace(log, ranges_m=ranges_m)
@@ -98,7 +98,7 @@ def on_the_side(log: Log) -> Log:
 
 @pytest.mark.parametrize("spoilt", [shuffled, late, on_the_side])
 @pytest.mark.parametrize("scenario", [ROUND, L_ROOM])
-def test_ranges_of_elsewhere_leave_the_odometry_as_it_is(
+def test_ranges_that_do_not_match_leave_the_odometry_unchanged(
     scenario: Scenario, spoilt: Callable[[Log], Log]
 ) -> None:
     """In a corridor most of these ranges are on walls by chance."""
@@ -108,7 +108,7 @@ def test_ranges_of_elsewhere_leave_the_odometry_as_it_is(
     np.testing.assert_array_equal(result.path, log.odometry)
 
 
-def test_the_same_ranges_where_they_belong_are_trusted() -> None:
+def test_the_same_ranges_without_modification_are_trusted() -> None:
     for scenario in (ROUND, L_ROOM):
         log = record(scenario, 1)
         result = mapped(log)
@@ -116,7 +116,7 @@ def test_the_same_ranges_where_they_belong_are_trusted() -> None:
         assert error_m(result.path, log) < 0.15
 
 
-def test_a_quarter_of_all_readings_may_be_nonsense() -> None:
+def test_a_log_with_a_quarter_of_outliers_is_trusted() -> None:
     log = record(replace(ROUND, noise=Noise(outliers=0.25, dropouts=0.1)), 2)
     result = mapped(log)
     assert result.verdict.trusted, result.verdict.reason
@@ -124,8 +124,8 @@ def test_a_quarter_of_all_readings_may_be_nonsense() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_corridor_does_not_shrink_by_headings_that_err(seed: int) -> None:
-    """The error would shrink it by a tenth or more: a shorter path crosses the walls less."""
+def test_heading_errors_do_not_shrink_a_corridor(seed: int) -> None:
+    """Such errors would shrink it by a tenth or more: a shorter path crosses the walls less."""
     scenario = Scenario(corridor(ends=False), TO_AND_FRO, Noise(range_sigma_m=0.03))
     log = with_wheel_odometry(record(scenario, seed), 1.2, seed, deg_per_m=1.0)
     result = mapped(log)
@@ -135,7 +135,7 @@ def test_a_corridor_does_not_shrink_by_headings_that_err(seed: int) -> None:
 
 
 @pytest.mark.parametrize("scale", [0.8, 1.25])
-def test_where_walls_tell_the_scale_it_may_be_far_off(scale: float) -> None:
+def test_walls_correct_a_large_odometry_scale_error(scale: float) -> None:
     log = record(L_ROOM, 3)
     log = with_motion(log, scale, np.zeros(len(log.time_s) - 1))
     result = mapped(log)
@@ -144,14 +144,14 @@ def test_where_walls_tell_the_scale_it_may_be_far_off(scale: float) -> None:
     assert error_m(result.path, log) < 0.15
 
 
-def test_odometry_without_error_is_no_reason_for_doubt() -> None:
+def test_a_log_with_exact_odometry_is_trusted() -> None:
     log = record(L_ROOM, 4)
     result = mapped(replace(log, odometry=log.truth.copy()))
     assert result.verdict.trusted, result.verdict.reason
     assert error_m(result.path, log) < 0.05
 
 
-def test_few_ranges_of_a_wheeled_robot_are_too_little_to_go_by() -> None:
+def test_sparse_ranges_of_a_wheeled_robot_leave_the_odometry_unchanged() -> None:
     """Rows 3 s and 45 degrees apart, heading errors of 15 degrees in 5 m, and outliers."""
     flight = Flight([(2, 1.1), *[(38, 1.1), (2, 1.1)]], speed_m_s=0.35, rate_hz=0.35)
     scenario = Scenario(

@@ -1,4 +1,4 @@
-"""The phases of exploration: look, choose, go."""
+"""Tests the phases of exploration: look, choose, go."""
 
 import math
 from dataclasses import replace
@@ -15,22 +15,22 @@ from tests.grids import (
     PLAN,
     observation,
     open_ground,
-    stuck_on_a_way,
+    stuck_on_a_path,
     walled,
 )
 
 
-def test_a_place_given_up_is_remembered_for_the_next() -> None:
+def test_a_place_where_travel_gave_up_is_stored_for_the_next_travel() -> None:
     explore, grid = going(open_ground()), open_ground()
     assert explore.look is not None
-    stuck = replace(explore, travel=stuck_on_a_way(None))
+    stuck = replace(explore, travel=stuck_on_a_path(None))
     after, _ = step(stuck, observation(), grid, PLAN)
     assert after.phase is ExplorePhase.CHOOSE
     assert after.came is not None
     assert len(after.came.stuck_at) == 1
 
 
-def test_look_turns_all_round_then_a_place_is_chosen() -> None:
+def test_look_turns_360_degrees_and_then_a_viewpoint_is_chosen() -> None:
     explore, grid, yaw_rad = Explore(), open_ground(), 0.0
     while explore.phase is ExplorePhase.LOOK:
         explore, setpoint = step(explore, observation(yaw_rad=yaw_rad), grid, PLAN)
@@ -40,12 +40,12 @@ def test_look_turns_all_round_then_a_place_is_chosen() -> None:
     assert chosen(explore, grid).phase is ExplorePhase.GO
 
 
-def test_look_ends_the_mission_when_nothing_is_unseen() -> None:
+def test_the_mission_ends_after_a_look_if_no_frontier_is_left() -> None:
     explore, _ = step(Explore(to_turn_rad=-0.1), observation(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
-def test_look_ends_early_when_all_that_it_is_for_was_seen() -> None:
+def test_look_ends_early_when_all_its_targets_are_seen() -> None:
     looking = Explore(look=Viewpoint((0.0, 0.0), ((3.9, 0.0),)), to_turn_rad=3.0)
     explore, _ = step(looking, observation(), walled(reach_m=2.0), PLAN)
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
@@ -65,7 +65,7 @@ def going(grid: Occupancy) -> Explore:
     return explore
 
 
-def test_go_looks_round_on_arrival() -> None:
+def test_go_changes_to_look_on_arrival() -> None:
     explore = going(open_ground())
     assert explore.travel is not None
     there = observation(explore.travel.goal_ne_m)
@@ -87,7 +87,7 @@ def arrived(*bearings_deg: float, yaw_rad: float = 0.0) -> Explore:
 
 
 @pytest.mark.parametrize("clockwise", [True, False])
-def test_it_turns_the_way_that_shows_what_it_came_for_sooner(clockwise: bool) -> None:
+def test_the_drone_turns_in_the_direction_that_reaches_the_targets_sooner(clockwise: bool) -> None:
     side = 1 if clockwise else -1
     for ahead, beside in ((20, 30), (100, 110)):
         looking = arrived(side * ahead, side * beside)
@@ -96,7 +96,7 @@ def test_it_turns_the_way_that_shows_what_it_came_for_sooner(clockwise: bool) ->
         assert math.radians(20) < looking.to_turn_rad < math.radians(60)
 
 
-def test_it_does_not_turn_when_all_that_it_came_for_was_seen_on_the_way() -> None:
+def test_the_drone_does_not_turn_when_all_targets_were_seen_on_the_way() -> None:
     here = (0.0, 0.0)
     going = Explore(
         ExplorePhase.GO, travel=Travel(here, course=NORTH), look=Viewpoint(here, ((1.0, 0.0),))
@@ -105,14 +105,14 @@ def test_it_does_not_turn_when_all_that_it_came_for_was_seen_on_the_way() -> Non
     assert explore.phase is ExplorePhase.CHOOSE
 
 
-def test_while_it_turns_it_goes_on_to_where_it_looks_from() -> None:
+def test_the_drone_continues_to_its_viewpoint_while_it_turns() -> None:
     looking = replace(arrived(100), here_ne_m=(0.0, 1.5))
     _, setpoint = step(looking, observation(), open_ground(), PLAN)
     assert setpoint.right_m_s > 0.5
     assert setpoint.yaw_rate_rad_s > 0
 
 
-def test_go_takes_another_place_where_there_is_no_way() -> None:
+def test_go_takes_another_viewpoint_where_there_is_no_path() -> None:
     explore = going(open_ground())
     stuck = replace(explore, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     another, _ = step(stuck, observation(), open_ground(), PLAN)
@@ -120,7 +120,7 @@ def test_go_takes_another_place_where_there_is_no_way() -> None:
     assert chosen(another, open_ground()).phase is ExplorePhase.GO
 
 
-def test_it_tells_whether_it_goes_to_the_unseen_or_to_walls_known_before() -> None:
+def test_activity_distinguishes_frontiers_from_walls_to_measure_again() -> None:
     explore = going(open_ground())
     assert explore.activity == "going to where something is unseen"
     assert explore.look is not None
@@ -128,15 +128,15 @@ def test_it_tells_whether_it_goes_to_the_unseen_or_to_walls_known_before() -> No
     assert tie.activity == "going to look again at walls that are not known well"
 
 
-def test_go_chooses_again_when_what_it_goes_for_was_seen_on_the_way() -> None:
+def test_go_chooses_again_when_its_targets_were_seen_on_the_way() -> None:
     explore = going(open_ground())
     explore, setpoint = step(explore, observation(time_s=20.0), open_ground(reach_m=9.0), PLAN)
     assert explore.phase is ExplorePhase.CHOOSE
-    assert setpoint != HOLD  # it continues to fly meanwhile
+    assert setpoint != HOLD  # the drone continues to fly meanwhile
     assert chosen(explore, walled(reach_m=2.0)).phase is ExplorePhase.DONE
 
 
-def test_what_was_seen_on_the_way_counts_as_looked_at() -> None:
+def test_a_viewpoint_whose_targets_were_seen_on_the_way_counts_as_tried() -> None:
     explore = going(open_ground())
     after, _ = step(explore, observation(time_s=20.0), walled(reach_m=2.0), PLAN)
     assert explore.look is not None

@@ -92,26 +92,26 @@ def asks(action: FlightAction) -> CommandKind | None:
     return action.command.kind if action.command else None
 
 
-def test_it_waits_for_the_autopilot() -> None:
+def test_connect_waits_for_the_autopilot() -> None:
     assert after(Phase.CONNECT, view(VehicleState()))[0] is Phase.CONNECT
     assert after(Phase.CONNECT, view(ON_GROUND))[0] is Phase.PREPARE
 
 
-def test_it_is_patient_from_its_own_first_tick_on_not_from_the_clocks() -> None:
+def test_connect_timeout_starts_at_the_first_tick() -> None:
     flight, nobody = FlightState(), VehicleState()
     for waited_s, phase in ((0.0, Phase.CONNECT), (7.9, Phase.CONNECT), (8.1, Phase.FAILED)):
         flight, _ = step(flight, replace(view(nobody), time_s=500.0 + waited_s), PLAN)
         assert flight.phase is phase
 
 
-def test_it_waits_for_gyro_and_estimate() -> None:
+def test_prepare_waits_for_gyro_and_estimate() -> None:
     assert after(Phase.PREPARE, view(ON_GROUND, gyro_at_rest=False))[0] is Phase.PREPARE
     no_estimate = replace(ON_GROUND, estimate_ready=False)
     assert after(Phase.PREPARE, view(no_estimate))[0] is Phase.PREPARE
     assert after(Phase.PREPARE, view(ON_GROUND))[0] is Phase.OFFBOARD
 
 
-def test_it_asks_for_the_mode_then_arms_then_takes_off() -> None:
+def test_the_flight_requests_the_mode_then_arms_then_takes_off() -> None:
     phase, action = after(Phase.OFFBOARD, view(ON_GROUND))
     assert (phase, asks(action)) == (Phase.OFFBOARD, CommandKind.OFFBOARD_MODE)
     guided = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True)
@@ -124,12 +124,12 @@ def test_it_asks_for_the_mode_then_arms_then_takes_off() -> None:
     assert (phase, asks(action)) == (Phase.TAKE_OFF, CommandKind.TAKE_OFF)
 
 
-def test_no_setpoint_disturbs_the_climb() -> None:
+def test_no_setpoint_is_sent_during_the_climb() -> None:
     climbing = replace(FLYING, landed_state=LandedState.TAKING_OFF)
     assert after(Phase.TAKE_OFF, view(climbing, height_m=0.5)) == (Phase.TAKE_OFF, FlightAction())
 
 
-def test_px4_lifts_off_by_a_climbing_setpoint() -> None:
+def test_px4_takes_off_by_an_upward_setpoint() -> None:
     px4 = replace(FLYING, takes_off_by_setpoint=True, landed_state=LandedState.ON_GROUND)
     phase, action = after(Phase.TAKE_OFF, view(px4, height_m=0.0))
     assert phase is Phase.TAKE_OFF
@@ -138,18 +138,18 @@ def test_px4_lifts_off_by_a_climbing_setpoint() -> None:
     assert action.setpoint.down_m_s < 0
 
 
-def test_before_take_off_setpoints_are_of_zero_velocity() -> None:
+def test_setpoints_before_take_off_have_zero_velocity() -> None:
     for phase in (Phase.OFFBOARD, Phase.ARM):
         guided = replace(ON_GROUND, in_offboard_mode=phase is Phase.ARM)
         assert after(phase, view(guided))[1].setpoint == HOLD
 
 
-def test_at_height_the_room_scan_begins() -> None:
+def test_the_room_scan_begins_at_mission_height() -> None:
     phase, action = after(Phase.TAKE_OFF, view())
     assert (phase, action.setpoint) == (Phase.ROOM, HOLD)
 
 
-def test_a_closed_room_sends_it_home_and_home_lands_it() -> None:
+def test_the_drone_flies_home_from_a_closed_room_and_then_descends() -> None:
     closed = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.CLOSED))
     assert step(closed, view(), PLAN)[0].phase is Phase.HOME
     assert after(Phase.HOME, view(position=(1.0, 0.0)))[0] is Phase.HOME
@@ -159,7 +159,7 @@ def test_a_closed_room_sends_it_home_and_home_lands_it() -> None:
     assert step(arrived, over_it, PLAN)[0].phase is Phase.DESCEND
 
 
-def test_it_lowers_itself_over_its_start_before_the_autopilot_lands_it() -> None:
+def test_the_drone_descends_over_its_start_before_the_autopilot_lands_it() -> None:
     phase, action = after(Phase.DESCEND, view(position=(0.05, 0.0)))
     assert phase is Phase.DESCEND
     assert action.setpoint is not None
@@ -173,7 +173,7 @@ def test_it_lowers_itself_over_its_start_before_the_autopilot_lands_it() -> None
     assert after(Phase.DESCEND, view(time_s=109.0))[0] is Phase.LAND
 
 
-def test_it_lands_beside_its_start_if_it_does_not_come_to_rest_over_it() -> None:
+def test_the_drone_descends_beside_its_start_if_it_does_not_settle_over_it() -> None:
     arrived, _ = step(flying(Phase.HOME), view(position=(0.05, 0.0)), PLAN)
     beside = view(position=(0.2, 0.0), time_s=102.5)
     assert step(arrived, beside, PLAN)[0].phase is Phase.HOME
@@ -181,7 +181,7 @@ def test_it_lands_beside_its_start_if_it_does_not_come_to_rest_over_it() -> None
     assert step(arrived, later, PLAN)[0].phase is Phase.DESCEND
 
 
-def test_landed_and_disarmed_is_done() -> None:
+def test_the_flight_is_done_when_landed_and_disarmed() -> None:
     phase, action = after(Phase.LAND, view())
     assert (phase, asks(action)) == (Phase.LAND, CommandKind.LAND)
     landed = replace(ON_GROUND, mode="LAND")
@@ -190,7 +190,7 @@ def test_landed_and_disarmed_is_done() -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.ROOM, Phase.HOME, Phase.HOLD])
-def test_a_pilot_who_changes_the_mode_has_the_drone_at_once(phase: Phase) -> None:
+def test_a_mode_change_by_the_pilot_hands_over_at_once(phase: Phase) -> None:
     loiter = replace(FLYING, mode="LOITER", in_offboard_mode=False)
     flight, action = step(flying(phase), view(loiter), PLAN)
     assert (flight.phase, action) == (Phase.HANDED_OVER, FlightAction())
@@ -199,19 +199,19 @@ def test_a_pilot_who_changes_the_mode_has_the_drone_at_once(phase: Phase) -> Non
     assert (again, action) == (flight, FlightAction())
 
 
-def test_a_pilot_who_takes_over_while_landing_is_not_fought() -> None:
+def test_a_mode_change_during_landing_hands_over() -> None:
     landing, _ = step(flying(Phase.LAND), view(replace(FLYING, mode="LAND")), PLAN)
     taken, action = step(landing, view(replace(FLYING, mode="LOITER")), PLAN)
     assert (taken.phase, action) == (Phase.HANDED_OVER, FlightAction())
 
 
-def test_an_autopilot_that_lands_because_setpoints_come_late_is_told_as_that() -> None:
+def test_late_setpoints_are_reported_as_the_reason_of_a_landing_by_the_autopilot() -> None:
     late = replace(view(replace(FLYING, mode="LAND", in_offboard_mode=False)), starved="ticks late")
     taken, _ = step(flying(Phase.ROOM), late, PLAN)
     assert taken.ending == "handed over: mode changed to LAND; ticks late"
 
 
-def test_disarmed_in_the_air_has_failed() -> None:
+def test_the_flight_fails_if_the_drone_is_disarmed_in_the_air() -> None:
     flight, _ = step(flying(Phase.ROOM), view(replace(FLYING, armed=False)), PLAN)
     assert (flight.phase, flight.completed) == (Phase.FAILED, False)
 
@@ -219,14 +219,14 @@ def test_disarmed_in_the_air_has_failed() -> None:
 SILENT = Fault("the gyro is silent", 1.0)
 
 
-def test_a_fault_holds_the_drone_and_its_end_lets_it_go_on() -> None:
+def test_the_drone_holds_during_a_fault_and_continues_after_it() -> None:
     held, action = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
     assert (held.phase, held.trouble, action) == (Phase.HOLD, SILENT.text, FlightAction(HOLD))
     resumed, _ = step(held, view(time_s=100.5), PLAN)
     assert (resumed.phase, resumed.trouble) == (Phase.ROOM, "")
 
 
-def test_a_fault_that_lasts_lands_the_drone() -> None:
+def test_the_drone_lands_if_a_fault_persists() -> None:
     held, _ = step(flying(Phase.ROOM), view(fault=SILENT), PLAN)
     waiting, action = step(held, view(time_s=100.9, fault=SILENT), PLAN)
     assert (waiting.phase, action) == (Phase.HOLD, FlightAction(HOLD))
@@ -237,14 +237,14 @@ def test_a_fault_that_lasts_lands_the_drone() -> None:
     assert not landed.completed
 
 
-def test_a_fault_does_not_hide_why_it_was_going_home() -> None:
+def test_a_fault_does_not_replace_the_reason_for_the_return() -> None:
     going = replace(flying(Phase.HOME), trouble="turned back for the limit of 600 s")
     held, _ = step(going, view(fault=SILENT), PLAN)
     resumed, _ = step(held, view(time_s=100.5), PLAN)
     assert resumed.trouble == going.trouble
 
 
-def test_a_battery_that_runs_low_sends_it_home_and_then_down() -> None:
+def test_a_low_battery_starts_the_return_and_an_empty_battery_landing() -> None:
     low, empty, unknown = (replace(FLYING, battery=share) for share in (0.15, 0.05, None))
     flight, _ = step(flying(Phase.ROOM), view(low), PLAN)
     assert (flight.phase, flight.trouble) == (Phase.HOME, "turned back with 15 % of the battery")
@@ -266,7 +266,7 @@ def test_a_mission_is_complete_without_the_rest_of_its_overflight(
 
 
 @pytest.mark.parametrize("is_extra", [False, True])
-def test_a_mission_is_complete_without_the_rest_of_its_further_rounds(is_extra: bool) -> None:
+def test_a_mission_is_complete_without_the_rest_of_its_extra_rounds(is_extra: bool) -> None:
     began = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.SCAN, extra_rounds=int(is_extra)))
     flight, _ = step(began, view(replace(FLYING, battery=0.15)), PLAN)
     trouble = "" if is_extra else "turned back with 15 % of the battery"
@@ -284,7 +284,7 @@ def test_a_mission_is_complete_without_the_rest_of_its_ties() -> None:
         assert (flight.phase, flight.trouble) == (Phase.HOME, trouble)
 
 
-def test_an_autopilot_that_stands_on_the_ground_and_does_not_disarm_is_told_to() -> None:
+def test_an_autopilot_on_the_ground_that_stays_armed_is_commanded_to_disarm() -> None:
     stands = replace(FLYING, mode="LAND", landed_state=LandedState.ON_GROUND)
     assert asks(after(Phase.LAND, view(stands))[1]) is None
     assert asks(after(Phase.LAND, view(stands, time_s=110.0))[1]) is CommandKind.DISARM
@@ -292,13 +292,13 @@ def test_an_autopilot_that_stands_on_the_ground_and_does_not_disarm_is_told_to()
     assert asks(after(Phase.LAND, view(sinking, time_s=110.0))[1]) is None
 
 
-def test_nothing_heard_for_ten_seconds_is_the_end() -> None:
+def test_the_flight_fails_after_ten_seconds_without_messages() -> None:
     silent = replace(FLYING, silent_s=11.0)
     for phase in (Phase.ROOM, Phase.LAND):
         assert after(phase, view(silent))[0] is Phase.FAILED
 
 
-def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
+def test_the_return_begins_in_time_to_keep_the_reserve() -> None:
     left_s = PLAN.reserve_s + 20
     assert after(Phase.ROOM, view(time_s=90.0 + PLAN.time_limit_s - left_s))[0] is Phase.ROOM
     late = view(time_s=90.0 + PLAN.time_limit_s - PLAN.reserve_s)
@@ -308,7 +308,7 @@ def test_it_turns_back_in_time_to_be_home_with_its_reserve() -> None:
 
 
 @pytest.mark.parametrize(("battery", "phase"), [(0.2, Phase.ROOM), (0.14, Phase.HOME)])
-def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
+def test_the_return_begins_while_the_battery_suffices_for_the_path_home(
     battery: float, phase: Phase
 ) -> None:
     """Discharge of 1 % in 6 s; the path home of 2 m and its turns may take 17 s."""
@@ -322,7 +322,7 @@ def test_it_turns_back_while_the_battery_lasts_for_the_way_home(
     assert step(began, away, plan)[0].phase is phase
 
 
-def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> None:
+def test_a_battery_that_sags_at_take_off_does_not_start_the_return() -> None:
     """PX4's simulated battery falls to 50 % within 30 s of arming, and stays there."""
     flight = replace(flying(Phase.BUILDING), began_s=0.0)
     plan = PLAN.model_copy(update={"battery_home_percent": 0.0})
@@ -337,7 +337,7 @@ def test_a_battery_that_sags_at_take_off_is_no_battery_that_is_soon_empty() -> N
         assert flight.phase is Phase.BUILDING, flight.trouble
 
 
-def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
+def test_the_return_begins_earlier_where_the_path_home_is_narrow() -> None:
     """The drone is 6 m along a corridor that is 1.2 m or 4 m wide."""
     turns_back_s = []
     for half_width_m in (0.6, 2.0):
@@ -360,7 +360,7 @@ def test_it_turns_back_earlier_where_the_way_home_is_narrow() -> None:
     assert narrow_s > wide_s + 6
 
 
-def test_it_turns_back_earlier_among_legs() -> None:
+def test_the_return_begins_earlier_among_legs() -> None:
     """The path home of 3 m takes 12 s at the speed among legs, not 4 s."""
     plan = PLAN.model_copy(update={"speed_m_s": 1.0})
     late = view(position=(3.0, 0.0), time_s=90.0 + plan.time_limit_s - plan.reserve_s - 20.0)
@@ -369,24 +369,24 @@ def test_it_turns_back_earlier_among_legs() -> None:
     assert step(flying(Phase.ROOM), among, plan)[0].phase is Phase.HOME
 
 
-def test_time_limit_and_request_land_the_drone() -> None:
+def test_time_limit_and_landing_request_land_the_drone() -> None:
     assert after(Phase.HOME, view(time_s=90.0 + PLAN.time_limit_s + 1))[0] is Phase.LAND
     assert after(Phase.ROOM, view(land_requested=True))[0] is Phase.LAND
 
 
-def test_refused_arming_ends_with_the_autopilots_words() -> None:
+def test_refused_arming_ends_with_the_autopilots_reason() -> None:
     refusing = replace(ON_GROUND, mode="GUIDED", in_offboard_mode=True, refusal="ARM: no compass")
     flight, _ = step(flying(Phase.ARM), view(refusing, time_s=140.0), PLAN)
     assert flight.phase is Phase.FAILED
     assert "no compass" in flight.trouble
 
 
-def test_a_vehicle_that_is_armed_already_is_left_alone() -> None:
+def test_the_flight_fails_without_a_command_if_the_vehicle_is_already_armed() -> None:
     phase, action = after(Phase.PREPARE, view(FLYING))
     assert (phase, action) == (Phase.FAILED, FlightAction())
 
 
-def test_each_mission_begins_in_its_own_way() -> None:
+def test_each_mission_begins_in_its_own_phase() -> None:
     begun = {
         kind: step(flying(Phase.TAKE_OFF), view(), MissionConfig.model_validate({"kind": kind}))[0]
         for kind in ("room", "building", "exterior", "layers")
@@ -399,19 +399,19 @@ def test_each_mission_begins_in_its_own_way() -> None:
     }
 
 
-def test_what_cannot_be_traced_is_explored() -> None:
+def test_a_blocked_room_scan_changes_to_exploration() -> None:
     blocked = replace(flying(Phase.ROOM), room=RoomScan(ScanPhase.BLOCKED))
     assert step(blocked, view(), PLAN)[0].phase is Phase.BUILDING
 
 
-def test_all_seen_sends_it_home() -> None:
+def test_the_drone_flies_home_when_exploration_is_done() -> None:
     seen = replace(flying(Phase.BUILDING), building=Explore(ExplorePhase.DONE))
     assert step(seen, view(), PLAN)[0].phase is Phase.HOME
     layers = replace(flying(Phase.LAYERS), layers=Layers(LayersPhase.DONE))
     assert step(layers, view(), PLAN)[0].phase is Phase.HOME
 
 
-def test_without_a_way_back_it_looks_again_then_says_so_and_lands() -> None:
+def test_without_a_path_home_the_search_is_repeated_before_the_drone_lands() -> None:
     lost, since_s = replace(flying(Phase.HOME), lost_since_s=100.0, lost_s=100.0), 0.0
     lost = replace(lost, way_home=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     while lost.phase is Phase.HOME and since_s < 100:
@@ -447,7 +447,7 @@ def flown_here() -> Occupancy:
     return space
 
 
-def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
+def test_the_drone_diverts_to_floor_if_it_cannot_land_at_its_start() -> None:
     above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
     diverted, action = step(flying(Phase.HOME), above, PLAN)
     assert diverted.phase is Phase.DIVERT
@@ -475,7 +475,7 @@ def test_where_it_cannot_land_at_its_start_it_flies_to_floor_first() -> None:
         (1.1, 0.6, Phase.DIVERT),  # a chair
     ],
 )
-def test_it_does_not_descend_on_a_table_that_reads_as_floor_did(
+def test_a_descent_continues_over_floor_and_diverts_over_a_table_or_chair(
     height_m: float, reads_m: float, phase: Phase
 ) -> None:
     above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
@@ -489,20 +489,20 @@ def test_it_does_not_descend_on_a_table_that_reads_as_floor_did(
 
 
 @pytest.mark.parametrize("phase", [Phase.TAKE_OFF, Phase.DESCEND, Phase.HOLD])
-def test_where_it_does_not_fly_about_it_lands_at_once(phase: Phase) -> None:
+def test_an_empty_battery_lands_at_once_during_take_off_descent_and_hold(phase: Phase) -> None:
     fault = SILENT if phase is Phase.HOLD else None
     above = replace(view(EMPTY, fault=fault, floor=over_a_table()), space=flown_here())
     assert step(flying(phase), above, PLAN)[0].phase is Phase.LAND
 
 
-def test_it_does_not_look_for_a_place_to_land_for_ever() -> None:
+def test_a_diversion_has_a_time_limit() -> None:
     above = replace(view(EMPTY, floor=over_a_table()), space=flown_here())
     diverted, _ = step(flying(Phase.HOME), above, PLAN)
     late = replace(above, time_s=131.0)
     assert step(diverted, late, PLAN)[0].phase is Phase.LAND
 
 
-def test_a_way_back_that_is_free_again_is_flown() -> None:
+def test_the_path_home_is_flown_when_it_is_free_again() -> None:
     gave_up = Travel((0.0, 0.0), phase=TravelPhase.GAVE_UP)
     lost = replace(flying(Phase.HOME), lost_since_s=100.0, lost_s=100.0, way_home=gave_up)
     assert step(lost, view(time_s=103.0), PLAN)[0].way_home.phase is TravelPhase.GAVE_UP
@@ -523,14 +523,14 @@ def test_height_is_held(phase: Phase) -> None:
     assert low.setpoint.down_m_s < 0 < high.setpoint.down_m_s
 
 
-def test_it_does_not_climb_towards_a_near_ceiling() -> None:
+def test_the_drone_does_not_climb_towards_a_near_ceiling() -> None:
     ceiling = RangeReading(RangeState.DISTANCE, 0.5, 0.01)
     _, action = after(Phase.ROOM, view(height_m=PLAN.height_m - 0.3, up=ceiling))
     assert action.setpoint is not None
     assert action.setpoint.down_m_s == 0
 
 
-def test_what_is_near_bounds_every_velocity() -> None:
+def test_near_obstacles_limit_the_velocity() -> None:
     wall = np.array([(0.52, 0.05 * i) for i in range(-8, 9)])
     going = replace(flying(Phase.HOME), way_home=Travel((3.0, 1.0)))
     _, free = step(going, view(), PLAN)

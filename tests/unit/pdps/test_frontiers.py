@@ -1,4 +1,4 @@
-"""Frontiers and surfaces that were seen only vaguely."""
+"""Frontiers, and surfaces with only vague detections."""
 
 import math
 
@@ -9,20 +9,20 @@ from companion.pdps.frontiers import TRIES, frontiers, vague_surfaces
 from companion.pdps.viewpoints import MIN_SHOWN, Viewpoint, looks
 from tests.grids import (
     PLAN,
-    look_round,
     observation,
     open_ground,
+    sweep_round,
     walled,
     ways_from,
 )
 
 
-def test_in_a_closed_room_whose_walls_were_seen_well_nothing_is_unseen() -> None:
+def test_a_closed_room_with_well_measured_walls_has_no_viewpoints() -> None:
     grid = walled(reach_m=2.0)
     assert not looks(ways_from(grid, (0.0, 0.0)), observation(), PLAN)
 
 
-def test_a_doorway_is_a_frontier_to_look_through() -> None:
+def test_a_doorway_is_a_frontier_with_a_viewpoint() -> None:
     grid = walled()
     for degree in range(-20, 21):
         for _ in range(20):
@@ -33,7 +33,7 @@ def test_a_doorway_is_a_frontier_to_look_through() -> None:
         assert abs(math.atan2(place[1], place[0])) < math.radians(25)
 
 
-def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
+def test_walls_detected_only_from_far_away_get_a_nearer_viewpoint() -> None:
     grid = Occupancy()
     for degree in range(360):
         for _ in range(3):
@@ -44,10 +44,10 @@ def test_walls_seen_only_from_afar_are_looked_at_again_from_nearer() -> None:
     assert math.dist(look.from_ne_m, look.at_ne_m[0]) < 2.5
 
 
-def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None:
+def test_a_wall_measured_well_from_one_side_gets_a_viewpoint_on_the_other() -> None:
     """The wall is 0.2 m thick: from one side only half of it is mapped."""
     grid = open_ground(1.5, (-2.0, 0.0))
-    look_round(grid, (2.0, 0.0), 1.5, hit=False)
+    sweep_round(grid, (2.0, 0.0), 1.5, hit=False)
     near_side_m, far_side_m = -0.1, 0.1
     for centimetre in range(-100, 101, 5):
         east_m = 0.01 * centimetre
@@ -66,7 +66,7 @@ def test_of_a_wall_seen_well_from_one_side_only_the_other_is_looked_at() -> None
     assert look.from_ne_m[0] > far_side_m + 0.5
 
 
-def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
+def test_small_frontiers_are_viewed_after_large_ones() -> None:
     grid = walled(reach_m=2.5)
     for degree in (*range(-15, 16), 90):
         for _ in range(20):
@@ -80,7 +80,7 @@ def test_what_is_small_is_left_until_nothing_large_is_left() -> None:
     assert all(len(look.at_ne_m) < MIN_SHOWN for look in small)
 
 
-def test_what_a_look_has_left_unseen_is_looked_at_from_elsewhere() -> None:
+def test_a_frontier_left_after_a_look_gets_a_viewpoint_elsewhere() -> None:
     ways = ways_from(open_ground(), (0.0, 0.0))
     first, *_ = looks(ways, observation(), PLAN)
     for look in looks(ways, observation(), PLAN, (first,)):
@@ -88,7 +88,7 @@ def test_what_a_look_has_left_unseen_is_looked_at_from_elsewhere() -> None:
         assert math.dist(look.from_ne_m, first.from_ne_m) > 0.3 or not any(is_it_again)
 
 
-def test_what_was_looked_at_often_enough_is_let_be() -> None:
+def test_a_frontier_is_dropped_after_the_maximum_number_of_looks() -> None:
     grid = open_ground()
     everywhere = tuple(
         (3.95 * math.cos(math.radians(d)), 3.95 * math.sin(math.radians(d))) for d in range(360)

@@ -21,13 +21,13 @@ def layer_sight(above_m: float, height_m: float = LAYERED.height_m) -> Observati
     return Observation(at, {Beam.FRONT: up, Beam.UP: up}, 0.0)
 
 
-def test_a_layer_that_was_seen_ends_at_the_start() -> None:
+def test_the_drone_returns_to_the_start_after_a_layer() -> None:
     seen = Layers(explore=Explore(ExplorePhase.DONE))
     layers, _ = layering.step(seen, layer_sight(3.0), open_ground(), LAYERED)
     assert layers.phase is LayersPhase.RETURN
 
 
-def test_from_the_start_it_climbs_while_there_is_room_above() -> None:
+def test_the_drone_climbs_at_the_start_while_there_is_room_above() -> None:
     back = Layers(LayersPhase.RETURN)
     layers, _ = layering.step(back, layer_sight(2.5), open_ground(), LAYERED)
     assert (layers.phase, layers.number) == (LayersPhase.CLIMB, 1)
@@ -36,13 +36,13 @@ def test_from_the_start_it_climbs_while_there_is_room_above() -> None:
     assert layers.phase is LayersPhase.OVERFLY
 
 
-def test_without_a_way_back_the_layers_end() -> None:
+def test_layers_end_without_a_path_back() -> None:
     lost = Layers(LayersPhase.RETURN, travel=Travel((9.0, 9.0), phase=TravelPhase.GAVE_UP))
     layers, _ = layering.step(lost, layer_sight(3.0), open_ground(), LAYERED)
     assert layers.phase is LayersPhase.DONE
 
 
-def test_at_its_new_height_it_looks_round_first() -> None:
+def test_exploration_of_a_layer_begins_at_its_height() -> None:
     climbing = Layers(LayersPhase.CLIMB, number=1)
     layers, _ = layering.step(climbing, layer_sight(3.0), open_ground(), LAYERED)
     assert layers.phase is LayersPhase.CLIMB
@@ -52,7 +52,7 @@ def test_at_its_new_height_it_looks_round_first() -> None:
     assert layers.explore == Explore()
 
 
-def test_all_layers_seen_stays_so() -> None:
+def test_done_layers_stay_done() -> None:
     layers, setpoint = layering.step(Layers(LayersPhase.DONE), observation(), walled(), LAYERED)
     assert layers.phase is LayersPhase.DONE
     assert setpoint == HOLD

@@ -30,13 +30,13 @@ def room_with_an_opening(wide_m: float) -> Occupancy:
 
 
 @pytest.mark.parametrize("wide_m", [0.8, 1.2])
-def test_an_opening_that_nobody_has_looked_into_is_named(wide_m: float) -> None:
+def test_an_opening_that_no_beam_has_passed_is_listed(wide_m: float) -> None:
     [(north_m, east_m)] = left_unseen(room_with_an_opening(wide_m))
     assert north_m == pytest.approx(AHEAD_M, abs=0.2)
     assert east_m == pytest.approx(ASIDE_M, abs=0.4)
 
 
-def test_a_closed_room_has_nothing_left() -> None:
+def test_a_closed_room_has_no_unseen_places() -> None:
     assert left_unseen(room_with_an_opening(0.0)) == ()
 
 
@@ -51,5 +51,5 @@ def test_a_closed_room_has_nothing_left() -> None:
         ),
     ],
 )
-def test_it_is_said_where_the_first_few_are(places: Places, words: str) -> None:
+def test_the_message_contains_the_first_unseen_places(places: Places, words: str) -> None:
     assert in_words(places) == words

@@ -41,7 +41,7 @@ HERE: Vector2 = (0.0, -2.0)
 
 
 def two_walls(sigma_m: float, *, tied: bool = False, turned_rad: float = 0.0) -> KnownWalls:
-    """Two walls with this sigma of the distance to the origin; `tied`: exact between them."""
+    """Two walls with this sigma to the origin. `tied`: the distance between them is exact."""
     normals = np.array([[math.cos(turned_rad), math.sin(turned_rad)]]) * [[1.0], [-1.0]]
     covariance_m2 = sigma_m**2 * np.array([[1.0, -1.0], [-1.0, 1.0]] if tied else np.eye(2))
     reach_m = np.array([[-REACH_M, REACH_M]] * 2)
@@ -64,7 +64,7 @@ def yard(*, partition: bool = False) -> Occupancy:
 
 
 def sealed() -> Occupancy:
-    """The same with walls at its east and west ends."""
+    """The yard with walls at its east and west ends."""
     grid = yard().copy()
     for north_m in np.arange(-HALF_M, HALF_M + 0.1, 0.1).tolist():
         for east_m in (-4.6, 4.7):
@@ -99,7 +99,7 @@ found_again = partial(found, search=again)
 
 
 @given(st.floats(1.1 * LOOSE_M, 1.0))
-def test_walls_that_are_not_tied_are_looked_at_from_where_both_are_near(sigma_m: float) -> None:
+def test_walls_with_an_uncertain_distance_get_a_viewpoint_near_both(sigma_m: float) -> None:
     look = found(two_walls(sigma_m), yard())[0]
     assert sorted(north_m for north_m, _ in look.at_ne_m) == pytest.approx([-HALF_M, HALF_M])
     for foot in look.at_ne_m:
@@ -107,12 +107,12 @@ def test_walls_that_are_not_tied_are_looked_at_from_where_both_are_near(sigma_m:
 
 
 @given(st.floats(0.0, 1.0))
-def test_walls_that_are_tied_are_let_be_however_far_both_are_off_the_start(sigma_m: float) -> None:
+def test_walls_with_a_well_known_distance_between_them_get_no_viewpoint(sigma_m: float) -> None:
     assert not found(two_walls(sigma_m, tied=True), yard())
     assert not found(two_walls(0.5 * LOOSE_M), yard())
 
 
-def test_what_stands_between_hides_one_from_the_other() -> None:
+def test_a_partition_between_two_walls_prevents_a_viewpoint() -> None:
     walls, grid = two_walls(0.2), yard(partition=True)
     assert not found(walls, grid, here=(1.5, -2.0))
 
@@ -121,7 +121,7 @@ def test_what_stands_between_hides_one_from_the_other() -> None:
     ("search", "within_m", "times"),
     [(ties, TRIED_WITHIN_M, (2, 8)), (again, AGAIN_WITHIN_M, (1, 3))],
 )
-def test_from_one_place_it_is_tried_once(
+def test_a_viewpoint_is_not_tried_twice_from_one_place(
     search: Callable[..., tuple[Viewpoint, ...]], within_m: float, times: tuple[int, int]
 ) -> None:
     walls, grid = two_walls(0.2), yard()
@@ -135,7 +135,7 @@ def test_from_one_place_it_is_tried_once(
 
 
 @given(st.floats(1.1 * VAGUE_M, 1.0), st.floats(0.0, 0.9))
-def test_the_wall_that_is_known_worst_is_gone_to_again(sigma_m: float, share: float) -> None:
+def test_the_wall_with_the_largest_sigma_is_measured_again(sigma_m: float, share: float) -> None:
     known = two_walls(sigma_m)
     covariance_m2 = sigma_m**2 * np.diag([share, 1.0])
     look = found_again(replace(known, covariance_m2=covariance_m2), yard())[0]
@@ -146,22 +146,22 @@ def test_the_wall_that_is_known_worst_is_gone_to_again(sigma_m: float, share: fl
 
 
 @given(st.floats(0.0, VAGUE_M))
-def test_walls_that_are_known_well_are_not_gone_to_again(sigma_m: float) -> None:
+def test_walls_with_a_small_sigma_are_not_measured_again(sigma_m: float) -> None:
     assert not found_again(two_walls(sigma_m), yard())
 
 
-def test_in_layers_the_next_one_is_the_way_there_anew() -> None:
+def test_the_layers_mission_does_not_measure_walls_again() -> None:
     assert not found_again(two_walls(0.2), yard(), plan=MissionConfig(kind="layers"))
 
 
-def test_of_two_that_are_known_badly_the_one_that_can_be_seen_is_gone_to() -> None:
+def test_of_two_uncertain_walls_the_visible_one_is_measured_again() -> None:
     known, grid = two_walls(0.2), yard(partition=True)
     covariance_m2 = np.diag([0.2**2, 0.3**2])
     look = found_again(replace(known, covariance_m2=covariance_m2), grid, here=(1.5, -2.0))[0]
     assert look.at_ne_m[0][0] == pytest.approx(HALF_M)
 
 
-def test_it_is_looked_at_when_nothing_is_unseen_and_then_it_is_done() -> None:
+def test_uncertain_walls_are_measured_after_the_last_frontier_before_the_mission_ends() -> None:
     """A closed corridor, so that the walls' distance is the only target."""
     grid, walls, tied = sealed(), two_walls(0.2), two_walls(0.5 * VAGUE_M, tied=True)
     enough = tuple(Viewpoint(HERE, _everywhere()) for _ in range(3))
@@ -186,7 +186,7 @@ def _everywhere() -> tuple[Vector2, ...]:
 
 
 @given(st.floats(-math.pi, math.pi), st.floats(0.0, 0.3), st.booleans())
-def test_how_sure_a_distance_is_does_not_hang_on_where_north_is(
+def test_sigma_of_a_distance_is_independent_of_north(
     turned_rad: float, sigma_m: float, tied: bool
 ) -> None:
     sigmas_m = two_walls(sigma_m, tied=tied, turned_rad=turned_rad).gap_sigmas_m()
@@ -196,7 +196,7 @@ def test_how_sure_a_distance_is_does_not_hang_on_where_north_is(
 
 
 @given(st.floats(-REACH_M, REACH_M), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
-def test_a_beam_straight_to_a_wall_meets_it_in_its_foot(
+def test_the_perpendicular_from_a_place_meets_the_wall_at_its_foot(
     east_m: float, north_m: float, turned_rad: float
 ) -> None:
     walls, place = two_walls(0.1, turned_rad=turned_rad), (north_m, east_m)
@@ -206,7 +206,7 @@ def test_a_beam_straight_to_a_wall_meets_it_in_its_foot(
         assert np.dot(foot, walls.normals[wall]) == pytest.approx(HALF_M)
 
 
-def test_the_filter_knows_how_sure_a_distance_is() -> None:
+def test_the_filter_estimates_the_sigma_of_a_distance() -> None:
     """Sigma between two walls, measured with a flight between, or from one place."""
     slam = LineSlam(heading := HeadingFilter(0.0), OdometryModel())
     for side in (0.0, math.pi):
@@ -230,7 +230,7 @@ def test_the_filter_knows_how_sure_a_distance_is() -> None:
 
 
 @given(st.integers(-300, 300), st.integers(-300, 300))
-def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> None:
+def test_lines_outside_the_grid_are_clear(row: int, column: int) -> None:
     """A wall that was just corrected may lie outside the grid."""
     start, end = np.array([[0, 0]]), np.array([[row, column]])
     assert is_clear(Occupancy(), start, end, 40.0).all()
@@ -239,7 +239,7 @@ def test_beyond_the_grid_nothing_stands_in_the_way(row: int, column: int) -> Non
 @pytest.mark.parametrize("search", [ties, again])
 @pytest.mark.parametrize(("wander_m", "goes_through"), [(0.002, True), (0.07, False)])
 @pytest.mark.parametrize("yard_of", [sealed, yard])
-def test_no_extra_leads_through_what_is_narrow_for_how_the_drone_is_flown(
+def test_extra_viewpoints_are_not_beyond_a_passage_too_narrow_for_the_drift(
     search: Callable[..., tuple[Viewpoint, ...]],
     wander_m: float,
     goes_through: bool,

@@ -29,7 +29,7 @@ def turn_in_a_room(walls: dict[float, float], sigma_m: float, seed: int = 1) -> 
 
 @settings(max_examples=50)
 @given(st.floats(-math.pi, math.pi), st.floats(1.5, 3.0), st.integers(0, 1000))
-def test_it_is_found_within_a_few_degrees_and_centimetres(
+def test_the_perpendicular_is_found_within_8_degrees_and_12_centimetres(
     bearing: float, distance_m: float, seed: int
 ) -> None:
     walls = {bearing: distance_m, **{bearing + k * math.pi / 2: distance_m + 1 for k in (1, 2, 3)}}
@@ -39,18 +39,18 @@ def test_it_is_found_within_a_few_degrees_and_centimetres(
     assert found.distance_m == pytest.approx(distance_m, abs=0.12)
 
 
-def test_a_turn_that_returned_nothing_finds_nothing() -> None:
+def test_a_turn_without_readings_gives_no_perpendicular() -> None:
     assert find_perpendicular([]) is None
 
 
-def test_only_a_corner_in_range_gives_its_shortest_return() -> None:
+def test_with_only_a_corner_in_range_the_shortest_reading_is_used() -> None:
     rays = [TurnReading(0.1 * i, 4.0 + 0.3 * abs(i), 0.05) for i in (-1, 0, 1)]
     found = find_perpendicular(rays)
     assert found is not None
     assert (found.bearing_rad, found.distance_m) == (0.0, 4.0)
 
 
-def test_free_space_is_what_was_swept_space() -> None:
+def test_free_distance_is_the_swept_distance() -> None:
     turn = turn_in_a_room({0.0: 2.0, math.pi: 4.0}, 0.0)
     assert free_distance(turn, 0.0, 3.0) == pytest.approx(2.0, abs=0.01)
     assert free_distance(turn, math.pi, 3.0) == 3.0

@@ -24,7 +24,7 @@ def after(phase: Phase, vehicle: VehicleState) -> tuple[FlightState, FlightActio
 
 @pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("phase", [Phase.OFFBOARD, Phase.ARM, *sorted(FLYING_PHASES, key=str)])
-def test_another_mode_ends_it_at_once(phase: Phase, mode: str) -> None:
+def test_another_mode_hands_over_at_once(phase: Phase, mode: str) -> None:
     on_ground = phase in (Phase.OFFBOARD, Phase.ARM)
     before = ON_GROUND if on_ground else FLYING
     flight, action = after(phase, replace(before, mode=mode, in_offboard_mode=False))
@@ -34,18 +34,18 @@ def test_another_mode_ends_it_at_once(phase: Phase, mode: str) -> None:
 
 
 @pytest.mark.parametrize("phase", [Phase.ARM, Phase.ROOM, Phase.HOVER, Phase.HOLD, Phase.LAND])
-def test_a_mode_that_was_left_and_given_back_between_two_looks_is_taken(phase: Phase) -> None:
+def test_a_brief_mode_change_between_two_ticks_hands_over(phase: Phase) -> None:
     seen = replace(GUIDED if phase is Phase.ARM else FLYING, left_offboard=True)
     flight, action = after(phase, seen)
     assert (flight.phase, action) == (Phase.HANDED_OVER, NOTHING)
 
 
-def test_the_mode_it_had_before_is_no_change() -> None:
+def test_the_mode_before_the_request_does_not_hand_over() -> None:
     flight, action = after(Phase.OFFBOARD, ON_GROUND)
     assert (flight.phase, asks(action)) == (Phase.OFFBOARD, CommandKind.OFFBOARD_MODE)
 
 
-def test_it_arms_only_in_the_mode_that_it_has_asked_for() -> None:
+def test_the_drone_is_armed_only_in_the_requested_mode() -> None:
     flight, action = after(Phase.OFFBOARD, GUIDED)
     assert (flight.phase, asks(action)) == (Phase.ARM, CommandKind.ARM)
     flight, action = after(Phase.ARM, ON_GROUND)
@@ -62,19 +62,19 @@ def test_it_arms_only_in_the_mode_that_it_has_asked_for() -> None:
         (Phase.ARM, replace(GUIDED, armed=True, is_refused=True)),
     ],
 )
-def test_what_somebody_else_has_armed_is_left_alone(phase: Phase, vehicle: VehicleState) -> None:
+def test_a_vehicle_armed_by_others_receives_no_command(phase: Phase, vehicle: VehicleState) -> None:
     flight, action = after(phase, vehicle)
     assert (flight.phase, action) == (Phase.FAILED, NOTHING)
     assert "disarm it" in flight.trouble
     assert exit_status(flight) == EXIT_ENDED  # otherwise a restart treats it as a crash
 
 
-def test_what_is_armed_by_our_command_is_flown_whatever_else_was_acknowledged() -> None:
+def test_a_vehicle_armed_by_our_command_is_flown_despite_an_earlier_refusal() -> None:
     flight, _ = after(Phase.ARM, replace(GUIDED, armed=True, refusal="ARM: FAILED"))
     assert flight.phase is Phase.TAKE_OFF
 
 
-def test_asked_to_end_while_arming_it_does_not_arm() -> None:
+def test_a_landing_request_while_arming_prevents_arming() -> None:
     flight, action = step(flying(Phase.ARM), view(GUIDED, land_requested=True), PLAN)
     assert (flight.phase, action) == (Phase.FAILED, NOTHING)
 
@@ -85,7 +85,7 @@ def test_asked_to_end_while_arming_it_does_not_arm() -> None:
 @pytest.mark.parametrize(
     "vehicle", [replace(FLYING, mode_age_s=LATE_S), replace(FLYING, silent_s=5.0)]
 )
-def test_landing_is_not_asked_for_before_it_is_known_who_has_the_drone(
+def test_landing_is_not_commanded_while_the_mode_is_unknown(
     vehicle: VehicleState,
 ) -> None:
     flight, action = after(Phase.LAND, vehicle)
@@ -95,7 +95,7 @@ def test_landing_is_not_asked_for_before_it_is_known_who_has_the_drone(
     assert (taken.phase, action) == (Phase.HANDED_OVER, NOTHING)
 
 
-def test_a_fault_that_lasts_does_not_land_a_drone_whose_mode_is_not_known() -> None:
+def test_a_persistent_fault_commands_no_landing_while_the_mode_is_unknown() -> None:
     silent = replace(FLYING, silent_s=5.0, mode_age_s=LATE_S)
     fault = Fault("the autopilot is silent", 3.0)
     held, _ = step(flying(Phase.ROOM), view(silent, fault=fault), PLAN)
@@ -112,7 +112,7 @@ def test_a_fault_that_lasts_does_not_land_a_drone_whose_mode_is_not_known() -> N
         (Phase.ARM, 0.3, None),
     ],
 )
-def test_nothing_is_asked_for_before_the_next_heartbeat(
+def test_no_command_is_sent_before_the_next_heartbeat(
     phase: Phase, age_s: float, asks_for: CommandKind | None
 ) -> None:
     vehicle = ON_GROUND if phase is Phase.OFFBOARD else GUIDED
@@ -120,13 +120,13 @@ def test_nothing_is_asked_for_before_the_next_heartbeat(
     assert (flight.phase, asks(action)) == (phase, asks_for)
 
 
-def test_a_drone_that_tells_everything_but_its_mode_is_given_up() -> None:
+def test_the_flight_fails_if_only_the_mode_is_not_reported() -> None:
     flight, _ = after(Phase.ROOM, replace(FLYING, mode_age_s=11.0))
     assert (flight.phase, "HEARTBEAT" in flight.trouble) == (Phase.FAILED, True)
     assert exit_status(flight) == EXIT_FAILED
 
 
-def test_it_disarms_only_what_it_has_landed() -> None:
+def test_a_drone_that_the_pilot_landed_is_not_disarmed() -> None:
     stands = replace(FLYING, mode="LAND", in_offboard_mode=False)
     stands = replace(stands, landed_state=LandedState.ON_GROUND)
     landing, _ = step(flying(Phase.LAND), view(stands), PLAN)
@@ -134,7 +134,7 @@ def test_it_disarms_only_what_it_has_landed() -> None:
     assert (taken.phase, action) == (Phase.HANDED_OVER, NOTHING)
 
 
-# Refused before it arms
+# Refusals before arming
 
 
 @pytest.mark.parametrize("phase", [Phase.PREPARE, Phase.OFFBOARD, Phase.ARM])
@@ -148,7 +148,7 @@ def test_it_disarms_only_what_it_has_landed() -> None:
         (None, 20, 10, ""),
     ],
 )
-def test_a_battery_that_would_send_it_home_keeps_it_down(
+def test_a_battery_below_the_limits_of_the_mission_prevents_take_off(
     phase: Phase, share: float | None, home_percent: float, land_percent: float, key: str
 ) -> None:
     plan = PLAN.model_copy(
@@ -161,7 +161,7 @@ def test_a_battery_that_would_send_it_home_keeps_it_down(
     assert not key or (f"{100 * (share or 0):.0f} %" in flight.trouble and action == NOTHING)
 
 
-def test_the_pilot_is_told_of_the_throttle_and_of_a_battery_that_is_not_known() -> None:
+def test_notices_name_the_throttle_and_an_unknown_battery() -> None:
     connected, _ = step(flying(Phase.CONNECT), view(ON_GROUND), PLAN)
     assert connected.notice == preflight.MID_STICK
     asking, _ = step(connected, view(ON_GROUND), PLAN)
@@ -173,7 +173,7 @@ def test_the_pilot_is_told_of_the_throttle_and_of_a_battery_that_is_not_known() 
 # The take-off
 
 
-def test_a_take_off_that_is_never_told_to_be_over_is_over_once_it_stays_at_its_height() -> None:
+def test_take_off_without_a_report_of_its_end_ends_after_a_time_at_height() -> None:
     rising = replace(FLYING, landed_state=LandedState.TAKING_OFF)
     flight = flying(Phase.TAKE_OFF)
     for time_s, phase in ((100.0, Phase.TAKE_OFF), (101.9, Phase.TAKE_OFF), (102.1, Phase.ROOM)):
@@ -181,7 +181,7 @@ def test_a_take_off_that_is_never_told_to_be_over_is_over_once_it_stays_at_its_h
         assert flight.phase is phase
 
 
-def test_at_its_height_by_a_wrong_estimate_it_does_not_fly_on_the_ground() -> None:
+def test_a_drone_on_the_ground_with_a_wrong_height_does_not_begin_its_mission() -> None:
     stands = replace(FLYING, landed_state=LandedState.ON_GROUND)
     flight = flying(Phase.TAKE_OFF)
     for time_s in (100.0, 105.0):
@@ -192,13 +192,13 @@ def test_at_its_height_by_a_wrong_estimate_it_does_not_fly_on_the_ground() -> No
     assert flight.trouble == "at 1.2 m it still tells 'on ground' (EXTENDED_SYS_STATE)"
 
 
-def test_a_refused_take_off_ends_with_the_autopilots_words() -> None:
+def test_a_refused_take_off_ends_with_the_autopilots_reason() -> None:
     stands = replace(GUIDED, armed=True, refusal="NAV_TAKEOFF: FAILED")
     flight, _ = step(flying(Phase.TAKE_OFF), view(stands, time_s=120.0, height_m=0.0), PLAN)
     assert flight.trouble == "still at 0.0 m: NAV_TAKEOFF: FAILED"
 
 
-def test_what_keeps_it_from_being_ready_is_told() -> None:
+def test_the_missing_condition_is_reported_if_the_vehicle_is_not_ready() -> None:
     waits = replace(ON_GROUND, estimate_ready=False, waits_for="it does not tell (X)")
     flight, _ = step(flying(Phase.PREPARE), view(waits, time_s=160.0), PLAN)
     assert flight.trouble == "not ready after 60 s: it does not tell (X)"

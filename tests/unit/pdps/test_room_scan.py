@@ -79,32 +79,32 @@ def turn_once(walls_m: dict[int, float]) -> RoomScan:
     return scan
 
 
-def test_it_turns_on_the_spot_until_it_has_gone_round() -> None:
+def test_the_scan_begins_with_a_turn_in_place() -> None:
     scan, setpoint = step(RoomScan(), observation(), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint == Setpoint(yaw_rate_rad_s=math.radians(45))
 
 
-def test_after_the_turn_it_faces_the_nearest_wall() -> None:
+def test_the_drone_faces_the_nearest_wall_after_the_turn() -> None:
     scan = turn_once({0: 4.0, 90: 3.5, 180: 2.5, 270: 4.5})
     assert scan.phase is ScanPhase.FACE
     assert math.degrees(scan.heading_rad) % 360 == pytest.approx(180, abs=1)
 
 
-def test_a_turn_that_meets_nothing_seeks_a_wall_ahead() -> None:
+def test_a_turn_without_detections_is_followed_by_seek() -> None:
     scan = turn_once({})
     assert scan.phase is ScanPhase.SEEK
     _, setpoint = step(scan, observation(yaw_rad=scan.heading_rad), FREE, PLAN)
     assert setpoint.forward_m_s > 0
 
 
-def test_seeking_ends_in_another_turn_once_the_front_returns() -> None:
+def test_seek_ends_in_another_turn_when_the_front_beam_detects_a_wall() -> None:
     scan, setpoint = step(RoomScan(ScanPhase.SEEK), observation(front=at(3.5)), FREE, PLAN)
     assert scan.phase is ScanPhase.TURN
     assert setpoint.forward_m_s == 0
 
 
-def test_it_takes_its_stand_off_only_once_it_faces_the_wall() -> None:
+def test_the_stand_off_is_taken_only_after_the_drone_faces_the_wall() -> None:
     facing = RoomScan(ScanPhase.FACE, heading_rad=1.0, standoff_m=1.5)
     scan, setpoint = step(facing, observation(yaw_rad=0.0, front=at(3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.FACE
@@ -120,27 +120,29 @@ def test_the_mapped_wall_refines_the_heading() -> None:
 
 
 @pytest.mark.parametrize(("distance_m", "direction"), [(3.0, 1), (1.2, -1)])
-def test_it_closes_in_or_backs_off_to_the_stand_off(distance_m: float, direction: int) -> None:
+def test_the_drone_moves_forward_or_back_to_the_stand_off(
+    distance_m: float, direction: int
+) -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
     scan, setpoint = step(taking, observation(front=at(distance_m)), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
     assert math.copysign(1, setpoint.forward_m_s) == direction
 
 
-def test_at_the_stand_off_the_scan_begins() -> None:
+def test_scanning_begins_at_the_stand_off() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5)
     scan, _ = step(taking, observation(front=at(1.52), position=(2.0, 3.0)), FREE, PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
-def test_the_stand_off_follows_how_well_the_drone_is_flown() -> None:
-    """The stand-off depends on the estimate's drift, which is known only after walls are."""
+def test_the_stand_off_follows_the_drift_of_the_estimate() -> None:
+    """The stand-off depends on the drift of the estimate, which is known after the first walls."""
     seen = replace(observation(front=at(1.52), position=(2.0, 3.0)), standoff_m=1.8)
     scan, _ = step(replace(SCANNING, most_standoff_m=1.7), seen, FREE, PLAN)
     assert scan.standoff_m == 1.7
 
 
-def test_it_never_backs_farther_than_its_turn_has_shown_free() -> None:
+def test_the_stand_off_is_limited_by_the_free_space_of_the_turn() -> None:
     boxed_in = turn_once({0: 0.9, 90: 1.1, 180: 1.0, 270: 1.1})
     assert boxed_in.most_standoff_m == pytest.approx(0.9 + 0.3, abs=0.05)
 
@@ -156,7 +158,7 @@ def test_scanning_moves_right_at_full_speed_with_the_nose_on_the_wall() -> None:
 
 
 @pytest.mark.parametrize("gap_deg", [(40, 40), (30, 5), (5, 30), (0, 0)])
-def test_scanning_swings_the_nose_to_where_gaps_are_left_on_the_way_along_the_wall(
+def test_scanning_swings_the_nose_over_unswept_gaps_along_the_wall(
     gap_deg: tuple[int, int],
 ) -> None:
     left_deg, right_deg = gap_deg
@@ -172,7 +174,7 @@ def test_scanning_swings_the_nose_to_where_gaps_are_left_on_the_way_along_the_wa
     assert max(yaws_deg) == pytest.approx(max(right_deg, 3), abs=3)
 
 
-def test_scanning_flies_along_the_wall_wherever_its_nose_points() -> None:
+def test_scanning_flies_along_the_wall_at_another_heading() -> None:
     aside = observation(front=at(1.5), right=NOTHING, yaw_rad=0.2)
     _, setpoint = step(SCANNING, aside, FREE, PLAN)
     along = math.atan2(setpoint.right_m_s, setpoint.forward_m_s) + 0.2
@@ -185,7 +187,7 @@ def test_scanning_keeps_its_distance() -> None:
     assert near.forward_m_s < 0 < far.forward_m_s
 
 
-def test_it_slows_down_before_the_next_wall() -> None:
+def test_scanning_slows_down_before_the_next_wall() -> None:
     _, setpoint = step(SCANNING, observation(front=at(1.5), right=at(1.9)), FREE, PLAN)
     assert 0 < setpoint.right_m_s < PLAN.speed_m_s
 
@@ -206,7 +208,7 @@ def test_one_stray_reading_is_no_corner() -> None:
     assert scan.phase is ScanPhase.SCAN
 
 
-def test_after_the_corner_it_scans_the_next_wall() -> None:
+def test_the_next_wall_is_scanned_after_the_corner() -> None:
     turning = replace(SCANNING, phase=ScanPhase.CORNER, heading_rad=math.pi / 2)
     scan, setpoint = step(turning, observation(yaw_rad=0.5), FREE, PLAN)
     assert scan.phase is ScanPhase.CORNER
@@ -224,7 +226,7 @@ def test_after_the_corner_it_scans_the_next_wall() -> None:
         (3, 0.5, ScanPhase.SCAN),
     ],
 )
-def test_the_room_is_closed_past_where_the_scan_began(
+def test_the_room_is_closed_past_the_start_of_the_scan(
     corners: int, east_m: float, phase: ScanPhase
 ) -> None:
     scan, _ = step(SCANNING, observation(front=at(1.5)), FREE, PLAN)
@@ -233,7 +235,7 @@ def test_the_room_is_closed_past_where_the_scan_began(
     assert scan.phase is phase
 
 
-def test_a_room_whose_first_wall_is_never_faced_again_is_closed_where_the_next_one_is() -> None:
+def test_a_room_is_closed_at_its_second_wall_if_the_first_is_not_faced_again() -> None:
     scan, _ = step(SCANNING, observation(front=at(1.5)), FREE, PLAN)
     second_rad = math.radians(60)
     second = observation(front=at(1.5), position=(0.0, 0.6), yaw_rad=second_rad)
@@ -263,7 +265,7 @@ def facing(sigma_m: float) -> KnownWalls:
     return KnownWalls(normals, np.array([1.5, 13.5]), np.array([[-5.0, 5.0]] * 2), variance_m2)
 
 
-def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -> None:
+def test_an_uncertain_distance_between_walls_adds_a_round() -> None:
     loose, known = facing(0.09), facing(0.03)
     closed = closing(SCANNING, known)
     assert (closed.phase, closed.is_extra) == (ScanPhase.CLOSED, False)
@@ -274,25 +276,25 @@ def test_where_it_is_known_badly_how_far_walls_are_apart_it_goes_round_again() -
     assert closing(closing(again, loose), loose).phase is ScanPhase.CLOSED  # limited rounds
 
 
-def test_where_something_is_in_its_way_another_time_round_the_room_is_closed() -> None:
+def test_an_obstacle_in_an_extra_round_closes_the_room() -> None:
     swept = replace(SCANNING, swept_ne_m=(0.0, 0.1), extra_rounds=1)
     scan, _ = step(swept, observation(front=at(1.5)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.CLOSED
 
 
-def test_a_closed_room_stays_closed_and_still() -> None:
+def test_a_closed_room_stays_closed_with_zero_velocity() -> None:
     scan, setpoint = step(RoomScan(ScanPhase.CLOSED), observation(), FREE, PLAN)
     assert scan.phase is ScanPhase.CLOSED
     assert setpoint == Setpoint()
 
 
 @pytest.mark.parametrize("state", [RangeState.FAILED, RangeState.STALE, RangeState.TOO_NEAR])
-def test_a_blind_right_beam_stops_the_scan(state: RangeState) -> None:
+def test_a_right_beam_without_a_valid_reading_stops_the_scan(state: RangeState) -> None:
     _, setpoint = step(SCANNING, observation(front=at(1.5), right=RangeReading(state)), FREE, PLAN)
     assert setpoint.right_m_s == 0
 
 
-def test_where_it_is_kept_off_its_stand_off_for_half_a_minute_something_is_in_the_way() -> None:
+def test_the_scan_is_blocked_if_the_stand_off_is_not_reached_within_30_seconds() -> None:
     taking = RoomScan(ScanPhase.STAND_OFF, standoff_m=1.5, faced_s=10.0)
     scan, _ = step(taking, observation(front=at(2.5), time_s=39.0), FREE, PLAN)
     assert scan.phase is ScanPhase.STAND_OFF
@@ -301,23 +303,23 @@ def test_where_it_is_kept_off_its_stand_off_for_half_a_minute_something_is_in_th
     assert setpoint.forward_m_s == 0
 
 
-def test_where_the_way_along_is_not_known_it_looks_to_both_sides_of_it_and_goes_on() -> None:
+def test_scanning_sweeps_both_sides_of_an_unknown_path_and_then_continues() -> None:
     unseen = open_ground(0.8)
     scan, setpoint = step(SCANNING, observation(front=at(1.5)), unseen, PLAN)
     assert scan.phase is ScanPhase.SWEEP
     assert setpoint.right_m_s == 0
-    looked_rad = []
+    swept_rad = []
     while scan.phase is ScanPhase.SWEEP:
-        looked_rad.append(scan.sweep_rad[0])
+        swept_rad.append(scan.sweep_rad[0])
         scan, setpoint = step(scan, observation(yaw_rad=scan.sweep_rad[0]), unseen, PLAN)
         assert setpoint.right_m_s == setpoint.forward_m_s == 0
-    assert min(looked_rad) < -0.4 < 0.4 < max(looked_rad)
+    assert min(swept_rad) < -0.4 < 0.4 < max(swept_rad)
     assert scan.phase is ScanPhase.SCAN
     _, setpoint = step(scan, observation(front=at(1.5)), FREE, PLAN)
     assert setpoint.right_m_s > 0
 
 
-def test_where_looking_did_not_help_it_says_that_something_is_in_the_way() -> None:
+def test_the_scan_is_blocked_if_the_path_stays_unknown_after_a_sweep() -> None:
     unseen = open_ground(0.8)
     swept = replace(SCANNING, swept_ne_m=(0.0, 0.1))
     scan, setpoint = step(swept, observation(front=at(1.5)), unseen, PLAN)
@@ -326,12 +328,12 @@ def test_where_looking_did_not_help_it_says_that_something_is_in_the_way() -> No
     assert step(scan, observation(), FREE, PLAN)[0].phase is ScanPhase.BLOCKED
 
 
-def test_up_to_the_next_wall_nothing_more_need_be_known() -> None:
+def test_space_beyond_the_next_wall_may_be_unknown() -> None:
     scan, _ = step(SCANNING, observation(front=at(1.5), right=at(1.7)), open_ground(0.8), PLAN)
     assert scan.phase is ScanPhase.SCAN
 
 
-def test_what_is_unknown_at_its_very_side_does_not_keep_it_from_going_on() -> None:
+def test_unknown_space_directly_beside_the_drone_does_not_stop_the_scan() -> None:
     ahead = seen_from((0.0, 0.15), range(181), 4.0)
     scan, setpoint = step(SCANNING, observation(front=at(1.5)), ahead, PLAN)
     assert scan.phase is ScanPhase.SCAN

@@ -97,7 +97,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Recorded:
 
 
 @given(st.lists(TICKS, max_size=3))
-def test_what_the_flight_was_given_is_kept_to_the_bit(ticks: list[Tick]) -> None:
+def test_inputs_are_recorded_bit_for_bit(ticks: list[Tick]) -> None:
     decoded = decode_ticks(encode_ticks(ticks))
     assert repr(decoded) == repr(ticks)
     assert encode_ticks(decoded) == encode_ticks(ticks)
@@ -112,13 +112,13 @@ def test_replay_gives_the_same_map_to_the_bit(whole: Recorded) -> None:
     assert app.flight == whole.flight.app.flight
 
 
-def test_a_replay_that_comes_out_otherwise_is_told(whole: Recorded) -> None:
+def test_a_replay_with_another_result_is_reported(whole: Recorded) -> None:
     recording = read(whole.mcap)
     del recording.ticks[600]
     assert is_same_map(replay(recording), recording) is False
 
 
-def test_recording_changes_nothing_in_the_flight(whole: Recorded, tmp_path: Path) -> None:
+def test_recording_does_not_change_the_flight(whole: Recorded, tmp_path: Path) -> None:
     unrecorded = Sitl(tmp_path).fly(SMALL_ROOM)
     assert unrecorded.truth.path == whole.flight.truth.path
     assert unrecorded.plan == whole.flight.plan
@@ -155,14 +155,14 @@ def test_the_pose_is_in_enu_with_its_covariance(whole: Recorded) -> None:
     assert message.pose_covariance[35] == pose.yaw_sigma_rad**2 > 0
 
 
-def test_ranges_are_json_that_any_parser_takes(whole: Recorded) -> None:
+def test_ranges_are_valid_json(whole: Recorded) -> None:
     with whole.mcap.open("rb") as file:
         for _, _, message in make_reader(file).iter_messages(topics=[topics.RANGES]):
             readings = json.loads(message.data, parse_constant=pytest.fail)
             assert readings.keys() == {"front", "left", "right", "up", "down"}
 
 
-def test_the_effective_configuration_is_in_it(tmp_path: Path) -> None:
+def test_the_recording_contains_the_effective_configuration(tmp_path: Path) -> None:
     flown = recorded(tmp_path, settings={"mission.speed_m_s": 0.7})
     assert read(flown.mcap).config == flown.flight.config
 
@@ -183,9 +183,7 @@ def test_a_ground_stations_reader_finds_both_ends_of_the_link(whole: Recorded) -
     assert times_s[-1] - times_s[0] == pytest.approx(flown_s, abs=0.2)
 
 
-def test_the_tlog_is_the_same_whatever_carried_the_messages(
-    whole: Recorded, tmp_path: Path
-) -> None:
+def test_the_tlog_is_the_same_over_every_transport(whole: Recorded, tmp_path: Path) -> None:
     as_bytes = recorded(tmp_path, transport="bytes")
     assert _packets(as_bytes.tlog) == _packets(whole.tlog)
 
@@ -211,7 +209,7 @@ def test_a_recording_cut_anywhere_still_opens(whole: Recorded, data: st.DataObje
     assert encode_ticks(cut.ticks) == encode_ticks(read(whole.mcap).ticks[: len(cut.ticks)])
 
 
-def test_faults_and_phases_are_told(tmp_path: Path) -> None:
+def test_faults_and_phases_are_recorded(tmp_path: Path) -> None:
     events = [when("scanning", link_down(for_s=2)), when("returning", unplug("front"))]
     recording = read(recorded(tmp_path, script=events).mcap)
     faults = [(fault.source, fault.text) for fault in recording.faults]
@@ -242,7 +240,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_not_the_flight(
     assert read(mcap).ticks
 
 
-def test_a_folder_that_cannot_be_made_costs_the_recording_only(
+def test_a_folder_that_cannot_be_created_prevents_only_the_recording(
     whole: Recorded, tmp_path: Path
 ) -> None:
     in_the_way = tmp_path / "file"
@@ -252,7 +250,7 @@ def test_a_folder_that_cannot_be_made_costs_the_recording_only(
     assert "not recorded" in warnings[0]
 
 
-def test_an_error_of_its_own_ends_the_recording_and_not_the_flight(
+def test_an_error_of_the_recorder_ends_the_recording_and_not_the_flight(
     whole: Recorded, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken(*anything: object) -> None:
@@ -270,24 +268,24 @@ def _fly_recorded(folder: Path, like: Recorded) -> list[str]:
     config = configuration.load(None, {})
     recorder = open_recorder(folder, config, 0.0, warnings.append)
     setup = Setup(load_world(SMALL_ROOM), SMALL_ROOM, 1, config.sensors)
-    app, _ = fly_in_lockstep(setup, config, nobody_looks, recorder=recorder)
+    app, _ = fly_in_lockstep(setup, config, ignore_progress, recorder=recorder)
     plan = app.final_floor_plan()
     recorder.close(plan)
     assert plan == like.flight.plan
     return warnings
 
 
-def nobody_looks(progress: Progress) -> None:
+def ignore_progress(progress: Progress) -> None:
     pass
 
 
-def test_less_than_three_megabytes_a_minute(whole: Recorded) -> None:
+def test_a_recording_is_smaller_than_three_megabytes_per_minute(whole: Recorded) -> None:
     minutes = whole.flight.truth.path[-1].time_s / 60
     size_mb = (whole.mcap.stat().st_size + whole.tlog.stat().st_size) / 1e6
     assert size_mb / minutes < 3
 
 
-def test_no_flight_is_overwritten(tmp_path: Path) -> None:
+def test_no_recording_is_overwritten(tmp_path: Path) -> None:
     for _ in range(3):
         recorder = open_recorder(tmp_path, Config(), 0.0, pytest.fail)
         recorder.close(FloorPlan())
@@ -296,7 +294,7 @@ def test_no_flight_is_overwritten(tmp_path: Path) -> None:
     assert names == [stem, f"{stem}_2", f"{stem}_3"]
 
 
-def test_a_flight_of_no_tick_is_a_recording(tmp_path: Path) -> None:
+def test_a_flight_without_ticks_gives_a_valid_recording(tmp_path: Path) -> None:
     open_recorder(tmp_path, Config(), 0.0, pytest.fail).close(FloorPlan())
     (mcap,) = tmp_path.glob("*.mcap")
     recording = read(mcap)
@@ -311,7 +309,7 @@ def test_recording_can_be_turned_off(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("length", range(0, BEGIN_BYTES, 7))
-def test_a_recording_that_hardly_began_is_read_or_refused(
+def test_a_recording_cut_near_its_beginning_is_read_or_refused(
     whole: Recorded, tmp_path: Path, length: int
 ) -> None:
     path = tmp_path / "begun.mcap"
@@ -321,7 +319,7 @@ def test_a_recording_that_hardly_began_is_read_or_refused(
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording at all", b"\x89MCAP0\r\n"])
-def test_what_is_no_recording_is_refused_in_one_line(tmp_path: Path, content: bytes) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path, content: bytes) -> None:
     path = tmp_path / "x.mcap"
     path.write_bytes(content)
     with pytest.raises(RecordingError, match="not a recording"):
@@ -336,7 +334,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 def test_a_recording_that_has_stopped_keeps_no_messages(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Otherwise they would fill the memory until the flight ends."""
+    """Stored messages would fill the memory until the flight ends."""
     monkeypatch.setattr(FlightRecorder, "_tick", lambda *_: 1 / 0)
     recorder = FlightRecorder(
         tmp_path / "flight.mcap", Config(), 0.0, lambda _: None, lambda: 0.0, continues=""

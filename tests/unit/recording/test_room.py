@@ -22,7 +22,7 @@ def free(monkeypatch: pytest.MonkeyPatch, megabytes: float) -> None:
     monkeypatch.setattr(shutil, "disk_usage", lambda folder: usage)
 
 
-def test_a_folder_that_can_be_written_is_made_and_left_empty(tmp_path: Path) -> None:
+def test_a_writable_folder_is_created_and_left_empty(tmp_path: Path) -> None:
     refuse_no_room(tmp_path / "new" / "out", configuration.load(None, {}))
     assert list((tmp_path / "new" / "out").iterdir()) == []
 
@@ -34,9 +34,7 @@ def test_a_file_in_the_place_of_the_folder_is_refused(tmp_path: Path, name: str)
         refuse_no_room(tmp_path / name, configuration.load(None, {}))
 
 
-def test_a_disk_that_writes_nothing_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(room.os, "getpid", lambda: 7)  # type: ignore[attr-defined]
     (tmp_path / ".trial-7").symlink_to("/dev/full")
     with pytest.raises(OutputError, match="No space left on device"):
@@ -61,12 +59,14 @@ def test_a_card_without_room_for_the_flight_is_refused(
         refuse_no_room(tmp_path, config)
 
 
-def test_the_map_alone_needs_little(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_flight_without_recording_needs_little_space(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     free(monkeypatch, 17)
     refuse_no_room(tmp_path, configuration.load(None, TEN_MINUTES | {"recording.enabled": False}))
 
 
-def test_it_is_refused_before_anything_is_opened(tmp_path: Path) -> None:
+def test_the_folder_is_refused_before_devices_are_opened(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     config = configuration.load(None, {"link.url": "serial:/dev/nowhere:57600"})
     with pytest.raises(OutputError), open_rig(config, tmp_path / "file", print):

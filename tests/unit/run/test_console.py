@@ -15,7 +15,7 @@ from companion.app import Progress
 from companion.run.console import ProgressLine
 
 
-def test_on_a_pipe_what_the_pilot_is_to_know_is_plain_text() -> None:
+def test_notices_to_the_pilot_are_plain_text_on_a_pipe() -> None:
     pipe = io.StringIO()
     with ProgressLine(Console(file=pipe, markup=False)) as line:
         line.show(Progress(0.0, "arming", "", tuple, notice="throttle [at the middle] first"))
@@ -32,8 +32,8 @@ def parameters(command: Any) -> Iterator[Any]:
 
 
 @pytest.mark.parametrize("app", [companion.commands.cli.commands, sitl.commands.cli.commands])
-def test_nothing_in_the_help_is_taken_for_markup(app: typer.Typer) -> None:
+def test_no_help_text_is_parsed_as_markup(app: typer.Typer) -> None:
     """The help text once lacked the name "[mission]", which Rich reads as markup."""
-    told = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}
-    assert len(told) > 20
-    assert [n for n, text in told.items() if "[" in text.replace(r"\[", "")] == []
+    helps = {p.name: getattr(p, "help", None) or "" for p in parameters(get_command(app))}
+    assert len(helps) > 20
+    assert [n for n, text in helps.items() if "[" in text.replace(r"\[", "")] == []

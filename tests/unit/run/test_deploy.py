@@ -50,7 +50,7 @@ def test_the_scripts_pass_shellcheck() -> None:
 
 
 @needs_systemd
-def test_systemd_takes_the_units() -> None:
+def test_systemd_accepts_the_units() -> None:
     assert verify_units() == ""
 
 
@@ -64,16 +64,16 @@ def test_the_units_are_hardened() -> None:
     ("phase", "is_failure"),
     [(Phase.DONE, False), (Phase.HANDED_OVER, False), (Phase.FAILED, True)],
 )
-def test_only_a_flight_that_failed_is_a_failure_to_systemd(
+def test_only_a_failed_flight_has_a_failure_status_for_systemd(
     unit: str, phase: Phase, is_failure: bool
 ) -> None:
-    """The unit after a failure lands a drone in our mode, also after a change back to it."""
-    (told,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
+    """The unit that starts after a failure lands a drone in our mode, also after a change back."""
+    (success,) = re.findall(r"^SuccessExitStatus=(\d+)$", (DEPLOY / unit).read_text(), re.MULTILINE)
     status = exit_status(FlightState(phase, trouble="so it ended"))
-    assert (status not in (0, int(told))) == is_failure
+    assert (status not in (0, int(success))) == is_failure
 
 
-def test_the_configuration_that_is_installed_can_be_used() -> None:
+def test_the_installed_configuration_is_valid() -> None:
     sensors = configuration.load(DEPLOY / "drone.toml").sensors
     assert len(sensors.beams) == 5
 
@@ -84,9 +84,9 @@ def test_the_configuration_that_is_installed_can_be_used() -> None:
 def test_the_parameters_exist_and_are_in_range(file: str, autopilot: str) -> None:
     table = load_table(autopilot)
     lines = [line.split("#")[0].split() for line in (DEPLOY / file).read_text().splitlines()]
-    told = [(w[2], w[3]) if len(w) == 5 else (w[0], w[1]) for w in lines if w]
-    assert told
-    for name, value in told:
+    parameters = [(w[2], w[3]) if len(w) == 5 else (w[0], w[1]) for w in lines if w]
+    assert parameters
+    for name, value in parameters:
         if name not in HARDWARE_ONLY:
             parameter = table[name]
             assert parameter.least <= float(value) <= parameter.most
@@ -116,7 +116,7 @@ def files(root: Path) -> dict[str, bytes]:
     }
 
 
-def test_installing_again_changes_nothing_and_keeps_what_was_configured(
+def test_installing_again_changes_nothing_and_keeps_the_configuration(
     tmp_path: Path, stub: Path
 ) -> None:
     root = tmp_path / "root"
@@ -165,7 +165,7 @@ CONFIGS = {
 
 
 @pytest.mark.parametrize("name", CONFIGS)
-def test_every_model_gets_its_buses_whatever_stood_in_config_txt(name: str) -> None:
+def test_every_model_gets_its_buses_with_any_existing_config_txt(name: str) -> None:
     text = CONFIGS[name]
     new = boot_config.with_buses(text)
     assert new.startswith(text)
@@ -181,7 +181,7 @@ def test_every_model_gets_its_buses_whatever_stood_in_config_txt(name: str) -> N
     assert boot_config.in_force([*new.splitlines(), "later=1"], "pi1")["later"] == "1"
 
 
-def test_what_is_there_already_is_not_written_again() -> None:
+def test_existing_settings_are_not_written_again() -> None:
     text = (
         "dtparam=spi=on\n[pi4]\ndtoverlay=disable-bt\n[cm5]\nx=1\n[pi5]\ndtparam=uart0\n[all]\n"
         "enable_uart=1\ndtparam=i2c=on\ndtparam=i2c_arm_baudrate=400000\n"
@@ -202,7 +202,7 @@ COMMAND_LINES = [
 
 
 @pytest.mark.parametrize(("line", "without"), COMMAND_LINES)
-def test_no_login_shell_is_on_the_port(line: str, without: str) -> None:
+def test_the_login_shell_is_removed_from_the_port(line: str, without: str) -> None:
     assert boot_config.without_login(line, boot_config.PINS_BEFORE_PI_5) == without
 
 
@@ -225,15 +225,15 @@ def test_a_raspberry_pi_5_keeps_its_debug_connector(
     boot.mkdir(parents=True)
     tree.mkdir(parents=True)
     (tree / "model").write_text(f"{model}\0")
-    told = "console=serial0,115200 console=ttyAMA0,115200 console=tty1\n"
-    (boot / "cmdline.txt").write_text(told)
+    command_line = "console=serial0,115200 console=ttyAMA0,115200 console=tty1\n"
+    (boot / "cmdline.txt").write_text(command_line)
     install(root, stub)
     assert (boot / "cmdline.txt").read_text() == line
     assert "[pi5]\ndtparam=uart0=on\n" in (boot / "config.txt").read_text()
     assert {path.name for path in boot.iterdir()} == {"cmdline.txt", "config.txt"}
 
 
-def test_a_flight_needs_nothing_of_what_is_left_out() -> None:
+def test_a_flight_works_without_the_removed_modules() -> None:
     script = f"""
 import runpy, sys
 for name in {LEFT_OUT}:

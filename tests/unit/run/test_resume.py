@@ -23,16 +23,16 @@ def beat(mode: int, *, armed: bool = True) -> Message:
 class Vehicle:
     """Sends the messages of the test at their times; also the `Clock` of the companion."""
 
-    def __init__(self, said: dict[float, Message]) -> None:
+    def __init__(self, messages: dict[float, Message]) -> None:
         self._end, companions = pipe_pair()
         self.link = Link(companions, LinkConfig())
-        self._said = dict(sorted(said.items()))
-        self.heard: list[Any] = []
+        self._messages = dict(sorted(messages.items()))
+        self.received: list[Any] = []
 
     def wait_until(self, time_s: float) -> float:
-        for when_s in [when_s for when_s in self._said if when_s <= time_s]:
-            self._end.send(self._said.pop(when_s))
-        self.heard += self._end.receive()
+        for when_s in [when_s for when_s in self._messages if when_s <= time_s]:
+            self._end.send(self._messages.pop(when_s))
+        self.received += self._end.receive()
         return time_s
 
     def now_s(self) -> float:
@@ -41,8 +41,8 @@ class Vehicle:
     def close(self) -> None:
         """No resource to release."""
 
-    def heard_of(self, kind: str) -> list[Any]:
-        return [m for m in self.heard if m.get_type() == kind]
+    def received_of(self, kind: str) -> list[Any]:
+        return [m for m in self.received if m.get_type() == kind]
 
 
 def busy(seconds: float) -> Iterator[None]:
@@ -52,7 +52,7 @@ def busy(seconds: float) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("work", [lambda: iter(()), lambda: busy(3.0)])
-def test_a_drone_that_is_ours_is_held(work: Callable[[], Iterator[None]]) -> None:
+def test_a_drone_in_our_mode_is_held(work: Callable[[], Iterator[None]]) -> None:
     vehicle = Vehicle({float(second): beat(GUIDED) for second in range(8)})
     assert hold(vehicle.link, vehicle, work())
 
@@ -60,19 +60,19 @@ def test_a_drone_that_is_ours_is_held(work: Callable[[], Iterator[None]]) -> Non
 @pytest.mark.parametrize(
     "other", [beat(LOITER), beat(LAND), beat(LOITER, armed=False), beat(GUIDED, armed=False)]
 )
-def test_one_that_somebody_takes_meanwhile_is_let_go_at_once(other: Message) -> None:
+def test_a_mode_change_or_disarming_releases_the_drone_at_once(other: Message) -> None:
     vehicle = Vehicle({0.0: beat(GUIDED), 1.0: beat(GUIDED), 1.4: other})
     assert not hold(vehicle.link, vehicle, busy(3.0))
-    setpoints = vehicle.heard_of("SET_POSITION_TARGET_LOCAL_NED")
+    setpoints = vehicle.received_of("SET_POSITION_TARGET_LOCAL_NED")
     assert setpoints[-1].time_boot_ms < 1450
-    assert not [m for m in vehicle.heard_of("COMMAND_LONG") if m.command not in REQUESTS]
+    assert not [m for m in vehicle.received_of("COMMAND_LONG") if m.command not in REQUESTS]
 
 
-def test_one_that_was_taken_and_given_back_is_let_go() -> None:
+def test_a_brief_mode_change_releases_the_drone() -> None:
     vehicle = Vehicle({0.0: beat(GUIDED), 1.40: beat(LOITER), 1.401: beat(GUIDED)})
     assert not hold(vehicle.link, vehicle, busy(3.0))
 
 
-def test_when_the_work_is_done_the_next_heartbeat_is_waited_for() -> None:
+def test_hold_waits_for_the_next_heartbeat_after_the_work() -> None:
     vehicle = Vehicle({0.0: beat(GUIDED), 1.0: beat(LOITER)})
     assert not hold(vehicle.link, vehicle, busy(0.5))

@@ -18,7 +18,7 @@ def systemd(tmp_path: Path) -> Iterator[socket.socket]:
         yield listening
 
 
-def heard(systemd: socket.socket) -> list[str]:
+def received(systemd: socket.socket) -> list[str]:
     lines: list[str] = []
     while True:
         try:
@@ -27,13 +27,13 @@ def heard(systemd: socket.socket) -> list[str]:
             return lines
 
 
-def test_it_is_ready_with_the_first_tick_and_tells_each_phase_once(
+def test_the_service_is_ready_with_the_first_tick_and_reports_each_phase_once(
     systemd: socket.socket,
 ) -> None:
     service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
     for activity in ("waiting", "waiting", "taking off", "taking off"):
         service.alive(activity)
-    assert heard(systemd) == ["READY=1", "STATUS=waiting", "STATUS=taking off"]
+    assert received(systemd) == ["READY=1", "STATUS=waiting", "STATUS=taking off"]
 
 
 def test_the_watchdog_is_fed_several_times_within_its_timeout(systemd: socket.socket) -> None:
@@ -44,30 +44,30 @@ def test_the_watchdog_is_fed_several_times_within_its_timeout(systemd: socket.so
     for _ in range(200):
         now_s[0] += 0.05
         service.alive("scanning")
-        fed += heard(systemd).count("WATCHDOG=1")
+        fed += received(systemd).count("WATCHDOG=1")
     assert 18 <= fed <= 22
 
 
-def test_a_systemd_that_does_not_listen_does_not_hold_up_the_loop(
+def test_a_systemd_that_does_not_read_does_not_block_the_loop(
     systemd: socket.socket,
 ) -> None:
     service = Service({"NOTIFY_SOCKET": systemd.getsockname()})
     for number in range(2000):
         service.alive(f"phase {number}")
-    assert heard(systemd)[0] == "READY=1"
+    assert received(systemd)[0] == "READY=1"
 
 
-def test_the_last_smoothing_has_time(systemd: socket.socket) -> None:
+def test_the_watchdog_timeout_is_extended_for_the_last_smoothing(systemd: socket.socket) -> None:
     Service({"NOTIFY_SOCKET": systemd.getsockname()}).landed()
-    assert "WATCHDOG_USEC=120000000" in heard(systemd)
+    assert "WATCHDOG_USEC=120000000" in received(systemd)
 
 
-def test_without_systemd_and_with_a_dead_one_it_flies_on(tmp_path: Path) -> None:
+def test_a_missing_or_dead_systemd_does_not_end_the_flight(tmp_path: Path) -> None:
     for environment in ({}, {"NOTIFY_SOCKET": str(tmp_path / "nobody")}):
         Service(environment).alive("scanning")
 
 
-def test_without_a_file_to_open_it_flies_on(
+def test_exhausted_file_descriptors_do_not_end_the_flight(
     systemd: socket.socket, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(*_: object) -> None:

@@ -43,7 +43,7 @@ def flown(folder: Path, console: Console | None = None) -> int:
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
-def test_what_is_refused_in_flight_is_not_what_is_refused_at_the_start(
+def test_an_error_in_flight_gives_the_failure_status_and_the_map_is_saved(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int
 ) -> None:
     def fail(*_: object) -> None:
@@ -58,7 +58,7 @@ def test_what_is_refused_in_flight_is_not_what_is_refused_at_the_start(
     ("phase", "status"), [(Phase.DONE, 3), (Phase.HANDED_OVER, 3), (Phase.FAILED, 1)]
 )
 @pytest.mark.parametrize("error", [OutputError("disk full"), RuntimeError("no fonts")])
-def test_a_map_that_cannot_be_saved_makes_no_failure_of_a_flight_that_has_ended_well(
+def test_a_map_that_cannot_be_saved_does_not_change_the_exit_status(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     phase: Phase,

@@ -36,14 +36,14 @@ def found_open(volts: Array) -> set[Beam]:
 
 @pytest.mark.parametrize("seed", range(20))
 @pytest.mark.parametrize("noise_v", [0.010, 0.001])
-def test_powered_sensors_have_nothing_in_common(seed: int, noise_v: float) -> None:
+def test_powered_sensors_are_not_reported_as_open(seed: int, noise_v: float) -> None:
     assert found_open(flown(seed, noise_v=noise_v)) == set()
 
 
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("memory", [0.8, 0.93])
 @pytest.mark.parametrize(("open_", "after"), [(1, 0), (2, 1), (0, 4), (3, 4)])
-def test_an_input_that_shows_the_conversion_before_is_open(
+def test_an_input_that_repeats_the_previous_conversion_is_open(
     seed: int, memory: float, open_: int, after: int
 ) -> None:
     """An open first input repeats the last channel of the previous sweep."""
@@ -55,13 +55,13 @@ def test_an_input_that_shows_the_conversion_before_is_open(
 
 
 @pytest.mark.parametrize("seed", range(10))
-def test_a_supply_that_ripples_on_all_sensors_is_no_open_input(seed: int) -> None:
+def test_supply_ripple_on_all_sensors_is_no_open_input(seed: int) -> None:
     volts = flown(seed)
     ripple = np.random.default_rng(seed + 200).normal(0, 0.010, len(volts))
     assert found_open(volts + ripple[:, None]) == set()
 
 
-def test_sensors_that_put_out_no_voltage_are_not_compared() -> None:
+def test_sensors_without_a_voltage_are_not_compared() -> None:
     watch = CouplingWatch()
     silent = dict.fromkeys(FIVE, RangeReading(RangeState.STALE))
     for i in range(100):

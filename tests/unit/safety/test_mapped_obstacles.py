@@ -32,7 +32,7 @@ def recalled(grid: Occupancy, at: Pose, lately: np.ndarray = NOTHING_LATELY) -> 
     return recalled_frd_m(grid, at, lately)
 
 
-def test_the_map_knows_it_when_it_was_met_too_long_ago() -> None:
+def test_the_map_recalls_an_obstacle_that_was_detected_long_ago() -> None:
     grid = with_a_partition_end()
     assert not len(recalled(grid, pose(time_s=KEPT_S)))
     [(forward_m, right_m)] = recalled(grid, pose())
@@ -41,7 +41,7 @@ def test_the_map_knows_it_when_it_was_met_too_long_ago() -> None:
     assert (forward_m, right_m) == pytest.approx((0.0, -1.0), abs=0.1)
 
 
-def test_the_drone_comes_no_nearer_than_in_a_passage_and_does_not_give_way() -> None:
+def test_the_drone_keeps_passage_clearance_to_mapped_obstacles_without_a_retreat() -> None:
     grid, at = with_a_partition_end(), np.array([0.0, -0.02])
     nearest_m = math.inf
     for _ in range(400):
@@ -57,13 +57,13 @@ def test_the_drone_comes_no_nearer_than_in_a_passage_and_does_not_give_way() -> 
     assert nearest_m > 0.3
 
 
-def test_what_was_met_lately_beside_it_tells_better_where_it_is() -> None:
+def test_a_recent_obstacle_point_nearby_replaces_the_mapped_obstacle() -> None:
     grid = with_a_partition_end()
     assert not len(recalled(grid, pose(), np.array([(1.25, 0.1)])))
     assert len(recalled(grid, pose(), np.array([(1.0, 1.0)])))
 
 
-def test_it_is_not_where_a_beam_went_through_or_the_drone_flew_since() -> None:
+def test_a_later_beam_or_flight_through_the_cell_removes_the_mapped_obstacle() -> None:
     grid = with_a_partition_end()
     for _ in range(20):
         grid.add(Ray((2.0, -2.0), math.pi / 2, 4.0, 0.03, is_hit=True, time_s=50.0))
@@ -73,7 +73,7 @@ def test_it_is_not_where_a_beam_went_through_or_the_drone_flew_since() -> None:
     assert not len(recalled(grid, pose()))
 
 
-def test_what_is_only_blocked_for_the_planner_does_not_bind_it() -> None:
+def test_cells_blocked_only_for_the_planner_are_not_recalled() -> None:
     grid = Occupancy()
     grid.block((2.0, 0.0), 0.2)
     assert not len(recalled(grid, pose()))

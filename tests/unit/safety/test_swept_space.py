@@ -37,10 +37,10 @@ def swung(bearing_rad: float = 0.0, step_deg: float = 0.5, but_rad: float = 9.0)
 
 
 @pytest.mark.parametrize("bearing_deg", [0, 30, 90, 217, -45])
-def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
+def test_space_is_swept_beyond_where_the_swing_is_as_wide_as_the_drone(
     bearing_deg: float,
 ) -> None:
-    """That is from 0.8 m on; in flight, nearer space was swept when it was farther ahead."""
+    """The swing is that wide beyond 0.8 m. In flight, nearer space was swept from farther back."""
     bearing_rad = math.radians(bearing_deg)
     passed = swung(bearing_rad)
     assert passed.lane(HERE, bearing_rad, 10.1).clear_m < 0.8
@@ -50,7 +50,7 @@ def test_beyond_where_a_swing_is_as_wide_as_the_drone_all_has_been_gone_through(
     assert passed.lane(farther, bearing_rad + math.pi, 10.1).clear_m < 0.6
 
 
-def test_a_leg_may_stand_between_two_beams() -> None:
+def test_a_gap_between_two_beams_limits_the_clear_distance() -> None:
     passed = swung(but_rad=math.radians(5))
     passed.free_hull((HERE[0] + 0.7, HERE[1]), 10.0)
     clear_m = passed.lane((HERE[0] + 0.7, HERE[1]), 0.0, 10.1).clear_m
@@ -63,7 +63,7 @@ def test_a_leg_may_stand_between_two_beams() -> None:
     st.lists(st.floats(-0.3, 0.3), min_size=1, max_size=30),
     st.floats(-math.pi, math.pi),
 )
-def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
+def test_in_narrow_cells_beams_beside_a_leg_leave_its_cell_unswept(
     away_m: float, at_rad: float, beams_rad: list[float], heading_rad: float
 ) -> None:
     """Beams that pass a leg without detecting it leave the leg's cell unswept."""
@@ -78,7 +78,7 @@ def test_in_narrow_cells_no_leg_stands_where_beams_have_gone(
     assert passed.when_s(leg) < 0
 
 
-def test_in_narrow_cells_a_close_swing_leaves_none_of_the_way() -> None:
+def test_in_narrow_cells_a_close_swing_sweeps_all_of_the_path() -> None:
     passed = SweptGrid(NARROW)
     passed.free_hull(HERE, 10.0)
     for off_rad in np.arange(-1.0, 1.0, math.radians(0.3)):
@@ -86,18 +86,18 @@ def test_in_narrow_cells_a_close_swing_leaves_none_of_the_way() -> None:
     assert passed.lane(HERE, 0.0, 10.1).clear_m > 1.2
 
 
-def test_what_was_gone_through_long_ago_says_nothing() -> None:
+def test_space_swept_long_ago_counts_as_unswept() -> None:
     passed = swung()
     farther = HERE[0] + 0.7, HERE[1]
     assert passed.lane(farther, 0.0, 10.1 + LATELY_S).clear_m < 0.5
 
 
 @pytest.mark.parametrize(
-    ("aside_m", "since_s", "is_looked_at"),
+    ("aside_m", "since_s", "is_targeted"),
     [(0.5, 6, True), (-0.5, 6, True), (0.5, 1, False), (1.0, 6, False)],
 )
-def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
-    aside_m: float, since_s: float, is_looked_at: bool
+def test_the_nose_turns_to_an_obstacle_beside_the_path_detected_long_ago(
+    aside_m: float, since_s: float, is_targeted: bool
 ) -> None:
     near = ObstacleMemory(UNITS)
     nothing = RangeReading(RangeState.NOTHING)
@@ -116,13 +116,13 @@ def test_the_nose_turns_to_what_stands_beside_the_way_and_was_met_long_ago(
     if aside_m < 0:
         to_it_rad, off_it_rad = off_it_rad, to_it_rad
     assert off_it_rad < math.radians(20)
-    if is_looked_at:
+    if is_targeted:
         assert math.degrees(to_it_rad) == pytest.approx(29, abs=1)
     else:
         assert to_it_rad < math.radians(20)
 
 
-def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
+def test_a_reading_sweeps_the_space_up_to_its_range() -> None:
     near = ObstacleMemory(UNITS)
     nothing = RangeReading(RangeState.NOTHING)
     for tick, heading_rad in enumerate(np.arange(-0.5, 0.5, 0.005)):
@@ -142,9 +142,7 @@ def test_a_reading_frees_the_way_up_to_what_it_met() -> None:
     ("wide_m", "is_leg"),
     [(0.03, True), (0.08, True), (0.4, False), (2.0, False)],
 )
-def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
-    wide_m: float, is_leg: bool
-) -> None:
+def test_only_a_thin_isolated_obstacle_is_a_leg(wide_m: float, is_leg: bool) -> None:
     """The nose swings at 45 deg/s over a leg at 1.3 m, in front of a wall at 3 m."""
     near = ObstacleMemory(UNITS)
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
@@ -159,7 +157,7 @@ def test_what_is_thin_and_stands_alone_is_a_leg_and_nobody_who_stands_there(
 
 
 @pytest.mark.parametrize(("legs", "stays"), [(1, False), (3, False), (4, True)])
-def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bool) -> None:
+def test_the_among_legs_state_is_permanent_after_four_legs(legs: int, stays: bool) -> None:
     """A flight reached the first leg of the next room at 0.55 m/s, two minutes after the last."""
     near = ObstacleMemory(UNITS)
     there = RangeReading(RangeState.DISTANCE, 1.3 - 0.08, 0.02**2)
@@ -182,7 +180,7 @@ def test_after_some_legs_the_building_is_furnished_for_good(legs: int, stays: bo
 @pytest.mark.parametrize(
     ("is_among_legs", "least_m_s", "most_m_s"), [(False, CRAWL_M_S, 1.0), (True, 0.0, 0.6)]
 )
-def test_the_drone_stops_before_what_was_not_gone_through(
+def test_the_drone_can_stop_before_unswept_space(
     clear_m: float, is_among_legs: bool, least_m_s: float, most_m_s: float
 ) -> None:
     around = Surroundings(lane=lambda _: Lane(clear_m), is_among_legs=is_among_legs)

@@ -55,11 +55,11 @@ def around(points: list[Place], speed: Place = (0.0, 0.0)) -> Surroundings:
     return Surroundings(np.array(points), speed)
 
 
-def test_with_nothing_near_the_velocity_is_as_asked_for() -> None:
+def test_without_near_obstacles_the_setpoint_is_unchanged() -> None:
     assert guarded(FORWARD, Surroundings(), CLEARANCE_M) == FORWARD
 
 
-def test_it_slows_down_before_a_wall_and_stops_short_of_it() -> None:
+def test_the_drone_slows_down_before_a_wall_and_stops_short_of_it() -> None:
     speeds = [
         guarded(FORWARD, around(wall(ahead_m)), CLEARANCE_M).forward_m_s
         for ahead_m in (3.0, 1.0, 0.7, KEEP_OFF_M)
@@ -69,21 +69,21 @@ def test_it_slows_down_before_a_wall_and_stops_short_of_it() -> None:
     assert speeds[-1] <= 0
 
 
-def test_the_faster_it_is_the_sooner_it_slows_down() -> None:
+def test_a_faster_drone_slows_down_earlier() -> None:
     slow = guarded(FORWARD, around(wall(1.0), (0.1, 0.0)), CLEARANCE_M)
     fast = guarded(FORWARD, around(wall(1.0), (1.0, 0.0)), CLEARANCE_M)
     assert fast.forward_m_s < slow.forward_m_s
 
 
-def test_it_turns_all_the_same() -> None:
+def test_the_yaw_rate_is_not_limited() -> None:
     assert guarded(FORWARD, around(wall(0.5)), CLEARANCE_M).yaw_rate_rad_s == 0.3
 
 
-def test_it_gives_way_to_what_is_too_near() -> None:
+def test_the_drone_retreats_from_an_obstacle_that_is_too_near() -> None:
     assert guarded(Setpoint(), around(wall(0.4)), CLEARANCE_M).forward_m_s < 0
 
 
-def test_along_a_wall_it_goes_on() -> None:
+def test_the_drone_continues_along_a_wall() -> None:
     beside = [(along_m, 0.55) for along_m in np.linspace(-1, 1, 41)]
     speed = guarded(FORWARD, around(beside), CLEARANCE_M)
     assert speed.forward_m_s > 0.3
@@ -91,25 +91,25 @@ def test_along_a_wall_it_goes_on() -> None:
 
 
 @pytest.mark.parametrize("width_m", [0.9, 1.0, 1.4])
-def test_it_passes_a_doorway_in_the_middle(width_m: float) -> None:
+def test_the_drone_passes_a_doorway_in_the_middle(width_m: float) -> None:
     assert guarded(FORWARD, around(doorway(width_m)), CLEARANCE_M).forward_m_s > 0.2
     before = guarded(FORWARD, around(doorway(width_m, ahead_m=0.3)), CLEARANCE_M)
     assert before.forward_m_s > 0.05
 
 
-def test_it_does_not_pass_where_it_does_not_fit() -> None:
+def test_the_drone_does_not_enter_a_doorway_that_is_too_narrow() -> None:
     for ahead_m in (0.2, 0.1):
         narrow = around(doorway(0.6, ahead_m))
         assert guarded(FORWARD, narrow, CLEARANCE_M).forward_m_s <= 0
 
 
-def test_off_the_middle_of_a_doorway_it_moves_over() -> None:
+def test_the_drone_moves_towards_the_middle_of_a_doorway() -> None:
     to_the_right = guarded(FORWARD, around(doorway(1.0, aside_m=0.1)), CLEARANCE_M)
     assert to_the_right.right_m_s > 0
 
 
 @pytest.mark.parametrize("aside_m", [-0.06, 0.06])
-def test_between_two_things_that_are_too_near_it_keeps_to_the_middle(aside_m: float) -> None:
+def test_the_drone_keeps_to_the_middle_between_two_near_obstacles(aside_m: float) -> None:
     for setpoint in (Setpoint(), FORWARD):
         safe = guarded(setpoint, around(doorway(0.6, aside_m=aside_m)), CLEARANCE_M)
         assert safe.right_m_s * aside_m > 0
@@ -118,7 +118,9 @@ def test_between_two_things_that_are_too_near_it_keeps_to_the_middle(aside_m: fl
 
 @pytest.mark.parametrize("width_m", [0.9, 1.0, 1.2])
 @pytest.mark.parametrize("askew_deg", [0, 20, 40, 60])
-def test_askew_in_a_corridor_it_goes_on_along_it(width_m: float, askew_deg: float) -> None:
+def test_the_drone_continues_along_a_corridor_at_an_oblique_heading(
+    width_m: float, askew_deg: float
+) -> None:
     along = np.array([math.cos(math.radians(askew_deg)), -math.sin(math.radians(askew_deg))])
     across = np.array([-along[1], along[0]])
     steps = [0.05 * i for i in range(-30, 31)]
@@ -129,7 +131,7 @@ def test_askew_in_a_corridor_it_goes_on_along_it(width_m: float, askew_deg: floa
     assert abs(velocity @ across) < 0.35
 
 
-def test_at_the_end_of_a_corridor_it_keeps_off_as_everywhere() -> None:
+def test_the_drone_keeps_its_clearance_at_the_end_of_a_corridor() -> None:
     sides = [(0.05 * i, side * 0.45) for i in range(-30, 10) for side in (-1, 1)]
     end = [(KEEP_OFF_M, 0.05 * i) for i in range(-9, 10)]
     assert guarded(FORWARD, around(sides + end), CLEARANCE_M).forward_m_s <= 0
@@ -140,7 +142,7 @@ def test_at_the_end_of_a_corridor_it_keeps_off_as_everywhere() -> None:
     st.floats(-1, 1),
     st.floats(-1, 1),
 )
-def test_no_velocity_leads_towards_what_is_as_near_as_can_be(
+def test_no_velocity_leads_towards_an_obstacle_within_35_centimetres(
     points: list[Place], forward_m_s: float, right_m_s: float
 ) -> None:
     safe = guarded(Setpoint(forward_m_s, right_m_s), around(points), CLEARANCE_M)
@@ -205,13 +207,13 @@ class Drone:
 
     @property
     def points(self) -> list[Place]:
-        """The exact points."""
+        """The points that are not vague."""
         around = self.near.surroundings(0.5)
         exact = around.points_frd_m[~around.is_vague]
         return [(float(f), float(r)) for f, r in exact]
 
 
-def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
+def test_an_obstacle_point_keeps_its_place_while_the_drone_moves() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(right=at(1.2))
     drone.move(0.3)
@@ -220,14 +222,14 @@ def test_what_was_met_stays_where_it_was_while_the_drone_moves_on() -> None:
     assert right_m == pytest.approx(1.28)
 
 
-def test_who_has_walked_on_is_forgotten() -> None:
+def test_the_point_of_a_moved_obstacle_is_removed() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
     drone.sweep(front=at(3.5))
     assert drone.points == []
 
 
-def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> None:
+def test_beams_that_pass_beside_a_thin_pole_do_not_remove_it() -> None:
     """The pole is 5 cm wide, and stands 3 cm beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
@@ -236,7 +238,7 @@ def test_beams_that_pass_beside_a_thin_pole_do_not_show_that_it_is_gone() -> Non
 
 
 @pytest.mark.parametrize("aside_m", [0.0, 0.005, 0.01, 0.015, 0.03])
-def test_beams_that_pass_a_leg_on_either_side_do_not_let_it_go(aside_m: float) -> None:
+def test_beams_that_pass_a_leg_on_either_side_do_not_remove_it(aside_m: float) -> None:
     """The leg is 3 cm wide, and stands a little beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
@@ -244,7 +246,7 @@ def test_beams_that_pass_a_leg_on_either_side_do_not_let_it_go(aside_m: float) -
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
-def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stands() -> None:
+def test_beams_beside_a_pole_do_not_remove_it_after_drift_of_more_than_its_width() -> None:
     """The pole stands 9 cm beside its stored position."""
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
@@ -253,7 +255,7 @@ def test_it_may_have_drifted_by_more_than_a_pole_is_wide_and_the_pole_still_stan
     assert drone.points == [pytest.approx((1.28, 0.0))]
 
 
-def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothing() -> None:
+def test_beams_on_either_side_of_a_post_do_not_remove_it_during_drift() -> None:
     """The post is 5 cm right of its stored position, and half a minute later 5 cm left."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
@@ -268,7 +270,7 @@ def test_it_drifts_over_a_post_and_all_beams_that_pass_on_either_side_say_nothin
 
 
 @pytest.mark.parametrize("strength", ["too strong", "folded"])
-def test_a_post_that_is_too_near_to_be_measured_is_met_again_all_the_same(strength: str) -> None:
+def test_a_post_that_is_too_near_to_be_measured_is_detected_again(strength: str) -> None:
     """The signal reads 0.9 m or 1.5 m; odometry drifts by as much as the post is wide."""
     sensor = GP2Y0A710K0F
     drone = Drone(near(sensor, 0.08), Drift(walk_m2_per_s=0.016**2))
@@ -289,7 +291,7 @@ def test_a_post_that_is_too_near_to_be_measured_is_met_again_all_the_same(streng
     assert min(math.dist(point, (post_m, 0.09)) for point in drone.points) < 0.05
 
 
-def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exactly() -> None:
+def test_clearance_from_a_far_detection_includes_its_sigma_until_an_exact_detection() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(3.4))
     drone.move(2.2)
@@ -300,8 +302,8 @@ def test_what_is_met_from_afar_is_kept_off_from_by_its_sigma_until_it_is_met_exa
     assert len(drone.near.surroundings(0.5).points_frd_m) == 1
 
 
-def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
-    """Otherwise a jamb detected from far away blocks the middle of its doorway."""
+def test_a_vague_point_is_moved_out_of_swept_space() -> None:
+    """A jamb detected from far away would block the middle of its doorway."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.turn_to(math.radians(30))
     drone.see(front=RangeReading(RangeState.DISTANCE, 3.0, 0.15**2))
@@ -319,7 +321,7 @@ def test_what_is_vague_does_not_stand_where_beams_have_gone() -> None:
     assert 1.48 < aside_m() < 1.54
 
 
-def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
+def test_a_vague_reading_does_not_move_an_exact_point() -> None:
     """A jamb that read 20 cm too near from 4 m blocked its own doorway for a minute."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.6))
@@ -332,7 +334,7 @@ def test_a_vague_reading_of_what_is_known_exactly_tells_nothing_new() -> None:
 
 
 @pytest.mark.parametrize("sigmas_short", [0.5, 2.6])
-def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: float) -> None:
+def test_a_later_exact_reading_replaces_a_vague_point(sigmas_short: float) -> None:
     """A jamb that read 2.6 sigmas too near left a point that blocked the doorway home."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     sigma_m = 0.07
@@ -343,7 +345,7 @@ def test_what_was_met_vaguely_is_what_is_met_exactly_there_later(sigmas_short: f
     assert forward_m == pytest.approx(1.68)
 
 
-def test_what_is_met_again_and_again_is_not_forgotten() -> None:
+def test_a_point_that_is_detected_repeatedly_does_not_expire() -> None:
     """The drone hovered before a leg for two minutes; the point expired, and the drone hit it."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.2))
@@ -355,7 +357,7 @@ def test_what_is_met_again_and_again_is_not_forgotten() -> None:
     assert forward_m == pytest.approx(0.68)
 
 
-def test_what_was_first_met_too_near_is_met_again_when_it_is_nearer() -> None:
+def test_a_nearer_too_near_reading_moves_the_point_of_an_earlier_one() -> None:
     """A leg at 0.5 m read 0.8 m and became a second point; the drone hit the real leg."""
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR, 0.94))
@@ -366,7 +368,7 @@ def test_what_was_first_met_too_near_is_met_again_when_it_is_nearer() -> None:
     assert forward_m == pytest.approx(0.54)
 
 
-def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> None:
+def test_the_drone_retreats_from_an_unmeasurable_obstacle_as_drift_grows() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08), Drift(walk_m2_per_s=0.016**2))
     drone.see(front=at(1.2))
     drone.move(0.7)
@@ -382,7 +384,7 @@ def test_it_moves_away_from_what_it_drifts_against_and_cannot_meet_again() -> No
     assert -0.15 <= speed_m_s() < -0.05
 
 
-def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None:
+def test_a_beam_beside_the_edge_of_a_jamb_does_not_remove_the_jamb() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(5):
         drone.see(right=at(1.2))
@@ -393,7 +395,7 @@ def test_a_jamb_is_not_forgotten_when_the_beam_goes_on_beside_its_edge() -> None
     assert len(drone.points) == 5
 
 
-def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew() -> None:
+def test_a_new_detection_of_a_jamb_removes_points_that_drifted_into_the_doorway() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(5):
         drone.see(right=at(1.2))
@@ -410,7 +412,7 @@ def test_a_jamb_that_has_drifted_into_a_doorway_is_forgotten_once_it_is_met_anew
 
 
 @pytest.mark.parametrize(("nearer_m", "in_s", "is_one"), [(0.15, 60, True), (0.15, 1, False)])
-def test_what_is_met_within_the_drift_of_what_was_met_long_ago_is_the_same(
+def test_a_detection_within_the_drift_of_an_old_point_replaces_the_point(
     nearer_m: float, in_s: float, is_one: bool
 ) -> None:
     """A jamb stored twice, 0.2 m apart, led the drone into the other jamb."""
@@ -422,7 +424,7 @@ def test_what_is_met_within_the_drift_of_what_was_met_long_ago_is_the_same(
     assert min(right_m for _, right_m in drone.points) == pytest.approx(1.28 - nearer_m)
 
 
-def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
+def test_a_slowly_moving_beam_stores_points_along_all_of_a_surface() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     for _ in range(30):
         drone.see(right=at(1.2))
@@ -432,17 +434,17 @@ def test_a_beam_that_passes_slowly_leaves_all_of_a_surface_behind() -> None:
     assert max(b - a for a, b in pairwise(along_m)) < 0.06
 
 
-def test_what_was_measured_stays_while_it_is_too_near_to_be_measured() -> None:
+def test_a_measured_point_stays_while_it_is_too_near_to_be_measured() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=at(1.1))
     for _ in range(14):
         drone.move(0.05)
     for _ in range(5):
-        drone.see(front=at(5.2))  # a very near obstacle may read the same
+        drone.see(front=at(5.2))  # a very near obstacle may give the same reading
     assert drone.points == [pytest.approx((0.48, 0.0))]
 
 
-def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
+def test_a_folded_back_reading_becomes_too_near() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(front=at(1.1))
     for _ in range(14):
@@ -453,7 +455,7 @@ def test_a_reading_that_has_folded_back_is_called_too_near() -> None:
     assert min(forward_m for forward_m, _ in drone.points) == pytest.approx(0.4, abs=0.03)
 
 
-def test_what_was_inferred_is_no_proof_of_the_next() -> None:
+def test_an_inferred_point_does_not_mark_the_next_reading_as_folded_back() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(right=at(1.1))
     folded = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(0.4))
@@ -461,7 +463,7 @@ def test_what_was_inferred_is_no_proof_of_the_next() -> None:
     assert drone.see(right=folded).readings[Beam.RIGHT].is_distance
 
 
-def test_a_wall_that_comes_near_unseen_is_not_taken_for_its_alias() -> None:
+def test_a_wall_that_approaches_undetected_reads_too_near_and_not_its_alias() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
     for right_m in np.arange(0.6, 0.3, -0.01):  # as at a corner that the drone passes closely
         reading = GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(right_m))
@@ -482,7 +484,7 @@ def beside_a_wall(metres: list[float]) -> list[RangeReading]:
 
 
 @pytest.mark.parametrize("slope", [0.1, 0.2, 0.35])
-def test_a_wall_that_falls_back_at_a_slant_is_believed(slope: float) -> None:
+def test_readings_of_a_wall_that_recedes_obliquely_are_valid(slope: float) -> None:
     metres = [0.7 + 0.03 * slope * i for i in range(round(0.7 / (0.03 * slope)))]
     for right_m, reading in zip(metres, beside_a_wall(metres), strict=True):
         if right_m > 1.05:
@@ -490,15 +492,15 @@ def test_a_wall_that_falls_back_at_a_slant_is_believed(slope: float) -> None:
 
 
 @pytest.mark.parametrize("behind_m", [1.2, 1.6, 2.5])
-def test_what_stands_behind_the_end_of_a_near_wall_is_believed(behind_m: float) -> None:
+def test_readings_behind_the_end_of_a_near_wall_are_valid(behind_m: float) -> None:
     metres = [0.6] * 20 + [behind_m] * 20
     last = beside_a_wall(metres)[-1]
     assert last.distance_m == pytest.approx(behind_m, abs=0.15)
 
 
-def test_what_is_far_beside_an_edge_does_not_follow_the_drone() -> None:
+def test_readings_beside_an_edge_do_not_mark_far_readings_as_folded_back() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
-    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # as a wide beam measures there
+    for degree, between_m in enumerate(np.geomspace(0.5, 4.0, 30)):  # of a wide beam at an edge
         drone.turn_to(math.radians(degree))
         drone.see(front=GP2Y0A710K0F.reading(GP2Y0A710K0F.volts(float(between_m))))
     for _ in range(30):
@@ -508,7 +510,7 @@ def test_what_is_far_beside_an_edge_does_not_follow_the_drone() -> None:
 
 
 @pytest.mark.parametrize("guess_m", [0.25, 0.55])
-def test_a_guess_of_how_near_it_is_moves_nothing_that_was_measured(guess_m: float) -> None:
+def test_an_estimate_of_a_too_near_distance_does_not_move_a_measured_point(guess_m: float) -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.0))
     drone.see(front=at(1.1))
     for _ in range(14):
@@ -517,13 +519,13 @@ def test_a_guess_of_how_near_it_is_moves_nothing_that_was_measured(guess_m: floa
     assert drone.points == [pytest.approx((0.4, 0.0))]
 
 
-def test_a_sensor_that_does_not_fold_is_believed() -> None:
+def test_readings_of_a_sensor_without_aliasing_are_valid() -> None:
     drone = Drone(near(PAPER, 0.0))
     drone.see(front=at(0.4))
     assert drone.see(front=at(1.1)).readings[Beam.FRONT].is_distance
 
 
-def test_what_is_too_near_by_its_signal_stays_while_readings_may_have_folded() -> None:
+def test_a_too_near_point_stays_while_readings_may_be_folded_back() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
     for _ in range(5):
@@ -534,17 +536,17 @@ def test_what_is_too_near_by_its_signal_stays_while_readings_may_have_folded() -
 
 
 @pytest.mark.parametrize("was", [RangeReading(RangeState.TOO_NEAR), at(1.2)])
-def test_somebody_who_has_gone_is_let_go_where_a_folded_reading_would_be_nearer(
+def test_a_moved_obstacle_is_removed_where_a_folded_back_reading_would_be_nearer(
     was: RangeReading,
 ) -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=was)
     drone.move(max(forward_m for forward_m, _ in drone.points) - 0.75)
-    drone.sweep(front=at(3.0))  # 3.0 m and 0.22 m from the sensor read the same
+    drone.sweep(front=at(3.0))  # 3.0 m and 0.22 m from the sensor give the same reading
     assert drone.points == []
 
 
-def test_what_suddenly_is_too_near_is_kept_off_from() -> None:
+def test_the_drone_slows_down_at_a_sudden_too_near_reading() -> None:
     drone = Drone(near(GP2Y0A710K0F, 0.08))
     drone.see(front=RangeReading(RangeState.TOO_NEAR))
     stopped = guarded(FORWARD, drone.near.surroundings(0.5), CLEARANCE_M)

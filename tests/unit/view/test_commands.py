@@ -27,7 +27,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
         (("companion", "view", "drone:port"), "should be HOST or HOST:PORT"),
     ],
 )
-def test_what_cannot_be_shown_is_one_line(command: tuple[str, ...], words: str) -> None:
+def test_errors_are_reported_in_one_line(command: tuple[str, ...], words: str) -> None:
     refused = run("-m", *command)
     assert refused.returncode == 2, refused.stderr
     assert words in refused.stderr
@@ -36,7 +36,7 @@ def test_what_cannot_be_shown_is_one_line(command: tuple[str, ...], words: str) 
 
 
 @pytest.mark.parametrize("program", ["sitl", "companion"])
-def test_without_the_extra_the_remedy_is_told(program: str) -> None:
+def test_a_missing_viewer_extra_is_reported_with_the_remedy(program: str) -> None:
     refused = run("-c", WITHOUT_VISER.format(program), "view", "room_100")
     assert refused.returncode == 2
     assert refused.stderr.strip() == (
@@ -44,6 +44,6 @@ def test_without_the_extra_the_remedy_is_told(program: str) -> None:
     )
 
 
-def test_the_drone_does_not_load_what_draws_pages() -> None:
+def test_the_companion_command_does_not_load_viser() -> None:
     loaded = run("-c", "import sys, companion.commands.cli; print('viser' in sys.modules)")
     assert loaded.stdout.strip() == "False"

@@ -70,9 +70,9 @@ def tick_until(feed: TcpFeed, is_done: Callable[[], bool], first_s: float = 0.0)
     raise AssertionError("not within the deadline")
 
 
-def test_a_looker_sees_map_and_pose(feed: TcpFeed) -> None:
+def test_a_viewer_receives_map_and_pose(feed: TcpFeed) -> None:
     seen: Queue[Snapshot] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 3)
     first = seen.get(timeout=DEADLINE_S)
     assert first.sketch == Mapping(Config()).sketch()
@@ -81,10 +81,10 @@ def test_a_looker_sees_map_and_pose(feed: TcpFeed) -> None:
     assert first.readings[Beam.FRONT].distance_m == 1.5
     assert first.readings[Beam.UP].state is RangeState.NOTHING
     assert first.mount_offset_m == 0.08
-    looker.close()
+    viewer.close()
 
 
-def test_who_comes_late_gets_the_map_at_once(feed: TcpFeed) -> None:
+def test_a_late_viewer_receives_the_map_at_once(feed: TcpFeed) -> None:
     early: Queue[Snapshot] = Queue()
     late: Queue[Snapshot] = Queue()
     first = FeedClient(("127.0.0.1", feed.port), TOKEN, early.put, lambda reason: None)
@@ -96,28 +96,28 @@ def test_who_comes_late_gets_the_map_at_once(feed: TcpFeed) -> None:
     second.close()
 
 
-def test_the_wrong_token_sees_nothing(feed: TcpFeed) -> None:
+def test_a_viewer_with_a_wrong_token_receives_nothing(feed: TcpFeed) -> None:
     seen: list[Snapshot] = []
     complaints: Queue[str] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
+    viewer = FeedClient(("127.0.0.1", feed.port), "wrong", seen.append, complaints.put)
     tick_until(feed, lambda: not complaints.empty())
     assert "--drone-token-file" in complaints.get(timeout=DEADLINE_S)
     assert not seen
-    looker.close()
+    viewer.close()
 
 
-def test_who_says_nothing_or_nonsense_does_not_hold_up_the_flight(feed: TcpFeed) -> None:
+def test_a_client_that_sends_nothing_or_garbage_does_not_block_the_feed(feed: TcpFeed) -> None:
     silent = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
     babbling = socket.create_connection(("127.0.0.1", feed.port), DEADLINE_S)
     babbling.sendall(b"GET / HTTP/1.1\r\nHost: drone\r\n\r\n" + b"x" * 1000)
     seen: Queue[Snapshot] = Queue()
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, seen.put, lambda reason: None)
     tick_until(feed, lambda: seen.qsize() > 1)
-    for other in (looker, silent, babbling):
+    for other in (viewer, silent, babbling):
         other.close()
 
 
-def test_without_a_looker_nothing_is_done(feed: TcpFeed) -> None:
+def test_no_sketch_is_made_without_a_viewer(feed: TcpFeed) -> None:
     class Untouched(App):
         def sketch(self) -> Sketch:
             raise AssertionError("nobody looks")
@@ -127,27 +127,27 @@ def test_without_a_looker_nothing_is_done(feed: TcpFeed) -> None:
     quiet.close()
 
 
-def test_an_error_ends_the_looking_on_and_not_the_flight() -> None:
+def test_an_error_ends_the_feed_and_not_the_flight() -> None:
     class Broken(App):
         def sketch(self) -> Sketch:
             raise ZeroDivisionError
 
     warnings: list[str] = []
     feed = TcpFeed(("127.0.0.1", 0), TOKEN, Broken(Config()), 0.08, warnings.append)
-    looker = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
+    viewer = FeedClient(("127.0.0.1", feed.port), TOKEN, lambda seen: None, lambda reason: None)
     tick_until(feed, lambda: bool(warnings))
     assert "ZeroDivisionError" in warnings[0]
-    looker.close()
+    viewer.close()
 
 
-def test_a_snapshot_is_the_same_after_the_wire() -> None:
+def test_a_snapshot_is_unchanged_after_encoding_and_decoding() -> None:
     snapshot = Snapshot(
         1.0, "scanning", pose=Pose(1.0, 0.1, 0.2, -1.0, 0.3), sketch=Sketch((WALL,))
     )
     assert decode(encode(snapshot)) == snapshot
 
 
-def test_it_is_off_unless_asked_for() -> None:
+def test_the_feed_is_off_by_default() -> None:
     assert isinstance(open_feed(Config(), App(Config()), fail), NoFeed)
 
 
@@ -157,13 +157,13 @@ def test_an_address_that_others_reach_needs_a_token() -> None:
         open_feed(config, App(config), fail)
 
 
-def test_a_port_that_is_taken_is_told(feed: TcpFeed) -> None:
+def test_a_port_in_use_is_reported(feed: TcpFeed) -> None:
     config = Config(view=ViewConfig(listen=f"127.0.0.1:{feed.port}"))
     with pytest.raises(ViewError, match=r"view.listen = .*Address already in use"):
         open_feed(config, App(config), fail)
 
 
-def test_addresses_of_drones() -> None:
+def test_addresses_of_drones_are_parsed() -> None:
     assert parse_address("drone.local") == ("drone.local", 5795)
     assert parse_address("10.0.0.7:99") == ("10.0.0.7", 99)
     with pytest.raises(ViewError, match="HOST:PORT"):
@@ -172,7 +172,7 @@ def test_addresses_of_drones() -> None:
         FeedClient(("127.0.0.1", free_port()), "", lambda seen: None, lambda reason: None)
 
 
-def test_a_snapshot_as_long_as_the_memory_is_not_read() -> None:
+def test_a_snapshot_of_excessive_length_is_not_read() -> None:
     listener = socket.create_server(("127.0.0.1", 0))
     complaints: Queue[str] = Queue()
 
@@ -184,9 +184,9 @@ def test_a_snapshot_as_long_as_the_memory_is_not_read() -> None:
 
     Thread(target=lie, daemon=True).start()
     port = listener.getsockname()[1]
-    looker = FeedClient(("127.0.0.1", port), "", lambda seen: None, complaints.put)
+    viewer = FeedClient(("127.0.0.1", port), "", lambda seen: None, complaints.put)
     assert "2147483648 bytes" in complaints.get(timeout=DEADLINE_S)
-    looker.close()
+    viewer.close()
     listener.close()
 
 
@@ -196,7 +196,7 @@ def free_port() -> int:
         return port
 
 
-def test_a_bad_address_in_the_configuration_is_told(tmp_path: Path) -> None:
+def test_a_bad_address_in_the_configuration_is_reported(tmp_path: Path) -> None:
     file = tmp_path / "drone.toml"
     file.write_text('[view]\nlisten = "5795"\n')
     with pytest.raises(ConfigError, match=r"view.listen = '5795'"):

@@ -87,14 +87,14 @@ def test_this_machine_gets_the_page(local: PageServer) -> None:
     assert open_socket(local, origin=f"http://127.0.0.1:{port}") == 101
 
 
-def test_another_site_does_not_get_at_it_through_the_browser(local: PageServer) -> None:
+def test_another_site_cannot_reach_the_page_through_the_browser(local: PageServer) -> None:
     assert get(local, headers={"Host": "evil.example"})[0] == 403
     assert open_socket(local, origin="http://evil.example") == 403
     assert open_socket(local, origin=f"http://evil.example:{local.get_port()}") == 403
     assert open_socket(local, origin="null") == 403
 
 
-def test_a_stranger_is_refused_page_files_and_socket(public: PageServer) -> None:
+def test_page_files_and_socket_are_refused_without_the_token(public: PageServer) -> None:
     for path in ("/", "/index.html", "/?token=", "/?token=0123456789abcdeF", "/assets/x.js"):
         assert get(public, path)[0] == 403
     assert open_socket(public) == 403
@@ -102,16 +102,16 @@ def test_a_stranger_is_refused_page_files_and_socket(public: PageServer) -> None
     assert open_socket(public, headers={"Cookie": "pdps_view_1=" + TOKEN}) == 403
 
 
-def test_the_token_lets_in_and_leaves_the_address(public: PageServer) -> None:
+def test_the_token_gives_access_and_is_removed_from_the_address(public: PageServer) -> None:
     status, headers = get(public, f"/?token={TOKEN}")
     assert (status, headers["Location"]) == (303, "./")
     cookie = headers["Set-Cookie"]
     assert "HttpOnly" in cookie
     assert "SameSite=Strict" in cookie
-    told = {"Cookie": cookie.partition(";")[0]}
-    assert get(public, headers=told)[0] == 200
-    assert open_socket(public, headers=told) == 101
-    assert open_socket(public, origin="http://evil.example", headers=told) == 403
+    with_cookie = {"Cookie": cookie.partition(";")[0]}
+    assert get(public, headers=with_cookie)[0] == 200
+    assert open_socket(public, headers=with_cookie) == 101
+    assert open_socket(public, origin="http://evil.example", headers=with_cookie) == 403
 
 
 COOKIE = f"pdps_view_8080={TOKEN}"
@@ -126,13 +126,13 @@ COOKIE = f"pdps_view_8080={TOKEN}"
         ("maps.example:8080", "https://maps.example"),
     ],
 )
-def test_a_proxy_that_changes_the_host_is_told_so(host: str, origin: str) -> None:
+def test_a_refusal_names_the_host_that_a_proxy_changed(host: str, origin: str) -> None:
     for token in (TOKEN, None):
-        told = refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}, token=token)
-        assert repr(host) in told
-        assert repr(origin) in told
-        assert "proxy must pass Host" in told
-        assert "only for the machine" not in told
+        refused = refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}, token=token)
+        assert repr(host) in refused
+        assert repr(origin) in refused
+        assert "proxy must pass Host" in refused
+        assert "only for the machine" not in refused
 
 
 @pytest.mark.parametrize(
@@ -145,11 +145,11 @@ def test_a_proxy_that_changes_the_host_is_told_so(host: str, origin: str) -> Non
         ("[::1]:8080", "http://[::1]:8080"),
     ],
 )
-def test_a_proxy_that_passes_the_host_is_let_in(host: str, origin: str) -> None:
+def test_a_proxy_that_passes_the_host_is_admitted(host: str, origin: str) -> None:
     assert refusal({"Host": host, "Origin": origin, "Cookie": COOKIE}) == ""
 
 
-def test_no_token_and_a_wrong_one_are_told_apart() -> None:
+def test_missing_and_wrong_tokens_are_refused_with_different_texts() -> None:
     host = {"Host": "maps.example"}
     assert "needs its token" in refusal(host)
     assert "token in the address is not" in refusal(host, "/?token=0123456789abcdeF")
@@ -158,7 +158,7 @@ def test_no_token_and_a_wrong_one_are_told_apart() -> None:
     assert refusal(of_before, f"/?token={TOKEN}") == ""
 
 
-def test_another_host_and_headers_that_stand_twice_are_told_apart() -> None:
+def test_another_host_and_invalid_headers_are_refused_with_different_texts() -> None:
     assert "Host 'evil.example'" in refusal({"Host": "evil.example"}, token=None)
     assert "machine that it runs on" in refusal({"Host": "evil.example"}, token=None)
     assert "one Host" in refusal({}, token=None)
@@ -166,7 +166,7 @@ def test_another_host_and_headers_that_stand_twice_are_told_apart() -> None:
     assert "differ" in refusal({"Host": "127.0.0.1:x", "Origin": "http://[::"}, token=None)
 
 
-def test_nobody_can_have_it_shared_with_the_world(local: PageServer) -> None:
+def test_the_page_cannot_be_shared_publicly(local: PageServer) -> None:
     assert local.request_share_url() is None
 
 
@@ -176,12 +176,12 @@ def test_an_address_that_others_reach_needs_a_token(host: str) -> None:
         open_page(host, 0, None, "test")
 
 
-def test_a_port_that_is_taken_is_told(local: PageServer) -> None:
+def test_a_port_in_use_is_reported(local: PageServer) -> None:
     with pytest.raises(ViewError, match=rf"--port {local.get_port()}: Address already in use"):
         open_page("127.0.0.1", local.get_port(), None, "test")
 
 
-def test_a_token_is_long_and_its_owners_alone(tmp_path: Path, token_file: Path) -> None:
+def test_a_token_is_long_and_its_file_private(tmp_path: Path, token_file: Path) -> None:
     assert read_token(token_file, "--token-file") == TOKEN
     token_file.chmod(0o644)
     with pytest.raises(ViewError, match=r"--token-file .*mode 644.*chmod 600"):
@@ -194,11 +194,11 @@ def test_a_token_is_long_and_its_owners_alone(tmp_path: Path, token_file: Path) 
         read_token(tmp_path / "none", "--token-file")
 
 
-def test_loopback_is_what_only_this_machine_reaches() -> None:
+def test_loopback_addresses_are_recognized() -> None:
     assert all(map(is_loopback, ("localhost", "127.0.0.1", "127.1.2.3", "::1")))
     assert not any(map(is_loopback, ("0.0.0.0", "::", "192.168.1.2", "127.0.0.1.evil.example")))
 
 
-def test_an_answer_does_not_fit_another_challenge_or_token() -> None:
+def test_an_answer_depends_on_challenge_and_token() -> None:
     assert answer(TOKEN, b"a") != answer(TOKEN, b"b")
     assert answer(TOKEN, b"a") != answer("another", b"a")
