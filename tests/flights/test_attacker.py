@@ -106,6 +106,6 @@ def test_a_signed_flight_does_not_notice_an_attacker(
     assert simulation.record.path == unharmed[1].record.path
 
 
-def test_without_signing_the_attacker_has_the_drone() -> None:
+def test_an_attacker_disrupts_an_unsigned_flight() -> None:
     app, _ = flown(signed=False, attack=unsigned)
     assert not app.flight.completed

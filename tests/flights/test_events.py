@@ -54,7 +54,9 @@ do = "crash"
 """
 
 
-def test_so_does_one_of_a_missions_file(sitl: Sitl, tmp_path: Path) -> None:
+def test_an_event_of_a_mission_file_that_never_happens_fails_the_flight(
+    sitl: Sitl, tmp_path: Path
+) -> None:
     path = tmp_path / "mission.toml"
     path.write_text(MISSION)
     with pytest.raises(AssertionError, match="at 900 s"):

@@ -57,7 +57,7 @@ class Strangers:
 
 
 @pytest.mark.parametrize("waits", ["vehicle", "companion"])
-def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
+def test_foreign_datagrams_do_not_disturb_a_flight(waits: str, tmp_path: Path) -> None:
     """They send to the side that waits for the other; the other side's port is unknown to them."""
     truth, port = tmp_path / "truth.json", free_udp_port()
     kinds = {side: "udpin" if side == waits else "udpout" for side in ("vehicle", "companion")}

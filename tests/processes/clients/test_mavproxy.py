@@ -88,7 +88,7 @@ def mavproxy(firmware: str, tmp_path: Path) -> Iterator[MavProxy]:
             session.kill()
 
 
-def test_it_connects_reads_parameters_changes_mode_and_arms(
+def test_mavproxy_connects_reads_parameters_changes_mode_and_arms(
     mavproxy: MavProxy, firmware: str, tmp_path: Path
 ) -> None:
     mavproxy.prints("Detected vehicle 1:1")

@@ -38,7 +38,7 @@ def origin_is_taken(action: Action) -> bool:
     return True
 
 
-def test_it_connects_arms_takes_off_flies_and_lands(
+def test_mavsdk_connects_arms_takes_off_flies_and_lands(
     vehicle: tuple[Action, Offboard, Telemetry],
 ) -> None:
     action, offboard, telemetry = vehicle

@@ -64,7 +64,7 @@ def has_origin(vehicle: Any) -> bool:
     return receives(vehicle, "GPS_GLOBAL_ORIGIN")
 
 
-def test_ardupilot_is_set_up_and_armed() -> None:
+def test_mavutil_sets_up_and_arms_ardupilot() -> None:
     with connected("ardupilot") as vehicle:
         fetches_all_parameters(vehicle, "ardupilot")
         vehicle.param_set_send("GUID_TIMEOUT", 0.5)
@@ -81,7 +81,7 @@ def test_ardupilot_is_set_up_and_armed() -> None:
         until(lambda: is_armed(vehicle, armed=False), "disarmed", DEADLINE_S)
 
 
-def test_px4_is_set_up_and_armed() -> None:
+def test_mavutil_sets_up_and_arms_px4() -> None:
     arm = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
     rejected = {"result": mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
     with connected("px4") as vehicle:

@@ -111,7 +111,7 @@ def test_random_rays_are_exact(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_level_and_upright_rays_are_exact(name: str) -> None:
+def test_horizontal_and_vertical_rays_are_exact(name: str) -> None:
     """Along the walls' axes, the usual directions of a drone's beams."""
     place = in_world(name)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
@@ -151,7 +151,7 @@ def test_no_ray_at_an_edge_or_vertex_is_lost(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_a_bundle_of_rays_is_as_exact_as_each_of_them(name: str) -> None:
+def test_a_bundle_of_rays_has_the_same_ranges_as_single_rays(name: str) -> None:
     place = in_world(name)
     half_angle_rad = 0.1
     for origin, axis in zip(place.origins(200), unit(place.rng.normal(size=(200, 3))), strict=True):
