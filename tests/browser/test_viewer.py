@@ -164,12 +164,12 @@ def settled(page: Page) -> float:
     """The flight's time when it no longer advances."""
     seen = [-1.0]
 
-    def stands() -> bool:
+    def has_stopped() -> bool:
         seen.append(number(page, "time"))
         page.wait_for_timeout(400)
         return number(page, "time") == seen[-1]
 
-    until(stands, "a pause", DEADLINE_S)
+    until(has_stopped, "a pause", DEADLINE_S)
     return seen[-1]
 
 

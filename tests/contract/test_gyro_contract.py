@@ -37,7 +37,7 @@ class Turntable:
         self.gyro = open_gyro(self._wires, SensorsConfig(gyro=name))  # type: ignore[arg-type]
         self._imu = Imu(stream(1, kind))
         self._codec = make_codec(1, 1)
-        self._told_s = bench.time_s
+        self._sent_s = bench.time_s
         self.is_silent = False
         self.clock_s = 0.0
         """Lead of the autopilot's clock over the companion's, s."""
@@ -54,13 +54,13 @@ class Turntable:
         bench.board.bus.is_broken = self.is_silent
         now_s = bench.passes(TICK_S)
         if isinstance(self.gyro, AutopilotGyro):
-            self._tell(now_s, self.gyro)
+            self._send(now_s, self.gyro)
         return [(sample.time_s, sample.yaw_rate_rad_s) for sample in self.gyro.read(now_s)]
 
-    def _tell(self, now_s: float, gyro: AutopilotGyro) -> None:
-        while self._told_s + IMU_S <= now_s:
-            self._told_s += IMU_S
-            message = self._message(self._told_s + self.clock_s)
+    def _send(self, now_s: float, gyro: AutopilotGyro) -> None:
+        while self._sent_s + IMU_S <= now_s:
+            self._sent_s += IMU_S
+            message = self._message(self._sent_s + self.clock_s)
             if not self.is_silent:
                 for received in decode(self._codec, message.pack(self._codec)):
                     gyro.receive(received, now_s)
@@ -147,7 +147,7 @@ def test_random_bytes_give_no_impossible_rate_and_the_gyro_recovers(
 
 @pytest.mark.parametrize("set_s", [-100.0, -2.0, 5.0])
 def test_sample_times_follow_a_clock_step(turntable: Turntable, set_s: float) -> None:
-    """Sets the autopilot's clock, as its restart does; the companion's gyros have no clock."""
+    """The autopilot's clock steps, as at a restart; the companion's own gyros have no clock."""
     turntable.clock_s = 200.0
     turntable.turned_deg(0.0, 1.0)
     turntable.clock_s += set_s

@@ -98,7 +98,7 @@ def test_too_near_surfaces_are_not_reported_as_far(bench: Bench) -> None:
 
 
 def test_the_latency_of_readings_matches_the_model(bench: Bench) -> None:
-    """A surface moves away at 2 m/s: the reading is its distance at that earlier time."""
+    """A surface moves away at 2 m/s, so the error of a reading gives its age."""
     sensors = sensors_of(bench)
     bench.moving_away_m_s = 2.0
     lags_s: dict[Beam, list[float]] = {beam: [] for beam in FIVE}

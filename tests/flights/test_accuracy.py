@@ -31,7 +31,7 @@ def test_the_map_error_is_close_to_that_of_an_ideal_solver() -> None:
 def test_gyro_drift_while_arming_is_refused_does_not_rotate_the_map(
     sitl: Sitl, autopilot: str
 ) -> None:
-    """ArduCopter refused arming ("Gyros inconsistent") for 18 s, and the map turned by 2.5 deg."""
+    """ArduCopter once refused arming ("Gyros inconsistent") for 18 s; the map rotated by 2.5°."""
     yaw_deg: list[float] = []
 
     def note(simulation: Simulation, app: App) -> None:

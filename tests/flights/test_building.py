@@ -64,7 +64,7 @@ def test_open_and_narrow_buildings_are_mapped_completely(sitl: Sitl, world: str)
 
 
 def test_the_drone_enters_a_corridor_first_detected_from_the_side(sitl: Sitl) -> None:
-    """The drone once scanned along the wall before the corridor again and again, outside it."""
+    """The drone once scanned the wall before the corridor repeatedly and stayed outside."""
     flight = sitl.fly("worlds/switchback.toml", mission="building", seed=2)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -101,9 +101,9 @@ def test_the_heading_stays_accurate_along_walls_with_pilasters(sitl: Sitl) -> No
 def test_the_pose_stays_accurate_through_a_row_of_rooms(
     sitl: Sitl, profile: str, seed: int
 ) -> None:
-    """Walls of the first room once grew through the third and shifted the pose by a metre.
+    """Walls of the first room were once extended into the third: the pose shifted by a metre.
 
-    A doorway of 0.95 m was measured as 0.79 m during pose drift, and its room was not entered.
+    During pose drift a doorway of 0.95 m was measured as 0.79 m, so the drone skipped the room.
     """
     errors, world = PoseErrors(), "worlds/three_rooms.toml"
     flight = sitl.fly(world, mission="building", seed=seed, profile=profile, script=errors.script)
@@ -148,7 +148,7 @@ def test_the_drone_returns_before_the_time_limit(sitl: Sitl) -> None:
 def test_mapped_heights_of_an_office_are_accurate_to_6_cm(
     sitl: Sitl, profile: str, seed: int, spacing_m: float
 ) -> None:
-    """Maps layer by layer up to the ceiling, and returns.
+    """The drone maps layer by layer up to the ceiling, and returns.
 
     At 1.8 m the first such flight hit the lintel of the door, which only the up beam detects.
     """

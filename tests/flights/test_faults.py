@@ -151,7 +151,7 @@ ON_MCP3008 = "\n".join(
 def test_an_open_adc_input_that_follows_its_neighbours_lands_the_drone(
     sitl: Sitl, tmp_path: Path, beam: str
 ) -> None:
-    """The voltage looks like a distance all the time."""
+    """The voltage of the open input is always that of a valid distance."""
     config = tmp_path / "drone.toml"
     config.write_text(ON_MCP3008)
     script = [at(30, unplug(beam, memory=0.9))]
@@ -171,7 +171,7 @@ def test_a_dead_beam_of_the_papers_sensor_lands_the_drone(sitl: Sitl, beam: str)
 
 @pytest.mark.parametrize(
     ("profile", "autopilot", "transfer_s"),
-    [  # each pair of two
+    [  # every pair of values of two parameters
         ("gp2y0a710k0f", "ardupilot", 0.03),
         ("gp2y0a710k0f", "px4", 1.0),
         ("vl53l1x", "ardupilot", 1.0),
@@ -264,7 +264,7 @@ def test_swapped_sensors_are_detected_before_a_collision(
 def test_temporary_faults_do_not_end_the_mission(
     sitl: Sitl, small: str, actions: Sequence[Action]
 ) -> None:
-    """Along a wall, in a turn, and on the way back."""
+    """The faults occur along a wall, in a turn, and on the way back."""
     flight = sitl.fly(small, script=[*map(when, ("scanning", "corner", "returning"), actions)])
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
@@ -404,7 +404,7 @@ def test_starved_flights_are_identical_over_every_transport(sitl: Sitl, small: s
 def test_a_heading_correction_of_the_autopilot_is_not_a_gyro_fault(
     sitl: Sitl, small: str, begins_s: float, pull_deg: float
 ) -> None:
-    """Pulls it by 14° in 3 s, as PX4 at take-off, and by 3° at once, as ArduPilot in flight."""
+    """The heading shifts by 14° in 3 s, as PX4's at take-off, or by 3° at once, as ArduPilot's."""
     recorded: list[str] = []
     steps = 60 if pull_deg < 0 else 1
     pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]

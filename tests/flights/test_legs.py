@@ -18,7 +18,7 @@ CHAIRS_AND_TABLE_M = (
 
 
 def leg(shades: Shades, north_m: float, east_m: float) -> None:
-    """Draw a cell of 5 cm."""
+    """Draw a leg as one cell of 5 cm."""
     shades[cells(north_m), cells(east_m)] = WALL
 
 

@@ -134,7 +134,7 @@ def test_a_pilot_who_takes_over_while_arming_is_refused_keeps_control(
 def test_a_drone_armed_by_the_pilot_is_not_flown(
     fly: Fly, watch: Watch, autopilot: str, pilots: str, armed_s: float
 ) -> None:
-    """While the drone waits for the gyro, and while the companion's arming is rejected."""
+    """The pilot arms while the drone waits for the gyro, or while arming is refused."""
     flight = fly(at(0, refuse_arming()), at(armed_s, pilot_arms()), autopilot=autopilot)
     assert flight.app.flight.phase is Phase.FAILED
     assert "armed" in flight.ending
@@ -155,7 +155,7 @@ def test_a_pilot_who_takes_over_during_landing_keeps_control(
 def test_the_companion_does_not_interrupt_px4_landing_after_late_setpoints(
     fly: Fly, watch: Watch
 ) -> None:
-    """Setpoints would return it to OFFBOARD."""
+    """Further setpoints would return PX4 to OFFBOARD."""
     flight = fly(at(IN_FLIGHT_S, hang(for_s=2.5)), autopilot="px4")
     late = "the computer is starved: ticks 2.5 s late"
     assert flight.ending == f"handed over: mode changed to LAND; {late}"
@@ -172,7 +172,7 @@ def test_the_flight_continues_if_px4_returns_to_offboard_before_its_next_heartbe
     assert watch.modes.count("OFFBOARD") == 2
 
 
-# Refused before it arms
+# Refused before arming
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])

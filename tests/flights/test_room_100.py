@@ -11,7 +11,7 @@ from sitl.testing import Flight, Sitl, at, crash
 SMALL = "worlds/small_room.toml"
 ENDS_AT_S = 25
 ENDS_SOON = [at(ENDS_AT_S, crash())]
-"""For flights of which the beginning is enough."""
+"""Script for a test that needs only the beginning of a flight."""
 
 
 @pytest.mark.parametrize("profile", ["gp2y0a710k0f", "paper"])
@@ -39,7 +39,7 @@ def test_larger_rooms_are_mapped(sitl: Sitl, world: str, area_m2: float) -> None
 
 
 def test_the_drone_turns_with_the_wall_when_a_low_gyro_scale_is_corrected(sitl: Sitl) -> None:
-    """The map turned by 16°, and the drone flew askew into a supposedly closed end."""
+    """The map once rotated by 16° in flight; the drone flew askew into a false dead end."""
     flight = sitl.fly("room_200", seed=3)
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
@@ -53,7 +53,7 @@ def areas_m2(flight: Flight) -> list[float]:
 
 
 def test_further_rounds_correct_the_length_of_a_large_room(sitl: Sitl) -> None:
-    """After two rounds the room's 20 m were 0.2 m too short."""
+    """After two rounds the map of the room was 0.2 m too short over 20 m."""
     flight = sitl.fly("room_300", seed=15)
     assert flight.completed, flight.ending
     assert flight.report.coverage >= 0.95
@@ -80,7 +80,7 @@ def test_the_same_seed_gives_the_same_flight_with_beam_physics(sitl: Sitl) -> No
 
 
 def beginning(flight: Flight) -> Sequence[TrueState]:
-    """The true path until shortly before `ENDS_SOON`."""
+    """True path up to 1 s before `ENDS_SOON` ends the flight."""
     return [state for state in flight.truth.path if state.time_s < ENDS_AT_S - 1]
 
 

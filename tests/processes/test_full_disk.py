@@ -44,7 +44,7 @@ def test_a_closed_terminal_does_not_end_the_flight(tmp_path: Path) -> None:
 
 
 def test_a_blocked_output_does_not_block_the_flight(tmp_path: Path) -> None:
-    """Like a terminal after Ctrl-S, or a log that cannot be written."""
+    """The output blocks, like a terminal after Ctrl-S or a log that cannot be written."""
     reading, writing = os.pipe()
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writing, b"." * 4096)
@@ -64,7 +64,7 @@ def test_a_blocked_output_does_not_block_the_flight(tmp_path: Path) -> None:
 
 
 def test_an_unwritable_map_is_reported_with_its_own_exit_status(tmp_path: Path) -> None:
-    """The drone has landed: it must not be recovered."""
+    """The drone has landed, so systemd must not start a recovery."""
     for name in ("map.json", "map.png", "map.ply"):
         (tmp_path / f".unfinished-{name}").symlink_to("/dev/full")
     with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):

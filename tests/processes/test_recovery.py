@@ -115,7 +115,7 @@ def killed_in_flight(
     environment: Sequence[str] = (),
     key: Path | None = None,
 ) -> Iterator[Killed]:
-    """In lockstep: the vehicle's time does not advance without a companion."""
+    """Runs in lockstep: the vehicle's time does not advance without a companion."""
     config, port = out / "drone.toml", free_udp_port()
     signed = f'[link]\nsigning_key = "{key}"\n' if key else ""
     config.write_text(f'{signed}[mission]\nafter_crash = "{after_crash}"\n')
@@ -131,7 +131,7 @@ def killed_in_flight(
             read_until(pilot, "scanning parallel to the wall")
             ends(pilot)
             pilot.communicate(timeout=DEADLINE_S)
-            assert pilot.returncode not in (0, EXIT_ENDED)  # else systemd would not restart it
+            assert pilot.returncode not in (0, EXIT_ENDED)  # otherwise systemd does not restart it
         yield Killed(out, vehicle, arguments)
 
 
@@ -149,7 +149,7 @@ def test_recovery_lands_the_drone_and_keeps_the_map(tmp_path: Path) -> None:
 
 
 def test_recovery_lands_the_drone_with_an_unwritable_disk(tmp_path: Path) -> None:
-    """Neither signing's time stamp, nor the recording, nor the map can be written."""
+    """The time stamp of signing, the recording and the map cannot be written."""
     key, out = tmp_path / "signing.key", tmp_path / "out"
     key.write_text("5a" * 32)
     key.chmod(0o600)
@@ -199,7 +199,7 @@ def test_only_a_permanent_configuration_error_ends_with_status_2(
 
 
 def test_a_companion_out_of_memory_exits_and_recovery_lands_the_drone(tmp_path: Path) -> None:
-    """Its error message needs memory, too."""
+    """The error message needs memory, too."""
     with killed_in_flight(tmp_path, "land", runs_out_of_memory) as killed:
         assert_landed_with_its_map(killed, killed.recover())
 
@@ -246,4 +246,4 @@ def test_recovery_does_nothing_for_a_disarmed_vehicle(tmp_path: Path, systemd: S
         output = Killed(tmp_path, vehicle, link).recover(*systemd.environment())
     assert "not armed" in output
     assert "nothing to recover" in output
-    systemd.receive("READY=1")  # or systemd would count a failed start, and restart it for ever
+    systemd.receive("READY=1")  # otherwise systemd counts a failed start and restarts forever

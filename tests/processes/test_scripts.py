@@ -15,7 +15,7 @@ from tests.processes.started import read_until, running_sitl, started
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 DEADLINE_S = 120
-# Handles Ctrl-C also if the tests run in the background of a shell, which ignores the signal.
+# Restores Ctrl-C: a shell that runs the tests in the background ignores the signal.
 SCRIPT = """
 import signal, sys
 from threading import Event

@@ -75,10 +75,10 @@ def test_what_it_is_not_ready_for_is_refused_with_the_reason(
 ) -> None:
     action, _, telemetry = vehicle
 
-    def tells_why() -> bool:
+    def reports_why() -> bool:
         """PX4 sends texts only to links with a recent ground station's heartbeat."""
         with pytest.raises(ActionError):
             action.arm()
         return "AHRS" in telemetry.status_text().text
 
-    until(tells_why, "the reason", 5)
+    until(reports_why, "the reason", 5)

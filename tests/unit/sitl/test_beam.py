@@ -32,7 +32,7 @@ STEPPED = World.model_validate(
         "starts": [{"name": "here", "position": (1, 3)}],
     }
 )
-"""Seen from (1, x) to the north: a pillar at 2 m where x > 3, a wall at 5 m where x < 3."""
+"""North of (1, x) there is a pillar at 2 m where x > 3, and a wall at 5 m where x < 3."""
 MODEL = WorldModel(STEPPED)
 EVERYTHING = BeamPhysics(width_deg=3, steep_deg=50, dropout=0.1, shift_m=0.02)
 

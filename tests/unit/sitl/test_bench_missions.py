@@ -130,8 +130,8 @@ def test_an_error_becomes_a_row_with_its_reason() -> None:
     assert "\n" not in str(flown.row["ending"])
 
 
-def fly_or_die(job: Job) -> Flown:
-    """Replaces a flight."""
+def fly_or_exit(job: Job) -> Flown:
+    """Replaces a flight; the process exits at seed 2."""
     if job.options.seed == 2:
         os._exit(1)
     return Flown(row(seed=job.options.seed))
@@ -141,7 +141,7 @@ def test_a_process_that_exits_loses_only_its_own_flight(monkeypatch: pytest.Monk
     monkeypatch.setattr(parallel, "cores", lambda: 1)
     results: list[Flown] = []
     flights = parallel.fly_all(
-        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_die, lost
+        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_exit, lost
     )
     assert [flown.row["seed"] for flown in flights] == [2, 3]
     assert [flown.row["lost"] for flown in flights] == [True, False]

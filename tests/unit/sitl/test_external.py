@@ -1,4 +1,4 @@
-"""Tests of external autopilots: messages in, messages out, without sockets."""
+"""Tests of external autopilots: messages received and sent, without sockets."""
 
 import math
 import statistics
@@ -89,15 +89,15 @@ def test_silence_and_return_of_the_autopilot_are_reported_once_each() -> None:
     ]
 
 
-def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
-    """Reports for a companion with this working time per tick."""
+def speed_reports(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
+    """Reports on the speed, for a companion with this working time per tick."""
     texts: list[str] = []
     held = HeldSpeed(texts.append)
     wall_s = time_s = 0.0
     tick = 0
     for _ in range(ticks):
         wall_s += working_s
-        time_s = max(time_s, speed * wall_s)  # the autopilot flies on meanwhile
+        time_s = max(time_s, speed * wall_s)  # the autopilot continues meanwhile
         tick += 1
         held.asked(wall_s, working_s, time_s, tick * 0.05)
         time_s = max(time_s, tick * 0.05)
@@ -108,14 +108,14 @@ def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
 
 
 def test_the_sustainable_speed_is_reported() -> None:
-    (line,) = attend(speed=1.0, working_s=0.01)
+    (line,) = speed_reports(speed=1.0, working_s=0.01)
     assert "runs at 1.0 x" in line
     assert "holds 5.0 x" in line
     assert "late" not in line
 
 
 def test_a_companion_that_cannot_keep_up_is_reported() -> None:
-    lines = attend(speed=5.0, working_s=0.02, ticks=3 * TICKS)
+    lines = speed_reports(speed=5.0, working_s=0.02, ticks=3 * TICKS)
     assert len(lines) == 3
     assert all("holds 2.5 x" in line and "late" in line for line in lines)
 
@@ -124,7 +124,7 @@ def test_a_companion_that_cannot_keep_up_is_reported() -> None:
 
 
 def flown(time_s: float) -> TrueState:
-    """A circle of 2 m radius at 1 m/s, 1.2 m high, nose along it."""
+    """State on a circle of 2 m radius at 1 m/s and a height of 1.2 m, nose along the path."""
     angle = 0.5 * time_s
     return TrueState(
         time_s,
@@ -188,7 +188,7 @@ def test_the_tracker_ignores_messages_without_ground_truth() -> None:
 
 
 class Setup:
-    """An autopilot that answers the setup's requests, as far as a test allows."""
+    """An autopilot during its set-up; the test chooses its answers to the requests."""
 
     def __init__(self, firmware: str) -> None:
         self.firmware = firmware
@@ -221,62 +221,62 @@ def of_kind(messages: list[Any], kind: str) -> list[Any]:
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
 def test_parameters_are_read_first_and_set_only_if_different(firmware: str) -> None:
-    there, wanted = Setup(firmware), wanted_parameters(firmware)
-    first = there.asks()
+    external, wanted = Setup(firmware), wanted_parameters(firmware)
+    first = external.asks()
     assert {m.param_id for m in of_kind(on_the_wire(*first), "PARAM_REQUEST_READ")} == set(wanted)
     assert not of_kind(first, "PARAM_SET")
     wrong, *right = wanted
     for name in right:
-        there.sends_parameter(name, wanted[name])
-    there.sends_parameter(wrong, wanted[wrong] + 3)
-    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+        external.sends_parameter(name, wanted[name])
+    external.sends_parameter(wrong, wanted[wrong] + 3)
+    (change,) = of_kind(on_the_wire(*external.asks()), "PARAM_SET")
     assert change.param_id == wrong
-    there.sends_parameter(wrong, wanted[wrong])
-    there.asks()
-    assert any(line == f"parameters set: {wrong}" for line in there.texts)
-    assert not of_kind(there.asks(), "PARAM_SET")
+    external.sends_parameter(wrong, wanted[wrong])
+    external.asks()
+    assert any(line == f"parameters set: {wrong}" for line in external.texts)
+    assert not of_kind(external.asks(), "PARAM_SET")
 
 
 def test_integers_are_sent_to_px4_bytewise() -> None:
-    there = Setup("px4")
-    there.sends_parameter("EKF2_EV_CTRL", 0)
-    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+    external = Setup("px4")
+    external.sends_parameter("EKF2_EV_CTRL", 0)
+    (change,) = of_kind(on_the_wire(*external.asks()), "PARAM_SET")
     assert change.param_type == mavlink.MAV_PARAM_TYPE_INT32
     assert struct.pack("<f", change.param_value) == struct.pack("<i", 5)
 
 
 def test_only_boot_time_parameters_require_a_restart() -> None:
-    there, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
+    external, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
     for name, value in wanted.items():
         if name in ("VISO_TYPE", "EK3_SRC1_POSXY"):
-            there.sends_parameter(name, 0)
-        there.sends_parameter(name, value)
-    there.asks()
-    (line,) = [line for line in there.texts if "restart" in line]
+            external.sends_parameter(name, 0)
+        external.sends_parameter(name, value)
+    external.asks()
+    (line,) = [line for line in external.texts if "restart" in line]
     assert "VISO_TYPE" in line
     assert "EK3_SRC1_POSXY" not in line
 
 
 def test_streams_are_requested_until_received_and_the_origin_is_never_set() -> None:
-    there = Setup("px4")
+    external = Setup("px4")
     for _ in range(2):
-        asked = there.asks()
+        asked = external.asks()
         assert {m.param1 for m in of_kind(asked, "COMMAND_LONG") if m.command == 511} == {115, 30}
         assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
-    there.now_s += 1.0
+    external.now_s += 1.0
     origin = mavlink.MAVLink_gps_global_origin_message(470000000, 80000000, 400000)
-    there.sends(hil_state_quaternion(START), attitude(1.0), origin)
-    there.now_s -= 1.0
-    asked = there.asks()
+    external.sends(hil_state_quaternion(START), attitude(1.0), origin)
+    external.now_s -= 1.0
+    asked = external.asks()
     assert not of_kind(asked, "COMMAND_LONG")
 
 
 @pytest.mark.parametrize(("lat", "is_reported"), [(470000000, False), (-353632621, True)])
 def test_an_origin_far_from_the_simulated_place_is_reported(lat: int, is_reported: bool) -> None:
-    there = Setup("ardupilot")
-    there.asks()
-    there.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
-    reported = [line for line in there.texts if "origin_lat_deg = 47.0000" in line]
+    external = Setup("ardupilot")
+    external.asks()
+    external.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
+    reported = [line for line in external.texts if "origin_lat_deg = 47.0000" in line]
     assert bool(reported) == is_reported
 
 

@@ -96,8 +96,8 @@ def test_least_time_of_the_papers_room(standoff_m: float, least_s: float) -> Non
     ("place", "clear_m"),
     [
         ((0.0, 1.0), 0.8),  # before a wall
-        ((0.0, 5.0), math.inf),  # in the doorway, 0.9 m wide
-        ((0.5, 5.0), 0.4727),  # through it: the jambs are behind, and not opposite
+        ((0.0, 5.0), math.inf),  # in the doorway of 0.9 m
+        ((0.5, 5.0), 0.4727),  # past the doorway: both jambs are behind, not on opposite sides
     ],
 )
 def test_clearance_in_the_open_ignores_narrow_passages(place: Vector2, clear_m: float) -> None:
@@ -115,7 +115,7 @@ def test_clearance_in_the_open_ignores_narrow_passages(place: Vector2, clear_m: 
     assert clear_in_the_open_m([], np.array(away), 0.2) == math.inf
 
 
-def least_of_all(points: Points, walls: Points) -> tuple[Points, Points]:
+def nearest_by_brute_force(points: Points, walls: Points) -> tuple[Points, Points]:
     """Distance and closest point on any wall, from a table of all pairs."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
@@ -139,13 +139,13 @@ def test_the_nearest_wall_matches_a_brute_force_search(
     walls = np.stack([starts, starts + lengths_m * along], axis=1)
     points = np.concatenate([random.uniform(-3, 13, (60, 2)), starts, walls.mean(axis=1)])
     distance, foot = NearestWall(walls).query(points)
-    expected_m, at = least_of_all(points, walls)
+    expected_m, at = nearest_by_brute_force(points, walls)
     assert np.array_equal(distance, expected_m)
     assert np.array_equal(foot, at)
 
 
 def test_many_equally_near_walls_give_the_correct_distance() -> None:
-    """In the middle of many rays all walls are equally near, more than are queried at first."""
+    """All rays of a star are equally near to its centre; the first query returns only some."""
     bearing = np.arange(40) * math.tau / 40
     ray = np.column_stack([np.cos(bearing), np.sin(bearing)])
     walls = np.stack([ray, 5 * ray], axis=1)

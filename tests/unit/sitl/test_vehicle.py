@@ -33,7 +33,7 @@ def test_steps_are_followed_as_the_real_firmware_follows_them(
 @pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
 @pytest.mark.parametrize("heading_deg", [20, 90, 170])
 def test_the_heading_settles_after_a_turn(response: Response, heading_deg: float) -> None:
-    """The emulated ArduCopter once oscillated by 40° without end; the real one comes to rest."""
+    """The emulated ArduCopter once oscillated by 40° permanently; the real one comes to rest."""
     vehicle = Vehicle(ON_GROUND, Random(1), response.airframe, STILL_AIR)
     shaper = SetpointShaper(response)
     heading_rad, most_rad_s = math.radians(heading_deg), math.radians(45)

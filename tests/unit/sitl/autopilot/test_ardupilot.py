@@ -235,7 +235,7 @@ def test_a_crash_is_reported_and_prevents_arming(client: Client) -> None:
 
 
 def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: float) -> float:
-    """Change of the heading during such setpoints at 20 Hz, deg."""
+    """Change of the heading while these setpoints are sent at 20 Hz, deg."""
     began = client.autopilot.truth.yaw_rad
     turned = 0.0
     for _ in range(round(seconds * 20)):

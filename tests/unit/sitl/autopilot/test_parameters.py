@@ -225,7 +225,7 @@ def test_setting_any_value_raises_no_error(name: str, bits: int, kind: int) -> N
 
 
 CLIENTS = tuple(Client(firmware) for firmware in FIRMWARES)
-"""Shared: values set by one example persist in the next."""
+"""Shared by all examples: the values that one example sets persist in the next."""
 
 
 # System id

@@ -1,4 +1,4 @@
-"""Tests of the pilot's modes by throttle stick, against the real autopilots."""
+"""Tests of the pilot's modes by throttle position, compared with the real autopilots."""
 
 from random import Random
 

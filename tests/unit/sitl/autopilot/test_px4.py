@@ -279,10 +279,10 @@ def test_landing_disarms(client: Client) -> None:
 
 
 def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
-    """Compares displacements by reported velocity with true ones, as in four real flights.
+    """Compares reported displacements with true ones, as measured in four real flights.
 
-    Reported on true has one scale over 0.2 s and over 20 s, within 0.5 %. True on reported is 1 to
-    3 % smaller over 0.2 s.
+    The regression of reported on true displacement has the same scale over 0.2 s as over 20 s,
+    within 0.5 %. The scale of true on reported displacement is 1 to 3 % smaller over 0.2 s.
     """
     offboard(client)
     true_m, reported_m = [], []

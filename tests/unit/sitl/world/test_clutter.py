@@ -1,4 +1,4 @@
-"""Tests of clutter: its limits in a world, and its pieces."""
+"""Tests of clutter: its limits in a world, and its pieces of furniture."""
 
 import hashlib
 import math
@@ -35,9 +35,9 @@ BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterio
 FLIGHT_M = 1.2
 GRID_M = 0.1
 WIDE_M, PASSABLE_M = 0.45, 0.38
-"""Half width of a door that is passable without clutter, and of its smallest free part after it."""
+"""Half width of a door passable without clutter, and of its narrowest free part with it, m."""
 LIVED_IN = 0.5
-"""Up to this difficulty no door is shut."""
+"""Highest difficulty at which no door is shut."""
 
 seeds = st.integers(0, 10**6)
 each_world = settings(max_examples=8, deadline=None)
@@ -97,7 +97,7 @@ def test_starts_stay_free(seed: int, difficulty: float) -> None:
 
 
 def reachable(world: World, half_m: float) -> NDArray[np.bool_]:
-    """Grid places that a disc can reach from the first start at flight height."""
+    """Mask of the grid places that a disc of radius `half_m` can reach from the first start."""
     (south, west), (north, east) = world.bounds
     norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)
     cells = np.stack(np.meshgrid(norths, easts, indexing="ij"), axis=-1)
@@ -236,7 +236,7 @@ def test_a_beam_passes_through_glass_and_the_hull_does_not() -> None:
     model, clean = WorldModel(room), WorldModel(world)
     through = 0
     for pane in panes:
-        # 20 cm before the outer wall on the outside, nothing else is near
+        # 20 cm outside the outer wall, where no other obstacle is near
         middle = np.add(pane.start, pane.end) / 2
         out = np.array([middle[0] in {south, north}, middle[1] in {west, east}], dtype=float)
         out *= np.sign(middle - np.array([(south + north) / 2, (west + east) / 2]))
@@ -345,13 +345,13 @@ def test_world_commands_accept_clutter(tmp_path: Path) -> None:
     assert load_world(str(written)) == cluttered(load_world("office"), 0.5, 1)
 
 
-def spots(count: int) -> list[Vector2]:
+def directions(count: int) -> list[Vector2]:
     rng = random.Random(1)
     return [any_direction(rng) for _ in range(count)]
 
 
 def test_any_direction_returns_unit_vectors_in_all_quadrants() -> None:
-    norths, easts = np.array(spots(400)).T
+    norths, easts = np.array(directions(400)).T
     assert np.hypot(norths, easts) == pytest.approx(1)
     quadrants = np.sign(norths) + 3 * np.sign(easts)
     assert min(np.unique(quadrants, return_counts=True)[1]) > 60

@@ -37,7 +37,7 @@ def painted(folder: Path, picture: Image.Image, name: str = "house.png") -> Worl
 
 
 def house(colour: tuple[int, ...], kind: str = "RGB") -> Image.Image:
-    """A room with a partition of that colour."""
+    """A room with a partition of this colour."""
     rows, columns = SIZE
     shape = (*SIZE, len(colour)) if len(colour) > 1 else SIZE
     cells = np.full(shape, FREE, np.uint8)
@@ -55,7 +55,7 @@ def same(world: World, other: World) -> bool:
 
 
 def shade(colour: tuple[int, ...]) -> int:
-    """map_server's state of a colour, as a grey of the same state."""
+    """A grey value that map_server assigns the same state as the colour."""
     occupied = 1 - sum(colour) / len(colour) / 255
     return WALL if occupied > OCCUPIED_THRESH else FREE if occupied < FREE_THRESH else UNKNOWN
 

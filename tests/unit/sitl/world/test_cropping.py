@@ -1,4 +1,4 @@
-"""Tests of cropped worlds: the inside unchanged, and closed."""
+"""Tests of cropped worlds: the inside is unchanged, and the border is closed."""
 
 import math
 

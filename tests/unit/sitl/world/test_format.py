@@ -35,7 +35,7 @@ REACH_M = 12.0
 
 
 def true_range(origin: Vector3, direction: Vector3) -> float | None:
-    """The range by brute force: the plane of every triangle, and an area test."""
+    """Range by brute force: the plane of every triangle, and an area test."""
     mesh = visible_mesh(FURNISHED)
     to_floor = -origin[2] / direction[2] if direction[2] > 0 else None
     best = to_floor if to_floor is not None and to_floor <= REACH_M else None
@@ -159,7 +159,7 @@ def test_every_room_can_be_reached_from_every_start(name: str) -> None:
 
 
 def test_a_wall_observable_from_one_side_counts_once() -> None:
-    """The inside of the building in `exterior` is unreachable: its walls are seen from the yard."""
+    """The building in `exterior` cannot be entered: its walls count from the yard only."""
     world = load_world("exterior")
     points = observable_points(world, 1.2, world.starts[0].position)
     around_yard = 2 * (24 + 28)

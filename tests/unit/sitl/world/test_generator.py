@@ -143,15 +143,15 @@ def corners(box: Box) -> list[Vector2]:
 
 
 def overlap(one: list[Vector2], other: list[Vector2]) -> bool:
-    """Two convex outlines share area: no side of either separates them."""
+    """True if two convex outlines share area: no side of either separates them."""
     return not any(
-        parts(start, end, one, other)
+        separates(start, end, one, other)
         for outline in (one, other)
         for start, end in pairwise([*outline, outline[0]])
     )
 
 
-def parts(start: Vector2, end: Vector2, one: list[Vector2], other: list[Vector2]) -> bool:
+def separates(start: Vector2, end: Vector2, one: list[Vector2], other: list[Vector2]) -> bool:
     across = (start[1] - end[1], end[0] - start[0])
     length_m = math.hypot(*across)
     mine, others = (

@@ -41,7 +41,7 @@ MAP = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all examples of hypothesis; each overwrites the files of the last."""
+    """A folder that all hypothesis examples share; each example overwrites its files."""
     return tmp_path_factory.mktemp("importers")
 
 
@@ -68,7 +68,7 @@ def sides(corners: Array) -> list[Segment]:
 
 
 def outside(corners: Array) -> Array:
-    """Corners of the wall's outer face; the room's corners are right angles, anticlockwise."""
+    """Corners of the walls' outer face; the room has right angles and anticlockwise corners."""
     along = np.roll(corners, -1, axis=0) - corners
     out = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     outer: Array = corners + WALL_M * (out + np.roll(out, 1, axis=0))
@@ -76,7 +76,7 @@ def outside(corners: Array) -> Array:
 
 
 def is_within(corners: Array, shape: tuple[int, int]) -> NDArray[np.bool_]:
-    """Cells with their centre in the polygon (x, y); rows from the top."""
+    """Mask of the cells whose centre is in the polygon (x, y); rows from the top."""
     y, x = (np.indices(shape) + 0.5) * CELL_M
     inside = Outline(corners).contains_points(np.column_stack([x.ravel(), y.ravel()]))
     return np.flipud(inside.reshape(shape))
@@ -115,7 +115,7 @@ def test_imported_walls_are_complete_and_accurate_to_about_a_cell(
     world = load_world(write_map(folder, Image.fromarray(rasterise(corners))))
     found = wall_surfaces(world, 1.2)
     truth = sides(corners[:, ::-1]) + sides(outside(corners)[:, ::-1])
-    # cells of a slanted wall are themselves up to 0.7 of a cell off
+    # the cells of a slanted wall have an error of up to 0.7 of a cell
     within_m = 0.51 * CELL_M if angle_rad == 0 else 1.5 * CELL_M
     assert distance_m(samples(found), truth).max() <= within_m
     assert distance_m(samples(truth), found).max() <= within_m
@@ -161,7 +161,7 @@ def test_the_origin_rotates_and_translates_the_map(
 
 
 def two_rooms(second: int) -> Picture:
-    """Two rooms side by side; the eastern one has this value."""
+    """Two rooms side by side; the cells of the eastern one have this value."""
     shades = np.full((80, 160), FREE, dtype=np.uint8)
     shades[:, 80:] = second
     shades[[0, -1]] = shades[:, [0, 79, 80, -1]] = WALL
@@ -454,7 +454,7 @@ EVIL = [
 
 @st.composite
 def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
-    """Some bytes changed, inserted or removed; or other bytes entirely."""
+    """The file with some bytes changed, inserted or removed; or random bytes."""
     if draw(st.integers(0, 9)) == 0:
         return draw(st.binary(max_size=200))
     data = bytearray(whole)

@@ -24,7 +24,7 @@ from sitl.world.plan import wall_surfaces
 
 Array = NDArray[Any]
 Wall = tuple[float, float, float, float]
-"""A wall from x, y to x, y; east and north, m."""
+"""A wall from (x, y) to (x, y), m; x is east, y is north."""
 
 OUTER: list[Wall] = [(0, 0, 8, 0), (8, 0, 8, 5), (8, 5, 0, 5), (0, 5, 0, 0)]
 PARTITIONS: list[Wall] = [(4, 0, 4, 3), (4, 3, 6, 3)]
@@ -39,7 +39,7 @@ def corners(wall: Wall) -> list[tuple[float, float, float]]:
 
 
 def plan(world: World) -> list[tuple[float, ...]]:
-    """All surfaces at 1.2 m, seen from above, in any order."""
+    """Sorted ends of all wall surfaces at a height of 1.2 m."""
     return sorted(
         tuple(round(float(x), 2) + 0.0 for end in sorted(line) for x in end)
         for line in wall_surfaces(world, 1.2)
@@ -62,7 +62,7 @@ def refusal(path: Path) -> str:
 
 
 def obj(groups: Sequence[Sequence[Wall]], *, back: bool, slashes: str = "") -> str:
-    """Groups of walls: each group's vertices, then its faces, which may count back."""
+    """OBJ text: each group's vertices, then its faces, with relative indices if `back`."""
     lines, seen = [], 0
     for group in groups:
         lines += [f"v {x} {y} {z}" for wall in group for x, y, z in corners(wall)]
@@ -115,7 +115,7 @@ def test_obj_syntax_variants_are_read(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
 def test_obj_with_a_byte_order_mark_is_read(tmp_path: Path, encoding: str) -> None:
-    """The first vertex follows the byte order mark; without it all numbers would be off by one."""
+    """The first vertex follows the byte order mark. If it were lost, all indices would shift."""
     (tmp_path / "room.obj").write_text(ABSOLUTE, encoding=encoding)
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
 
@@ -146,7 +146,7 @@ def test_unreadable_obj_lines_are_reported_by_number(
 
 
 def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
-    """A wall with a door cut out is hollow; triangulated as a fan the door would be closed."""
+    """A wall with a doorway is a concave polygon. A triangle fan would close the doorway."""
     face = [
         (4, y, z) for y, z in ((0, 0), (2, 0), (2, 2), (3, 2), (3, 0), (5, 0), (5, 2.6), (0, 2.6))
     ]
@@ -160,7 +160,7 @@ def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
 
 @given(st.integers(4, 12), st.randoms(use_true_random=False))
 def test_triangulation_preserves_the_area_of_a_polygon(count: int, random: Any) -> None:
-    """Any star shape, in any plane, from any corner."""
+    """Star-shaped polygons in any plane, from any corner."""
     angles = sorted(random.uniform(0, math.tau) for _ in range(count))
     gaps = [b - a for a, b in zip(angles, [*angles[1:], angles[0] + math.tau], strict=True)]
     if max(gaps) > 3 or min(gaps) < 0.05:
@@ -285,7 +285,7 @@ def test_gltf_normalised_integers_are_scaled_by_their_maximum(
 
 
 def test_gltf_instances_are_placed_by_their_transforms(tmp_path: Path) -> None:
-    """One partition, drawn at its instances, turned and stretched, and nowhere else."""
+    """One partition appears at each instance, rotated and scaled, and nowhere else."""
     made = gltf(OUTER)
     half = math.sqrt(0.5)
     attributes = {
@@ -366,7 +366,7 @@ def test_gltf_extensions_that_only_change_colours_are_ignored(
 
 
 def test_gltf_with_one_compressed_wall_is_refused(tmp_path: Path) -> None:
-    """Also where the file does not list the extension as required."""
+    """The file does not list the extension as required."""
     made = gltf()
     primitive = made.document["meshes"][-1]["primitives"][0]
     del made.document["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]

@@ -34,7 +34,7 @@ class Range:
     rng: np.random.Generator
 
     def origins(self, count: int) -> Points:
-        """Places with the floor in range all around."""
+        """Random points, farther than the maximum range from every edge of the floor."""
         low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
         shrink = np.array((REACH_M, REACH_M, 0))
         return self.rng.uniform(low + shrink, high - shrink, (count, 3))
@@ -71,10 +71,11 @@ def with_floor(obstacles: Mesh) -> Mesh:
 
 
 def true_ranges(mesh: Mesh, origins: Points, directions: Points) -> Points:
-    """Ranges by every ray and every triangle's plane; NaN without a hit in range.
+    """Ranges by brute force over all rays and triangles; NaN without a hit in range.
 
     With the plane's normal n the distance is (n·a - n·o) / n·d. A point p of the plane is inside
-    if its coordinates U·(p - a) and V·(p - a) are, (U, V) being the dual basis of the edges.
+    the triangle if u = U·(p - a) and v = V·(p - a) satisfy u ≥ 0, v ≥ 0 and u + v ≤ 1. (U, V) is
+    the dual basis of the edges.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     e1, e2 = b - a, c - a
@@ -112,7 +113,7 @@ def test_random_rays_are_exact(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_horizontal_and_vertical_rays_are_exact(name: str) -> None:
-    """Along the walls' axes, the usual directions of a drone's beams."""
+    """The rays are along the axes of the walls, the usual directions of a drone's beams."""
     place = in_world(name)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     origins, directions = place.origins(RAYS // 10), place.rng.choice(axes, RAYS // 10)
@@ -121,14 +122,14 @@ def test_horizontal_and_vertical_rays_are_exact(name: str) -> None:
 
 
 def aimed_at(place: Range, targets: Points) -> tuple[Points, Points, Points]:
-    """Rays to points from up to 9/10 of the range away: origins, directions, distances."""
+    """Rays to points at up to 9/10 of the maximum range: origins, directions, distances."""
     away = place.rng.uniform(0.3, 0.9 * REACH_M, (len(targets), 1))
     origins = targets + away * unit(place.rng.normal(size=targets.shape))
     return origins, unit(targets - origins), np.linalg.norm(targets - origins, axis=1)
 
 
 def edges_and_vertices(place: Range) -> Points:
-    """Half of them corners of triangles, half of them points on edges."""
+    """Points of the mesh: half are corners of triangles, half are on edges."""
     triangles = place.mesh.vertices[place.rng.choice(place.mesh.faces, AIMED_RAYS)]
     first, second = triangles[:, 0], triangles[:, 1]
     share = place.rng.uniform(0, 1, (AIMED_RAYS, 1))
@@ -166,7 +167,7 @@ def test_a_bundle_of_rays_has_the_same_ranges_as_single_rays(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_an_independent_ray_caster_agrees(name: str) -> None:
-    """Embree, in single precision: 24 bits for tens of metres."""
+    """Compares with Embree, which has single precision: 24 bits for tens of metres."""
     scenes = pytest.importorskip("embreex.rtcore_scene", reason="embreex is for x86_64 only")
     meshes = pytest.importorskip("embreex.mesh_construction")
     place = in_world(name)

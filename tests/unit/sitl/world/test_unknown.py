@@ -1,4 +1,4 @@
-"""Tests of worlds from incomplete maps: the unknown is neither air nor wall."""
+"""Tests of worlds from incomplete maps: unknown cells are neither free nor wall."""
 
 import math
 from pathlib import Path
@@ -28,12 +28,12 @@ FAR_M = 60.0
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all examples of hypothesis; each overwrites the files of the last."""
+    """A folder that all hypothesis examples share; each example overwrites its files."""
     return tmp_path_factory.mktemp("unknown")
 
 
 def loaded(folder: Path, shades: Shades) -> tuple[World, list[str]]:
-    """The world and the importer's reports."""
+    """The loaded world and the reports of its import."""
     reports: list[str] = []
     return load_world(write(folder, shades), reports.append), reports
 
@@ -58,7 +58,7 @@ def window_room() -> Shades:
 
 
 def fan_room() -> Shades:
-    """A room of 9 × 2.6 m, and a fan of a corridor seen through its east doorway, 1 m wide."""
+    """A room of 9 × 2.6 m, and the fan that beams swept through its east doorway, 1 m wide."""
     shades = nothing(12, 12)
     room(shades, 1, 1, 10, 3.6)
     fill(shades, 5, 3.6, 6, 3.7, FREE)
@@ -120,7 +120,7 @@ def test_no_beam_leaves_an_enclosed_room(
     shades[unseen & (away > 1) & (away < 2.5)] = UNKNOWN
     try:
         world, _ = loaded(folder, shades)
-    except WorldError:  # no enclosed place: too many cells are missing
+    except WorldError:  # too many cells are missing: no room is enclosed
         return
     model = WorldModel(world)
     place = world.starts[0].position
@@ -156,7 +156,7 @@ def test_narrow_unknown_gaps_stay_open_and_a_wide_unknown_patch_is_closed(tmp_pa
     assert range_m(gaps, (3.0, 3.03), 0) == pytest.approx(5.0)
     fill(shades, 5.0, 4.0, 5.5, 4.5, UNKNOWN)
     patch, _ = loaded(tmp_path, shades)
-    assert 1.5 < border_m(patch) <= 2.0  # the patch's corners are as narrow as gaps
+    assert 1.5 < border_m(patch) <= 2.0  # the corners of the patch are as narrow as gaps
     assert range_m(patch, (3.0, 4.25), 0) == pytest.approx(2.0, abs=CELL_M)
     for start in gaps.starts:
         away_m = math.hypot(max(6.0 - start.position[0], start.position[0] - 6.2, 0.0))
@@ -258,7 +258,7 @@ def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Pat
 
 
 def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None:
-    """A wall seen through the window is only echoes: the space between is unknown."""
+    """A wall behind the window is not required: the space before it is unknown."""
     shades = window_room()
     fill(shades, 2, 7, 4.5, 7.1, WALL)
     world, _ = loaded(tmp_path, shades)
