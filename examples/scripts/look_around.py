@@ -1,6 +1,9 @@
 """Take off, print the front range for some seconds, and land.
 
-The drone also lands at Ctrl-C or any error, because the script leaves the context.
+Leaving the `with` block lands the drone, also at Ctrl-C or an error. With the simulator
+(`sitl run room_100`, in another terminal):
+
+    python examples/scripts/look_around.py
 """
 
 import argparse

@@ -18,7 +18,7 @@ from tests.processes.started import read_until, started, stop
 
 CHROMIUM = "chromium"
 NO_NOTIFICATIONS = ".mantine-Notifications-root { display: none }"
-"""Notifications, as about software rendering, cover the scene; their size depends on fonts."""
+"""Hides notifications: they cover the scene, and their size depends on fonts."""
 SIZE = {"width": 1000, "height": 480}
 expect.set_options(timeout=DEADLINE_MS)
 
@@ -39,7 +39,7 @@ def chromium() -> Iterator[Browser]:
 
 @contextmanager
 def served(command: list[str]) -> Iterator[str]:
-    """The address that a command prints; the command must end well on request."""
+    """The address that a command prints; on interruption the command must exit with 0."""
     with started(command) as process:
         output = read_until(process, "http://")
         address = re.search(r"http://\S+", output)
@@ -51,7 +51,7 @@ def served(command: list[str]) -> Iterator[str]:
 
 @contextmanager
 def opened(browser: Browser, address: str) -> Iterator[Page]:
-    """A page without errors in its console."""
+    """A page; fails if errors are in its console."""
     errors: list[str] = []
     with browser.new_context(viewport=SIZE, accept_downloads=True) as context:  # type: ignore[arg-type]
         page = context.new_page()

@@ -51,7 +51,7 @@ def simulator(browser: Browser, *arguments: str) -> Iterator[Page]:
         yield page
 
 
-def test_a_flight_on_the_page(browser: Browser, tmp_path: Path) -> None:
+def test_the_page_starts_and_shows_a_flight(browser: Browser, tmp_path: Path) -> None:
     with simulator(browser, "office") as page:
         press(page, "room_100")
         choose(page, "speed", "10 ×")
@@ -120,7 +120,7 @@ def test_the_pilot_pauses_steps_and_takes_over(browser: Browser) -> None:
         until(lambda: "mode changed to LOITER" in row(page, "doing"), "handed over", DEADLINE_S)
 
 
-def test_every_setting_is_at_hand_and_a_flight_can_be_stopped(browser: Browser) -> None:
+def test_the_page_offers_every_setting_and_stops_a_flight(browser: Browser) -> None:
     with simulator(browser) as page:
         for world in world_names():
             button = page.get_by_role("button", name=world, exact=True)
@@ -164,12 +164,12 @@ def settled(page: Page) -> float:
     """The flight's time when it no longer advances."""
     seen = [-1.0]
 
-    def stands() -> bool:
+    def has_stopped() -> bool:
         seen.append(number(page, "time"))
         page.wait_for_timeout(400)
         return number(page, "time") == seen[-1]
 
-    until(stands, "a pause", DEADLINE_S)
+    until(has_stopped, "a pause", DEADLINE_S)
     return seen[-1]
 
 
@@ -188,7 +188,7 @@ def test_a_recording_is_played_back(browser: Browser, sitl: Sitl, tmp_path: Path
         until(lambda: number(page, "time") < 6, "its beginning", DEADLINE_S)
 
 
-def test_strangers_are_refused_and_the_token_lets_in(browser: Browser, tmp_path: Path) -> None:
+def test_access_requires_the_token(browser: Browser, tmp_path: Path) -> None:
     token_file = tmp_path / "token"
     token_file.write_text(TOKEN)
     token_file.chmod(0o600)
@@ -204,7 +204,7 @@ def test_strangers_are_refused_and_the_token_lets_in(browser: Browser, tmp_path:
             assert TOKEN not in page.url
 
 
-def test_a_drone_in_the_air_is_looked_at(browser: Browser, tmp_path: Path) -> None:
+def test_the_page_shows_a_flying_drone(browser: Browser, tmp_path: Path) -> None:
     port = free_udp_port()
     config = tmp_path / "drone.toml"
     config.write_text(f'[view]\nlisten = "127.0.0.1:{port}"\n')

@@ -30,7 +30,7 @@ FIVE = tuple(BEAM_DIRECTIONS)
 
 
 def five(sensor: Mapping[str, Any], **by_number: str) -> dict[str, Any]:
-    """The same sensor for each beam; values that differ are a pattern of its number."""
+    """Keys with the same sensor for each beam; `by_number` has patterns of the beam's number."""
 
     def entry(number: int) -> dict[str, Any]:
         own = {key: pattern.format(number) for key, pattern in by_number.items()}
@@ -132,16 +132,16 @@ class Switched:
 def make_bench(kind: str) -> Bench:
     config = SensorsConfig.model_validate({**KINDS[kind], "mount_offset_m": 0.0})
     bench: Bench
-    looked_at_s = 0.0
+    queried_s = 0.0
 
     def truth_at(time_s: float) -> TrueState:
-        nonlocal looked_at_s
-        looked_at_s = time_s
+        nonlocal queried_s
+        queried_s = time_s
         return replace(bench.truth, time_s=time_s)
 
     def range_m(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
         beam = min(FIVE, key=lambda b: math.dist(direction, BEAM_DIRECTIONS[b]))
-        distance_m = bench.distance_m(beam, looked_at_s)
+        distance_m = bench.distance_m(beam, queried_s)
         return distance_m if distance_m is not None and distance_m <= most_m else None
 
     board = SensorBoard(1, config, lambda beam: range_m, truth_at)

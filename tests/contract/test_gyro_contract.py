@@ -37,7 +37,7 @@ class Turntable:
         self.gyro = open_gyro(self._wires, SensorsConfig(gyro=name))  # type: ignore[arg-type]
         self._imu = Imu(stream(1, kind))
         self._codec = make_codec(1, 1)
-        self._told_s = bench.time_s
+        self._sent_s = bench.time_s
         self.is_silent = False
         self.clock_s = 0.0
         """Lead of the autopilot's clock over the companion's, s."""
@@ -54,13 +54,13 @@ class Turntable:
         bench.board.bus.is_broken = self.is_silent
         now_s = bench.passes(TICK_S)
         if isinstance(self.gyro, AutopilotGyro):
-            self._tell(now_s, self.gyro)
+            self._send(now_s, self.gyro)
         return [(sample.time_s, sample.yaw_rate_rad_s) for sample in self.gyro.read(now_s)]
 
-    def _tell(self, now_s: float, gyro: AutopilotGyro) -> None:
-        while self._told_s + IMU_S <= now_s:
-            self._told_s += IMU_S
-            message = self._message(self._told_s + self.clock_s)
+    def _send(self, now_s: float, gyro: AutopilotGyro) -> None:
+        while self._sent_s + IMU_S <= now_s:
+            self._sent_s += IMU_S
+            message = self._message(self._sent_s + self.clock_s)
             if not self.is_silent:
                 for received in decode(self._codec, message.pack(self._codec)):
                     gyro.receive(received, now_s)
@@ -103,13 +103,13 @@ def test_clockwise_is_positive_and_in_radians(turntable: Turntable) -> None:
     assert turntable.turned_deg(-45.0, 2.0) - still == pytest.approx(-90, rel=0.1)
 
 
-def test_samples_are_told_once_and_in_order(turntable: Turntable) -> None:
+def test_samples_are_returned_once_and_in_order(turntable: Turntable) -> None:
     times_s = [time_s for _ in range(40) for time_s, _ in turntable.tick()]
     assert len(times_s) > 80
     assert times_s == sorted(set(times_s))
 
 
-def test_no_sample_is_of_the_future_or_long_past(turntable: Turntable) -> None:
+def test_sample_times_are_within_the_last_0_1_s(turntable: Turntable) -> None:
     turntable.tick()
     turntable.tick()
     for _ in range(40):
@@ -117,7 +117,7 @@ def test_no_sample_is_of_the_future_or_long_past(turntable: Turntable) -> None:
         assert all(now_s - 0.1 <= time_s <= now_s + 1e-9 for time_s, _ in turntable.tick())
 
 
-def test_a_silent_gyro_has_no_samples_and_comes_back(turntable: Turntable) -> None:
+def test_a_silent_gyro_gives_no_samples_and_recovers(turntable: Turntable) -> None:
     for _ in range(3):
         turntable.tick()
     turntable.is_silent = True
@@ -129,7 +129,9 @@ def test_a_silent_gyro_has_no_samples_and_comes_back(turntable: Turntable) -> No
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_garbage_is_no_impossible_rate_and_passes(turntable: Turntable, seed: int) -> None:
+def test_random_bytes_give_no_impossible_rate_and_the_gyro_recovers(
+    turntable: Turntable, seed: int
+) -> None:
     still = turntable.turned_deg(0.0, 2.0)
     turntable.garble(seed)
     last_s = 0.0
@@ -144,8 +146,8 @@ def test_garbage_is_no_impossible_rate_and_passes(turntable: Turntable, seed: in
 
 
 @pytest.mark.parametrize("set_s", [-100.0, -2.0, 5.0])
-def test_a_clock_that_is_set_is_followed(turntable: Turntable, set_s: float) -> None:
-    """Sets the autopilot's clock, as its restart does; the companion's gyros have no clock."""
+def test_sample_times_follow_a_clock_step(turntable: Turntable, set_s: float) -> None:
+    """The autopilot's clock steps, as at a restart; the companion's own gyros have no clock."""
     turntable.clock_s = 200.0
     turntable.turned_deg(0.0, 1.0)
     turntable.clock_s += set_s

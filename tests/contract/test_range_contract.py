@@ -68,7 +68,7 @@ def test_a_scan_has_every_configured_beam(bench: Bench) -> None:
     assert set(bench.sweep(RangeSensors(bench.bus, bench.config)).readings) == set(FIVE)
 
 
-def test_the_spread_is_what_the_variance_says(bench: Bench) -> None:
+def test_the_variance_matches_the_spread_of_the_readings(bench: Bench) -> None:
     bench.distances_m[Beam.FRONT] = 3.0
     measured = readings(bench, sensors_of(bench), Beam.FRONT, 200)
     values = [reading.distance_m for reading in measured]
@@ -79,7 +79,7 @@ def test_the_spread_is_what_the_variance_says(bench: Bench) -> None:
     assert 0.7 < spread / claimed < 1.3
 
 
-def test_nothing_in_range_is_not_a_distance(bench: Bench) -> None:
+def test_an_empty_range_gives_no_distance(bench: Bench) -> None:
     for beam in FIVE:
         bench.distances_m[beam] = None
     scan = settle(bench, RangeSensors(bench.bus, bench.config))
@@ -87,7 +87,7 @@ def test_nothing_in_range_is_not_a_distance(bench: Bench) -> None:
     assert all(math.isnan(reading.distance_m) for reading in scan.readings.values())
 
 
-def test_what_is_too_near_is_not_taken_for_far(bench: Bench) -> None:
+def test_too_near_surfaces_are_not_reported_as_far(bench: Bench) -> None:
     for beam, sensor in bench.config.beams.items():
         bench.distances_m[beam] = 0.8 if model_of(sensor).min_m == 1.0 else 0.0
     sensors = sensors_of(bench)
@@ -97,8 +97,8 @@ def test_what_is_too_near_is_not_taken_for_far(bench: Bench) -> None:
         assert all(reading.distance_m < 0.3 for reading in measured if reading.is_distance)
 
 
-def test_a_reading_is_as_old_as_the_model_says(bench: Bench) -> None:
-    """A surface moves away at 2 m/s: the reading is its distance at that earlier time."""
+def test_the_latency_of_readings_matches_the_model(bench: Bench) -> None:
+    """A surface moves away at 2 m/s, so the error of a reading gives its age."""
     sensors = sensors_of(bench)
     bench.moving_away_m_s = 2.0
     lags_s: dict[Beam, list[float]] = {beam: [] for beam in FIVE}
@@ -119,7 +119,7 @@ def test_a_reading_is_as_old_as_the_model_says(bench: Bench) -> None:
         assert mean_s == pytest.approx(model.mean_age_s, abs=0.012 + gain_s)
 
 
-def test_an_unplugged_sensor_has_failed_alone_and_comes_back(bench: Bench) -> None:
+def test_only_an_unplugged_sensor_fails_and_it_recovers(bench: Bench) -> None:
     sensors = sensors_of(bench)
     bench.board.unplug("right")
     scan = settle(bench, sensors)
@@ -129,7 +129,7 @@ def test_an_unplugged_sensor_has_failed_alone_and_comes_back(bench: Bench) -> No
     assert settle(bench, sensors).readings[Beam.RIGHT].is_distance
 
 
-def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> None:
+def test_readings_on_a_silent_bus_become_stale_then_failed_and_recover(bench: Bench) -> None:
     sensors = sensors_of(bench)
     bench.board.bus.is_broken = True
     states = [reading.state for reading in readings(bench, sensors, Beam.FRONT, 12)]
@@ -142,7 +142,7 @@ def test_silent_wires_are_stale_then_failed_then_well_again(bench: Bench) -> Non
 
 
 @pytest.mark.parametrize("transport", ["in process"])
-def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
+def test_a_hanging_bus_blocks_only_briefly_and_recovers(bench: Bench) -> None:
     """Skips the served bus, where time does not advance during that wait."""
     wires = on_virtual_time(bench.board.bus)
     sensors = RangeSensors(wires, bench.config)
@@ -161,7 +161,7 @@ def test_wires_that_hang_take_a_moment_and_are_well_again(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_garbage_never_looks_like_an_impossible_distance_and_passes(
+def test_random_bytes_give_no_impossible_distance_and_readings_recover(
     bench: Bench, seed: int
 ) -> None:
     wires = Switched(bench.bus)
@@ -210,7 +210,7 @@ def test_a_missing_or_wrong_sensor_stops_the_start_and_is_named(
     assert "\n" not in str(refused.value)
 
 
-def test_served_wires_that_close_can_be_opened_again() -> None:
+def test_drivers_reconnect_to_a_served_bus() -> None:
     bench = make_bench("mixed")
     served = Served(bench.board.bus)
     with served:
@@ -229,7 +229,7 @@ def test_served_wires_that_close_can_be_opened_again() -> None:
     bus.close()
 
 
-def test_at_a_wrong_baud_rate_a_serial_sensor_is_silent() -> None:
+def test_a_serial_sensor_with_a_wrong_baud_rate_fails() -> None:
     bench = make_bench("tfmini_s")
     ports = {b: {**s.model_dump(), "baud": 57600} for b, s in bench.config.beams.items()}
     config = SensorsConfig.model_validate({"ranges": ports})

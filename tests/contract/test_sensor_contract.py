@@ -36,7 +36,7 @@ def bench(transport: str) -> Iterator[Bench]:
         bench.bus.close()
 
 
-def test_one_dead_chip_leaves_the_other_alone(bench: Bench) -> None:
+def test_a_dead_chip_does_not_affect_the_other_chip(bench: Bench) -> None:
     sensors = RangeSensors(bench.bus, bench.config)
     bench.sweep(sensors)
     bench.board.bus.dead_addresses.add(0x49)
@@ -57,7 +57,7 @@ def test_a_missing_gyro_stops_the_start_with_its_address(bench: Bench) -> None:
         Lsm9ds1(bench.bus, 0x6B)
 
 
-def test_a_wrong_chip_is_not_taken_for_a_gyro(bench: Bench) -> None:
+def test_a_wrong_chip_at_the_gyro_address_is_refused(bench: Bench) -> None:
     with pytest.raises(SensorError, match="no LSM9DS1"):
         Lsm9ds1(bench.bus, 0x48)
 
@@ -88,7 +88,7 @@ def test_no_gyro_sample_is_lost_between_reads(bench: Bench) -> None:
     assert count == pytest.approx(2 * 119, rel=0.1)
 
 
-def test_a_gyro_that_comes_back_is_configured_again(bench: Bench) -> None:
+def test_the_gyro_is_configured_again_after_a_bus_dropout(bench: Bench) -> None:
     gyro = Lsm9ds1(bench.bus, 0x6B)
     gyro.read(bench.passes(0.05))
     bench.board.bus.dead_addresses.add(0x6B)
@@ -98,7 +98,7 @@ def test_a_gyro_that_comes_back_is_configured_again(bench: Bench) -> None:
     assert gyro.read(bench.passes(0.05))
 
 
-def test_after_a_brown_out_the_gyro_is_configured_again(bench: Bench) -> None:
+def test_the_gyro_is_configured_again_after_a_brown_out(bench: Bench) -> None:
     gyro = Lsm9ds1(bench.bus, 0x6B)
     for _ in range(3):
         gyro.read(bench.passes(0.05))
@@ -108,7 +108,7 @@ def test_after_a_brown_out_the_gyro_is_configured_again(bench: Bench) -> None:
     assert gyro.read(bench.passes(0.05))
 
 
-def test_nobody_serving_is_told_with_the_remedy() -> None:
+def test_a_bus_without_a_server_is_refused_with_the_remedy() -> None:
     with pytest.raises(SensorError, match="sitl run"):
         open_bus("sitl://127.0.0.1:1")
 

@@ -14,7 +14,7 @@ from sitl.world.loading import load_world
 from tests.worlds import SMALL_ROOM
 
 
-def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
+def test_the_map_error_is_close_to_that_of_an_ideal_solver() -> None:
     sensors = configuration.load(None, {"sensors.profile": "paper"}).sensors
     result = fly(Setup(load_world("room_100"), "room_100", 3, sensors))
     for error in ("wall_error_aligned_cm", "wall_error_cm", "ate_cm"):
@@ -28,10 +28,10 @@ def test_the_map_is_nearly_as_exact_as_an_ideal_solver_makes_it() -> None:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_a_gyro_that_drifts_while_arming_is_refused_does_not_turn_the_map(
+def test_gyro_drift_while_arming_is_refused_does_not_rotate_the_map(
     sitl: Sitl, autopilot: str
 ) -> None:
-    """ArduCopter refused arming ("Gyros inconsistent") for 18 s, and the map turned by 2.5 deg."""
+    """ArduCopter once refused arming ("Gyros inconsistent") for 18 s; the map rotated by 2.5°."""
     yaw_deg: list[float] = []
 
     def note(simulation: Simulation, app: App) -> None:

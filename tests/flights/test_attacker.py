@@ -66,7 +66,7 @@ def replayed(recorded: Frames) -> Frames:
 def flown(
     *, signed: bool, attack: Callable[[Frames], Frames] | None = None
 ) -> tuple[App, Simulation]:
-    """A flight with an attacker between both ends, who receives everything and adds frames."""
+    """A flight with an attacker between both ends, who receives all frames and adds some."""
     config = Config.model_validate({"sensors": {"profile": "paper"}})
     signing = (Signing(KEY), Signing(KEY)) if signed else (None, None)
     autopilot_end, companion_end = pipe_pair(1, signing)
@@ -93,19 +93,19 @@ def flown(
 
 
 @pytest.fixture(scope="module")
-def unharmed() -> tuple[App, Simulation]:
+def undisturbed() -> tuple[App, Simulation]:
     return flown(signed=False)
 
 
 @pytest.mark.parametrize("attack", [unsigned, with_another_key, replayed])
 def test_a_signed_flight_does_not_notice_an_attacker(
-    unharmed: tuple[App, Simulation], attack: Callable[[Frames], Frames]
+    undisturbed: tuple[App, Simulation], attack: Callable[[Frames], Frames]
 ) -> None:
     app, simulation = flown(signed=True, attack=attack)
     assert app.flight.completed, app.flight.ending
-    assert simulation.record.path == unharmed[1].record.path
+    assert simulation.record.path == undisturbed[1].record.path
 
 
-def test_without_signing_the_attacker_has_the_drone() -> None:
+def test_an_attacker_disrupts_an_unsigned_flight() -> None:
     app, _ = flown(signed=False, attack=unsigned)
     assert not app.flight.completed

@@ -41,7 +41,7 @@ class PoseErrors:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, seed: int) -> None:
+def test_the_drone_maps_both_rooms_through_the_doorway_and_returns(sitl: Sitl, seed: int) -> None:
     flight = sitl.fly(ROOMS, mission="building", seed=seed)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -53,7 +53,7 @@ def test_it_goes_through_the_doorway_sees_both_rooms_and_comes_back(sitl: Sitl, 
 
 
 @pytest.mark.parametrize("world", ["open_house", "corridor"])
-def test_it_sees_all_of_a_building_that_is_open_or_narrow(sitl: Sitl, world: str) -> None:
+def test_open_and_narrow_buildings_are_mapped_completely(sitl: Sitl, world: str) -> None:
     """The drone once flew into the open until the battery was low, and skipped a 1.2 m corridor."""
     flight = sitl.fly(f"worlds/{world}.toml", mission="building")
     assert flight.completed, flight.ending
@@ -63,8 +63,8 @@ def test_it_sees_all_of_a_building_that_is_open_or_narrow(sitl: Sitl, world: str
     assert flight.report.return_m < 0.3
 
 
-def test_it_turns_into_a_corridor_that_it_sees_from_the_side_at_first(sitl: Sitl) -> None:
-    """The drone once scanned along the wall before the corridor again and again, outside it."""
+def test_the_drone_enters_a_corridor_first_detected_from_the_side(sitl: Sitl) -> None:
+    """The drone once scanned the wall before the corridor repeatedly and stayed outside."""
     flight = sitl.fly("worlds/switchback.toml", mission="building", seed=2)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -72,7 +72,7 @@ def test_it_turns_into_a_corridor_that_it_sees_from_the_side_at_first(sitl: Sitl
     assert flight.report.return_m < 0.3
 
 
-def test_rooms_whose_walls_are_nearly_in_line_are_not_pulled_together(sitl: Sitl) -> None:
+def test_nearly_collinear_walls_of_two_rooms_are_not_merged(sitl: Sitl) -> None:
     """Walls offset by 0.3 m were merged into one, and half the map was 0.15 m off."""
     flight = sitl.fly("random_12", mission="building", seed=1)
     assert flight.completed, flight.ending
@@ -80,7 +80,7 @@ def test_rooms_whose_walls_are_nearly_in_line_are_not_pulled_together(sitl: Sitl
     assert flight.report.wall_error_aligned_cm < 2.5
 
 
-def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sitl) -> None:
+def test_an_obstacle_before_a_wall_is_not_mistaken_for_the_wall_on_the_ground(sitl: Sitl) -> None:
     """A box 0.4 m deep, observed for long, once shifted the origin: the landing was 0.37 m off."""
     flight = sitl.fly("random_38", mission="building", seed=1)
     assert flight.completed, flight.ending
@@ -88,7 +88,7 @@ def test_what_stands_before_a_wall_is_not_taken_for_it_from_the_ground(sitl: Sit
     assert flight.report.wall_error_aligned_cm < 2
 
 
-def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
+def test_the_heading_stays_accurate_along_walls_with_pilasters(sitl: Sitl) -> None:
     """A wall with steps of 15 cm, associated as one, once turned the heading by up to 11°."""
     errors = PoseErrors()
     flight = sitl.fly("worlds/facade.toml", mission="exterior", seed=2, script=errors.script)
@@ -98,12 +98,12 @@ def test_the_heading_stays_true_along_walls_with_pilasters(sitl: Sitl) -> None:
 
 
 @pytest.mark.parametrize(("profile", "seed"), [("gp2y0a710k0f", 1), ("paper", 11)])
-def test_the_pose_stays_true_through_all_rooms_of_a_row(
+def test_the_pose_stays_accurate_through_a_row_of_rooms(
     sitl: Sitl, profile: str, seed: int
 ) -> None:
-    """Walls of the first room once grew through the third and shifted the pose by a metre.
+    """Walls of the first room were once extended into the third: the pose shifted by a metre.
 
-    A doorway of 0.95 m was measured as 0.79 m during pose drift, and its room was not entered.
+    During pose drift a doorway of 0.95 m was measured as 0.79 m, so the drone skipped the room.
     """
     errors, world = PoseErrors(), "worlds/three_rooms.toml"
     flight = sitl.fly(world, mission="building", seed=seed, profile=profile, script=errors.script)
@@ -114,7 +114,7 @@ def test_the_pose_stays_true_through_all_rooms_of_a_row(
     assert flight.report.return_m < 0.3
 
 
-def test_it_waits_for_somebody_in_the_way_or_goes_round(sitl: Sitl) -> None:
+def test_the_drone_waits_for_a_person_in_the_way_or_flies_round(sitl: Sitl) -> None:
     comes = when("going to where", somebody([(2.0, 3.2, 1.2)], for_s=12))
     flight = sitl.fly(ROOMS, mission="building", seed=1, script=[comes])
     assert flight.completed, flight.ending
@@ -123,7 +123,7 @@ def test_it_waits_for_somebody_in_the_way_or_goes_round(sitl: Sitl) -> None:
     assert flight.report.coverage >= 0.98
 
 
-def test_behind_a_door_that_closes_it_says_so_and_lands(sitl: Sitl) -> None:
+def test_the_drone_lands_if_a_door_closes_on_its_way_back(sitl: Sitl) -> None:
     def is_in_the_far_room(simulation: Simulation, app: object) -> bool:
         return simulation.autopilot.truth.position_ned_m[1] > 5.0
 
@@ -134,7 +134,7 @@ def test_behind_a_door_that_closes_it_says_so_and_lands(sitl: Sitl) -> None:
     assert flight.simulation.autopilot.truth.position_ned_m[1] > 4.5
 
 
-def test_it_turns_back_in_time(sitl: Sitl) -> None:
+def test_the_drone_returns_before_the_time_limit(sitl: Sitl) -> None:
     limits = {"mission.time_limit_s": 40, "mission.reserve_s": 5}
     flight = sitl.fly(ROOMS, mission="building", seed=1, settings=limits)
     assert "limit of 40 s" in flight.ending
@@ -145,10 +145,10 @@ def test_it_turns_back_in_time(sitl: Sitl) -> None:
 @pytest.mark.parametrize(
     ("profile", "seed", "spacing_m"), [("paper", 2, 0.6), ("gp2y0a710k0f", 1, 0.8)]
 )
-def test_heights_of_an_office_are_true_to_some_centimetres(
+def test_mapped_heights_of_an_office_are_accurate_to_6_cm(
     sitl: Sitl, profile: str, seed: int, spacing_m: float
 ) -> None:
-    """Maps layer by layer up to the ceiling, and returns.
+    """The drone maps layer by layer up to the ceiling, and returns.
 
     At 1.8 m the first such flight hit the lintel of the door, which only the up beam detects.
     """

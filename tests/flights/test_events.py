@@ -35,10 +35,10 @@ def test_an_event_that_never_happens_fails_the_test(sitl: Sitl, event: Event, na
 def test_an_optional_event_and_a_watch_need_not_happen(sitl: Sitl) -> None:
     times_s: list[float] = []
 
-    def look(simulation: Simulation, app: App) -> None:
+    def note(simulation: Simulation, app: App) -> None:
         times_s.append(simulation.time_s)
 
-    script = [optional(at(NEVER, crash())), watch(look)]
+    script = [optional(at(NEVER, crash())), watch(note)]
     sitl.fly(SMALL_ROOM, script=script, settings=ENDS_SOON)
     assert len(times_s) > 100
     assert times_s == sorted(times_s)
@@ -54,7 +54,9 @@ do = "crash"
 """
 
 
-def test_so_does_one_of_a_missions_file(sitl: Sitl, tmp_path: Path) -> None:
+def test_an_event_of_a_mission_file_that_never_happens_fails_the_flight(
+    sitl: Sitl, tmp_path: Path
+) -> None:
     path = tmp_path / "mission.toml"
     path.write_text(MISSION)
     with pytest.raises(AssertionError, match="at 900 s"):

@@ -83,7 +83,7 @@ def phase(flight: Flight) -> Phase:
     return flight.app.flight.phase
 
 
-def test_a_pilot_takes_over_and_the_companion_falls_silent(sitl: Sitl) -> None:
+def test_the_companion_hands_over_when_the_pilot_takes_over(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, pilot_mode("LOITER"))])
     assert phase(flight) is Phase.HANDED_OVER
     assert flight.ending == "handed over: mode changed to LOITER"
@@ -101,12 +101,12 @@ def test_a_link_lost_for_five_seconds_lands_the_drone(sitl: Sitl) -> None:
     assert flight.plan.walls
 
 
-def test_a_short_silence_only_holds_the_drone(sitl: Sitl) -> None:
+def test_a_short_link_loss_does_not_end_the_mission(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, link_down(for_s=1.8))])
     assert flight.completed, flight.ending
 
 
-def test_a_link_lost_for_good_is_given_up_with_the_drone_at_rest(sitl: Sitl) -> None:
+def test_a_permanent_link_loss_ends_the_flight_with_the_drone_at_rest(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, link_down())])
     assert phase(flight) is Phase.FAILED
     assert "nothing heard" in flight.ending
@@ -123,7 +123,7 @@ def test_a_closed_sensor_bus_lands_the_drone(sitl: Sitl) -> None:
     assert flight.plan.walls
 
 
-def test_a_bus_that_comes_back_lets_the_flight_go_on(sitl: Sitl) -> None:
+def test_the_flight_continues_after_a_short_bus_failure(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, break_bus(for_s=0.9))])
     assert flight.completed, flight.ending
 
@@ -148,10 +148,10 @@ ON_MCP3008 = "\n".join(
 
 
 @pytest.mark.parametrize("beam", LEVEL)
-def test_an_open_input_that_shows_its_neighbours_is_not_flown_by(
+def test_an_open_adc_input_that_follows_its_neighbours_lands_the_drone(
     sitl: Sitl, tmp_path: Path, beam: str
 ) -> None:
-    """The voltage looks like a distance all the time."""
+    """The voltage of the open input is always that of a valid distance."""
     config = tmp_path / "drone.toml"
     config.write_text(ON_MCP3008)
     script = [at(30, unplug(beam, memory=0.9))]
@@ -171,7 +171,7 @@ def test_a_dead_beam_of_the_papers_sensor_lands_the_drone(sitl: Sitl, beam: str)
 
 @pytest.mark.parametrize(
     ("profile", "autopilot", "transfer_s"),
-    [  # each pair of two
+    [  # every pair of values of two parameters
         ("gp2y0a710k0f", "ardupilot", 0.03),
         ("gp2y0a710k0f", "px4", 1.0),
         ("vl53l1x", "ardupilot", 1.0),
@@ -180,7 +180,7 @@ def test_a_dead_beam_of_the_papers_sensor_lands_the_drone(sitl: Sitl, beam: str)
         ("tfmini_s", "px4", 1.0),
     ],
 )
-def test_a_bus_that_hangs_lands_the_drone_while_setpoints_keep_their_pace(
+def test_a_hanging_bus_lands_the_drone_and_setpoints_keep_their_rate(
     sitl: Sitl, profile: str, autopilot: str, transfer_s: float
 ) -> None:
     ticks_s: list[float] = []
@@ -195,7 +195,7 @@ def test_a_bus_that_hangs_lands_the_drone_while_setpoints_keep_their_pace(
 
 
 @pytest.mark.parametrize("transfer_s", [0.05, 1.0])
-def test_a_bus_that_hangs_for_a_moment_lets_the_flight_go_on(
+def test_the_flight_continues_after_the_bus_hangs_briefly(
     sitl: Sitl, small: str, transfer_s: float
 ) -> None:
     flight = sitl.fly(small, script=[at(20, hang_bus(transfer_s, for_s=0.2))])
@@ -224,7 +224,7 @@ def test_a_crash_fails_the_flight(sitl: Sitl) -> None:
         (restart_autopilot(), "failed: the autopilot disarmed in the air"),
     ],
 )
-def test_what_lasts_ends_the_flight_in_its_way(
+def test_each_permanent_fault_ends_the_flight_as_documented(
     sitl: Sitl, small: str, action: Action, ending: str
 ) -> None:
     flight = sitl.fly(small, script=[at(20, action)])
@@ -237,7 +237,7 @@ def test_what_lasts_ends_the_flight_in_its_way(
     ("one", "other", "profile"),
     [("left", "right", "vl53l1x"), ("left", "right", "paper"), ("front", "right", "gp2y0a710k0f")],
 )
-def test_swapped_sensors_show_before_they_do_harm(
+def test_swapped_sensors_are_detected_before_a_collision(
     sitl: Sitl, small: str, one: str, other: str, profile: str
 ) -> None:
     flight = sitl.fly(small, script=[at(0, swap(one, other))], profile=profile)
@@ -261,17 +261,17 @@ def test_swapped_sensors_show_before_they_do_harm(
         (other_rates("LOCAL_POSITION_NED", 0),),
     ],
 )
-def test_what_passes_does_not_end_the_mission(
+def test_temporary_faults_do_not_end_the_mission(
     sitl: Sitl, small: str, actions: Sequence[Action]
 ) -> None:
-    """Along a wall, in a turn, and on the way back."""
+    """The faults occur along a wall, in a turn, and on the way back."""
     flight = sitl.fly(small, script=[*map(when, ("scanning", "corner", "returning"), actions)])
     assert flight.completed, flight.ending
     assert len(flight.plan.walls) == 4
 
 
 @pytest.mark.parametrize("fault", [unplug, stick])
-def test_without_up_and_down_beam_it_flies_on(
+def test_the_flight_continues_without_up_and_down_beam(
     sitl: Sitl, small: str, fault: Callable[[str], Action]
 ) -> None:
     flight = sitl.fly(small, script=[at(20, fault("up")), at(20, fault("down"))])
@@ -283,7 +283,7 @@ def test_without_up_and_down_beam_it_flies_on(
     ("forward_m", "right_m", "profile"),
     [(0.6, 0.0, "gp2y0a710k0f"), (0.0, -0.5, "gp2y0a710k0f"), (0.6, 0.0, "vl53l1x")],
 )
-def test_it_keeps_off_from_who_steps_up_too_near_to_be_measured(
+def test_the_drone_keeps_clear_of_a_person_below_the_minimum_range(
     sitl: Sitl, small: str, forward_m: float, right_m: float, profile: str
 ) -> None:
     comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
@@ -293,7 +293,7 @@ def test_it_keeps_off_from_who_steps_up_too_near_to_be_measured(
 
 
 @pytest.mark.parametrize(("forward_m", "right_m"), [(0.9, 0.0), (0.0, 1.2)])
-def test_it_stops_before_who_steps_into_its_way(
+def test_the_drone_stops_before_a_person_who_steps_into_its_way(
     sitl: Sitl, small: str, forward_m: float, right_m: float
 ) -> None:
     comes = along_a_wall(somebody_near(forward_m, right_m, for_s=8))
@@ -303,7 +303,7 @@ def test_it_stops_before_who_steps_into_its_way(
 
 
 @pytest.mark.parametrize(("north_m_s", "east_m_s"), [(-0.5, 0.0), (0.0, -0.5)])
-def test_a_gust_towards_a_wall_does_not_throw_it_there(
+def test_a_gust_towards_a_wall_causes_no_collision(
     sitl: Sitl, small: str, north_m_s: float, east_m_s: float
 ) -> None:
     flight = sitl.fly(small, script=[at(20, gust(north_m_s, east_m_s, for_s=3))])
@@ -311,7 +311,7 @@ def test_a_gust_towards_a_wall_does_not_throw_it_there(
     assert flight.truth.clearance_m > 0.1
 
 
-def test_where_the_trace_cannot_pass_the_rest_is_explored(sitl: Sitl, tmp_path: Path) -> None:
+def test_the_rest_is_explored_if_the_scan_path_is_blocked(sitl: Sitl, tmp_path: Path) -> None:
     """Some flights pass the post, others do not."""
     path, explored = tmp_path / "blocked.toml", []
     path.write_text(ROOM + POST)
@@ -328,7 +328,7 @@ def test_where_the_trace_cannot_pass_the_rest_is_explored(sitl: Sitl, tmp_path: 
     assert explored
 
 
-def test_a_turn_that_a_hanging_companion_has_missed_is_known_all_the_same(
+def test_a_turn_during_a_hang_of_the_companion_does_not_distort_the_map(
     sitl: Sitl, small: str
 ) -> None:
     flight = sitl.fly(small, script=[when("corner", hang(for_s=3))])
@@ -359,7 +359,7 @@ def troubles(flown: list[str]) -> Event:
         (at(0, starve(for_s=8)), "gp2y0a710k0f"),
     ],
 )
-def test_a_starved_computer_holds_the_drone_and_blames_no_sensor(
+def test_a_starved_computer_holds_the_drone_without_a_sensor_fault(
     sitl: Sitl, small: str, begins: Event, profile: str
 ) -> None:
     recorded: list[str] = []
@@ -371,7 +371,7 @@ def test_a_starved_computer_holds_the_drone_and_blames_no_sensor(
 
 
 @pytest.mark.parametrize("between_reads", [False, True])
-def test_a_computer_that_is_starved_throughout_lands_the_drone(
+def test_a_permanently_starved_computer_lands_the_drone(
     sitl: Sitl, small: str, between_reads: bool
 ) -> None:
     recorded: list[str] = []
@@ -383,7 +383,7 @@ def test_a_computer_that_is_starved_throughout_lands_the_drone(
     assert flight.report.wall_error_aligned_cm < 3
 
 
-def test_a_computer_that_is_starved_from_the_start_does_not_take_off(
+def test_the_drone_does_not_take_off_if_the_computer_is_starved_from_the_start(
     sitl: Sitl, small: str
 ) -> None:
     flight = sitl.fly(small, script=[at(0, starve())])
@@ -391,7 +391,7 @@ def test_a_computer_that_is_starved_from_the_start_does_not_take_off(
     assert not flight.app.flight.took_off
 
 
-def test_starved_flights_are_the_same_to_the_bit(sitl: Sitl, small: str) -> None:
+def test_starved_flights_are_identical_over_every_transport(sitl: Sitl, small: str) -> None:
     def path(transport: str) -> object:
         script = [at(15, starve(for_s=4)), at(25, starve(for_s=4, between_reads=True))]
         return sitl.fly(small, script=script, transport=transport).truth.path
@@ -401,10 +401,10 @@ def test_starved_flights_are_the_same_to_the_bit(sitl: Sitl, small: str) -> None
 
 @pytest.mark.parametrize("begins_s", [6.0, 20.0])
 @pytest.mark.parametrize("pull_deg", [-14.0, 3.0])
-def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
+def test_a_heading_correction_of_the_autopilot_is_not_a_gyro_fault(
     sitl: Sitl, small: str, begins_s: float, pull_deg: float
 ) -> None:
-    """Pulls it by 14° in 3 s, as PX4 at take-off, and by 3° at once, as ArduPilot in flight."""
+    """The heading shifts by 14° in 3 s, as PX4's at take-off, or by 3° at once, as ArduPilot's."""
     recorded: list[str] = []
     steps = 60 if pull_deg < 0 else 1
     pulls = [at(begins_s + 0.05 * i, jump_odometry(yaw_deg=pull_deg / steps)) for i in range(steps)]
@@ -418,7 +418,7 @@ def test_a_heading_that_its_estimator_pulls_is_no_fault_of_the_gyro(
     ("in_line_s", "in_turn_s"),
     [(-1.9, 0.2), (-1.0, 3.0), (-0.5, -1.9), (-0.2, -1.0), (0.2, -0.5), (3.0, -0.2)],
 )
-def test_a_clock_that_is_set_is_no_fault(
+def test_a_step_of_the_autopilots_clock_is_not_a_fault(
     sitl: Sitl, small: str, in_line_s: float, in_turn_s: float
 ) -> None:
     recorded: list[str] = []
@@ -429,12 +429,14 @@ def test_a_clock_that_is_set_is_no_fault(
     assert flight.report.wall_error_aligned_cm < 2
 
 
-def test_an_autopilot_that_restarts_before_take_off_is_waited_for(sitl: Sitl, small: str) -> None:
+def test_the_companion_waits_for_an_autopilot_that_restarts_before_take_off(
+    sitl: Sitl, small: str
+) -> None:
     flight = sitl.fly(small, script=[at(2, restart_autopilot())])
     assert flight.completed, flight.ending
 
 
-def test_an_autopilot_whose_gyro_we_use_may_restart_and_its_clock_jump(
+def test_the_autopilots_gyro_is_usable_after_a_restart_and_a_clock_step(
     sitl: Sitl, small: str
 ) -> None:
     events = [at(2, restart_autopilot()), at(25, jump_clock(-10))]
@@ -443,13 +445,13 @@ def test_an_autopilot_whose_gyro_we_use_may_restart_and_its_clock_jump(
     assert len(flight.plan.walls) == 4
 
 
-def test_refused_arming_ends_with_the_autopilots_words(sitl: Sitl, small: str) -> None:
+def test_refused_arming_ends_with_the_autopilots_text(sitl: Sitl, small: str) -> None:
     flight = sitl.fly(small, script=[at(0, refuse_arming())])
     assert flight.ending.startswith("failed: cannot arm after 30 s")
     assert "Compass not calibrated" in flight.ending
 
 
-def test_a_drone_that_is_given_back_is_left_where_it_is(sitl: Sitl, small: str) -> None:
+def test_the_companion_does_not_resume_control_after_a_handover(sitl: Sitl, small: str) -> None:
     given_back = optional(at(20.5, pilot_mode("GUIDED")))  # the companion has ended before this
     script = [at(20, pilot_mode("LOITER")), given_back]
     flight = sitl.fly(small, script=script)

@@ -18,7 +18,7 @@ CHAIRS_AND_TABLE_M = (
 
 
 def leg(shades: Shades, north_m: float, east_m: float) -> None:
-    """Draw a cell of 5 cm."""
+    """Draw a leg as one cell of 5 cm."""
     shades[cells(north_m), cells(east_m)] = WALL
 
 
@@ -54,16 +54,14 @@ def lived_in() -> Shades:
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_poles_that_stand_singly_in_the_open_are_not_hit(
-    sitl: Sitl, tmp_path: Path, seed: int
-) -> None:
+def test_the_drone_does_not_hit_isolated_poles(sitl: Sitl, tmp_path: Path, seed: int) -> None:
     flight = sitl.fly(write(tmp_path, poles()), mission="building", seed=seed)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
     assert flight.report.clearance_m > 0.1
 
 
-def test_it_maps_the_walls_behind_chairs_and_a_table(sitl: Sitl, tmp_path: Path) -> None:
+def test_walls_behind_chair_and_table_legs_are_mapped(sitl: Sitl, tmp_path: Path) -> None:
     flight = sitl.fly(write(tmp_path, chair_legs()), mission="building")
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -71,7 +69,7 @@ def test_it_maps_the_walls_behind_chairs_and_a_table(sitl: Sitl, tmp_path: Path)
     assert flight.report.wall_error_aligned_cm < 5
 
 
-def test_beams_that_swing_over_legs_are_not_taken_for_faults(sitl: Sitl, tmp_path: Path) -> None:
+def test_beams_that_sweep_over_legs_raise_no_sensor_fault(sitl: Sitl, tmp_path: Path) -> None:
     troubles = set()
 
     def note(_: Simulation, app: App) -> None:

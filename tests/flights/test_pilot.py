@@ -94,7 +94,7 @@ def mode_of(flight: Flight) -> str:
 
 @BOTH
 @pytest.mark.parametrize("away_s", [1.5, 3.0, 6.0, 9.0])
-def test_a_pilot_who_took_it_while_the_link_was_lost_keeps_it(
+def test_a_pilot_who_takes_over_during_a_link_loss_keeps_control(
     fly: Fly, watch: Watch, autopilot: str, pilots: str, away_s: float
 ) -> None:
     taken_s = IN_FLIGHT_S + 0.3
@@ -110,7 +110,7 @@ def test_a_pilot_who_took_it_while_the_link_was_lost_keeps_it(
 
 @BOTH
 @pytest.mark.parametrize("mode", ["LAND", "RTL"])
-def test_land_and_return_by_the_pilot_are_the_pilots(
+def test_land_and_rtl_by_the_pilot_hand_over_control(
     fly: Fly, watch: Watch, autopilot: str, pilots: str, mode: str
 ) -> None:
     flight = fly(at(IN_FLIGHT_S, pilot_mode(mode)), autopilot=autopilot)
@@ -120,7 +120,7 @@ def test_land_and_return_by_the_pilot_are_the_pilots(
 
 
 @BOTH
-def test_a_pilot_who_takes_it_while_arming_is_refused_keeps_it(
+def test_a_pilot_who_takes_over_while_arming_is_refused_keeps_control(
     fly: Fly, watch: Watch, autopilot: str, pilots: str
 ) -> None:
     flight = fly(at(0, refuse_arming(for_s=18)), at(12, pilot_mode(pilots)), autopilot=autopilot)
@@ -131,10 +131,10 @@ def test_a_pilot_who_takes_it_while_arming_is_refused_keeps_it(
 
 @BOTH
 @pytest.mark.parametrize("armed_s", [3.0, 8.3, 8.7])
-def test_a_drone_that_somebody_else_arms_is_not_flown(
+def test_a_drone_armed_by_the_pilot_is_not_flown(
     fly: Fly, watch: Watch, autopilot: str, pilots: str, armed_s: float
 ) -> None:
-    """While the drone waits for the gyro, and while the companion's arming is rejected."""
+    """The pilot arms while the drone waits for the gyro, or while arming is refused."""
     flight = fly(at(0, refuse_arming()), at(armed_s, pilot_arms()), autopilot=autopilot)
     assert flight.app.flight.phase is Phase.FAILED
     assert "armed" in flight.ending
@@ -143,7 +143,7 @@ def test_a_drone_that_somebody_else_arms_is_not_flown(
 
 
 @BOTH
-def test_a_pilot_who_takes_it_while_it_lands_keeps_it(
+def test_a_pilot_who_takes_over_during_landing_keeps_control(
     fly: Fly, watch: Watch, autopilot: str, pilots: str
 ) -> None:
     lands = Event(lambda s, app: watch.modes[-1:] == ["LAND"], pilot_mode(pilots, "mid"))
@@ -152,8 +152,10 @@ def test_a_pilot_who_takes_it_while_it_lands_keeps_it(
     assert mode_of(flight) == pilots
 
 
-def test_px4_lands_on_late_setpoints_and_is_left_to_land(fly: Fly, watch: Watch) -> None:
-    """Setpoints would return it to OFFBOARD."""
+def test_the_companion_does_not_interrupt_px4_landing_after_late_setpoints(
+    fly: Fly, watch: Watch
+) -> None:
+    """Further setpoints would return PX4 to OFFBOARD."""
     flight = fly(at(IN_FLIGHT_S, hang(for_s=2.5)), autopilot="px4")
     late = "the computer is starved: ticks 2.5 s late"
     assert flight.ending == f"handed over: mode changed to LAND; {late}"
@@ -161,7 +163,7 @@ def test_px4_lands_on_late_setpoints_and_is_left_to_land(fly: Fly, watch: Watch)
     assert watch.after(IN_FLIGHT_S) == {}
 
 
-def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
+def test_the_flight_continues_if_px4_returns_to_offboard_before_its_next_heartbeat(
     fly: Fly, watch: Watch
 ) -> None:
     """PX4 sends HEARTBEAT at whole seconds."""
@@ -170,7 +172,7 @@ def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
     assert watch.modes.count("OFFBOARD") == 2
 
 
-# Refused before it arms
+# Refused before arming
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
@@ -186,7 +188,7 @@ def test_px4_that_is_back_in_offboard_before_a_heartbeat_has_told_flies_on(
         (mute("HEARTBEAT"), "no autopilot heard"),
     ],
 )
-def test_what_is_not_fit_is_refused_with_the_reason(
+def test_an_unsuitable_vehicle_is_refused_with_the_reason(
     fly: Fly, watch: Watch, autopilot: str, fault: Action, words: str
 ) -> None:
     flight = fly(at(0, fault), autopilot=autopilot)
@@ -195,13 +197,13 @@ def test_what_is_not_fit_is_refused_with_the_reason(
     assert watch.asked == []
 
 
-def test_another_system_is_named(fly: Fly, watch: Watch) -> None:
+def test_a_wrong_system_id_is_reported(fly: Fly, watch: Watch) -> None:
     flight = fly(parameters={"SYSID_THISMAV": 3})
     assert "system 3 is heard there, not 1: link.system_id" in flight.ending
     assert watch.asked == []
 
 
-def test_a_take_off_that_is_told_for_ever_does_not_keep_it_from_its_mission(
+def test_the_mission_begins_although_the_autopilot_keeps_reporting_take_off(
     fly: Fly, watch: Watch
 ) -> None:
     flight = fly(at(0, stay_taking_off()))

@@ -49,15 +49,15 @@ def ate_m(autopilot: str, seed: int, *, send_pose: bool) -> float:
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_an_autopilot_that_takes_our_pose_knows_where_it_is(autopilot: str) -> None:
-    told_m = [ate_m(autopilot, seed, send_pose=True) for seed in (1, 2)]
-    alone_m = [ate_m(autopilot, seed, send_pose=False) for seed in (1, 2)]
-    assert max(told_m) < 0.15
-    assert sum(alone_m) > 2 * sum(told_m)
+def test_the_companions_pose_improves_the_autopilots_estimate(autopilot: str) -> None:
+    with_pose_m = [ate_m(autopilot, seed, send_pose=True) for seed in (1, 2)]
+    without_pose_m = [ate_m(autopilot, seed, send_pose=False) for seed in (1, 2)]
+    assert max(with_pose_m) < 0.15
+    assert sum(without_pose_m) > 2 * sum(with_pose_m)
 
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_an_autopilot_that_does_not_listen_to_our_pose_is_not_taken_off_with(
+def test_take_off_is_refused_if_the_autopilot_ignores_the_companions_pose(
     autopilot: str,
 ) -> None:
     settings = configuration.load(None, {"sensors.profile": "paper", "link.send_pose": True})
@@ -71,13 +71,12 @@ def test_an_autopilot_that_does_not_listen_to_our_pose_is_not_taken_off_with(
 
 @pytest.mark.parametrize("rate_m_s2", [1.0, 2.5])
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
-def test_an_autopilot_that_flies_away_is_stopped_and_landed(
-    autopilot: str, rate_m_s2: float
-) -> None:
+def test_a_fly_away_is_detected_and_stopped(autopilot: str, rate_m_s2: float) -> None:
     """The drone accelerates to 5 m/s in 2 s, as after repeated resets of the position.
 
-    The acceleration is along its way. Against its way it would first have to stop, and that is no
-    fly-away. PX4's reported velocity errs by 0.1 m/s for a second, which is 0.1 s at 1 m/s².
+    The acceleration is in the direction of flight. In the opposite direction the drone would first
+    stop, which is no fly-away. PX4's reported velocity errs by 0.1 m/s for a second, which is 0.1 s
+    at 1 m/s².
     """
     began: list[tuple[float, Vector2]] = []
     noticed_s: list[float] = []

@@ -11,12 +11,12 @@ from sitl.testing import Flight, Sitl, at, crash
 SMALL = "worlds/small_room.toml"
 ENDS_AT_S = 25
 ENDS_SOON = [at(ENDS_AT_S, crash())]
-"""For flights of which the beginning is enough."""
+"""Script for a test that needs only the beginning of a flight."""
 
 
 @pytest.mark.parametrize("profile", ["gp2y0a710k0f", "paper"])
 @pytest.mark.parametrize("seed", [1, 10])
-def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int) -> None:
+def test_the_drone_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int) -> None:
     flight = sitl.fly("room_100", seed=seed, profile=profile)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -31,15 +31,15 @@ def test_it_maps_the_room_and_lands_at_home(sitl: Sitl, profile: str, seed: int)
 
 
 @pytest.mark.parametrize(("world", "area_m2"), [("room_200", 200), ("room_300", 300)])
-def test_it_maps_larger_rooms(sitl: Sitl, world: str, area_m2: float) -> None:
+def test_larger_rooms_are_mapped(sitl: Sitl, world: str, area_m2: float) -> None:
     flight = sitl.fly(world, profile="paper")
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
     assert areas_m2(flight) == pytest.approx([area_m2], rel=0.02)
 
 
-def test_it_turns_with_the_wall_when_a_gyro_that_reads_too_little_is_found_out(sitl: Sitl) -> None:
-    """The map turned by 16°, and the drone flew askew into a supposedly closed end."""
+def test_the_drone_turns_with_the_wall_when_a_low_gyro_scale_is_corrected(sitl: Sitl) -> None:
+    """The map once rotated by 16° in flight; the drone flew askew into a false dead end."""
     flight = sitl.fly("room_200", seed=3)
     assert flight.completed, flight.ending
     assert flight.report.wall_error_aligned_cm <= 15
@@ -52,15 +52,15 @@ def areas_m2(flight: Flight) -> list[float]:
     return [room.area_m2 for room in survey(flight.plan).rooms]
 
 
-def test_how_long_a_large_room_is_further_rounds_tell(sitl: Sitl) -> None:
-    """After two rounds the room's 20 m were 0.2 m too short."""
+def test_further_rounds_correct_the_length_of_a_large_room(sitl: Sitl) -> None:
+    """After two rounds the map of the room was 0.2 m too short over 20 m."""
     flight = sitl.fly("room_300", seed=15)
     assert flight.completed, flight.ending
     assert flight.report.coverage >= 0.95
     assert flight.report.wall_error_aligned_cm < 9
 
 
-def test_the_same_seed_is_the_same_flight_whatever_carries_the_messages(sitl: Sitl) -> None:
+def test_the_same_seed_gives_the_same_flight_over_every_transport(sitl: Sitl) -> None:
     first = sitl.fly(SMALL, seed=5)
     as_bytes = sitl.fly(SMALL, seed=5, transport="bytes")
     assert first.truth.path == as_bytes.truth.path
@@ -69,7 +69,7 @@ def test_the_same_seed_is_the_same_flight_whatever_carries_the_messages(sitl: Si
     assert beginning(first) != beginning(sitl.fly(SMALL, seed=6, script=ENDS_SOON))
 
 
-def test_with_beam_physics_too_the_same_seed_is_the_same_flight(sitl: Sitl) -> None:
+def test_the_same_seed_gives_the_same_flight_with_beam_physics(sitl: Sitl) -> None:
     beam = {"width_deg": 2, "steep_deg": 75, "dropout": 0.02, "shift_m": 0.02}
     first = sitl.fly(SMALL, seed=5, beam=beam)
     as_bytes = sitl.fly(SMALL, seed=5, beam=beam, transport="bytes")
@@ -80,11 +80,11 @@ def test_with_beam_physics_too_the_same_seed_is_the_same_flight(sitl: Sitl) -> N
 
 
 def beginning(flight: Flight) -> Sequence[TrueState]:
-    """The true path until shortly before `ENDS_SOON`."""
+    """True path up to 1 s before `ENDS_SOON` ends the flight."""
     return [state for state in flight.truth.path if state.time_s < ENDS_AT_S - 1]
 
 
-def test_a_px4_flies_the_same_mission(sitl: Sitl) -> None:
+def test_a_px4_vehicle_completes_the_same_mission(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", seed=4, autopilot="px4")
     assert flight.completed, flight.ending
     assert flight.report.coverage >= 0.95

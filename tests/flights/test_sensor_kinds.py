@@ -39,7 +39,7 @@ down = { kind = "sharp_ads1115", address = 0x49, channel = 0 }
 
 
 @pytest.mark.parametrize("profile", ["vl53l1x", "tfmini_s", "tf_luna"])
-def test_it_maps_the_room_with_other_sensors(sitl: Sitl, profile: str) -> None:
+def test_a_room_is_mapped_with_other_sensors(sitl: Sitl, profile: str) -> None:
     flight = sitl.fly("room_100", profile=profile)
     assert flight.completed, flight.ending
     assert flight.report.collisions == 0
@@ -66,7 +66,7 @@ def test_it_maps_the_room_with_any_mix(
 @pytest.mark.parametrize(
     ("world", "rooms_m2"), [("room_100", [100]), ("worlds/small_office.toml", [22.8, 22.2])]
 )
-def test_bent_mounts_cost_nothing_if_they_are_told(
+def test_configured_mount_angles_keep_the_map_accurate(
     sitl: Sitl, tmp_path: Path, world: str, rooms_m2: list[float]
 ) -> None:
     config = tmp_path / "drone.toml"
@@ -81,7 +81,9 @@ def test_bent_mounts_cost_nothing_if_they_are_told(
     assert areas_m2 == pytest.approx(rooms_m2, rel=0.03)  # walls continue behind furniture
 
 
-def test_a_mix_too_flies_the_same_whatever_carries_the_messages(sitl: Sitl, tmp_path: Path) -> None:
+def test_mixed_sensors_give_the_same_flight_over_every_transport(
+    sitl: Sitl, tmp_path: Path
+) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(MIX)
     first = sitl.fly(SMALL, config=str(config), seed=5)

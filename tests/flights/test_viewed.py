@@ -30,7 +30,7 @@ FAST = 1000.0
 N = TypeVar("N", Seen, Refused, Ended)
 
 
-def test_sensors_of_ones_own_fly() -> None:
+def test_a_flight_with_custom_sensor_values_completes() -> None:
     request = FlightRequest("room_100", profile=OWN_PROFILE, range_m=4.0, range_sigma_m=0.03)
     config = request.config()
     app, simulation = fly_in_lockstep(request.setup(config), config, lambda progress: None)
@@ -38,7 +38,7 @@ def test_sensors_of_ones_own_fly() -> None:
     assert simulation.record.collisions == 0
 
 
-def test_what_cannot_be_flown_is_told_by_its_key() -> None:
+def test_an_invalid_setting_is_refused_by_its_key() -> None:
     with pytest.raises(ConfigError, match=r"this page: mission\.standoff = 9"):
         FlightRequest("room_100", standoff=9.0).config()
 
@@ -67,7 +67,7 @@ class Page:
                 return news
 
 
-def test_a_flight_is_seen_paused_stepped_and_ended_by_the_pilot() -> None:
+def test_the_page_shows_pauses_steps_and_takes_over_a_flight() -> None:
     page = Page()
     page.orders.send(Begin(7, FlightRequest("room_100"), FAST))
     seen = page.until(Seen)
@@ -84,7 +84,7 @@ def test_a_flight_is_seen_paused_stepped_and_ended_by_the_pilot() -> None:
     assert ended.ending == "handed over: mode changed to LOITER"
 
 
-def test_what_was_given_up_is_not_finished() -> None:
+def test_an_abandoned_flight_does_not_delay_the_next_request() -> None:
     page = Page()
     page.orders.send(Begin(1, FlightRequest("room_100"), FAST))
     page.until(Seen)
@@ -94,7 +94,7 @@ def test_what_was_given_up_is_not_finished() -> None:
     assert "no world 'nowhere'" in refused.reason
 
 
-def test_a_process_that_died_is_started_again() -> None:
+def test_a_flight_process_that_died_is_restarted() -> None:
     news: Queue[News] = Queue()
     hangar = FlightProcess(news.put)
     hangar.order(Begin(1, FlightRequest("room_100"), 1.0))

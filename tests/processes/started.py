@@ -12,7 +12,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 PAUSE = threading.Event()
-"""Never set: waiting for it is a pause within a deadline."""
+"""Event that is never set: a wait for it is a pause."""
 END_TIMEOUT_S = 20
 
 
@@ -40,7 +40,7 @@ def free_udp_port() -> int:
 
 @contextmanager
 def started(command: list[str]) -> Iterator[subprocess.Popen[str]]:
-    """A process with readable output; killed at the end if it is still running."""
+    """Start a process with readable output; kill it at the end if it still runs."""
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         yield process

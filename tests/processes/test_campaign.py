@@ -15,7 +15,7 @@ ENDS_WITHIN_S = 120
 
 
 @pytest.mark.parametrize("campaign", [MISSIONS, ACCURACY], ids=lambda campaign: campaign[0])
-def test_what_was_flown_by_then_is_not_lost(campaign: tuple[str, ...]) -> None:
+def test_an_interrupted_campaign_reports_its_finished_flights(campaign: tuple[str, ...]) -> None:
     command = sitl("bench", *campaign, "--json")
     flying = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:

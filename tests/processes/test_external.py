@@ -24,8 +24,8 @@ position = [3.2, 2.2]
 """
 
 
-def test_a_mission_with_an_autopilot_elsewhere(tmp_path: Path) -> None:
-    """The missions run in parallel in real time, which needs little of a processor."""
+def test_a_mission_with_an_external_autopilot_completes(tmp_path: Path) -> None:
+    """The missions run in parallel in real time, which needs little processor time."""
     with ThreadPoolExecutor() as pool:
         flights = [pool.submit(flies, kind, tmp_path / kind) for kind in ("ardupilot", "px4")]
     for flight in flights:

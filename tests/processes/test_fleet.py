@@ -38,7 +38,7 @@ def pilot(number: int, mavlink_port: str, bus_port: str, folder: Path) -> list[s
     return companion("fly", "--config", str(file), "--out", str(folder / f"out_{number}"))
 
 
-def test_two_missions_at_once(tmp_path: Path) -> None:
+def test_two_vehicles_complete_their_missions_at_once(tmp_path: Path) -> None:
     world, truth = tmp_path / "neighbours.toml", tmp_path / "truth.json"
     world.write_text(WORLD)
     links = ("--vehicles", "2", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", "0")

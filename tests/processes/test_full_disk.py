@@ -18,7 +18,7 @@ LARGEST_FILE = 400_000
 """File size limit, bytes: half a minute of recording, and any map."""
 
 
-def test_the_recording_ends_and_the_flight_goes_on(tmp_path: Path) -> None:
+def test_the_flight_continues_when_the_recording_cannot_grow(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "waiting")
@@ -31,7 +31,7 @@ def test_the_recording_ends_and_the_flight_goes_on(tmp_path: Path) -> None:
     assert len(read(recording).ticks) > 0
 
 
-def test_a_terminal_that_is_gone_does_not_end_the_flight(tmp_path: Path) -> None:
+def test_a_closed_terminal_does_not_end_the_flight(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "waiting")
@@ -43,8 +43,8 @@ def test_a_terminal_that_is_gone_does_not_end_the_flight(tmp_path: Path) -> None
     assert json.loads((tmp_path / "map.json").read_text())["walls"]
 
 
-def test_a_reader_who_stands_still_does_not_hold_up_the_flight(tmp_path: Path) -> None:
-    """Like a terminal after Ctrl-S, or a log that cannot be written."""
+def test_a_blocked_output_does_not_block_the_flight(tmp_path: Path) -> None:
+    """The output blocks, like a terminal after Ctrl-S or a log that cannot be written."""
     reading, writing = os.pipe()
     fcntl.fcntl(writing, fcntl.F_SETPIPE_SZ, 4096)
     os.write(writing, b"." * 4096)
@@ -63,8 +63,8 @@ def test_a_reader_who_stands_still_does_not_hold_up_the_flight(tmp_path: Path) -
     assert json.loads((tmp_path / "map.json").read_text())["walls"]
 
 
-def test_a_map_that_cannot_be_written_is_told_and_has_a_status_of_its_own(tmp_path: Path) -> None:
-    """The drone has landed: it must not be recovered."""
+def test_an_unwritable_map_is_reported_with_its_own_exit_status(tmp_path: Path) -> None:
+    """The drone has landed, so systemd must not start a recovery."""
     for name in ("map.json", "map.png", "map.ply"):
         (tmp_path / f".unfinished-{name}").symlink_to("/dev/full")
     with running_sitl("--speed", "1000", world=SMALL_ROOM) as (_, mavlink_port, bus_port):

@@ -115,7 +115,7 @@ def killed_in_flight(
     environment: Sequence[str] = (),
     key: Path | None = None,
 ) -> Iterator[Killed]:
-    """In lockstep: the vehicle's time does not advance without a companion."""
+    """Runs in lockstep: the vehicle's time does not advance without a companion."""
     config, port = out / "drone.toml", free_udp_port()
     signed = f'[link]\nsigning_key = "{key}"\n' if key else ""
     config.write_text(f'{signed}[mission]\nafter_crash = "{after_crash}"\n')
@@ -131,7 +131,7 @@ def killed_in_flight(
             read_until(pilot, "scanning parallel to the wall")
             ends(pilot)
             pilot.communicate(timeout=DEADLINE_S)
-            assert pilot.returncode not in (0, EXIT_ENDED)  # else systemd would not restart it
+            assert pilot.returncode not in (0, EXIT_ENDED)  # otherwise systemd does not restart it
         yield Killed(out, vehicle, arguments)
 
 
@@ -143,13 +143,13 @@ def assert_landed_with_its_map(killed: Killed, output: str) -> None:
     assert truth["path"][-1]["position_ned_m"][2] == pytest.approx(0.0, abs=0.05)
 
 
-def test_after_a_crash_it_lands_and_leaves_the_map(tmp_path: Path) -> None:
+def test_recovery_lands_the_drone_and_keeps_the_map(tmp_path: Path) -> None:
     with killed_in_flight(tmp_path, "land") as killed:
         assert_landed_with_its_map(killed, killed.recover())
 
 
-def test_a_disk_on_which_nothing_can_be_written_keeps_nobody_from_landing(tmp_path: Path) -> None:
-    """Neither signing's time stamp, nor the recording, nor the map can be written."""
+def test_recovery_lands_the_drone_with_an_unwritable_disk(tmp_path: Path) -> None:
+    """The time stamp of signing, the recording and the map cannot be written."""
     key, out = tmp_path / "signing.key", tmp_path / "out"
     key.write_text("5a" * 32)
     key.chmod(0o600)
@@ -181,7 +181,7 @@ def test_a_disk_on_which_nothing_can_be_written_keeps_nobody_from_landing(tmp_pa
         ('[link]\nurl = "nowhere"\n', 2),
     ],
 )
-def test_only_a_configuration_that_will_be_refused_again_ends_with_2(
+def test_only_a_permanent_configuration_error_ends_with_status_2(
     tmp_path: Path, config: str, status: int
 ) -> None:
     """Systemd restarts the service after any other failure."""
@@ -198,13 +198,13 @@ def test_only_a_configuration_that_will_be_refused_again_ends_with_2(
     assert "nowhere" in ended.stdout + ended.stderr
 
 
-def test_without_memory_it_breaks_off_and_is_landed(tmp_path: Path) -> None:
-    """Its error message needs memory, too."""
+def test_a_companion_out_of_memory_exits_and_recovery_lands_the_drone(tmp_path: Path) -> None:
+    """The error message needs memory, too."""
     with killed_in_flight(tmp_path, "land", runs_out_of_memory) as killed:
         assert_landed_with_its_map(killed, killed.recover())
 
 
-def test_one_that_hangs_is_ended_by_the_watchdog_and_landed(
+def test_the_watchdog_ends_a_hanging_companion_and_recovery_lands_the_drone(
     tmp_path: Path, systemd: Systemd
 ) -> None:
     environment = systemd.environment()
@@ -212,7 +212,7 @@ def test_one_that_hangs_is_ended_by_the_watchdog_and_landed(
         assert_landed_with_its_map(killed, killed.recover())
 
 
-def test_after_a_crash_it_goes_on_with_the_map(tmp_path: Path) -> None:
+def test_recovery_resumes_the_mission_with_the_map(tmp_path: Path) -> None:
     with killed_in_flight(tmp_path, "resume") as killed:
         output = killed.recover()
         truth = killed.truth()
@@ -225,7 +225,7 @@ def test_after_a_crash_it_goes_on_with_the_map(tmp_path: Path) -> None:
     assert whole.ticks[0].now_s < 1.0
 
 
-def test_it_is_heard_before_anything_else_happens() -> None:
+def test_recovery_first_sends_a_heartbeat_and_a_text() -> None:
     autopilot, companions = pipe_pair()
     text = "back after a crash at north 1.0 east 2.0 up 1.2 m"
     reports = Reports(LinkConfig(), {})
@@ -237,9 +237,7 @@ def test_it_is_heard_before_anything_else_happens() -> None:
     assert "".join(m.text for m in received if m.get_type() == "STATUSTEXT") == f"PDPS: {text}"
 
 
-def test_with_nobody_in_the_air_there_is_nothing_to_recover(
-    tmp_path: Path, systemd: Systemd
-) -> None:
+def test_recovery_does_nothing_for_a_disarmed_vehicle(tmp_path: Path, systemd: Systemd) -> None:
     port = free_udp_port()
     serve = ("--mavlink", f"udpout:127.0.0.1:{port}", "--bus-port", "0", "--lockstep")
     with started(sitl("run", "room_100", *serve)) as vehicle:
@@ -248,4 +246,4 @@ def test_with_nobody_in_the_air_there_is_nothing_to_recover(
         output = Killed(tmp_path, vehicle, link).recover(*systemd.environment())
     assert "not armed" in output
     assert "nothing to recover" in output
-    systemd.receive("READY=1")  # or systemd would count a failed start, and restart it for ever
+    systemd.receive("READY=1")  # otherwise systemd counts a failed start and restarts forever

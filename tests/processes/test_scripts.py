@@ -15,7 +15,7 @@ from tests.processes.started import read_until, running_sitl, started
 
 EXAMPLES = Path(__file__).parents[2] / "examples" / "scripts"
 DEADLINE_S = 120
-# Handles Ctrl-C also if the tests run in the background of a shell, which ignores the signal.
+# Restores Ctrl-C: a shell that runs the tests in the background ignores the signal.
 SCRIPT = """
 import signal, sys
 from threading import Event
@@ -45,7 +45,7 @@ def run(*command: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_the_example_scans_a_room_and_leaves_its_map(
+def test_the_scan_example_scans_a_room_and_writes_its_map(
     drone: tuple[str, str], tmp_path: Path
 ) -> None:
     link, bus = drone
@@ -57,7 +57,7 @@ def test_the_example_scans_a_room_and_leaves_its_map(
     assert list(tmp_path.glob("*.mcap"))
 
 
-def test_the_example_looks_around_and_lands(drone: tuple[str, str]) -> None:
+def test_the_look_around_example_prints_ranges_and_lands(drone: tuple[str, str]) -> None:
     link, bus = drone
     done = run(str(EXAMPLES / "look_around.py"), "--link", link, "--bus", bus, "--times", "2")
     assert done.returncode == 0, done.stderr
@@ -80,14 +80,14 @@ def test_ctrl_c_lands_the_drone(drone: tuple[str, str]) -> None:
     assert "landed: landing was requested" in output
 
 
-def test_what_is_missing_is_told(drone: tuple[str, str]) -> None:
+def test_invalid_settings_and_a_missing_bus_raise_errors(drone: tuple[str, str]) -> None:
     with pytest.raises(ConfigError, match=r"mission\.height_m = 99"):
         connect(settings={"mission.height_m": 99})
     with pytest.raises(SensorError), connect(bus="sitl://127.0.0.1:1"):
         pass
 
 
-def test_it_is_cheap_to_import() -> None:
+def test_importing_companion_does_not_import_numpy() -> None:
     done = run("-c", "import companion, sys; print('numpy' in sys.modules)")
     assert done.stdout.strip() == "False"
     assert all(hasattr(companion, name) for name in companion.__all__)

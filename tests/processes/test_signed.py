@@ -36,7 +36,7 @@ def test_a_flight_over_signed_udp(tmp_path: Path, key: Path) -> None:
     assert key.with_suffix(".timestamp").exists()
 
 
-def test_a_companion_without_the_key_hears_nobody(tmp_path: Path, key: Path) -> None:
+def test_a_companion_without_the_key_finds_no_autopilot(tmp_path: Path, key: Path) -> None:
     with running_sitl("--signing-key", str(key)) as (_, mavlink_port, bus_port):
         ended = subprocess.run(
             companion(

@@ -37,7 +37,7 @@ def ask(mavlink_port: str, message: Any, system_id: int) -> float:
     raise AssertionError("no PARAM_VALUE")
 
 
-def test_a_flight_in_two_processes_is_the_flight_in_one(tmp_path: Path) -> None:
+def test_a_flight_in_two_processes_equals_the_flight_in_one(tmp_path: Path) -> None:
     reports = {}
     for transport in ("direct", "udp"):
         out = tmp_path / transport
@@ -57,7 +57,7 @@ def test_a_flight_in_two_processes_is_the_flight_in_one(tmp_path: Path) -> None:
     assert maps[0] == maps[1]
 
 
-def test_when_sitl_is_killed_the_companion_says_so_and_keeps_the_map(tmp_path: Path) -> None:
+def test_the_companion_reports_a_killed_sitl_and_keeps_the_map(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (process, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "scanning parallel to the wall")
@@ -70,7 +70,7 @@ def test_when_sitl_is_killed_the_companion_says_so_and_keeps_the_map(tmp_path: P
     assert (tmp_path / "map.png").exists()
 
 
-def test_a_killed_vehicle_remembers_what_it_was_set_to(tmp_path: Path) -> None:
+def test_a_killed_vehicle_keeps_its_parameters(tmp_path: Path) -> None:
     kept = ("--params", str(tmp_path / "vehicle.parm"), "--param", "SYSID_THISMAV=3")
     with running_sitl(*kept) as (process, mavlink_port, _):
         message = mavlink.MAVLink_param_set_message(3, 1, b"GUID_TIMEOUT", 0.7, 9)
@@ -82,7 +82,7 @@ def test_a_killed_vehicle_remembers_what_it_was_set_to(tmp_path: Path) -> None:
         assert ask(mavlink_port, message, 3) == pytest.approx(0.7)
 
 
-def test_when_asked_to_stop_it_lands_first(tmp_path: Path) -> None:
+def test_the_companion_lands_on_sigterm(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (_, mavlink_port, bus_port):
         pilot = flying(mavlink_port, bus_port, tmp_path)
         read_until(pilot, "scanning parallel to the wall")
@@ -93,7 +93,7 @@ def test_when_asked_to_stop_it_lands_first(tmp_path: Path) -> None:
     assert (tmp_path / "map.json").exists()
 
 
-def test_without_sitl_it_says_what_to_start_within_ten_seconds(tmp_path: Path) -> None:
+def test_a_missing_sitl_is_reported_with_the_command_to_start_within_10_s(tmp_path: Path) -> None:
     began_s = time.monotonic()
     result = subprocess.run(
         companion("fly", "--bus", "sitl://127.0.0.1:1", "--link", "udpout:127.0.0.1:1"),
@@ -110,7 +110,7 @@ def test_without_sitl_it_says_what_to_start_within_ten_seconds(tmp_path: Path) -
     assert "Traceback" not in result.stderr
 
 
-def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
+def test_a_missing_autopilot_is_reported_with_its_address(tmp_path: Path) -> None:
     with running_sitl("--speed", "1000") as (_, _, bus_port):
         silent = flying("1", bus_port, tmp_path)
         output, _ = silent.communicate(timeout=30)
@@ -136,7 +136,9 @@ def test_with_sensors_but_no_autopilot_it_names_both(tmp_path: Path) -> None:
         (("run", "room_100", "--autopilot", "external", "--lockstep"), ("--lockstep", "external")),
     ],
 )
-def test_what_sitl_cannot_do_is_one_line(arguments: tuple[str, ...], words: list[str]) -> None:
+def test_invalid_arguments_give_a_one_line_error(
+    arguments: tuple[str, ...], words: list[str]
+) -> None:
     result = subprocess.run(
         sitl(*arguments), capture_output=True, text=True, timeout=30, check=False
     )
@@ -145,7 +147,7 @@ def test_what_sitl_cannot_do_is_one_line(arguments: tuple[str, ...], words: list
     assert all(word in result.stderr for word in words)
 
 
-def test_a_port_in_use_is_one_line() -> None:
+def test_a_port_in_use_is_reported() -> None:
     with running_sitl() as (_, _, bus_port):
         second = subprocess.run(
             sitl("run", "room_100", "--mavlink", "udpin:127.0.0.1:0", "--bus-port", bus_port),
@@ -158,7 +160,7 @@ def test_a_port_in_use_is_one_line() -> None:
     assert bus_port in second.stderr
 
 
-def test_the_companions_process_loads_nothing_of_sitl(tmp_path: Path) -> None:
+def test_the_companion_imports_nothing_of_sitl(tmp_path: Path) -> None:
     """Imports every module that the companion's process may use, then checks for sitl."""
     code = (
         "import pkgutil, sys, companion\n"

@@ -57,8 +57,8 @@ class Strangers:
 
 
 @pytest.mark.parametrize("waits", ["vehicle", "companion"])
-def test_a_flight_among_strangers(waits: str, tmp_path: Path) -> None:
-    """They send to the side that waits for the other; the other side's port is unknown to them."""
+def test_foreign_datagrams_do_not_disturb_a_flight(waits: str, tmp_path: Path) -> None:
+    """Strangers send to the side that waits; the port of the other side is unknown to them."""
     truth, port = tmp_path / "truth.json", free_udp_port()
     kinds = {side: "udpin" if side == waits else "udpout" for side in ("vehicle", "companion")}
     link = ("--mavlink", f"{kinds['vehicle']}:127.0.0.1:{port}", "--bus-port", "0")

@@ -48,7 +48,7 @@ class MavProxy:
         self._process.stdin.flush()
 
     def has_printed(self, words: str) -> bool:
-        """The text is at the beginning of a line, or behind the prompt."""
+        """True if the text is printed at the beginning of a line, or behind the prompt."""
         printed = self._output.read_text(errors="replace")
         return words in printed or words.replace("\n", "> ", 1) in printed
 
@@ -56,7 +56,7 @@ class MavProxy:
         until(lambda: self.has_printed(words), f"MAVProxy's {words!r}", DEADLINE_S)
 
     def insists(self, line: str, words: str) -> None:
-        """Type the line once a second until this answer; the estimator takes time to settle."""
+        """Type the line once a second until this answer: the estimator must settle first."""
         end_s = time.monotonic() + DEADLINE_S
         while not self.has_printed(words):
             assert time.monotonic() < end_s, f"MAVProxy's {words!r} not within {DEADLINE_S} s"
@@ -88,7 +88,7 @@ def mavproxy(firmware: str, tmp_path: Path) -> Iterator[MavProxy]:
             session.kill()
 
 
-def test_it_connects_reads_parameters_changes_mode_and_arms(
+def test_mavproxy_connects_reads_parameters_changes_mode_and_arms(
     mavproxy: MavProxy, firmware: str, tmp_path: Path
 ) -> None:
     mavproxy.prints("Detected vehicle 1:1")

@@ -38,7 +38,7 @@ def origin_is_taken(action: Action) -> bool:
     return True
 
 
-def test_it_connects_arms_takes_off_flies_and_lands(
+def test_mavsdk_connects_arms_takes_off_flies_and_lands(
     vehicle: tuple[Action, Offboard, Telemetry],
 ) -> None:
     action, offboard, telemetry = vehicle
@@ -75,10 +75,10 @@ def test_what_it_is_not_ready_for_is_refused_with_the_reason(
 ) -> None:
     action, _, telemetry = vehicle
 
-    def tells_why() -> bool:
+    def reports_why() -> bool:
         """PX4 sends texts only to links with a recent ground station's heartbeat."""
         with pytest.raises(ActionError):
             action.arm()
         return "AHRS" in telemetry.status_text().text
 
-    until(tells_why, "the reason", 5)
+    until(reports_why, "the reason", 5)

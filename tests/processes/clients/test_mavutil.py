@@ -28,7 +28,7 @@ def connected(firmware: str) -> Iterator[Any]:
 
 
 def receives(vehicle: Any, kind: str, **wanted: object) -> bool:
-    """A message with these fields arrives; False after half a second without any message."""
+    """True if a message with these fields arrives; False after 0.5 s without any message."""
     while message := vehicle.recv_match(type=kind, blocking=True, timeout=0.5):
         if all(getattr(message, field) == value for field, value in wanted.items()):
             return True
@@ -44,12 +44,12 @@ def fetches_all_parameters(vehicle: Any, firmware: str) -> None:
 
 
 def enters(vehicle: Any, mode: str) -> None:
-    def is_there() -> bool:
+    def is_entered() -> bool:
         vehicle.wait_heartbeat(timeout=2)
         return bool(vehicle.flightmode == mode)
 
     vehicle.set_mode(mode)
-    until(is_there, mode, DEADLINE_S)
+    until(is_entered, mode, DEADLINE_S)
 
 
 def is_armed(vehicle: Any, *, armed: bool) -> bool:
@@ -64,7 +64,7 @@ def has_origin(vehicle: Any) -> bool:
     return receives(vehicle, "GPS_GLOBAL_ORIGIN")
 
 
-def test_ardupilot_is_set_up_and_armed() -> None:
+def test_mavutil_sets_up_and_arms_ardupilot() -> None:
     with connected("ardupilot") as vehicle:
         fetches_all_parameters(vehicle, "ardupilot")
         vehicle.param_set_send("GUID_TIMEOUT", 0.5)
@@ -81,7 +81,7 @@ def test_ardupilot_is_set_up_and_armed() -> None:
         until(lambda: is_armed(vehicle, armed=False), "disarmed", DEADLINE_S)
 
 
-def test_px4_is_set_up_and_armed() -> None:
+def test_mavutil_sets_up_and_arms_px4() -> None:
     arm = (mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, *[0] * 6)
     rejected = {"result": mavlink.MAV_RESULT_TEMPORARILY_REJECTED}
     with connected("px4") as vehicle:

@@ -32,7 +32,7 @@ STEPPED = World.model_validate(
         "starts": [{"name": "here", "position": (1, 3)}],
     }
 )
-"""Seen from (1, x) to the north: a pillar at 2 m where x > 3, a wall at 5 m where x < 3."""
+"""North of (1, x) there is a pillar at 2 m where x > 3, and a wall at 5 m where x < 3."""
 MODEL = WorldModel(STEPPED)
 EVERYTHING = BeamPhysics(width_deg=3, steep_deg=50, dropout=0.1, shift_m=0.02)
 
@@ -61,11 +61,11 @@ def test_without_physics_a_beam_is_a_ray(
     assert found == pytest.approx(MODEL.range_m(origin, direction, REACH_M), abs=1e-9)
 
 
-def test_a_spot_on_a_plain_wall_reads_as_a_ray_does() -> None:
+def test_a_spot_on_a_flat_wall_gives_the_range_of_a_ray() -> None:
     assert reading(light_beam(width_deg=2)) == pytest.approx(2.0, rel=1e-3)
 
 
-def test_a_spot_split_over_an_edge_reads_between() -> None:
+def test_a_spot_across_an_edge_gives_an_intermediate_range() -> None:
     beam = light_beam(width_deg=3)
     split = reading(beam, east_m=2.98)
     assert split is not None
@@ -73,7 +73,9 @@ def test_a_spot_split_over_an_edge_reads_between() -> None:
 
 
 @given(st.floats(2.8, 3.2), st.floats(2.8, 3.2))
-def test_the_more_of_a_spot_is_on_the_pillar_the_nearer_it_reads(a_m: float, b_m: float) -> None:
+def test_the_range_decreases_with_the_share_of_the_spot_on_the_pillar(
+    a_m: float, b_m: float
+) -> None:
     beam = light_beam(width_deg=3)
     less, more = (reading(beam, east_m) for east_m in sorted((a_m, b_m)))
     assert less is not None
@@ -82,7 +84,7 @@ def test_the_more_of_a_spot_is_on_the_pillar_the_nearer_it_reads(a_m: float, b_m
     assert less <= 5.0 + 1e-2
 
 
-def test_light_that_does_not_return_does_not_pull_on_the_reading() -> None:
+def test_rays_without_a_return_do_not_affect_the_range() -> None:
     def half_open(
         origin: Vector3, rays: Sequence[Vector3], most_m: float, half_angle_rad: float
     ) -> list[Hit | None]:
@@ -95,7 +97,7 @@ def test_light_that_does_not_return_does_not_pull_on_the_reading() -> None:
 @pytest.mark.parametrize(
     ("incidence_deg", "returned"), [(0, 1.0), (59, 1.0), (75, 0.5), (84, 0.2), (89.999, 0.0)]
 )
-def test_steep_light_returns_less_and_less(incidence_deg: float, returned: float) -> None:
+def test_returns_become_rarer_at_steep_incidence(incidence_deg: float, returned: float) -> None:
     hit = Hit(2.0, math.cos(math.radians(incidence_deg)))
     beam = LightBeam(BeamPhysics(steep_deg=60), lambda *_: [hit], 1, "front")
     seen = [r for r in readings(beam, 2000) if r is not None]
@@ -103,12 +105,12 @@ def test_steep_light_returns_less_and_less(incidence_deg: float, returned: float
     assert seen == pytest.approx([2.0] * len(seen))
 
 
-def test_dropouts_are_as_frequent_as_asked_for() -> None:
+def test_dropouts_occur_at_the_configured_rate() -> None:
     lost = readings(light_beam(dropout=0.1), 4000).count(None)
     assert lost / 4000 == pytest.approx(0.1, abs=0.015)
 
 
-def test_the_papers_noise_moves_the_sensor_along_every_axis() -> None:
+def test_the_papers_noise_shifts_the_sensor_along_every_axis() -> None:
     origins = []
 
     def watched(
@@ -126,7 +128,7 @@ def test_the_papers_noise_moves_the_sensor_along_every_axis() -> None:
         assert statistics.stdev(axis) == pytest.approx(0.05, rel=0.06)
 
 
-def test_one_cause_does_not_change_the_draws_of_another() -> None:
+def test_dropouts_do_not_change_the_random_shifts() -> None:
     shaken = readings(light_beam(shift_m=0.05), 500)
     dropping_too = readings(light_beam(shift_m=0.05, dropout=0.3), 500)
     pairs = [(a, b) for a, b in zip(shaken, dropping_too, strict=True) if b is not None]
@@ -134,7 +136,7 @@ def test_one_cause_does_not_change_the_draws_of_another() -> None:
     assert all(a == b for a, b in pairs)
 
 
-def test_the_seed_gives_the_readings_and_every_beam_has_its_own() -> None:
+def test_seed_and_beam_name_determine_the_readings() -> None:
     physics = EVERYTHING.model_dump()
     first = readings(light_beam(1, "front", **physics), 50)
     assert first == readings(light_beam(1, "front", **physics), 50)
@@ -142,7 +144,7 @@ def test_the_seed_gives_the_readings_and_every_beam_has_its_own() -> None:
     assert first != readings(light_beam(2, "front", **physics), 50)
 
 
-def test_a_file_sets_what_it_names(tmp_path: Path) -> None:
+def test_a_file_sets_the_keys_that_it_contains(tmp_path: Path) -> None:
     path = tmp_path / "spot.toml"
     path.write_text("width_deg = 2\ndropout = 0.01\n")
     assert load_beam_physics(path) == BeamPhysics(width_deg=2, dropout=0.01)
@@ -169,6 +171,6 @@ def test_bad_physics_is_refused_in_one_line(tmp_path: Path, text: str, complaint
     assert "\n" not in str(refused.value)
 
 
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_missing_file_is_named_in_the_error(tmp_path: Path) -> None:
     with pytest.raises(BeamError, match=r"none\.toml: No such file"):
         load_beam_physics(tmp_path / "none.toml")

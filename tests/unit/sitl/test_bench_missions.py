@@ -57,18 +57,18 @@ def test_sets_are_lists_of_worlds() -> None:
     assert places("random_7") == [("random_7", None)]
 
 
-def test_a_folder_is_every_plan_from_up_to_three_starts(plans: Path) -> None:
+def test_a_folder_gives_every_plan_with_up_to_three_starts(plans: Path) -> None:
     room, broken = str(plans / "a_room.json"), str(plans / "broken.json")
     assert places(str(plans)) == [(room, "1"), (room, "2"), (broken, "1")]
 
 
-def test_jobs_are_seeds_from_every_place_with_every_profile(plans: Path) -> None:
+def test_jobs_combine_places_seeds_and_profiles(plans: Path) -> None:
     jobs = jobs_for([str(plans), "office"], 2, ["paper", "gp2y0a710k0f"], "room", crop_m=20.0)
     assert len(jobs) == len(set(map(str, (job.key for job in jobs)))) == 16
     assert {job.options.crop_m for job in jobs} == {20.0}
 
 
-def test_a_job_has_the_autopilot_and_the_battery_that_were_asked_for() -> None:
+def test_a_job_has_the_requested_autopilot_and_battery() -> None:
     (only,) = jobs_for(["office"], 1, ["paper"], autopilot=Autopilot.PX4, battery_s=1800.0)
     assert only.key["autopilot"] == "px4"
     setup, _ = only.options.setup()
@@ -85,24 +85,24 @@ def test_every_world_is_flown_with_every_clutter() -> None:
     assert {job.options.clutter_seed for job in jobs} == {9}
 
 
-def test_each_world_is_flown_as_suits_it() -> None:
+def test_each_world_gets_the_mission_of_its_kind() -> None:
     jobs = jobs_for(["room_200", "complex", "exterior"], 1, ["paper"])
     assert [job.mission for job in jobs] == ["room", "building", "exterior"]
 
 
-def test_what_is_wrong_for_all_is_told_before_anything_is_flown() -> None:
+def test_an_invalid_mission_is_refused_before_the_first_flight() -> None:
     with pytest.raises(ConfigError, match=r"mission\.kind = 'swim'"):
         jobs_for(["paper"], 1, ["paper"], "swim")
 
 
-def test_an_unknown_set_names_the_known_ones(tmp_path: Path) -> None:
+def test_an_unknown_set_name_lists_the_known_sets(tmp_path: Path) -> None:
     with pytest.raises(WorldError, match="exterior, random, all"):
         places("everything")
     with pytest.raises(WorldError, match="no plans"):
         places(str(tmp_path))
 
 
-def test_a_flight_is_its_report_its_job_and_the_trace() -> None:
+def test_a_flight_returns_its_report_job_and_trace() -> None:
     flown = fly(job("room_100", seed=3))
     assert flown.row["completed"]
     assert (flown.row["world"], flown.row["start"], flown.row["seed"]) == ("room_100", "1", 3)
@@ -113,7 +113,7 @@ def test_a_flight_is_its_report_its_job_and_the_trace() -> None:
             assert -0.5 < east < 10.5
 
 
-def test_an_alarm_counts_once_for_as_long_as_it_lasts() -> None:
+def test_a_continuous_alarm_counts_once() -> None:
     watched = Watch()
     for trouble in ("", "range sensor failed: left", "range sensor failed: left, front", ""):
         watched.tick("scanning", trouble)
@@ -123,25 +123,25 @@ def test_an_alarm_counts_once_for_as_long_as_it_lasts() -> None:
     assert watched.alarms == 2
 
 
-def test_an_error_is_a_row_with_its_reason() -> None:
+def test_an_error_becomes_a_row_with_its_reason() -> None:
     flown = fly(job("no_such_world"))
     assert not flown.row["completed"]
     assert str(flown.row["ending"]).startswith("lost: WorldError: no world 'no_such_world'")
     assert "\n" not in str(flown.row["ending"])
 
 
-def fly_or_die(job: Job) -> Flown:
-    """Replaces a flight."""
+def fly_or_exit(job: Job) -> Flown:
+    """Replaces a flight; the process exits at seed 2."""
     if job.options.seed == 2:
         os._exit(1)
     return Flown(row(seed=job.options.seed))
 
 
-def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_process_that_exits_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel, "cores", lambda: 1)
     results: list[Flown] = []
     flights = parallel.fly_all(
-        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_die, lost
+        [job("room_100", seed) for seed in (2, 3)], results.append, fly_or_exit, lost
     )
     assert [flown.row["seed"] for flown in flights] == [2, 3]
     assert [flown.row["lost"] for flown in flights] == [True, False]
@@ -149,7 +149,7 @@ def test_a_process_that_dies_loses_only_its_own_flight(monkeypatch: pytest.Monke
     assert len(results) == 2
 
 
-def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
+def test_the_summary_counts_flights_and_ignores_missing_values() -> None:
     rows = [
         row(coverage=0.5, trace_over_least=1.2),
         row(coverage=1.0, clearance_m=0.3, return_m=0.6),
@@ -168,13 +168,13 @@ def test_the_summary_counts_flights_and_leaves_out_what_is_not_known() -> None:
     assert failed_flights(rows)[0].startswith("room, paper, start 1, seed 1: landed")
 
 
-def test_worlds_and_profiles_are_summed_up_apart() -> None:
+def test_worlds_and_profiles_are_summarised_separately() -> None:
     rows = [row(), row(world="hall"), row(), row(profile="gp2y0a710k0f")]
     groups = [(group["world"], group["profile"], group["flights"]) for group in by_world(rows)]
     assert groups == [("room", "paper", 2), ("hall", "paper", 1), ("room", "gp2y0a710k0f", 1)]
 
 
-def test_clutters_are_summed_up_apart_with_alarms_by_the_hour() -> None:
+def test_clutter_levels_are_summarised_separately_with_alarms_per_hour() -> None:
     rows = [
         row(clutter=0.0, false_alarms=0, false_walls=0.0),
         row(clutter=0.5, false_alarms=1, false_walls=0.02, flight_time_s=90.0),
@@ -189,7 +189,7 @@ def test_clutters_are_summed_up_apart_with_alarms_by_the_hour() -> None:
     assert cluttered["false_walls_mean"] == pytest.approx(0.03)
 
 
-def test_the_table_fits_a_terminal_and_tells_of_clutter_only_if_there_is_any() -> None:
+def test_the_table_fits_80_columns_and_shows_clutter_only_if_present() -> None:
     def shown(*rows: Report) -> str:
         console = Console(width=80)
         with console.capture() as capture:
@@ -216,7 +216,7 @@ def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
         assert image.size[0] == 3 * 360
 
 
-def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
+def test_the_command_prints_and_saves_the_results_and_saves_the_sheet(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(parallel, "fly_all", lambda jobs, on_result, *_: [fly(job) for job in jobs])
@@ -237,7 +237,7 @@ def test_the_command_prints_one_object_and_leaves_it_with_the_sheet(
     assert (tmp_path / "own.png").exists()
 
 
-def test_a_campaign_that_is_broken_off_leaves_what_was_flown(
+def test_an_interrupted_campaign_keeps_its_finished_flights(
     plans: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def crash(jobs: list[Job], on_result: Callable[[Flown], None], *_: object) -> list[Flown]:

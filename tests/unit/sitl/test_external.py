@@ -1,4 +1,4 @@
-"""Tests of external autopilots: messages in, messages out, without sockets."""
+"""Tests of external autopilots: messages received and sent, without sockets."""
 
 import math
 import statistics
@@ -51,7 +51,7 @@ def attitude(boot_s: float) -> Message:
     return mavlink.MAVLink_attitude_message(round(1000 * boot_s), 0, 0, 0, 0, 0, 0)
 
 
-def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
+def test_the_clock_follows_the_autopilots_time_despite_late_messages() -> None:
     clock = AutopilotClock()
     assert clock.receive(attitude(100.0), 3.0) == pytest.approx(3.0)
     assert clock.receive(attitude(100.02), 3.0) == pytest.approx(3.02)
@@ -59,20 +59,20 @@ def test_our_time_goes_on_as_theirs_however_late_it_is_told() -> None:
     assert clock.autopilot_s(3.9) == pytest.approx(3.5)
 
 
-def test_a_restarted_autopilot_does_not_take_our_time_back() -> None:
+def test_the_clock_does_not_go_back_when_the_autopilot_restarts() -> None:
     clock = AutopilotClock()
     clock.receive(attitude(100.0), 50.0)
     assert clock.receive(attitude(0.3), 50.5) == pytest.approx(50.5)
     assert clock.receive(attitude(0.32), 50.5) == pytest.approx(50.52)
 
 
-def test_only_its_attitude_tells_its_time() -> None:
+def test_a_heartbeat_does_not_set_the_clock() -> None:
     assert (
         AutopilotClock().receive(mavlink.MAVLink_heartbeat_message(2, 3, 0, 0, 3, 3), 9.0) is None
     )
 
 
-def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
+def test_silence_and_return_of_the_autopilot_are_reported_once_each() -> None:
     texts: list[str] = []
     silence = Silence(texts.append, began_s=0.0)
     for now_s in (0.5, 1.5, 2.0):
@@ -89,15 +89,15 @@ def test_a_silent_autopilot_is_told_of_once_and_so_is_its_return() -> None:
     ]
 
 
-def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
-    """Reports for a companion with this working time per tick."""
+def speed_reports(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
+    """Reports on the speed, for a companion with this working time per tick."""
     texts: list[str] = []
     held = HeldSpeed(texts.append)
     wall_s = time_s = 0.0
     tick = 0
     for _ in range(ticks):
         wall_s += working_s
-        time_s = max(time_s, speed * wall_s)  # the autopilot flies on meanwhile
+        time_s = max(time_s, speed * wall_s)  # the autopilot continues meanwhile
         tick += 1
         held.asked(wall_s, working_s, time_s, tick * 0.05)
         time_s = max(time_s, tick * 0.05)
@@ -107,15 +107,15 @@ def attend(speed: float, working_s: float, ticks: int = TICKS) -> list[str]:
     return texts
 
 
-def test_it_says_what_speed_this_machine_holds() -> None:
-    (line,) = attend(speed=1.0, working_s=0.01)
+def test_the_sustainable_speed_is_reported() -> None:
+    (line,) = speed_reports(speed=1.0, working_s=0.01)
     assert "runs at 1.0 x" in line
     assert "holds 5.0 x" in line
     assert "late" not in line
 
 
-def test_it_warns_when_the_companion_cannot_keep_up() -> None:
-    lines = attend(speed=5.0, working_s=0.02, ticks=3 * TICKS)
+def test_a_companion_that_cannot_keep_up_is_reported() -> None:
+    lines = speed_reports(speed=5.0, working_s=0.02, ticks=3 * TICKS)
     assert len(lines) == 3
     assert all("holds 2.5 x" in line and "late" in line for line in lines)
 
@@ -124,7 +124,7 @@ def test_it_warns_when_the_companion_cannot_keep_up() -> None:
 
 
 def flown(time_s: float) -> TrueState:
-    """A circle of 2 m radius at 1 m/s, 1.2 m high, nose along it."""
+    """State on a circle of 2 m radius at 1 m/s and a height of 1.2 m, nose along the path."""
     angle = 0.5 * time_s
     return TrueState(
         time_s,
@@ -138,7 +138,7 @@ def flown(time_s: float) -> TrueState:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_a_moving_track_is_smoother_than_the_centimetres_it_is_told_in(firmware: str) -> None:
+def test_the_mean_tracking_error_is_below_the_message_resolution(firmware: str) -> None:
     tracker = TruthTracker(WORLD_START)
     encode = ENCODERS[firmware]
     receives(tracker, encode(START), now_s=0.0)
@@ -157,7 +157,7 @@ def test_a_moving_track_is_smoother_than_the_centimetres_it_is_told_in(firmware:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_attitude_and_turning_are_taken_as_told(firmware: str) -> None:
+def test_attitude_and_yaw_rate_are_used_as_reported(firmware: str) -> None:
     tracker = TruthTracker(WORLD_START)
     receives(tracker, ENCODERS[firmware](flown(3.0)), now_s=9.0)
     reported, state = flown(3.0), tracker.at(9.1)
@@ -170,7 +170,7 @@ def test_attitude_and_turning_are_taken_as_told(firmware: str) -> None:
     assert tracker.home is not None
 
 
-def test_a_simulation_that_is_moved_is_followed_at_once() -> None:
+def test_a_position_jump_of_the_simulation_is_followed_at_once() -> None:
     tracker = TruthTracker(WORLD_START)
     receives(tracker, sim_state(START), now_s=0.0)
     moved = replace(START, position_ned_m=(30.0, -5.0, -1.0))
@@ -178,7 +178,7 @@ def test_a_simulation_that_is_moved_is_followed_at_once() -> None:
     assert tracker.state.position_ned_m == pytest.approx((34.0, 1.5, -1.0), abs=0.02)
 
 
-def test_what_is_no_ground_truth_changes_nothing() -> None:
+def test_the_tracker_ignores_messages_without_ground_truth() -> None:
     tracker = TruthTracker(WORLD_START)
     assert not receives(tracker, attitude(1.0), now_s=1.0)
     assert tracker.home is None
@@ -188,7 +188,7 @@ def test_what_is_no_ground_truth_changes_nothing() -> None:
 
 
 class Setup:
-    """An autopilot that answers the setup's requests, as far as a test allows."""
+    """An autopilot during its set-up; the test chooses its answers to the requests."""
 
     def __init__(self, firmware: str) -> None:
         self.firmware = firmware
@@ -220,74 +220,74 @@ def of_kind(messages: list[Any], kind: str) -> list[Any]:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_parameters_are_read_first_and_only_those_that_differ_are_set(firmware: str) -> None:
-    there, wanted = Setup(firmware), wanted_parameters(firmware)
-    first = there.asks()
+def test_parameters_are_read_first_and_set_only_if_different(firmware: str) -> None:
+    external, wanted = Setup(firmware), wanted_parameters(firmware)
+    first = external.asks()
     assert {m.param_id for m in of_kind(on_the_wire(*first), "PARAM_REQUEST_READ")} == set(wanted)
     assert not of_kind(first, "PARAM_SET")
     wrong, *right = wanted
     for name in right:
-        there.sends_parameter(name, wanted[name])
-    there.sends_parameter(wrong, wanted[wrong] + 3)
-    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+        external.sends_parameter(name, wanted[name])
+    external.sends_parameter(wrong, wanted[wrong] + 3)
+    (change,) = of_kind(on_the_wire(*external.asks()), "PARAM_SET")
     assert change.param_id == wrong
-    there.sends_parameter(wrong, wanted[wrong])
-    there.asks()
-    assert any(line == f"parameters set: {wrong}" for line in there.texts)
-    assert not of_kind(there.asks(), "PARAM_SET")
+    external.sends_parameter(wrong, wanted[wrong])
+    external.asks()
+    assert any(line == f"parameters set: {wrong}" for line in external.texts)
+    assert not of_kind(external.asks(), "PARAM_SET")
 
 
-def test_px4_is_sent_integers_as_their_bytes() -> None:
-    there = Setup("px4")
-    there.sends_parameter("EKF2_EV_CTRL", 0)
-    (change,) = of_kind(on_the_wire(*there.asks()), "PARAM_SET")
+def test_integers_are_sent_to_px4_bytewise() -> None:
+    external = Setup("px4")
+    external.sends_parameter("EKF2_EV_CTRL", 0)
+    (change,) = of_kind(on_the_wire(*external.asks()), "PARAM_SET")
     assert change.param_type == mavlink.MAV_PARAM_TYPE_INT32
     assert struct.pack("<f", change.param_value) == struct.pack("<i", 5)
 
 
-def test_only_what_is_read_at_the_start_asks_for_a_restart() -> None:
-    there, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
+def test_only_boot_time_parameters_require_a_restart() -> None:
+    external, wanted = Setup("ardupilot"), wanted_parameters("ardupilot")
     for name, value in wanted.items():
         if name in ("VISO_TYPE", "EK3_SRC1_POSXY"):
-            there.sends_parameter(name, 0)
-        there.sends_parameter(name, value)
-    there.asks()
-    (line,) = [line for line in there.texts if "restart" in line]
+            external.sends_parameter(name, 0)
+        external.sends_parameter(name, value)
+    external.asks()
+    (line,) = [line for line in external.texts if "restart" in line]
     assert "VISO_TYPE" in line
     assert "EK3_SRC1_POSXY" not in line
 
 
-def test_streams_are_asked_for_until_they_come_and_the_origin_is_not_ours_to_set() -> None:
-    there = Setup("px4")
+def test_streams_are_requested_until_received_and_the_origin_is_never_set() -> None:
+    external = Setup("px4")
     for _ in range(2):
-        asked = there.asks()
+        asked = external.asks()
         assert {m.param1 for m in of_kind(asked, "COMMAND_LONG") if m.command == 511} == {115, 30}
         assert not of_kind(asked, "SET_GPS_GLOBAL_ORIGIN")
-    there.now_s += 1.0
+    external.now_s += 1.0
     origin = mavlink.MAVLink_gps_global_origin_message(470000000, 80000000, 400000)
-    there.sends(hil_state_quaternion(START), attitude(1.0), origin)
-    there.now_s -= 1.0
-    asked = there.asks()
+    external.sends(hil_state_quaternion(START), attitude(1.0), origin)
+    external.now_s -= 1.0
+    asked = external.asks()
     assert not of_kind(asked, "COMMAND_LONG")
 
 
 @pytest.mark.parametrize(("lat", "is_reported"), [(470000000, False), (-353632621, True)])
-def test_an_origin_far_from_where_it_is_simulated_is_told(lat: int, is_reported: bool) -> None:
-    there = Setup("ardupilot")
-    there.asks()
-    there.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
-    reported = [line for line in there.texts if "origin_lat_deg = 47.0000" in line]
+def test_an_origin_far_from_the_simulated_place_is_reported(lat: int, is_reported: bool) -> None:
+    external = Setup("ardupilot")
+    external.asks()
+    external.sends(mavlink.MAVLink_gps_global_origin_message(lat, 80000000, 400000))
+    reported = [line for line in external.texts if "origin_lat_deg = 47.0000" in line]
     assert bool(reported) == is_reported
 
 
-def test_nothing_is_asked_before_an_autopilot_was_heard() -> None:
+def test_no_request_is_sent_before_the_first_heartbeat() -> None:
     assert ExternalSetup(lambda text: None).requests(5.0, None) == []
 
 
 # Messages to the autopilot
 
 
-def test_ranges_are_told_as_a_sensor_would() -> None:
+def test_ranges_are_sent_as_a_real_sensor_reports_them() -> None:
     truth = replace(flown(0.0), roll_rad=0.0, pitch_rad=0.0)
 
     def room(origin: Vector3, direction: Vector3, most_m: float) -> float | None:
@@ -308,13 +308,13 @@ def test_ranges_are_told_as_a_sensor_would() -> None:
     assert right.current_distance > right.max_distance
 
 
-def test_on_the_ground_the_down_range_is_what_the_landing_gear_leaves() -> None:
+def test_the_down_range_on_the_ground_is_the_height_of_the_landing_gear() -> None:
     reported = distances(START, lambda origin, direction, most_m: -origin[2] or None, Random(1))
     (down,) = [m for m in reported if m.orientation == 25]
     assert down.min_distance < down.current_distance < 20
 
 
-def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
+def test_the_odometry_has_noise_and_drift() -> None:
     start = flown(0.0)
     estimator = AutopilotEstimator(start, 3, REFERENCE_NOISE)
     errors_m = []
@@ -334,7 +334,7 @@ def test_the_odometry_is_noisy_and_drifts_but_is_never_the_truth() -> None:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_tilted_and_turned_the_odometry_tells_the_same_velocity(firmware: str) -> None:
+def test_the_odometry_velocity_is_correct_at_any_attitude(firmware: str) -> None:
     tilted = replace(START, roll_rad=0.2, pitch_rad=-0.1)
     estimator = AutopilotEstimator(tilted, 1, REFERENCE_NOISE)
     estimator.yaw_rad = 2.0

@@ -85,7 +85,7 @@ class Pair:
         return [m.text for m in messages if m.get_type() == "STATUSTEXT"]
 
 
-def test_each_has_a_system_a_start_and_noise_of_its_own() -> None:
+def test_each_vehicle_has_its_own_system_id_start_and_noise() -> None:
     first, other = Pair().fleet.vehicles
     setups = fleet_setups(Setup(parse_world(HALL, "hall"), "hall", 3, SENSORS), 2)
     assert [each.system_id for each in setups] == [1, 2]
@@ -101,7 +101,7 @@ def test_more_vehicles_than_starts_are_refused() -> None:
         fleet_setups(setup, 3)
 
 
-def test_one_is_seen_by_the_others_beam() -> None:
+def test_a_beam_detects_the_other_vehicle() -> None:
     pair = Pair()
     pair.waits(0.2)
     scan = RangeSensors(pair.fleet.vehicles[0].board.bus, SENSORS).read(0.2)
@@ -109,7 +109,7 @@ def test_one_is_seen_by_the_others_beam() -> None:
     assert seen_m == pytest.approx(APART_M - BODY_RADIUS_M - SENSORS.mount_offset_m, abs=0.1)
 
 
-def test_two_that_meet_crash_both() -> None:
+def test_both_vehicles_crash_when_they_collide() -> None:
     pair = Pair()
     pair.take_off()
     assert [vehicle.record.collisions for vehicle in pair.fleet.vehicles] == [0, 0]
@@ -130,7 +130,7 @@ def test_two_that_meet_crash_both() -> None:
         ((0.0, 1.0, 0.0), None, None),
     ],
 )
-def test_a_beam_ends_at_what_it_meets_first(
+def test_a_beam_ends_at_the_nearest_obstacle(
     direction: tuple[float, float, float], wall_m: float | None, seen_m: float | None
 ) -> None:
     query = with_others(lambda origin, direction, most_m: wall_m, lambda: [(3.0, 0.0, -1.0)])

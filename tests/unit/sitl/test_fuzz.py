@@ -16,11 +16,11 @@ OF_A_FILE = 300
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_odd_input_is_survived(target: str) -> None:
+def test_every_target_handles_odd_input(target: str) -> None:
     fuzz(target, INPUTS.get(target, OF_A_FILE), seed=1)
 
 
-def test_foreign_frames_hold_nothing_for_this_vehicle() -> None:
+def test_foreign_frames_never_address_this_vehicle() -> None:
     random, codec = Random(1), make_codec(1, 1)
     frames = (foreign_frame(random) for _ in range(2000))
     decoded = [m for frame in frames for m in decode(codec, frame)]

@@ -26,17 +26,17 @@ def written(folder: Path, name: str, text: str) -> str:
     return str(path)
 
 
-def test_a_kind_is_a_mission() -> None:
+def test_a_mission_kind_loads_as_a_mission() -> None:
     assert load_mission("room").settings == {"mission.kind": "room"}
 
 
-def test_a_file_sets_the_mission_and_scripts_it(tmp_path: Path, sitl: Sitl) -> None:
+def test_a_file_sets_mission_and_events(tmp_path: Path, sitl: Sitl) -> None:
     flight = sitl.fly("room_100", mission=written(tmp_path, "careful.toml", GOOD))
     assert flight.config.mission.speed_m_s == 0.7
     assert flight.ending == "handed over: mode changed to LOITER"
 
 
-def test_a_python_file_does_the_same(tmp_path: Path) -> None:
+def test_a_python_file_sets_mission_and_events(tmp_path: Path) -> None:
     text = (
         "from sitl.testing import at, crash\nmission = {'height_m': 1}\nevents = [at(9, crash())]"
     )
@@ -60,13 +60,13 @@ def test_a_python_file_does_the_same(tmp_path: Path) -> None:
         ("[colour]\nred = 1", "no such key"),
     ],
 )
-def test_what_cannot_be_used_is_one_line(tmp_path: Path, text: str, complaint: str) -> None:
+def test_invalid_files_raise_a_one_line_error(tmp_path: Path, text: str, complaint: str) -> None:
     with pytest.raises(MissionError, match=complaint) as refused:
         load_mission(written(tmp_path, "bad.toml", text))
     assert "\n" not in str(refused.value)
 
 
-def test_a_file_that_is_not_there_is_one_line() -> None:
+def test_a_missing_file_is_reported() -> None:
     with pytest.raises(MissionError, match="No such file"):
         load_mission("nowhere.toml")
 

@@ -34,7 +34,7 @@ def moved(point: Vector2, north: float, east: float, turn_rad: float) -> Vector2
     return n + north, e + east
 
 
-def test_the_true_map_is_perfect() -> None:
+def test_the_true_map_has_a_perfect_score() -> None:
     score = score_map(mapped(ROOM), ROOM, samples(ROOM), HERE)
     assert score.wall_error_cm == pytest.approx(0, abs=1e-9)
     assert (score.coverage, score.false_walls) == (1.0, 0.0)
@@ -42,21 +42,21 @@ def test_the_true_map_is_perfect() -> None:
 
 @settings(max_examples=20)
 @given(st.floats(-0.15, 0.15), st.floats(-0.15, 0.15), st.floats(-0.02, 0.02))
-def test_alignment_takes_out_a_rigid_error(north: float, east: float, turn_rad: float) -> None:
+def test_alignment_removes_a_rigid_error(north: float, east: float, turn_rad: float) -> None:
     walls = [(moved(a, north, east, turn_rad), moved(b, north, east, turn_rad)) for a, b in ROOM]
     score = score_map(mapped(walls), ROOM, samples(ROOM), HERE)
     assert score.wall_error_aligned_cm < 0.1
     assert score.coverage == 1.0
 
 
-def test_the_take_off_pose_puts_the_map_into_the_world() -> None:
+def test_the_take_off_pose_transforms_the_map_into_the_world_frame() -> None:
     take_off = TrueState(0.0, (3.0, 4.0, 0.0), (0.0, 0.0, 0.0), 0.0, 0.0, 1.0, 0.0)
     there = [tuple(frd_to_ned(p[0] - 3.0, p[1] - 4.0, -1.0) for p in wall) for wall in ROOM]
     score = score_map(mapped(there), ROOM, samples(ROOM), take_off)  # type: ignore[arg-type]
     assert score.wall_error_cm == pytest.approx(0, abs=1e-6)
 
 
-def test_a_map_too_large_cannot_be_aligned_away() -> None:
+def test_alignment_does_not_remove_a_scale_error() -> None:
     walls = [((1.02 * a[0], 1.02 * a[1]), (1.02 * b[0], 1.02 * b[1])) for a, b in ROOM]
     score = score_map(mapped(walls), ROOM, samples(ROOM), HERE)
     assert score.wall_error_aligned_cm == pytest.approx(10, abs=2)
@@ -73,7 +73,7 @@ def test_an_empty_map_covers_nothing() -> None:
     assert score_map(FloorPlan(), ROOM, samples(ROOM), HERE).coverage == 0.0
 
 
-def test_trajectory_error_by_evo() -> None:
+def test_the_trajectory_error_equals_the_known_offset() -> None:
     truth = [
         TrueState(0.1 * i, (math.cos(i / 9), math.sin(i / 9), 0.0), (0, 0, 0), 0, 0, 0, 0)
         for i in range(50)
@@ -94,11 +94,11 @@ def test_least_time_of_the_papers_room(standoff_m: float, least_s: float) -> Non
     ("place", "clear_m"),
     [
         ((0.0, 1.0), 0.8),  # before a wall
-        ((0.0, 5.0), math.inf),  # in the doorway, 0.9 m wide
-        ((0.5, 5.0), 0.4727),  # through it: the jambs are behind, and not opposite
+        ((0.0, 5.0), math.inf),  # in the doorway of 0.9 m
+        ((0.5, 5.0), 0.4727),  # past the doorway: both jambs are behind, not on opposite sides
     ],
 )
-def test_clearance_counts_where_there_is_room_to_keep_it(place: Vector2, clear_m: float) -> None:
+def test_clearance_in_the_open_ignores_narrow_passages(place: Vector2, clear_m: float) -> None:
     doorway: list[tuple[Vector2, Vector2]] = [
         ((-5.0, 0.0), (5.0, 0.0)),
         ((0.0, 5.45), (0.0, 9.0)),
@@ -113,7 +113,7 @@ def test_clearance_counts_where_there_is_room_to_keep_it(place: Vector2, clear_m
     assert clear_in_the_open_m([], np.array(away), 0.2) == math.inf
 
 
-def least_of_all(points: Array, walls: Array) -> tuple[Array, Array]:
+def nearest_by_brute_force(points: Array, walls: Array) -> tuple[Array, Array]:
     """Distance and closest point on any wall, from a table of all pairs."""
     start, along = walls[:, 0], walls[:, 1] - walls[:, 0]
     share = ((points[:, None] - start) * along).sum(axis=2) / (along**2).sum(axis=1)
@@ -126,7 +126,7 @@ def least_of_all(points: Array, walls: Array) -> tuple[Array, Array]:
 
 @settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40), st.floats(0.02, 8))
-def test_the_nearest_wall_is_the_one_that_a_look_at_all_of_them_finds(
+def test_the_nearest_wall_matches_a_brute_force_search(
     seed: int, count: int, longest_m: float
 ) -> None:
     random = np.random.default_rng(seed)
@@ -137,13 +137,13 @@ def test_the_nearest_wall_is_the_one_that_a_look_at_all_of_them_finds(
     walls = np.stack([starts, starts + lengths_m * along], axis=1)
     points = np.concatenate([random.uniform(-3, 13, (60, 2)), starts, walls.mean(axis=1)])
     distance, foot = NearestWall(walls).query(points)
-    expected_m, at = least_of_all(points, walls)
+    expected_m, at = nearest_by_brute_force(points, walls)
     assert np.array_equal(distance, expected_m)
     assert np.array_equal(foot, at)
 
 
-def test_a_point_between_equal_walls_is_as_near_as_to_all_of_them() -> None:
-    """In the middle of many rays all walls are equally near, more than are queried at first."""
+def test_many_equally_near_walls_give_the_correct_distance() -> None:
+    """All rays of a star are equally near to its centre; the first query returns only some."""
     bearing = np.arange(40) * math.tau / 40
     ray = np.column_stack([np.cos(bearing), np.sin(bearing)])
     walls = np.stack([ray, 5 * ray], axis=1)

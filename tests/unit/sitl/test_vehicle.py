@@ -32,8 +32,8 @@ def test_steps_are_followed_as_the_real_firmware_follows_them(
 
 @pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
 @pytest.mark.parametrize("heading_deg", [20, 90, 170])
-def test_a_heading_that_is_turned_to_is_kept(response: Response, heading_deg: float) -> None:
-    """The emulated ArduCopter once oscillated by 40° without end; the real one comes to rest."""
+def test_the_heading_settles_after_a_turn(response: Response, heading_deg: float) -> None:
+    """The emulated ArduCopter once oscillated by 40° permanently; the real one comes to rest."""
     vehicle = Vehicle(ON_GROUND, Random(1), response.airframe, STILL_AIR)
     shaper = SetpointShaper(response)
     heading_rad, most_rad_s = math.radians(heading_deg), math.radians(45)
@@ -47,13 +47,13 @@ def test_a_heading_that_is_turned_to_is_kept(response: Response, heading_deg: fl
 
 
 @pytest.mark.parametrize("response", [ARDUCOPTER, PX4])
-def test_a_firmware_does_not_overshoot_its_own_setpoint(response: Response) -> None:
+def test_the_shaped_yaw_rate_overshoots_by_less_than_10_percent(response: Response) -> None:
     shaper = SetpointShaper(response)
     rates = [shaper.step((0.0, 0.0, 0.0), math.radians(90))[1] for _ in range(200)]
     assert math.degrees(max(rates)) < 1.1 * 90
 
 
-def test_it_tilts_into_its_acceleration_and_levels_out() -> None:
+def test_the_vehicle_pitches_while_it_accelerates_and_then_levels() -> None:
     vehicle = airborne()
     for _ in range(10):
         starting = vehicle.step((1.0, 0.0, 0.0), 0.0)
@@ -70,7 +70,7 @@ def test_yaw_rate_is_limited() -> None:
     assert math.degrees(state.yaw_rate_rad_s) == pytest.approx(90, abs=1)
 
 
-def test_without_motors_it_falls_to_the_ground_and_stays() -> None:
+def test_the_vehicle_falls_to_the_ground_without_motors() -> None:
     vehicle = airborne()
     for _ in range(300):
         state = vehicle.rest()
@@ -78,7 +78,7 @@ def test_without_motors_it_falls_to_the_ground_and_stays() -> None:
     assert state.velocity_ned_m_s == (0, 0, 0)
 
 
-def test_gusts_move_it_a_little() -> None:
+def test_gusts_cause_a_small_velocity() -> None:
     start = TrueState(0.0, (0.0, 0.0, -1.0), (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 0.0)
     vehicle = Vehicle(start, Random(1), ARDUCOPTER.airframe)
     speeds = []

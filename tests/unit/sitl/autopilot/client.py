@@ -26,14 +26,14 @@ class Client:
         self._end.send(message)
         for received in self._vehicle_end.receive():
             self.autopilot.receive(received)
-        return self._heard()
+        return self._received()
 
     def waits(self, seconds: float) -> list[Any]:
         for _ in range(round(seconds * 100)):
             self.autopilot.step()
-        return self._heard()
+        return self._received()
 
-    def _heard(self) -> list[Any]:
+    def _received(self) -> list[Any]:
         for message in self.autopilot.take_outbox():
             self._vehicle_end.send(message)
         return self._end.receive()

@@ -225,7 +225,7 @@ def test_the_estimate_drifts_but_stays_near(client: Client) -> None:
     assert 0.01 < error_m < 2.0
 
 
-def test_a_crash_is_told_and_final(client: Client) -> None:
+def test_a_crash_is_reported_and_prevents_arming(client: Client) -> None:
     client.flies()
     client.autopilot.crash("hit an obstacle")
     received = client.waits(3)
@@ -235,7 +235,7 @@ def test_a_crash_is_told_and_final(client: Client) -> None:
 
 
 def turned_deg(client: Client, seconds: float, *, frame: int, mask: int, yaw: float) -> float:
-    """Change of the heading during such setpoints at 20 Hz, deg."""
+    """Change of the heading while these setpoints are sent at 20 Hz, deg."""
     began = client.autopilot.truth.yaw_rad
     turned = 0.0
     for _ in range(round(seconds * 20)):
@@ -292,7 +292,7 @@ def test_acceleration_beside_velocity_is_flown_as_velocity(client: Client) -> No
     assert client.speed() > 0.7
 
 
-def test_disarming_by_force_drops_it(client: Client) -> None:
+def test_forced_disarming_drops_the_vehicle(client: Client) -> None:
     client.flies()
     assert client.result(400, 0, 21196) == ACCEPTED
     client.waits(2)
@@ -328,7 +328,7 @@ def test_a_take_off_begins_after_a_second_and_settles_at_its_height(client: Clie
     assert -client.autopilot.truth.position_ned_m[2] == pytest.approx(2.0, abs=0.1)
 
 
-def test_commands_come_as_int_too(client: Client) -> None:
+def test_command_int_is_accepted(client: Client) -> None:
     received = client.sends(
         mavlink.MAVLink_command_int_message(1, 1, 0, 176, 0, 0, 1, 4, 0, 0, 0, 0, 0)
     )
@@ -336,12 +336,12 @@ def test_commands_come_as_int_too(client: Client) -> None:
     assert client.autopilot.mode == 4
 
 
-def test_the_old_way_of_asking_for_streams(client: Client) -> None:
+def test_request_data_stream_starts_a_stream(client: Client) -> None:
     client.sends(mavlink.MAVLink_request_data_stream_message(1, 1, 10, 10, 1))
     assert kinds(client.waits(1)).count("ATTITUDE") == 10
 
 
-def test_there_is_no_mission_and_there_are_no_files(client: Client) -> None:
+def test_missions_and_files_are_reported_as_absent(client: Client) -> None:
     received = client.sends(mavlink.MAVLink_mission_request_list_message(1, 1))
     assert [m.count for m in received] == [0]
     opened = bytes((5, 0, 0, 4)) + bytes(247)
@@ -349,7 +349,7 @@ def test_there_is_no_mission_and_there_are_no_files(client: Client) -> None:
     assert (answer.payload[0], answer.payload[3], answer.payload[5]) == (6, 129, 4)
 
 
-def test_every_link_has_streams_and_answers_of_its_own() -> None:
+def test_each_link_has_its_own_streams_and_answers() -> None:
     autopilot = Autopilot(1, START, links=2)
     ask = mavlink.MAVLink_command_long_message(1, 1, 511, 0, 30, 20_000, 0, 0, 0, 0, 0)
     autopilot.receive(ask, link=1)

@@ -333,7 +333,7 @@ def test_px4_passes_ranges_on_as_they_are_but_for_the_time() -> None:
 # The table
 
 
-def test_every_test_in_the_documentations_table_exists() -> None:
+def test_every_test_named_in_the_documentation_exists() -> None:
     named = set(re.findall(r"`(test_\w+)`", (ROOT / "docs/autopilot.md").read_text()))
     files = (ROOT / "tests").rglob("test_*.py")
     defined = set(re.findall(r"def (test_\w+)", "".join(file.read_text() for file in files)))

@@ -214,7 +214,7 @@ def test_obstacle_distance_counts_as_proximity(client: VisionClient) -> None:
     assert texts(client.commands(400, 1)) == ["Arm: AHRS: waiting for home"]
 
 
-def test_a_low_battery_lands_where_it_is_set_to(client: VisionClient) -> None:
+def test_a_low_battery_lands_the_vehicle_if_configured(client: VisionClient) -> None:
     flying(client)
     client.sets_all(BATT_LOW_VOLT=16.75, BATT_FS_LOW_ACT=1)
     received = client.waits(8)
@@ -222,7 +222,7 @@ def test_a_low_battery_lands_where_it_is_set_to(client: VisionClient) -> None:
     assert client.autopilot.mode == 9
 
 
-def test_a_silent_ground_station_lands_it_where_it_is_set_to(client: VisionClient) -> None:
+def test_a_silent_ground_station_lands_the_vehicle_if_configured(client: VisionClient) -> None:
     flying(client)
     client.sets_all(FS_GCS_ENABLE=5)
     client.sends(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 0, 3))

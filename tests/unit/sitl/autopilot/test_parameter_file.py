@@ -27,7 +27,7 @@ def path(tmp_path: Path) -> Path:
         "1\t1\tGUID_TIMEOUT\t0.500000000000000000\t9",
     ],
 )
-def test_every_form_is_read(path: Path, line: str) -> None:
+def test_every_file_format_is_read(path: Path, line: str) -> None:
     path.write_text(f"# Onboard parameters\n\n{line}\n")
     assert ParameterFile(path, TABLE).values == {"GUID_TIMEOUT": 0.5}
 
@@ -41,7 +41,9 @@ def test_every_form_is_read(path: Path, line: str) -> None:
         ("GUID_TIMEOUT", "'GUID_TIMEOUT' is not a parameter; write NAME VALUE"),
     ],
 )
-def test_what_cannot_be_used_is_named_with_its_line(path: Path, line: str, complaint: str) -> None:
+def test_invalid_lines_are_reported_with_their_number(
+    path: Path, line: str, complaint: str
+) -> None:
     path.write_text(f"# mine\n{line}\n")
     with pytest.raises(ParameterError) as refused:
         ParameterFile(path, TABLE)
@@ -49,7 +51,7 @@ def test_what_cannot_be_used_is_named_with_its_line(path: Path, line: str, compl
     assert complaint in str(refused.value)
 
 
-def test_a_file_that_is_not_there_begins_with_the_first_change(path: Path) -> None:
+def test_a_missing_file_is_created_at_the_first_change(path: Path) -> None:
     file = ParameterFile(path, TABLE)
     assert not path.exists()
     file.keep("GUID_TIMEOUT", TABLE["GUID_TIMEOUT"].fitted(0.3))
@@ -57,7 +59,7 @@ def test_a_file_that_is_not_there_begins_with_the_first_change(path: Path) -> No
     assert path.read_text() == "GUID_TIMEOUT 0.3\nLOG_BITMASK 180222\n"
 
 
-def test_all_else_in_the_file_stays_as_it_is(path: Path) -> None:
+def test_other_contents_of_the_file_are_preserved(path: Path) -> None:
     path.write_text("# mine\n1\t1\tGUID_TIMEOUT\t3\t9\nWPNAV_SPEED,100 # slow\n")
     file = ParameterFile(path, TABLE)
     file.keep("GUID_TIMEOUT", 0.5)
@@ -66,12 +68,12 @@ def test_all_else_in_the_file_stays_as_it_is(path: Path) -> None:
     assert [p.name for p in path.parent.iterdir()] == [path.name]
 
 
-def test_a_folder_that_is_not_there_is_refused_at_the_start(tmp_path: Path) -> None:
+def test_a_missing_folder_is_refused_at_the_start(tmp_path: Path) -> None:
     with pytest.raises(ParameterError, match="choose another --params"):
         ParameterFile(tmp_path / "none" / "vehicle.parm", TABLE)
 
 
-def test_a_file_that_cannot_be_written_any_more_is_told(path: Path) -> None:
+def test_an_unwritable_file_is_reported(path: Path) -> None:
     file = ParameterFile(path, TABLE)
     path.mkdir()
     with pytest.raises(ParameterError, match="cannot be kept"):
@@ -79,7 +81,7 @@ def test_a_file_that_cannot_be_written_any_more_is_told(path: Path) -> None:
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_a_kept_value_is_read_again_to_the_bit(
+def test_a_saved_value_is_read_back_exactly(
     tmp_path_factory: pytest.TempPathFactory, value: float
 ) -> None:
     path = tmp_path_factory.getbasetemp() / "kept.parm"
@@ -88,7 +90,7 @@ def test_a_kept_value_is_read_again_to_the_bit(
     assert TABLE["GUID_TIMEOUT"].fitted(ParameterFile(path, TABLE).values["GUID_TIMEOUT"]) == value
 
 
-def test_assignments() -> None:
+def test_assignments_are_parsed() -> None:
     assert parse_assignments(["GUID_TIMEOUT=0.5", "ARMING_CHECK=0"], TABLE) == {
         "GUID_TIMEOUT": 0.5,
         "ARMING_CHECK": 0,
@@ -101,6 +103,6 @@ def test_wrong_assignments_are_refused(text: str) -> None:
         parse_assignments([text], TABLE)
 
 
-def test_values_beyond_the_documented_range_are_told() -> None:
+def test_values_beyond_the_documented_range_are_reported() -> None:
     (warning,) = beyond_range({"GUID_TIMEOUT": 9, "AVOID_MARGIN": 2, "LOG_BITMASK": math.pi}, TABLE)
     assert warning == "GUID_TIMEOUT 9 is outside 0.1 to 5, its documented range"

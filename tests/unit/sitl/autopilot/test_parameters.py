@@ -43,7 +43,7 @@ def px4() -> Client:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_the_tables_are_in_order(firmware: str) -> None:
+def test_the_parameter_tables_are_sorted_and_valid(firmware: str) -> None:
     table = load_table(firmware)
     assert len(table) > 400
     assert list(table) == sorted(table)
@@ -68,7 +68,7 @@ def test_the_vehicle_is_configured_to_fly_without_gps(firmware: str) -> None:
         assert answers[name].param_value == (as_float("<i", int(value)) if bytewise else value)
 
 
-def test_a_vehicle_is_not_started_with_a_parameter_that_it_does_not_have() -> None:
+def test_an_unknown_parameter_is_refused_at_the_start() -> None:
     with pytest.raises(ParameterError, match="no parameter GUID_TIMEOU; did you mean GUID_TIMEOUT"):
         Client(parameters={"GUID_TIMEOU": 1})
 
@@ -86,19 +86,19 @@ def test_a_list_is_streamed_and_complete(firmware: str) -> None:
     assert len({m.param_id for m in answers}) == len(answers)
 
 
-def test_ardupilot_lists_sixteen_in_ten_milliseconds(ardupilot: Client) -> None:
+def test_ardupilot_sends_16_parameters_in_10_ms(ardupilot: Client) -> None:
     ardupilot.lists()
     assert [m.param_index for m in ardupilot.waits(0.02)] == list(range(32))
 
 
-def test_a_list_asked_for_again_starts_again(ardupilot: Client) -> None:
+def test_a_second_list_request_restarts_the_list(ardupilot: Client) -> None:
     ardupilot.lists()
     ardupilot.waits(0.05)
     ardupilot.lists()
     assert ardupilot.waits(0.01)[0].param_index == 0
 
 
-def test_px4_begins_a_list_with_its_hash_but_not_when_it_begins_again(px4: Client) -> None:
+def test_px4_sends_its_hash_first_but_not_in_a_restarted_list(px4: Client) -> None:
     px4.lists()
     first = [m.param_id for m in px4.waits(0.01) if m.get_type() == "PARAM_VALUE"]
     assert (first[0], len(first)) == ("_HASH_CHECK", 20)
@@ -107,7 +107,7 @@ def test_px4_begins_a_list_with_its_hash_but_not_when_it_begins_again(px4: Clien
     assert again[0].param_index == 0
 
 
-def test_px4_stops_listing_when_told_that_the_hash_is_known(px4: Client) -> None:
+def test_px4_stops_a_list_when_the_client_knows_the_hash(px4: Client) -> None:
     px4.lists()
     px4.waits(0.01)
     assert px4.sets("_HASH_CHECK", 0.0, UINT32) == []
@@ -117,7 +117,7 @@ def test_px4_stops_listing_when_told_that_the_hash_is_known(px4: Client) -> None
 # Reading
 
 
-def test_reading_by_name_and_by_index(ardupilot: Client) -> None:
+def test_parameters_are_read_by_name_and_by_index(ardupilot: Client) -> None:
     (by_name,) = ardupilot.reads("RNGFND1_ORIENT")
     assert (by_name.param_value, by_name.param_type, by_name.param_index) == (25, INT8, 65535)
     (by_index,) = ardupilot.reads(index=3)
@@ -125,20 +125,20 @@ def test_reading_by_name_and_by_index(ardupilot: Client) -> None:
     assert ardupilot.reads(by_index.param_id)[0].param_value == by_index.param_value
 
 
-def test_px4_tells_the_index_even_when_asked_by_name(px4: Client) -> None:
+def test_px4_returns_the_index_for_a_read_by_name(px4: Client) -> None:
     (answers,) = px4.reads("COM_OF_LOSS_T")
     assert px4.reads(index=answers.param_index)[0].param_id == "COM_OF_LOSS_T"
 
 
 @pytest.mark.parametrize("firmware", list(FIRMWARES))
-def test_what_is_not_known_is_met_with_silence(firmware: str) -> None:
+def test_unknown_parameters_are_not_answered(firmware: str) -> None:
     client = Client(firmware)
     assert client.reads("NO_SUCH") == []
     assert client.reads(index=5000) == []
     assert client.sets("NO_SUCH", 1.0) == []
 
 
-def test_names_of_sixteen_characters_are_whole(ardupilot: Client, px4: Client) -> None:
+def test_names_of_16_characters_are_complete(ardupilot: Client, px4: Client) -> None:
     for client in (ardupilot, px4):
         client.lists()
         names = {m.param_id for m in client.waits(1) if m.get_type() == "PARAM_VALUE"}
@@ -149,7 +149,7 @@ def test_names_of_sixteen_characters_are_whole(ardupilot: Client, px4: Client) -
         assert b"\0" not in answers._param_id_raw
 
 
-def test_px4_tells_a_hash_over_names_and_values(px4: Client) -> None:
+def test_px4_reports_a_hash_over_names_and_values(px4: Client) -> None:
     (answers,) = px4.reads("_HASH_CHECK")
     assert (answers.param_type, answers.param_index) == (UINT32, 65535)
     px4.lists()
@@ -166,7 +166,7 @@ def test_px4_tells_a_hash_over_names_and_values(px4: Client) -> None:
 # Setting
 
 
-def test_ardupilot_takes_any_type_and_tells_the_true_one(ardupilot: Client) -> None:
+def test_ardupilot_accepts_any_type_and_reports_the_true_one(ardupilot: Client) -> None:
     (answers,) = ardupilot.sets("GUID_TIMEOUT", 0.5, INT8)
     assert (answers.param_value, answers.param_type, answers.param_index) == (0.5, REAL32, 65535)
 
@@ -175,20 +175,20 @@ def test_ardupilot_takes_any_type_and_tells_the_true_one(ardupilot: Client) -> N
     ("value", "kept"),
     [(7, 7), (2.995, 3), (2.7, 2), (-2.7, -2), (300, 127), (-1e30, -128)],
 )
-def test_ardupilot_makes_a_number_fit_its_type(
+def test_ardupilot_converts_a_value_to_the_parameter_type(
     ardupilot: Client, value: float, kept: float
 ) -> None:
     assert ardupilot.sets("AVOID_BEHAVE", value)[0].param_value == kept
     assert ardupilot.reads("AVOID_BEHAVE")[0].param_value == kept
 
 
-def test_ardupilot_holds_nobody_to_the_documented_range(ardupilot: Client) -> None:
+def test_ardupilot_does_not_enforce_the_documented_range(ardupilot: Client) -> None:
     assert ardupilot.sets("GUID_TIMEOUT", 60.0)[0].param_value == 60.0
 
 
 @pytest.mark.parametrize("firmware", list(FIRMWARES))
 @pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_what_is_not_a_number_is_not_answered(firmware: str, value: float) -> None:
+def test_non_finite_values_are_not_answered(firmware: str, value: float) -> None:
     client = Client(firmware)
     name = {"ardupilot": "GUID_TIMEOUT", "px4": "COM_OF_LOSS_T"}[firmware]
     before = client.reads(name)[0].param_value
@@ -197,7 +197,7 @@ def test_what_is_not_a_number_is_not_answered(firmware: str, value: float) -> No
 
 
 @pytest.mark.parametrize("value", [4, -1, 2**31 - 1, -(2**31)])
-def test_px4_carries_integers_as_their_bytes(px4: Client, value: int) -> None:
+def test_px4_encodes_integers_bytewise(px4: Client, value: int) -> None:
     (answers,) = px4.sets("COM_OBL_RC_ACT", as_float("<i", value), INT32)
     assert struct.pack("<I", wire_bits(answers)) == struct.pack("<i", value)
 
@@ -216,7 +216,7 @@ def test_px4_does_not_answer_a_wrong_type(px4: Client) -> None:
 @example(name="COM_OBL_RC_ACT", bits=0x7F7FFFFF, kind=INT32)
 @example(name="COM_OBL_RC_ACT", bits=0x7F7FFFFF, kind=REAL32)
 @example(name="SYSID_THISMAV", bits=0x7F7FFFFF, kind=UINT32)
-def test_nothing_that_is_set_raises(name: str, bits: int, kind: int) -> None:
+def test_setting_any_value_raises_no_error(name: str, bits: int, kind: int) -> None:
     message = mavlink.MAVLink_param_set_message(1, 1, name.encode(), as_float("<I", bits), kind)
     for client in CLIENTS:
         client.sends(message)
@@ -225,7 +225,7 @@ def test_nothing_that_is_set_raises(name: str, bits: int, kind: int) -> None:
 
 
 CLIENTS = tuple(Client(firmware) for firmware in FIRMWARES)
-"""Shared: values set by one example persist in the next."""
+"""Shared by all examples: the values that one example sets persist in the next."""
 
 
 # System id
@@ -234,7 +234,7 @@ CLIENTS = tuple(Client(firmware) for firmware in FIRMWARES)
 @pytest.mark.parametrize(
     ("firmware", "name"), [("ardupilot", "SYSID_THISMAV"), ("px4", "MAV_SYS_ID")]
 )
-def test_the_system_changes_only_with_a_restart(firmware: str, name: str) -> None:
+def test_the_system_id_changes_only_with_a_restart(firmware: str, name: str) -> None:
     client = Client(firmware)
     kind = load_table(firmware)[name].kind
     bytewise = firmware == "px4"
@@ -246,7 +246,7 @@ def test_the_system_changes_only_with_a_restart(firmware: str, name: str) -> Non
     assert restarted.reads(name) == []  # the request is for system 1
 
 
-def test_a_watch_is_told_what_is_set() -> None:
+def test_a_watch_receives_the_values_that_are_set() -> None:
     answers: dict[str, float] = {}
     client = Client(watch=answers.__setitem__)
     client.sets("GUID_TIMEOUT", 0.5)

@@ -1,4 +1,4 @@
-"""Tests of the pilot's modes by throttle stick, against the real autopilots."""
+"""Tests of the pilot's modes by throttle position, compared with the real autopilots."""
 
 from random import Random
 
@@ -59,7 +59,7 @@ def test_it_sinks_as_fast_as_the_real_one(kind: str, mode: str, down_m_s: float)
     assert 0.6 * down_m_s < fastest_m_s < 1.09 * down_m_s  # overshoot of 8 %
 
 
-def test_px4s_sink_rate_is_its_parameter() -> None:
+def test_px4_sinks_at_the_rate_of_its_parameter() -> None:
     client = flying("px4")
     client.sets("MPC_Z_VEL_MAX_DN", 0.5)
     client.autopilot.pilot_mode(NUMBERS["px4"]["ALTCTL"], LOW)
@@ -91,7 +91,7 @@ def test_at_mid_stick_and_in_automatic_modes_it_holds(
     assert height_m(client) == pytest.approx(rests_at_m, abs=0.2)
 
 
-def test_the_stick_brought_to_the_middle_stops_the_descent() -> None:
+def test_mid_throttle_stops_the_descent() -> None:
     client = flying("ardupilot")
     loiter = NUMBERS["ardupilot"]["LOITER"]
     client.autopilot.pilot_mode(loiter, LOW)
@@ -102,7 +102,7 @@ def test_the_stick_brought_to_the_middle_stops_the_descent() -> None:
 
 
 @pytest.mark.parametrize("kind", ["ardupilot", "px4"])
-def test_with_the_stick_low_on_the_ground_nothing_moves(kind: str) -> None:
+def test_the_vehicle_stays_on_the_ground_at_low_throttle(kind: str) -> None:
     client = Client(kind)
     client.waits(5)
     client.autopilot.pilot_arms()
@@ -116,12 +116,14 @@ def test_with_the_stick_low_on_the_ground_nothing_moves(kind: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "throttle"), [("SLEEP", "mid"), ("LOITER", "high"), ("", "low")])
-def test_what_no_autopilot_has_is_refused_with_what_they_have(name: str, throttle: str) -> None:
+def test_an_unknown_mode_or_throttle_is_refused_with_the_known_names(
+    name: str, throttle: str
+) -> None:
     with pytest.raises(ModeError, match=r"known: .*(LOITER|mid)"):
         pilot_mode(name, throttle)
 
 
-def test_the_pilot_of_the_fault_campaign_has_modes_of_both_autopilots() -> None:
+def test_the_fault_campaign_uses_modes_that_both_autopilots_have() -> None:
     do, draw = FAULTS["pilot takes over"]
     names = {draw(Random(seed))["name"] for seed in range(50)}
     assert do == "pilot_mode"
@@ -166,7 +168,7 @@ def test_px4_tells_a_new_mode_with_the_next_heartbeat_ardupilot_at_once() -> Non
         assert later[-1].custom_mode == NUMBERS[kind][mode]
 
 
-def test_landing_after_a_loss_of_setpoints_ends_disarmed_for_good() -> None:
+def test_px4_stays_disarmed_after_landing_when_setpoints_resume() -> None:
     client = flying("px4")
     client.autopilot.pilot_mode(NUMBERS["px4"]["LAND"])
     client.waits(8)

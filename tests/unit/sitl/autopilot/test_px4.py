@@ -59,7 +59,7 @@ def test_position_and_attitude_stream_unasked(client: Client) -> None:
     assert received.count("SYS_STATUS") == received.count("EXTENDED_SYS_STATE") == 5
 
 
-def test_it_says_that_it_is_px4(client: Client) -> None:
+def test_heartbeat_and_version_identify_px4(client: Client) -> None:
     beat = next(m for m in client.waits(1) if m.get_type() == "HEARTBEAT")
     assert (beat.autopilot, beat.custom_mode) == (12, AUTO_LOITER)
     version = next(m for m in client.commands(512, 148) if m.get_type() == "AUTOPILOT_VERSION")
@@ -244,7 +244,7 @@ def test_setpoint_loss_can_be_set_to_land_and_to_come_later(client: Client) -> N
     assert client.autopilot.mode == AUTO_LAND
 
 
-def test_velocities_are_cut_to_what_is_set(client: Client) -> None:
+def test_velocities_are_limited_by_parameters(client: Client) -> None:
     offboard(client)
     client.sets("MPC_XY_VEL_MAX", 0.5)
     client.sets("MPC_Z_VEL_MAX_UP", 0.25)
@@ -279,10 +279,10 @@ def test_landing_disarms(client: Client) -> None:
 
 
 def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
-    """Compares displacements by reported velocity with true ones, as in four real flights.
+    """Compares reported displacements with true ones, as measured in four real flights.
 
-    Reported on true has one scale over 0.2 s and over 20 s, within 0.5 %. True on reported is 1 to
-    3 % smaller over 0.2 s.
+    The regression of reported on true displacement has the same scale over 0.2 s as over 20 s,
+    within 0.5 %. The scale of true on reported displacement is 1 to 3 % smaller over 0.2 s.
     """
     offboard(client)
     true_m, reported_m = [], []

@@ -1,4 +1,4 @@
-"""Tests of clutter: its limits in a world, and its pieces."""
+"""Tests of clutter: its limits in a world, and its pieces of furniture."""
 
 import hashlib
 import math
@@ -35,9 +35,9 @@ BUILT_IN = ("office", "complex", "two_room_300", "room_100", "unusual", "exterio
 FLIGHT_M = 1.2
 GRID_M = 0.1
 WIDE_M, PASSABLE_M = 0.45, 0.38
-"""Half width of a door that is passable without clutter, and of its smallest free part after it."""
+"""Half width of a door passable without clutter, and of its narrowest free part with it, m."""
 LIVED_IN = 0.5
-"""Up to this difficulty no door is shut."""
+"""Highest difficulty at which no door is shut."""
 
 seeds = st.integers(0, 10**6)
 each_world = settings(max_examples=8, deadline=None)
@@ -50,7 +50,7 @@ def pieces(before: World, after: World) -> list[Panel]:
 
 
 @pytest.mark.parametrize("name", BUILT_IN)
-def test_no_clutter_is_the_world_itself(name: str) -> None:
+def test_zero_clutter_leaves_the_world_unchanged(name: str) -> None:
     world = load_world(name)
     assert cluttered(world, 0.0, 1) is world
     setup, _ = FlightOptions(name, 1, "paper", "ardupilot").setup()
@@ -59,7 +59,7 @@ def test_no_clutter_is_the_world_itself(name: str) -> None:
 
 @each_world
 @given(seeds, seeds, st.floats(0.05, 1))
-def test_a_seed_makes_the_same_clutter_and_another_seed_another(
+def test_equal_seeds_give_equal_clutter_and_other_seeds_do_not(
     building: int, seed: int, difficulty: float
 ) -> None:
     world = random_world(building)
@@ -73,12 +73,12 @@ def test_a_seed_makes_the_same_clutter_and_another_seed_another(
     assert (once.boxes, once.starts) == (world.boxes, world.starts)
 
 
-def test_a_seed_makes_the_same_clutter_on_every_machine() -> None:
+def test_a_seed_gives_the_same_clutter_on_every_machine() -> None:
     written = to_toml(cluttered(load_world("office"), LIVED_IN, 1))
     assert hashlib.sha256(written.encode()).hexdigest()[:8] == "6d7886bc"
 
 
-def test_more_difficulty_is_more_clutter() -> None:
+def test_higher_difficulty_adds_more_clutter() -> None:
     world = load_world("office")
     numbers = [len(cluttered(world, c, 3).walls) for c in (0.0, 0.25, 0.5, 1.0)]
     assert numbers == sorted(set(numbers))
@@ -97,7 +97,7 @@ def test_starts_stay_free(seed: int, difficulty: float) -> None:
 
 
 def reachable(world: World, half_m: float) -> Mask:
-    """Grid places that a disc can reach from the first start at flight height."""
+    """Mask of the grid places that a disc of radius `half_m` can reach from the first start."""
     (south, west), (north, east) = world.bounds
     norths, easts = np.arange(south, north, GRID_M), np.arange(west, east, GRID_M)
     cells = np.stack(np.meshgrid(norths, easts, indexing="ij"), axis=-1)
@@ -110,7 +110,7 @@ def reachable(world: World, half_m: float) -> Mask:
 
 @each_world
 @given(seeds, st.floats(0.1, LIVED_IN))
-def test_what_could_be_got_to_still_can_be(seed: int, difficulty: float) -> None:
+def test_reachable_places_stay_reachable(seed: int, difficulty: float) -> None:
     world = random_world(seed)
     after = cluttered(world, difficulty, seed)
     before = reachable(world, WIDE_M)
@@ -134,7 +134,7 @@ def test_clutter_is_within_the_building(name: str, difficulty: float) -> None:
         assert 0 <= panel.bottom_m < panel.top_m <= world.height_m
 
 
-def test_nothing_stands_in_what_was_there() -> None:
+def test_clutter_does_not_intersect_existing_furniture() -> None:
     world = load_world("office")
     solids = [
         shapely.box(*box.corner, box.corner[0] + box.size[0], box.corner[1] + box.size[1])
@@ -148,7 +148,7 @@ def test_nothing_stands_in_what_was_there() -> None:
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
 @given(seeds)
 @settings(max_examples=25)
-def test_furniture_has_the_sizes_that_are_said(kind: object, seed: int) -> None:
+def test_furniture_has_the_documented_sizes(kind: object, seed: int) -> None:
     rng = random.Random(seed)
     make = kind.make  # type: ignore[attr-defined]
     piece = make(Spot((3.0, 4.0), any_direction(rng)), rng, 2.3)
@@ -168,7 +168,7 @@ def test_furniture_has_the_sizes_that_are_said(kind: object, seed: int) -> None:
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.make.__name__)
 @given(seeds)
 @settings(max_examples=25)
-def test_beams_meet_what_the_hull_could_touch(kind: object, seed: int) -> None:
+def test_beams_detect_the_parts_that_the_hull_can_touch(kind: object, seed: int) -> None:
     rng = random.Random(seed)
     piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
     panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
@@ -227,7 +227,7 @@ class TakesAll:
         return True
 
 
-def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
+def test_a_beam_passes_through_glass_and_the_hull_does_not() -> None:
     world = load_world("room_100")
     room = cluttered(world, 1.0, 1)
     panes = [panel for walls in room.walls if walls.glass for panel in walls.panels(2.6)]
@@ -236,7 +236,7 @@ def test_a_beam_goes_through_a_window_and_the_hull_does_not() -> None:
     model, clean = WorldModel(room), WorldModel(world)
     through = 0
     for pane in panes:
-        # 20 cm before the outer wall on the outside, nothing else is near
+        # 20 cm outside the outer wall, where no other obstacle is near
         middle = np.add(pane.start, pane.end) / 2
         out = np.array([middle[0] in {south, north}, middle[1] in {west, east}], dtype=float)
         out *= np.sign(middle - np.array([(south + north) / 2, (west + east) / 2]))
@@ -264,7 +264,7 @@ def test_no_pane_is_as_wide_as_the_hull() -> None:
             assert gap.length < 2 * BODY_RADIUS_M
 
 
-def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
+def test_space_behind_a_shut_door_is_not_required_by_the_score(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
@@ -276,13 +276,13 @@ def test_what_is_behind_a_door_that_is_shut_counts_for_no_score(
     assert len(seen) > 300
 
 
-def test_windows_get_no_leaves_when_clutter_is_added_again() -> None:
+def test_windows_get_no_door_leaves_when_clutter_is_added_again() -> None:
     once = cluttered(load_world("room_100"), 1.0, 1)
     assert any(walls.glass for walls in once.walls)
     assert leaves.doorways_of(once, FreeFloor(once)) == []
 
 
-def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_door_is_shut_that_closes_off_too_much_space(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(leaves, "SHUT_SHARE", 100.0)
     world = cluttered(a_doorway(1.0), 1.0, 1)
     assert (observable_points(world, FLIGHT_M, world.starts[0].position)[:, 1] > 7).any()
@@ -290,12 +290,12 @@ def test_doors_are_not_shut_on_too_much(monkeypatch: pytest.MonkeyPatch) -> None
 
 @each_world
 @given(seeds)
-def test_a_written_world_is_the_same_when_it_is_read(seed: int) -> None:
+def test_a_written_world_is_equal_when_read_back(seed: int) -> None:
     world = cluttered(random_world(seed), LIVED_IN, seed)
     assert parse_world(to_toml(world), "written") == world
 
 
-def test_the_flight_has_the_clutter_of_its_seed_or_of_an_own_one() -> None:
+def test_clutter_uses_the_flight_seed_unless_it_has_its_own_seed() -> None:
     def world(seed: int, clutter_seed: int | None) -> World:
         options = FlightOptions(
             "office", seed, "paper", "ardupilot", clutter=0.3, clutter_seed=clutter_seed
@@ -313,14 +313,14 @@ def test_a_cropped_world_is_cluttered_within_its_border() -> None:
     assert (north - south, east - west) == pytest.approx((8, 8), abs=0.01)
 
 
-def test_a_test_flies_in_clutter() -> None:
+def test_scripted_flights_accept_clutter() -> None:
     flight = Sitl(Path()).fly(SMALL_ROOM, clutter=0.25, clutter_seed=4, seed=2)
     assert flight.setup.world == cluttered(load_world(SMALL_ROOM), 0.25, 4)
     assert flight.report.coverage > 0.3
     assert flight.plan.walls
 
 
-def test_two_processes_are_told() -> None:
+def test_arguments_of_a_flight_include_its_clutter() -> None:
     options = FlightOptions("office", 1, "paper", "ardupilot", clutter=0.5, clutter_seed=7)
     assert {"--clutter=0.5", "--clutter-seed=7"} <= set(options.arguments())
     clean = FlightOptions("office", 1, "paper", "ardupilot").arguments()
@@ -328,12 +328,12 @@ def test_two_processes_are_told() -> None:
 
 
 @pytest.mark.parametrize("difficulty", [-0.1, 1.1, math.nan])
-def test_difficulty_is_from_0_to_1(difficulty: float) -> None:
+def test_difficulty_outside_0_to_1_is_refused(difficulty: float) -> None:
     with pytest.raises(WorldError, match="from 0 to 1"):
         cluttered(load_world("office"), difficulty, 1)
 
 
-def test_the_commands_take_clutter(tmp_path: Path) -> None:
+def test_world_commands_accept_clutter(tmp_path: Path) -> None:
     run = CliRunner().invoke
     checked = run(commands, ["world", "check", "office", "--clutter=0.5"])
     assert "office_clutter_0.5" in checked.stdout
@@ -345,13 +345,13 @@ def test_the_commands_take_clutter(tmp_path: Path) -> None:
     assert load_world(str(written)) == cluttered(load_world("office"), 0.5, 1)
 
 
-def spots(count: int) -> list[Vector2]:
+def directions(count: int) -> list[Vector2]:
     rng = random.Random(1)
     return [any_direction(rng) for _ in range(count)]
 
 
-def test_any_direction_is_a_unit_vector_every_way() -> None:
-    norths, easts = np.array(spots(400)).T
+def test_any_direction_returns_unit_vectors_in_all_quadrants() -> None:
+    norths, easts = np.array(directions(400)).T
     assert np.hypot(norths, easts) == pytest.approx(1)
     quadrants = np.sign(norths) + 3 * np.sign(easts)
     assert min(np.unique(quadrants, return_counts=True)[1]) > 60

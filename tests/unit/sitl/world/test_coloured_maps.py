@@ -37,7 +37,7 @@ def painted(folder: Path, picture: Image.Image, name: str = "house.png") -> Worl
 
 
 def house(colour: tuple[int, ...], kind: str = "RGB") -> Image.Image:
-    """A room with a partition of that colour."""
+    """A room with a partition of this colour."""
     rows, columns = SIZE
     shape = (*SIZE, len(colour)) if len(colour) > 1 else SIZE
     cells = np.full(shape, FREE, np.uint8)
@@ -55,7 +55,7 @@ def same(world: World, other: World) -> bool:
 
 
 def shade(colour: tuple[int, ...]) -> int:
-    """map_server's state of a colour, as a grey of the same state."""
+    """A grey value that map_server assigns the same state as the colour."""
     occupied = 1 - sum(colour) / len(colour) / 255
     return WALL if occupied > OCCUPIED_THRESH else FREE if occupied < FREE_THRESH else UNKNOWN
 
@@ -65,7 +65,7 @@ def shade(colour: tuple[int, ...]) -> int:
 @example((200, 0, 0))
 @example((0, 0, 255))
 @given(st.tuples(*[st.integers(0, 255)] * 3))
-def test_a_colour_counts_by_the_mean_of_its_channels(
+def test_a_colour_is_classified_by_the_mean_of_its_channels(
     folder: Path, colour: tuple[int, int, int]
 ) -> None:
     grey = house((shade(colour),), "L")
@@ -73,7 +73,7 @@ def test_a_colour_counts_by_the_mean_of_its_channels(
 
 
 @pytest.mark.parametrize("colour", [(0, 200, 0), (255, 255, 0), (60, 60, 60)])
-def test_palettes_and_opaque_pictures_say_the_same(
+def test_palette_and_opaque_images_give_the_same_world(
     folder: Path, colour: tuple[int, int, int]
 ) -> None:
     expected = painted(folder, house((shade(colour),), "L"))
@@ -86,7 +86,7 @@ def test_palettes_and_opaque_pictures_say_the_same(
 
 
 @pytest.mark.parametrize("alpha", [0, 128, 254])
-def test_what_can_be_seen_through_is_unknown(folder: Path, alpha: int) -> None:
+def test_transparent_pixels_are_unknown(folder: Path, alpha: int) -> None:
     expected = painted(folder, house((UNKNOWN,), "L"))
     assert same(painted(folder, house((0, 0, 0, alpha), "RGBA")), expected)
     assert same(painted(folder, house((0, alpha), "LA")), expected)
@@ -96,7 +96,7 @@ def test_what_can_be_seen_through_is_unknown(folder: Path, alpha: int) -> None:
     assert same(painted(folder, Image.open(folder / "marked.png")), expected)
 
 
-def test_of_sixteen_bits_the_upper_eight_count(folder: Path) -> None:
+def test_only_the_upper_8_of_16_bits_are_used(folder: Path) -> None:
     wide = Image.fromarray(np.asarray(house((90,), "L")).astype(np.uint16) * 256 + 255)
     expected = painted(folder, house((shade((90,)),), "L"))
     assert same(painted(folder, wide), expected)

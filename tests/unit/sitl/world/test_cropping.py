@@ -1,4 +1,4 @@
-"""Tests of cropped worlds: the inside unchanged, and closed."""
+"""Tests of cropped worlds: the inside is unchanged, and the border is closed."""
 
 import math
 
@@ -48,12 +48,12 @@ def building(**more: object) -> World:
     )
 
 
-def test_the_chosen_start_comes_first_and_only_those_inside_stay() -> None:
+def test_the_chosen_start_is_first_and_starts_outside_are_removed() -> None:
     piece = cropped(building(), SIDE_M, 1)
     assert [start.name for start in piece.starts] == ["middle", "near"]
 
 
-def test_it_is_a_square_about_the_start() -> None:
+def test_the_cropped_area_is_a_square_around_the_start() -> None:
     assert cropped(building(), SIDE_M, 1).bounds == ((3, 15), (13, 25))
 
 
@@ -68,7 +68,7 @@ PLACES = st.tuples(st.floats(3.3, 9.5), st.floats(15.3, 24.7))
 
 @settings(max_examples=60, deadline=None)
 @given(PLACES, st.floats(0, math.tau), st.sampled_from([0.4, 1.2, 2.3]))
-def test_inside_everything_is_where_it_was_and_nothing_can_leave(
+def test_ranges_inside_are_unchanged_up_to_the_closed_border(
     place: Vector2, bearing_rad: float, height_m: float
 ) -> None:
     origin = (*place, -height_m)
@@ -86,7 +86,7 @@ def test_inside_everything_is_where_it_was_and_nothing_can_leave(
 BEFORE, AFTER = WorldModel(building()), WorldModel(cropped(building(), SIDE_M, 1))
 
 
-def test_what_is_small_enough_stays_whole_in_a_yard() -> None:
+def test_a_world_smaller_than_the_square_stays_complete() -> None:
     whole = building()
     piece = cropped(whole, 200.0, 1)
     assert len(piece.walls) == 1 + len(whole.panels)
@@ -94,12 +94,12 @@ def test_what_is_small_enough_stays_whole_in_a_yard() -> None:
     assert [start.name for start in piece.starts][:2] == ["middle", "west"]
 
 
-def test_a_mesh_is_refused() -> None:
+def test_a_mesh_cannot_be_cropped() -> None:
     with pytest.raises(WorldError, match="mesh"):
         cropped(building(mesh=visible_mesh(building())), SIDE_M, 0)
 
 
-def test_a_flight_begins_where_the_square_was_cut() -> None:
+def test_a_flight_uses_the_cropped_world_and_its_first_start() -> None:
     setup, _ = FlightOptions("exterior", 1, "paper", "ardupilot", crop_m=SIDE_M).setup()
     (south, west), (north, east) = setup.world.bounds
     assert (north - south, east - west) == (SIDE_M, SIDE_M)

@@ -35,7 +35,7 @@ REACH_M = 12.0
 
 
 def true_range(origin: Vector3, direction: Vector3) -> float | None:
-    """The range by brute force: the plane of every triangle, and an area test."""
+    """Range by brute force: the plane of every triangle, and an area test."""
     mesh = visible_mesh(FURNISHED)
     to_floor = -origin[2] / direction[2] if direction[2] > 0 else None
     best = to_floor if to_floor is not None and to_floor <= REACH_M else None
@@ -86,13 +86,13 @@ def test_rays_at_edges_and_corners_are_not_lost(origin: Vector3, corner: Vector3
     assert found == pytest.approx(expected, abs=1e-6)
 
 
-def test_beyond_its_reach_a_beam_meets_nothing() -> None:
+def test_obstacles_beyond_the_maximum_range_are_not_detected() -> None:
     assert MODEL.range_m((3.0, 2.5, -1.2), (1.0, 0.0, 0.0), 2.9) is None
     assert MODEL.range_m((3.0, 2.5, -1.2), (1.0, 0.0, 0.0), 3.1) == pytest.approx(3.0)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
-def test_poses_that_are_not_finite_never_reach_fcl(bad: float) -> None:
+def test_non_finite_poses_raise_value_error(bad: float) -> None:
     with pytest.raises(ValueError, match="not a finite pose"):
         MODEL.range_m((bad, 0.0, 0.0), (1.0, 0.0, 0.0), 5.0)
     with pytest.raises(ValueError, match="not a finite pose"):
@@ -109,7 +109,7 @@ def test_poses_that_are_not_finite_never_reach_fcl(bad: float) -> None:
         ((1.2, 4.2, -1.5), 0.0),
     ],
 )
-def test_clearance_knows_walls_ceiling_and_solids(position: Vector3, clearance_m: float) -> None:
+def test_clearance_includes_walls_ceiling_and_solids(position: Vector3, clearance_m: float) -> None:
     assert MODEL.clearance_m(position) == pytest.approx(clearance_m, abs=1e-6)
 
 
@@ -119,7 +119,7 @@ def test_the_floor_is_no_obstacle() -> None:
 
 @settings(max_examples=30)
 @given(st.lists(INSIDE, min_size=2, max_size=20))
-def test_the_bound_on_clearance_never_hides_a_lower_one(path: list[Vector3]) -> None:
+def test_body_clearance_never_exceeds_the_exact_value_below_1_m(path: list[Vector3]) -> None:
     watching = WorldModel(FURNISHED)
     for position in path:
         exact = watching.clearance_m(position) - BODY_RADIUS_M
@@ -158,8 +158,8 @@ def test_every_room_can_be_reached_from_every_start(name: str) -> None:
     assert max(seen) - min(seen) <= 0.01 * max(seen)
 
 
-def test_a_wall_seen_from_one_side_only_counts_once() -> None:
-    """The inside of the building in `exterior` is unreachable: its walls are seen from the yard."""
+def test_a_wall_observable_from_one_side_counts_once() -> None:
+    """The building in `exterior` cannot be entered: its walls count from the yard only."""
     world = load_world("exterior")
     points = observable_points(world, 1.2, world.starts[0].position)
     around_yard = 2 * (24 + 28)
@@ -168,7 +168,7 @@ def test_a_wall_seen_from_one_side_only_counts_once() -> None:
 
 
 @pytest.mark.parametrize("away_m", [0.7, 3.0])
-def test_from_a_start_outside_a_closed_building_its_outer_walls_are_seen(away_m: float) -> None:
+def test_outer_walls_are_observable_from_a_start_outside_a_closed_building(away_m: float) -> None:
     square = {"points": [(0, 0), (4, 0), (4, 4), (0, 4)], "closed": True}
     start = {"name": "garden", "position": (-away_m, 2)}
     world = World.model_validate(
@@ -196,7 +196,7 @@ DOOR = World.model_validate(
 
 
 @pytest.mark.parametrize(("width_m", "beyond"), [(0.7, False), (0.9, True), (1.0, True)])
-def test_what_lies_behind_a_door_counts_if_it_is_as_wide_as_a_drone_has_to_pass(
+def test_space_behind_a_door_is_observable_only_if_a_drone_fits_through(
     width_m: float, beyond: bool
 ) -> None:
     door = DOOR.walls[1].doors[0].model_copy(update={"width_m": width_m})
@@ -221,7 +221,7 @@ def test_a_thick_wall_has_two_faces_and_ends() -> None:
     assert len(wall_surfaces(DOOR, 2.3)) == 4 + 3 * 4
 
 
-def test_furniture_shows_only_at_its_height() -> None:
+def test_furniture_has_surfaces_only_at_its_height() -> None:
     assert len(wall_surfaces(FURNISHED, 0.5)) == 4 + 1 + 4
     assert len(wall_surfaces(FURNISHED, 1.5)) == 4 + 1 + 4
     assert len(wall_surfaces(FURNISHED, 2.2)) == 4
@@ -261,6 +261,6 @@ def test_bad_worlds_are_refused_in_one_line(tmp_path: Path, text: str, complaint
     assert "\n" not in message
 
 
-def test_an_unknown_world_names_the_known_ones() -> None:
+def test_an_unknown_world_name_lists_the_known_names() -> None:
     with pytest.raises(WorldError, match="room_100"):
         load_world("kitchen")

@@ -91,7 +91,7 @@ def test_starts_are_free_and_in_different_rooms(seed: int) -> None:
 
 @each_building
 @given(seeds)
-def test_sizes_are_those_of_buildings(seed: int) -> None:
+def test_buildings_have_realistic_sizes(seed: int) -> None:
     world = random_world(seed)
     (south, west), (north, east) = world.bounds
     assert (south, west) == (0, 0)
@@ -108,7 +108,7 @@ def test_sizes_are_those_of_buildings(seed: int) -> None:
 
 @each_building
 @given(seeds)
-def test_nothing_stands_before_a_door(seed: int) -> None:
+def test_no_furniture_blocks_a_door(seed: int) -> None:
     """A beam through any part of a door is free on both sides, at every height of the door."""
     world = random_world(seed)
     model = WorldModel(world)
@@ -129,7 +129,7 @@ def aside(wall: Segment, centre: Vector2, by_m: float) -> Vector2:
 
 @each_building
 @given(seeds)
-def test_furniture_stands_in_no_wall_and_in_no_other(seed: int) -> None:
+def test_furniture_overlaps_no_wall_and_no_other_furniture(seed: int) -> None:
     world = random_world(seed)
     for one, other in combinations(world.boxes, 2):
         assert not overlap(corners(one), corners(other))
@@ -143,15 +143,15 @@ def corners(box: Box) -> list[Vector2]:
 
 
 def overlap(one: list[Vector2], other: list[Vector2]) -> bool:
-    """Two convex outlines share area: no side of either separates them."""
+    """True if two convex outlines share area: no side of either separates them."""
     return not any(
-        parts(start, end, one, other)
+        separates(start, end, one, other)
         for outline in (one, other)
         for start, end in pairwise([*outline, outline[0]])
     )
 
 
-def parts(start: Vector2, end: Vector2, one: list[Vector2], other: list[Vector2]) -> bool:
+def separates(start: Vector2, end: Vector2, one: list[Vector2], other: list[Vector2]) -> bool:
     across = (start[1] - end[1], end[0] - start[0])
     length_m = math.hypot(*across)
     mine, others = (
@@ -161,7 +161,7 @@ def parts(start: Vector2, end: Vector2, one: list[Vector2], other: list[Vector2]
     return max(mine) <= min(others) + TOUCH_M or max(others) <= min(mine) + TOUCH_M
 
 
-def test_some_walls_slant_some_buildings_are_empty() -> None:
+def test_some_buildings_have_slanted_walls_and_some_are_empty() -> None:
     worlds = [random_world(seed) for seed in range(30)]
     slanted = [world for world in worlds if any(map(is_slanted, world.walls))]
     assert 3 <= len(slanted) <= 27
@@ -178,14 +178,14 @@ def _as_json(world: World) -> str:
     return world.model_dump_json(exclude={"known": True, "walls": {"__all__": {"glass"}}})
 
 
-def test_a_seed_is_the_same_building_on_every_machine() -> None:
+def test_a_seed_gives_the_same_building_on_every_machine() -> None:
     digests = [
         hashlib.sha256(_as_json(random_world(seed)).encode()).hexdigest()[:8] for seed in (1, 17)
     ]
     assert digests == ["d0939978", "09d3e4af"]
 
 
-def test_they_have_names() -> None:
+def test_random_buildings_are_loaded_by_name() -> None:
     assert load_world("random_17") == random_world(17)
     assert load_world("random_17").name == "random_17"
     assert [seed_of(name) for name in ("random_0", "random_017", "random_", "room_100")] == [

@@ -41,7 +41,7 @@ MAP = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all examples of hypothesis; each overwrites the files of the last."""
+    """A folder that all hypothesis examples share; each example overwrites its files."""
     return tmp_path_factory.mktemp("importers")
 
 
@@ -68,7 +68,7 @@ def sides(corners: Array) -> list[Segment]:
 
 
 def outside(corners: Array) -> Array:
-    """Corners of the wall's outer face; the room's corners are right angles, anticlockwise."""
+    """Corners of the walls' outer face; the room has right angles and anticlockwise corners."""
     along = np.roll(corners, -1, axis=0) - corners
     out = np.column_stack([along[:, 1], -along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
     outer: Array = corners + WALL_M * (out + np.roll(out, 1, axis=0))
@@ -76,7 +76,7 @@ def outside(corners: Array) -> Array:
 
 
 def is_within(corners: Array, shape: tuple[int, int]) -> Mask:
-    """Cells with their centre in the polygon (x, y); rows from the top."""
+    """Mask of the cells whose centre is in the polygon (x, y); rows from the top."""
     y, x = (np.indices(shape) + 0.5) * CELL_M
     inside = Outline(corners).contains_points(np.column_stack([x.ravel(), y.ravel()]))
     return np.flipud(inside.reshape(shape))
@@ -108,14 +108,14 @@ def rooms(draw: st.DrawFn) -> Array:
 
 @settings(max_examples=25)
 @given(rooms(), st.just(0.0) | st.floats(0, math.tau))
-def test_walls_lie_within_about_a_cell_of_the_truth_and_all_are_there(
+def test_imported_walls_are_complete_and_accurate_to_about_a_cell(
     folder: Path, corners: Array, angle_rad: float
 ) -> None:
     corners = turned(corners, angle_rad)
     world = load_world(write_map(folder, Image.fromarray(rasterise(corners))))
     found = wall_surfaces(world, 1.2)
     truth = sides(corners[:, ::-1]) + sides(outside(corners)[:, ::-1])
-    # cells of a slanted wall are themselves up to 0.7 of a cell off
+    # the cells of a slanted wall have an error of up to 0.7 of a cell
     within_m = 0.51 * CELL_M if angle_rad == 0 else 1.5 * CELL_M
     assert distance_m(samples(found), truth).max() <= within_m
     assert distance_m(samples(truth), found).max() <= within_m
@@ -124,7 +124,7 @@ def test_walls_lie_within_about_a_cell_of_the_truth_and_all_are_there(
 
 @settings(max_examples=25)
 @given(st.floats(0, math.pi), st.floats(0.1, 0.6))
-def test_a_slanted_wall_is_not_a_staircase(
+def test_a_slanted_wall_is_imported_without_stair_steps(
     folder: Path, angle_rad: float, thickness_m: float
 ) -> None:
     bar = turned(np.array([(0, 0), (6, 0), (6, thickness_m), (0, thickness_m)]), angle_rad)
@@ -147,7 +147,7 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
 
 @settings(max_examples=10)
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-math.pi, math.pi))
-def test_the_origin_turns_and_moves_the_map(
+def test_the_origin_rotates_and_translates_the_map(
     folder: Path, x_m: float, y_m: float, yaw_rad: float
 ) -> None:
     picture = Image.fromarray(SQUARE)
@@ -161,14 +161,14 @@ def test_the_origin_turns_and_moves_the_map(
 
 
 def two_rooms(second: int) -> Picture:
-    """Two rooms side by side; the eastern one has this value."""
+    """Two rooms side by side; the cells of the eastern one have this value."""
     shades = np.full((80, 160), FREE, dtype=np.uint8)
     shades[:, 80:] = second
     shades[[0, -1]] = shades[:, [0, 79, 80, -1]] = WALL
     return shades
 
 
-def test_starts_are_where_the_map_says_free(tmp_path: Path) -> None:
+def test_starts_are_in_free_cells(tmp_path: Path) -> None:
     both = load_world(write_map(tmp_path, Image.fromarray(two_rooms(FREE))))
     one = load_world(write_map(tmp_path, Image.fromarray(two_rooms(UNKNOWN))))
     assert {start.position[1] > 4 for start in both.starts} == {True, False}
@@ -177,7 +177,7 @@ def test_starts_are_where_the_map_says_free(tmp_path: Path) -> None:
     assert all(model.clearance_m((*start.position, -1.2)) >= 0.6 for start in one.starts)
 
 
-def test_pictures_of_every_kind_and_mode_tell_the_same(tmp_path: Path) -> None:
+def test_image_formats_and_modes_give_the_same_world(tmp_path: Path) -> None:
     expected = load_world(write_map(tmp_path, Image.fromarray(SQUARE)))
     shades = Image.fromarray(SQUARE)
     percent = np.select([SQUARE == FREE, SQUARE == WALL], [0, 100], 255).astype(np.uint8)
@@ -242,7 +242,7 @@ def refused(path: Path | str) -> str:
     return message
 
 
-def test_damaged_pictures_are_refused(tmp_path: Path) -> None:
+def test_damaged_images_are_refused(tmp_path: Path) -> None:
     path = write_map(tmp_path, Image.fromarray(SQUARE))
     picture = tmp_path / "house.pgm"
     good = picture.read_bytes()
@@ -257,7 +257,7 @@ def test_damaged_pictures_are_refused(tmp_path: Path) -> None:
     assert "No such file" in refused(path)
 
 
-def test_noise_is_no_building(tmp_path: Path) -> None:
+def test_a_noise_image_is_refused(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     for size in (400, 1000):
         noise = random.integers(0, 2, (size, size)).astype(np.uint8) * 255
@@ -265,7 +265,7 @@ def test_noise_is_no_building(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "7", "[", "a: &a [*a]", "!!int ''", "!!timestamp x", "\0"])
-def test_what_is_no_yaml_map_is_refused(tmp_path: Path, text: str) -> None:
+def test_invalid_yaml_maps_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "house.yaml"
     path.write_text(text)
     assert "house.yaml" in refused(path)
@@ -327,14 +327,14 @@ def test_a_room_is_the_same_in_every_format(tmp_path: Path, suffix: str) -> None
         assert model.range_m(origin, direction, 10) == pytest.approx(expected, abs=1e-5)
 
 
-def test_a_plan_is_a_cut_through_the_mesh(tmp_path: Path) -> None:
+def test_wall_surfaces_are_a_section_through_the_mesh(tmp_path: Path) -> None:
     world = load_world(str(write_mesh(tmp_path, ".ply", BOX.subdivide().subdivide())))
     surfaces = wall_surfaces(world, 1.2)
     assert len(surfaces) == 4
     assert sum(math.dist(*surface) for surface in surfaces) == pytest.approx(18)
 
 
-def test_nodes_of_a_scene_are_moved_and_textures_ignored(tmp_path: Path) -> None:
+def test_scene_nodes_are_transformed_and_textures_ignored(tmp_path: Path) -> None:
     post = trimesh.creation.box((0.2, 0.2, 2.6))
     picture = Image.fromarray(SQUARE).convert("RGB")
     uv = np.zeros((8, 2))
@@ -354,7 +354,7 @@ def test_nodes_of_a_scene_are_moved_and_textures_ignored(tmp_path: Path) -> None
     assert model.range_m((3.0, 2.5, -1.2), (-1.0, 0.0, 0.0), 5) == pytest.approx(2.0)
 
 
-def test_the_floor_is_the_lowest_point_or_the_slab_on_it(tmp_path: Path) -> None:
+def test_the_floor_is_at_the_lowest_point_or_on_its_slab(tmp_path: Path) -> None:
     low = BOX.copy()
     low.apply_translation((0, 0, -7))
     world = load_world(str(write_mesh(tmp_path, ".stl", low)))
@@ -370,7 +370,7 @@ def test_the_floor_is_the_lowest_point_or_the_slab_on_it(tmp_path: Path) -> None
     assert model.clearance_m((3, 3, 0)) > 0.5
 
 
-def test_nobody_starts_under_a_table(tmp_path: Path) -> None:
+def test_no_start_is_under_a_table(tmp_path: Path) -> None:
     table = trimesh.creation.box((2.0, 2.0, 0.02))
     table.apply_translation((3.5, 3.0, 0.75))
     world = load_world(str(write_mesh(tmp_path, ".stl", BOX + table)))
@@ -390,7 +390,7 @@ def binary_ply(vertices: Array, faces: Array) -> bytes:
     return head.encode() + vertices.astype("<f4").tobytes() + rows.tobytes()
 
 
-def test_what_is_mended_is_told(tmp_path: Path) -> None:
+def test_unusable_triangles_are_left_out_and_reported(tmp_path: Path) -> None:
     vertices = np.vstack([BOX.vertices, [(math.nan, 0, 0), (2, 2, math.inf)]])
     bad = [(0, 1, 8), (0, 2, 9), (0, 0, 1), (1, 2, 900), (1, -5, 2), BOX.faces[3][::-1]]
     path = tmp_path / "room.ply"
@@ -408,7 +408,7 @@ def test_what_is_mended_is_told(tmp_path: Path) -> None:
     WorldModel(world)
 
 
-def test_meshes_that_are_no_building_are_refused(tmp_path: Path) -> None:
+def test_meshes_that_are_not_buildings_are_refused(tmp_path: Path) -> None:
     assert "if these are millimetres" in refused(
         write_mesh(tmp_path, ".stl", BOX.copy().apply_scale(1000))
     )
@@ -454,7 +454,7 @@ EVIL = [
 
 @st.composite
 def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
-    """Some bytes changed, inserted or removed; or other bytes entirely."""
+    """The file with some bytes changed, inserted or removed; or random bytes."""
     if draw(st.integers(0, 9)) == 0:
         return draw(st.binary(max_size=200))
     data = bytearray(whole)
@@ -467,7 +467,9 @@ def damaged(draw: st.DrawFn, whole: bytes) -> bytes:
 
 @settings(max_examples=150)
 @given(st.data())
-def test_damaged_files_are_worlds_or_refused(folder: Path, data: st.DataObject) -> None:
+def test_a_damaged_file_is_refused_or_gives_a_valid_world(
+    folder: Path, data: st.DataObject
+) -> None:
     name = data.draw(st.sampled_from(sorted(WHOLE)))
     files = {beside or name: content for beside, content in WHOLE[name].items()}
     victim = data.draw(st.sampled_from(sorted(files)))

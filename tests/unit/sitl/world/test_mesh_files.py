@@ -24,7 +24,7 @@ from sitl.world.plan import wall_surfaces
 
 Array = NDArray[Any]
 Wall = tuple[float, float, float, float]
-"""A wall from x, y to x, y; east and north, m."""
+"""A wall from (x, y) to (x, y), m; x is east, y is north."""
 
 OUTER: list[Wall] = [(0, 0, 8, 0), (8, 0, 8, 5), (8, 5, 0, 5), (0, 5, 0, 0)]
 PARTITIONS: list[Wall] = [(4, 0, 4, 3), (4, 3, 6, 3)]
@@ -39,7 +39,7 @@ def corners(wall: Wall) -> list[tuple[float, float, float]]:
 
 
 def plan(world: World) -> list[tuple[float, ...]]:
-    """All surfaces at 1.2 m, seen from above, in any order."""
+    """Sorted ends of all wall surfaces at a height of 1.2 m."""
     return sorted(
         tuple(round(float(x), 2) + 0.0 for end in sorted(line) for x in end)
         for line in wall_surfaces(world, 1.2)
@@ -62,7 +62,7 @@ def refusal(path: Path) -> str:
 
 
 def obj(groups: Sequence[Sequence[Wall]], *, back: bool, slashes: str = "") -> str:
-    """Groups of walls: each group's vertices, then its faces, which may count back."""
+    """OBJ text: each group's vertices, then its faces, with relative indices if `back`."""
     lines, seen = [], 0
     for group in groups:
         lines += [f"v {x} {y} {z}" for wall in group for x, y, z in corners(wall)]
@@ -77,7 +77,9 @@ ABSOLUTE = obj([ROOM], back=False)
 
 
 @given(data=st.data())
-def test_obj_faces_that_count_back_are_those_that_count_on(data: st.DataObject) -> None:
+def test_obj_faces_with_relative_indices_equal_those_with_absolute_indices(
+    data: st.DataObject,
+) -> None:
     cuts = sorted(data.draw(st.sets(st.integers(1, len(ROOM) - 1))))
     ends = [0, *cuts, len(ROOM)]
     groups = [ROOM[a:b] for a, b in pairwise(ends)]
@@ -88,7 +90,9 @@ def test_obj_faces_that_count_back_are_those_that_count_on(data: st.DataObject) 
 
 
 @pytest.mark.parametrize("groups", [[ROOM], [OUTER, PARTITIONS], [[wall] for wall in ROOM]])
-def test_obj_walls_that_count_back_all_stand(tmp_path: Path, groups: list[list[Wall]]) -> None:
+def test_obj_walls_with_relative_indices_are_complete(
+    tmp_path: Path, groups: list[list[Wall]]
+) -> None:
     path = tmp_path / "room.obj"
     path.write_text(obj(groups, back=True))
     reports: list[str] = []
@@ -99,7 +103,7 @@ def test_obj_walls_that_count_back_all_stand(tmp_path: Path, groups: list[list[W
     assert length_m(world) == pytest.approx(LENGTH_M)
 
 
-def test_obj_as_other_programs_write_it(tmp_path: Path) -> None:
+def test_obj_syntax_variants_are_read(tmp_path: Path) -> None:
     """Continued lines, comments after statements, Windows line ends, vertices after faces."""
     text = "# Küche\r\n" + ABSOLUTE.replace("\n", "  # wall\r\n").replace("f 1 2", "f 1 \\\r\n 2")
     (tmp_path / "room.obj").write_bytes(text.encode("cp1252"))
@@ -110,13 +114,13 @@ def test_obj_as_other_programs_write_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
-def test_obj_as_windows_editors_save_it(tmp_path: Path, encoding: str) -> None:
-    """The first vertex follows the byte order mark; without it all numbers would be off by one."""
+def test_obj_with_a_byte_order_mark_is_read(tmp_path: Path, encoding: str) -> None:
+    """The first vertex follows the byte order mark. If it were lost, all indices would shift."""
     (tmp_path / "room.obj").write_text(ABSOLUTE, encoding=encoding)
     assert length_m(load_world(str(tmp_path / "room.obj"))) == pytest.approx(LENGTH_M)
 
 
-def test_obj_corners_that_do_not_exist_are_told(tmp_path: Path) -> None:
+def test_obj_faces_with_missing_vertices_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "room.obj"
     path.write_text(ABSOLUTE + "f 1 2 900\nf 1 2 -900\nf 0 1 2\n")
     reports: list[str] = []
@@ -133,7 +137,7 @@ def test_obj_corners_that_do_not_exist_are_told(tmp_path: Path) -> None:
         ("call other.obj", ("line 31", "other files")),
     ],
 )
-def test_obj_lines_that_cannot_be_read_are_named(
+def test_unreadable_obj_lines_are_reported_by_number(
     tmp_path: Path, line: str, words: tuple[str, ...]
 ) -> None:
     path = tmp_path / "room.obj"
@@ -142,7 +146,7 @@ def test_obj_lines_that_cannot_be_read_are_named(
 
 
 def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
-    """A wall with a door cut out is hollow; triangulated as a fan the door would be closed."""
+    """A wall with a doorway is a concave polygon. A triangle fan would close the doorway."""
     face = [
         (4, y, z) for y, z in ((0, 0), (2, 0), (2, 2), (3, 2), (3, 0), (5, 0), (5, 2.6), (0, 2.6))
     ]
@@ -155,8 +159,8 @@ def test_a_doorway_in_a_wall_of_one_polygon_stays_open(tmp_path: Path) -> None:
 
 
 @given(st.integers(4, 12), st.randoms(use_true_random=False))
-def test_a_polygon_is_cut_into_triangles_of_its_own_area(count: int, random: Any) -> None:
-    """Any star shape, in any plane, from any corner."""
+def test_triangulation_preserves_the_area_of_a_polygon(count: int, random: Any) -> None:
+    """Star-shaped polygons in any plane, from any corner."""
     angles = sorted(random.uniform(0, math.tau) for _ in range(count))
     gaps = [b - a for a, b in zip(angles, [*angles[1:], angles[0] + math.tau], strict=True)]
     if max(gaps) > 3 or min(gaps) < 0.05:
@@ -248,12 +252,14 @@ def truth(tmp_path: Path) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("suffix", [".glb", ".gltf"])
-def test_gltf_is_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]], suffix: str) -> None:
+def test_gltf_gives_the_same_room(
+    tmp_path: Path, truth: list[tuple[float, ...]], suffix: str
+) -> None:
     assert plan(load_world(str(gltf().save(tmp_path / f"room{suffix}")))) == truth
 
 
 @pytest.mark.parametrize(("kind", "code"), [("i1", 5120), ("u1", 5121), ("i2", 5122), ("u2", 5123)])
-def test_gltf_normalised_integers_are_shares_of_their_largest(
+def test_gltf_normalised_integers_are_scaled_by_their_maximum(
     tmp_path: Path, truth: list[tuple[float, ...]], kind: str, code: int
 ) -> None:
     most = np.iinfo(kind).max
@@ -278,8 +284,8 @@ def test_gltf_normalised_integers_are_shares_of_their_largest(
     assert length_m(world) == pytest.approx(LENGTH_M, abs=0.3 if most < 300 else 0.01)
 
 
-def test_gltf_instances_all_stand_where_they_are_put(tmp_path: Path) -> None:
-    """One partition, drawn at its instances, turned and stretched, and nowhere else."""
+def test_gltf_instances_are_placed_by_their_transforms(tmp_path: Path) -> None:
+    """One partition appears at each instance, rotated and scaled, and nowhere else."""
     made = gltf(OUTER)
     half = math.sqrt(0.5)
     attributes = {
@@ -297,7 +303,7 @@ def test_gltf_instances_all_stand_where_they_are_put(tmp_path: Path) -> None:
     assert plan(load_world(str(made.save(tmp_path / "room.glb")))) == plan(load_world(str(path)))
 
 
-def test_gltf_sparse_values_replace_those_below_them(
+def test_gltf_sparse_values_replace_the_base_values(
     tmp_path: Path, truth: list[tuple[float, ...]]
 ) -> None:
     made = gltf(ROOM[:-1])
@@ -318,7 +324,7 @@ def test_gltf_sparse_values_replace_those_below_them(
 
 
 @pytest.mark.parametrize(("mode", "order"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
-def test_gltf_strips_and_fans_are_triangles(
+def test_gltf_strips_and_fans_are_triangulated(
     tmp_path: Path, truth: list[tuple[float, ...]], mode: int, order: list[int]
 ) -> None:
     made = Gltf()
@@ -351,7 +357,7 @@ def test_gltf_extensions_that_change_triangles_are_refused_by_name(
     "extension",
     ["KHR_texture_transform", "KHR_texture_basisu", "EXT_texture_webp", "KHR_materials_unlit"],
 )
-def test_gltf_extensions_that_only_change_colours_do_not_matter(
+def test_gltf_extensions_that_only_change_colours_are_ignored(
     tmp_path: Path, truth: list[tuple[float, ...]], extension: str
 ) -> None:
     made = gltf()
@@ -359,8 +365,8 @@ def test_gltf_extensions_that_only_change_colours_do_not_matter(
     assert plan(load_world(str(made.save(tmp_path / "room.glb")))) == truth
 
 
-def test_gltf_one_compressed_wall_is_not_left_out_of_a_room(tmp_path: Path) -> None:
-    """Also where the file does not list the extension as required."""
+def test_gltf_with_one_compressed_wall_is_refused(tmp_path: Path) -> None:
+    """The file does not list the extension as required."""
     made = gltf()
     primitive = made.document["meshes"][-1]["primitives"][0]
     del made.document["accessors"][primitive["attributes"]["POSITION"]]["bufferView"]
@@ -369,7 +375,7 @@ def test_gltf_one_compressed_wall_is_not_left_out_of_a_room(tmp_path: Path) -> N
     assert "KHR_draco_mesh_compression" in refusal(made.save(tmp_path / "room.glb"))
 
 
-def test_gltf_hidden_nodes_and_other_scenes_are_not_there(
+def test_gltf_hidden_nodes_and_other_scenes_are_ignored(
     tmp_path: Path, truth: list[tuple[float, ...]]
 ) -> None:
     made = gltf()
@@ -380,7 +386,7 @@ def test_gltf_hidden_nodes_and_other_scenes_are_not_there(
 
 
 @pytest.mark.parametrize("cut", [1, 30, 100])
-def test_gltf_that_is_cut_short_is_refused(tmp_path: Path, cut: int) -> None:
+def test_a_truncated_gltf_file_is_refused(tmp_path: Path, cut: int) -> None:
     path = gltf().save(tmp_path / "room.glb")
     path.write_bytes(path.read_bytes()[:-cut])
     assert "cut short" in refusal(path)
@@ -405,7 +411,7 @@ def stl_text(name: str = "room") -> str:
     return "\n".join([*lines, f"endsolid {name}", ""])
 
 
-def test_stl_is_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:
+def test_stl_gives_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:
     path = tmp_path / "room.stl"
     for data in (
         stl(),
@@ -417,7 +423,7 @@ def test_stl_is_the_same_room(tmp_path: Path, truth: list[tuple[float, ...]]) ->
         assert plan(load_world(str(path))) == truth
 
 
-def test_stl_whose_size_is_not_that_of_its_triangles_is_refused(tmp_path: Path) -> None:
+def test_stl_with_a_wrong_triangle_count_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "room.stl"
     for data in (stl()[:-50], stl()[:-7], stl() + bytes(50), b"solid" + stl()[5:-50]):
         path.write_bytes(data)
@@ -457,7 +463,7 @@ LONG = [[*QUADS[0][:2], QUADS[0][1], *QUADS[0][2:]], *QUADS[1:]]
 
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("polygons", [QUADS, MIXED, LONG])
-def test_ply_is_the_same_room(
+def test_ply_gives_the_same_room(
     tmp_path: Path, truth: list[tuple[float, ...]], form: str, polygons: list[list[int]]
 ) -> None:
     path = tmp_path / "room.ply"
@@ -468,7 +474,7 @@ def test_ply_is_the_same_room(
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_ply_that_holds_less_or_more_than_it_tells_is_refused(tmp_path: Path, form: str) -> None:
+def test_ply_with_less_or_more_data_than_declared_is_refused(tmp_path: Path, form: str) -> None:
     path = tmp_path / "room.ply"
     for polygons in (QUADS, MIXED):
         whole = ply(form, polygons)
@@ -478,7 +484,7 @@ def test_ply_that_holds_less_or_more_than_it_tells_is_refused(tmp_path: Path, fo
         assert "more than its header declares" in refusal(path)
 
 
-def test_ply_strips_are_triangles(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:
+def test_ply_strips_are_triangulated(tmp_path: Path, truth: list[tuple[float, ...]]) -> None:
     numbers = [n for a, b, c, d in QUADS for n in (a, b, d, c, -1)]
     text = ply("ascii", [], more="element tristrips 1\nproperty list int int vertex_indices\n")
     path = tmp_path / "room.ply"

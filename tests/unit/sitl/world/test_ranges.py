@@ -32,7 +32,7 @@ class Range:
     rng: np.random.Generator
 
     def origins(self, count: int) -> Array:
-        """Places with the floor in range all around."""
+        """Random points, farther than the maximum range from every edge of the floor."""
         low, high = self.mesh.vertices.min(axis=0), self.mesh.vertices.max(axis=0)
         shrink = np.array((REACH_M, REACH_M, 0))
         return self.rng.uniform(low + shrink, high - shrink, (count, 3))
@@ -69,10 +69,11 @@ def with_floor(obstacles: Mesh) -> Mesh:
 
 
 def true_ranges(mesh: Mesh, origins: Array, directions: Array) -> Array:
-    """Ranges by every ray and every triangle's plane; NaN without a hit in range.
+    """Ranges by brute force over all rays and triangles; NaN without a hit in range.
 
     With the plane's normal n the distance is (n·a - n·o) / n·d. A point p of the plane is inside
-    if its coordinates U·(p - a) and V·(p - a) are, (U, V) being the dual basis of the edges.
+    the triangle if u = U·(p - a) and v = V·(p - a) satisfy u ≥ 0, v ≥ 0 and u + v ≤ 1. (U, V) is
+    the dual basis of the edges.
     """
     a, b, c = (mesh.vertices[corner] for corner in mesh.faces.T)
     e1, e2 = b - a, c - a
@@ -109,8 +110,8 @@ def test_random_rays_are_exact(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_level_and_upright_rays_are_exact(name: str) -> None:
-    """Along the walls' axes, the usual directions of a drone's beams."""
+def test_horizontal_and_vertical_rays_are_exact(name: str) -> None:
+    """The rays are along the axes of the walls, the usual directions of a drone's beams."""
     place = in_world(name)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     origins, directions = place.origins(RAYS // 10), place.rng.choice(axes, RAYS // 10)
@@ -119,14 +120,14 @@ def test_level_and_upright_rays_are_exact(name: str) -> None:
 
 
 def aimed_at(place: Range, targets: Array) -> tuple[Array, Array, Array]:
-    """Rays to points from up to 9/10 of the range away: origins, directions, distances."""
+    """Rays to points at up to 9/10 of the maximum range: origins, directions, distances."""
     away = place.rng.uniform(0.3, 0.9 * REACH_M, (len(targets), 1))
     origins = targets + away * unit(place.rng.normal(size=targets.shape))
     return origins, unit(targets - origins), np.linalg.norm(targets - origins, axis=1)
 
 
 def edges_and_vertices(place: Range) -> Array:
-    """Half of them corners of triangles, half of them points on edges."""
+    """Points of the mesh: half are corners of triangles, half are on edges."""
     triangles = place.mesh.vertices[place.rng.choice(place.mesh.faces, AIMED_RAYS)]
     first, second = triangles[:, 0], triangles[:, 1]
     share = place.rng.uniform(0, 1, (AIMED_RAYS, 1))
@@ -149,7 +150,7 @@ def test_no_ray_at_an_edge_or_vertex_is_lost(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", WORLDS)
-def test_a_bundle_of_rays_is_as_exact_as_each_of_them(name: str) -> None:
+def test_a_bundle_of_rays_has_the_same_ranges_as_single_rays(name: str) -> None:
     place = in_world(name)
     half_angle_rad = 0.1
     for origin, axis in zip(place.origins(200), unit(place.rng.normal(size=(200, 3))), strict=True):
@@ -164,7 +165,7 @@ def test_a_bundle_of_rays_is_as_exact_as_each_of_them(name: str) -> None:
 
 @pytest.mark.parametrize("name", WORLDS)
 def test_an_independent_ray_caster_agrees(name: str) -> None:
-    """Embree, in single precision: 24 bits for tens of metres."""
+    """Compares with Embree, which has single precision: 24 bits for tens of metres."""
     scenes = pytest.importorskip("embreex.rtcore_scene", reason="embreex is for x86_64 only")
     meshes = pytest.importorskip("embreex.mesh_construction")
     place = in_world(name)

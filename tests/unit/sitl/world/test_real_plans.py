@@ -33,7 +33,7 @@ def test_x_is_east_and_y_is_north(tmp_path: Path) -> None:
     assert north_m + south_m == pytest.approx(4)
 
 
-def test_what_is_mended_is_told(tmp_path: Path) -> None:
+def test_unusable_walls_are_left_out_and_reported(tmp_path: Path) -> None:
     reports: list[str] = []
     no_numbers = [[float("nan"), 0, 1, 1], [10**400, 0, 1, 1], [1, 2], "x"]
     no_walls = [[1, 1, 1, 1], [5, 0, 0, 0], [1e9, 0, 1, 1]]
@@ -52,7 +52,7 @@ def test_what_is_mended_is_told(tmp_path: Path) -> None:
         ([[0, 0, 5, 0]], "enclosed"),
     ],
 )
-def test_what_is_no_plan_is_refused(tmp_path: Path, walls: object, words: str) -> None:
+def test_invalid_plans_are_refused(tmp_path: Path, walls: object, words: str) -> None:
     with pytest.raises(WorldError, match=words) as refused:
         load_world(write(tmp_path, walls))
     assert "\n" not in str(refused.value)
@@ -65,7 +65,7 @@ def test_other_units_are_refused(tmp_path: Path) -> None:
 
 @settings(max_examples=60)
 @given(st.binary(max_size=200) | st.text(max_size=200).map(str.encode))
-def test_garbage_never_gets_past_the_reader(data: bytes) -> None:
+def test_random_bytes_are_refused(data: bytes) -> None:
     import tempfile  # noqa: PLC0415 - hypothesis and tmp_path do not go together
 
     with tempfile.TemporaryDirectory() as folder:

@@ -1,4 +1,4 @@
-"""Tests of worlds from incomplete maps: the unknown is neither air nor wall."""
+"""Tests of worlds from incomplete maps: unknown cells are neither free nor wall."""
 
 import math
 from pathlib import Path
@@ -28,12 +28,12 @@ FAR_M = 60.0
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all examples of hypothesis; each overwrites the files of the last."""
+    """A folder that all hypothesis examples share; each example overwrites its files."""
     return tmp_path_factory.mktemp("unknown")
 
 
 def loaded(folder: Path, shades: Shades) -> tuple[World, list[str]]:
-    """The world and the importer's reports."""
+    """The loaded world and the reports of its import."""
     reports: list[str] = []
     return load_world(write(folder, shades), reports.append), reports
 
@@ -58,7 +58,7 @@ def window_room() -> Shades:
 
 
 def fan_room() -> Shades:
-    """A room of 9 × 2.6 m, and a fan of a corridor seen through its east doorway, 1 m wide."""
+    """A room of 9 × 2.6 m, and the fan that beams swept through its east doorway, 1 m wide."""
     shades = nothing(12, 12)
     room(shades, 1, 1, 10, 3.6)
     fill(shades, 5, 3.6, 6, 3.7, FREE)
@@ -72,14 +72,14 @@ def fan_room() -> Shades:
 # The border to the unknown
 
 
-def test_nobody_leaves_through_a_window_that_gave_no_returns(tmp_path: Path) -> None:
+def test_a_window_without_returns_is_closed(tmp_path: Path) -> None:
     world, _ = loaded(tmp_path, window_room())
     assert range_m(world, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
     assert WorldModel(world).body_clearance_m((3.0, 5.9, -HEIGHT_M)) <= 0
     assert border_m(world) == pytest.approx(2.5, abs=0.01)
 
 
-def test_a_closed_building_has_no_border_whatever_is_unknown_around_it(tmp_path: Path) -> None:
+def test_a_closed_building_has_no_border_to_the_unknown(tmp_path: Path) -> None:
     shades = nothing(8, 8)
     room(shades, 1, 1, 6, 6)
     world, reports = loaded(tmp_path, shades)
@@ -91,7 +91,7 @@ def test_a_closed_building_has_no_border_whatever_is_unknown_around_it(tmp_path:
     assert world.known.reached_m2 == pytest.approx(25, abs=0.5)
 
 
-def test_the_edge_of_the_picture_is_a_border_too(tmp_path: Path) -> None:
+def test_the_edge_of_the_map_image_is_a_border(tmp_path: Path) -> None:
     shades = nothing(8, 8)
     room(shades, 1, 1, 6, 6)
     world, _ = loaded(tmp_path, shades[:, : cells(5)])
@@ -104,7 +104,7 @@ def test_the_edge_of_the_picture_is_a_border_too(tmp_path: Path) -> None:
     st.lists(st.tuples(st.floats(0, 1), st.floats(0.05, 0.6)), min_size=1, max_size=5),
     st.integers(0, 2**32 - 1),
 )
-def test_no_beam_finds_a_way_out(
+def test_no_beam_leaves_an_enclosed_room(
     folder: Path, angle_rad: float, openings: list[tuple[float, float]], seed: int
 ) -> None:
     """A square room, rotated, with pieces of its walls and some cells missing."""
@@ -120,7 +120,7 @@ def test_no_beam_finds_a_way_out(
     shades[unseen & (away > 1) & (away < 2.5)] = UNKNOWN
     try:
         world, _ = loaded(folder, shades)
-    except WorldError:  # no enclosed place: too many cells are missing
+    except WorldError:  # too many cells are missing: no room is enclosed
         return
     model = WorldModel(world)
     place = world.starts[0].position
@@ -133,7 +133,7 @@ def test_no_beam_finds_a_way_out(
 
 
 @pytest.mark.parametrize("yaw_rad", [0.7, -2.0])
-def test_the_border_turns_with_the_map(tmp_path: Path, yaw_rad: float) -> None:
+def test_the_border_rotates_with_the_map(tmp_path: Path, yaw_rad: float) -> None:
     plain = load_world(write(tmp_path, window_room()))
     turned = load_world(write(tmp_path, window_room(), yaw_rad))
     assert border_m(turned) == pytest.approx(border_m(plain), abs=1e-4)
@@ -146,7 +146,7 @@ def test_the_border_turns_with_the_map(tmp_path: Path, yaw_rad: float) -> None:
     assert range_m(turned, place, 90 - math.degrees(yaw_rad)) == pytest.approx(expected)
 
 
-def test_gaps_between_beams_are_no_walls_but_a_patch_that_nobody_saw_is(tmp_path: Path) -> None:
+def test_narrow_unknown_gaps_stay_open_and_a_wide_unknown_patch_is_closed(tmp_path: Path) -> None:
     shades = nothing(9, 9)
     room(shades, 1, 1, 8, 8)
     for east_m in np.arange(1.5, 7.5, 0.5):
@@ -156,14 +156,14 @@ def test_gaps_between_beams_are_no_walls_but_a_patch_that_nobody_saw_is(tmp_path
     assert range_m(gaps, (3.0, 3.03), 0) == pytest.approx(5.0)
     fill(shades, 5.0, 4.0, 5.5, 4.5, UNKNOWN)
     patch, _ = loaded(tmp_path, shades)
-    assert 1.5 < border_m(patch) <= 2.0  # the patch's corners are as narrow as gaps
+    assert 1.5 < border_m(patch) <= 2.0  # the corners of the patch are as narrow as gaps
     assert range_m(patch, (3.0, 4.25), 0) == pytest.approx(2.0, abs=CELL_M)
     for start in gaps.starts:
         away_m = math.hypot(max(6.0 - start.position[0], start.position[0] - 6.2, 0.0))
         assert away_m > 0.5
 
 
-def test_the_border_runs_across_strips_that_only_single_beams_went_through(
+def test_the_border_cuts_off_narrow_free_strips(
     tmp_path: Path,
 ) -> None:
     shades = nothing(8, 14)
@@ -176,7 +176,7 @@ def test_the_border_runs_across_strips_that_only_single_beams_went_through(
     assert border_m(world) < 5
 
 
-def test_a_piece_of_the_world_keeps_its_border(tmp_path: Path) -> None:
+def test_a_cropped_world_keeps_its_border(tmp_path: Path) -> None:
     world, _ = loaded(tmp_path, window_room())
     piece = cropped(world, 7.0, 0)
     assert range_m(piece, (3.0, 3.0), 90) == pytest.approx(3.0, abs=CELL_M)
@@ -187,13 +187,13 @@ def test_a_piece_of_the_world_keeps_its_border(tmp_path: Path) -> None:
 # Starts
 
 
-def test_starts_are_in_the_room_and_not_in_the_fan_seen_through_its_door(tmp_path: Path) -> None:
+def test_no_start_is_in_a_fan_of_beams_behind_a_doorway(tmp_path: Path) -> None:
     world, reports = loaded(tmp_path, fan_room())
     assert all(1 < start.position[1] < 3.6 for start in world.starts)
     assert any("fan" in line and line.startswith("no start on") for line in reports)
 
 
-def test_the_largest_room_comes_first_and_a_small_one_has_no_starts(tmp_path: Path) -> None:
+def test_starts_are_only_in_the_largest_room(tmp_path: Path) -> None:
     shades = nothing(8, 14)
     room(shades, 1, 1, 3.4, 3.4)
     room(shades, 1, 4, 7, 12)
@@ -202,7 +202,7 @@ def test_the_largest_room_comes_first_and_a_small_one_has_no_starts(tmp_path: Pa
     assert any("no way leads there" in line for line in reports)
 
 
-def test_a_map_of_nothing_but_fans_is_refused_with_the_reason(tmp_path: Path) -> None:
+def test_a_map_without_an_enclosed_room_is_refused_with_the_reason(tmp_path: Path) -> None:
     shades = nothing(10, 10)
     fill(shades, 2, 2, 8, 8, FREE)
     fill(shades, 2, 8, 8, 8.1, WALL)
@@ -258,7 +258,7 @@ def test_a_wall_at_the_closed_border_is_neither_required_nor_false(tmp_path: Pat
 
 
 def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None:
-    """A wall seen through the window is only echoes: the space between is unknown."""
+    """A wall behind the window is not required: the space before it is unknown."""
     shades = window_room()
     fill(shades, 2, 7, 4.5, 7.1, WALL)
     world, _ = loaded(tmp_path, shades)
@@ -269,7 +269,7 @@ def test_only_walls_in_sight_of_known_space_are_required(tmp_path: Path) -> None
 # Specks and labels
 
 
-def test_labels_in_the_unknown_and_on_white_paper_are_left_out_and_told(tmp_path: Path) -> None:
+def test_labels_outside_the_building_are_left_out_and_reported(tmp_path: Path) -> None:
     for paper in (UNKNOWN, FREE):
         shades = np.full((cells(10), cells(10)), paper, dtype=np.uint8)
         room(shades, 1, 1, 6, 6)
@@ -281,7 +281,7 @@ def test_labels_in_the_unknown_and_on_white_paper_are_left_out_and_told(tmp_path
         assert any("left out 3 marks" in line for line in reports)
 
 
-def test_the_walls_of_another_house_are_no_label(tmp_path: Path) -> None:
+def test_walls_of_a_second_building_are_kept(tmp_path: Path) -> None:
     shades = nothing(8, 20)
     room(shades, 1, 1, 6, 6)
     room(shades, 1, 10, 6, 13)
@@ -289,7 +289,7 @@ def test_the_walls_of_another_house_are_no_label(tmp_path: Path) -> None:
     assert world.bounds[1][1] == pytest.approx(13.1)
 
 
-def test_legs_of_chairs_stay_as_pillars_and_are_told(tmp_path: Path) -> None:
+def test_small_obstacles_are_kept_as_pillars_and_reported(tmp_path: Path) -> None:
     shades = nothing(8, 8)
     room(shades, 1, 1, 7, 7)
     for north_m, east_m in ((3.0, 3.0), (3.0, 3.4), (3.4, 3.0), (3.4, 3.4)):
@@ -311,7 +311,7 @@ def output_of(path: str, command: str = "check", *more: str) -> str:
     return result.output
 
 
-def test_check_tells_size_and_what_is_known(tmp_path: Path) -> None:
+def test_check_reports_size_and_known_area(tmp_path: Path) -> None:
     shades = nothing(8, 9)
     room(shades, 1, 1, 6, 7)
     output = output_of(write(tmp_path, shades))
@@ -324,7 +324,7 @@ def test_check_tells_size_and_what_is_known(tmp_path: Path) -> None:
     assert "warning" not in output
 
 
-def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: Path) -> None:
+def test_check_warns_if_over_half_of_the_building_is_unknown(tmp_path: Path) -> None:
     output = output_of(write(tmp_path, fan_room()))
     assert "border to the unknown closed: " in output
     assert "warning: " in output
@@ -332,7 +332,7 @@ def test_check_warns_where_more_than_half_of_the_building_is_unknown(tmp_path: P
     assert output.rstrip().endswith("see the warnings")
 
 
-def test_a_flight_there_begins_with_the_same_warning(tmp_path: Path) -> None:
+def test_fly_prints_the_same_warning_as_check(tmp_path: Path) -> None:
     mission = tmp_path / "short.toml"
     mission.write_text("[mission]\ntime_limit_s = 5\n")
     world = write(tmp_path, fan_room())
@@ -341,7 +341,7 @@ def test_a_flight_there_begins_with_the_same_warning(tmp_path: Path) -> None:
     assert "of the reachable area is unknown" in flown.output
 
 
-def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path: Path) -> None:
+def test_check_warns_if_little_of_the_free_area_is_reachable_from_the_start(tmp_path: Path) -> None:
     shades = nothing(8, 14)
     room(shades, 1, 1, 6, 5)
     room(shades, 1, 5.1, 6, 9)
@@ -350,7 +350,7 @@ def test_check_warns_where_the_start_gives_onto_little_of_what_is_known(tmp_path
     assert "warning: only 19.8 of 59.0 m² that are known to be free can be reached" in output
 
 
-def test_check_of_a_world_without_a_map_tells_of_no_unknown() -> None:
+def test_check_of_a_built_in_world_reports_no_unknown_area() -> None:
     output = output_of("room_100")
     assert "room_100: 10 × 10 m, 2.6 m high" in output
     assert "unknown" not in output
@@ -363,7 +363,7 @@ def shaded(path: Path) -> int:
     return int(np.count_nonzero((pixels == (0xD9, 0xD5, 0xCB)).all(axis=2)))
 
 
-def test_show_shades_what_is_unknown(tmp_path: Path) -> None:
+def test_show_shades_the_unknown_area(tmp_path: Path) -> None:
     picture = tmp_path / "plan.png"
     output_of("room_100", "show", "--out", str(picture))
     assert shaded(picture) == 0
