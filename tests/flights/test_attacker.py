@@ -98,7 +98,7 @@ def undisturbed() -> tuple[App, Simulation]:
 
 
 @pytest.mark.parametrize("attack", [unsigned, with_another_key, replayed])
-def test_a_signed_flight_does_not_notice_an_attacker(
+def test_an_attacker_does_not_affect_a_signed_flight(
     undisturbed: tuple[App, Simulation], attack: Callable[[Frames], Frames]
 ) -> None:
     app, simulation = flown(signed=True, attack=attack)

@@ -51,7 +51,7 @@ def test_a_room_is_mapped_with_other_sensors(sitl: Sitl, profile: str) -> None:
 
 @pytest.mark.parametrize("autopilot", ["ardupilot", "px4"])
 @pytest.mark.parametrize("sensors", [MIX, FROM_AUTOPILOT], ids=["mix", "from the autopilot"])
-def test_it_maps_the_room_with_any_mix(
+def test_a_room_is_mapped_with_mixed_sensors(
     sitl: Sitl, tmp_path: Path, sensors: str, autopilot: str
 ) -> None:
     config = tmp_path / "drone.toml"

@@ -21,7 +21,7 @@ def key(tmp_path: Path) -> Path:
     return path
 
 
-def test_a_flight_over_signed_udp(tmp_path: Path, key: Path) -> None:
+def test_a_flight_over_signed_udp_completes(tmp_path: Path, key: Path) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(f'[link]\nsigning_key = "{key}"\n')
     out = tmp_path / "out"

@@ -70,7 +70,7 @@ def test_mavsdk_connects_arms_takes_off_flies_and_lands(
     until(lambda: not telemetry.armed(), "disarmed", 25)
 
 
-def test_what_it_is_not_ready_for_is_refused_with_the_reason(
+def test_arming_before_readiness_is_refused_with_the_reason(
     vehicle: tuple[Action, Offboard, Telemetry],
 ) -> None:
     action, _, telemetry = vehicle

@@ -23,7 +23,7 @@ def airborne() -> Vehicle:
 
 
 @pytest.mark.parametrize("case", MEASURED)
-def test_steps_are_followed_as_the_real_firmware_follows_them(
+def test_step_responses_match_the_real_firmware(
     case: tuple[str, str, float],
 ) -> None:
     for when, real, emulated in compared(*case):

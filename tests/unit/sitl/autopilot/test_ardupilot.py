@@ -24,7 +24,7 @@ def client() -> Client:
     return Client()
 
 
-def test_unasked_it_only_beats_once_a_second(client: Client) -> None:
+def test_only_heartbeats_at_1_hz_are_sent_without_a_request(client: Client) -> None:
     received = client.waits(5)
     assert kinds(received) == ["HEARTBEAT"] * 5
     assert (received[0].type, received[0].autopilot, received[0].base_mode) == (2, 3, 81)
@@ -44,7 +44,9 @@ def test_heartbeats_follow_mode_and_arming(client: Client) -> None:
 @pytest.mark.parametrize(
     ("parameters", "result"), [((1, 4), ACCEPTED), ((0, 4), DENIED), ((1, 99), FAILED)]
 )
-def test_setting_the_mode(client: Client, parameters: tuple[int, int], result: int) -> None:
+def test_do_set_mode_is_accepted_denied_or_failed(
+    client: Client, parameters: tuple[int, int], result: int
+) -> None:
     assert client.result(176, *parameters) == result
 
 
@@ -63,7 +65,7 @@ def test_arming_is_refused_without_origin_even_by_force(client: Client) -> None:
     assert (received[0].result, received[1].text) == (FAILED, "Arm: Need Position Estimate")
 
 
-def test_the_position_is_silent_until_there_is_one(client: Client) -> None:
+def test_local_position_is_not_sent_before_it_is_known(client: Client) -> None:
     client.waits(5)
     assert client.result(511, 32, 50_000) == ACCEPTED
     assert "LOCAL_POSITION_NED" not in kinds(client.waits(2))
@@ -75,11 +77,13 @@ def test_the_position_is_silent_until_there_is_one(client: Client) -> None:
     ("message_id", "interval_us", "result"),
     [(30, 20_000, ACCEPTED), (30, 4_000, ACCEPTED), (30, 1_000, DENIED), (4242, 20_000, DENIED)],
 )
-def test_message_intervals(client: Client, message_id: int, interval_us: int, result: int) -> None:
+def test_message_intervals_are_accepted_within_limits(
+    client: Client, message_id: int, interval_us: int, result: int
+) -> None:
     assert client.result(511, message_id, interval_us) == result
 
 
-def test_an_interval_can_be_asked_and_stopped(client: Client) -> None:
+def test_a_message_interval_can_be_read_and_disabled(client: Client) -> None:
     client.result(511, 30, 20_000)
     assert kinds(client.waits(1)).count("ATTITUDE") == 50
     received = client.commands(510, 30)
@@ -88,7 +92,7 @@ def test_an_interval_can_be_asked_and_stopped(client: Client) -> None:
     assert "ATTITUDE" not in kinds(client.waits(1))
 
 
-def test_requested_messages(client: Client) -> None:
+def test_request_message_returns_the_message_or_fails(client: Client) -> None:
     received = client.commands(512, 148)
     assert {m.capabilities for m in received if m.get_type() == "AUTOPILOT_VERSION"} == {64495}
     assert client.result(512, 4242) == FAILED
@@ -140,7 +144,9 @@ def test_landing_ends_disarmed_on_the_ground(client: Client) -> None:
         (1, 0x07C7, True),
     ],
 )
-def test_frames_and_masks_of_setpoints(client: Client, frame: int, mask: int, flies: bool) -> None:
+def test_ardupilot_flies_setpoints_only_with_a_valid_frame_and_mask(
+    client: Client, frame: int, mask: int, flies: bool
+) -> None:
     client.flies()
     for _ in range(40):
         client.velocity(frame=frame, mask=mask)
@@ -149,7 +155,7 @@ def test_frames_and_masks_of_setpoints(client: Client, frame: int, mask: int, fl
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, 2000.0])
-def test_absurd_velocities_stop_it(client: Client, value: float) -> None:
+def test_invalid_velocities_stop_the_vehicle(client: Client, value: float) -> None:
     client.flies()
     for _ in range(20):
         client.velocity(frame=8, mask=0x05C7)
@@ -170,7 +176,7 @@ def test_body_velocity_follows_the_heading(client: Client) -> None:
     assert math.degrees(course) == pytest.approx(0, abs=8)
 
 
-def test_a_lost_setpoint_is_flown_for_three_seconds_then_braked(client: Client) -> None:
+def test_the_last_setpoint_is_flown_for_three_seconds_before_braking(client: Client) -> None:
     client.flies()
     for _ in range(60):
         client.velocity(frame=8, mask=0x05C7)
@@ -213,7 +219,7 @@ def test_setpoints_outside_guided_are_ignored(client: Client) -> None:
     assert client.speed() < 0.2
 
 
-def test_the_estimate_drifts_but_stays_near(client: Client) -> None:
+def test_the_position_estimate_drifts_by_less_than_2_m(client: Client) -> None:
     client.flies()
     client.result(511, 32, 100_000)
     for _ in range(200):
@@ -263,7 +269,7 @@ def test_a_relative_yaw_is_applied_again_at_every_packet(client: Client) -> None
     assert turned_deg(client, 8, frame=9, mask=0x09C7, yaw=0.5) > 360
 
 
-def test_without_any_yaw_it_faces_its_course(client: Client) -> None:
+def test_the_vehicle_faces_its_course_without_a_commanded_yaw(client: Client) -> None:
     client.flies()
     for _ in range(80):
         client.velocity(frame=1, mask=0x0DC7, vx=-1.0)
@@ -271,7 +277,7 @@ def test_without_any_yaw_it_faces_its_course(client: Client) -> None:
     assert abs(client.autopilot.estimate.yaw_rad) == pytest.approx(math.pi, abs=0.2)
 
 
-def test_a_position_setpoint_is_flown_to_nose_first(client: Client) -> None:
+def test_a_position_setpoint_is_reached(client: Client) -> None:
     client.flies()
     for _ in range(200):
         client.sends(
@@ -284,7 +290,7 @@ def test_a_position_setpoint_is_flown_to_nose_first(client: Client) -> None:
     assert (north, east) == pytest.approx((3, -2), abs=0.8)
 
 
-def test_acceleration_beside_velocity_is_flown_as_velocity(client: Client) -> None:
+def test_a_setpoint_with_velocity_and_acceleration_is_flown_by_velocity(client: Client) -> None:
     client.flies()
     for _ in range(40):
         client.velocity(frame=1, mask=0x0C07)
@@ -299,13 +305,13 @@ def test_forced_disarming_drops_the_vehicle(client: Client) -> None:
     assert client.autopilot.truth.position_ned_m[2] == 0
 
 
-def test_an_origin_of_zeros_is_not_one(client: Client) -> None:
+def test_an_origin_of_zeros_does_not_count(client: Client) -> None:
     client.waits(5)
     client.sends(mavlink.MAVLink_set_gps_global_origin_message(1, 0, 0, 0))
     assert client.result(512, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN) == FAILED
 
 
-def test_states_from_boot_to_flight(client: Client) -> None:
+def test_states_are_reported_from_boot_to_flight(client: Client) -> None:
     assert client.waits(1)[-1].system_status == mavlink.MAV_STATE_BOOT
     client.flies()
     beats = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"]
@@ -362,5 +368,5 @@ def test_each_link_has_its_own_streams_and_answers() -> None:
     assert "HEARTBEAT" in second
 
 
-def test_the_truth_is_not_told(client: Client) -> None:
+def test_ground_truth_is_not_sent(client: Client) -> None:
     assert client.result(511, mavlink.MAVLINK_MSG_ID_SIM_STATE, 20_000) == DENIED

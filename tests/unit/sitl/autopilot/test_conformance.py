@@ -50,7 +50,7 @@ def texts(received: list[Any]) -> list[str]:
 
 
 @FIRMWARE
-def test_it_is_component_one_of_its_system(firmware: str) -> None:
+def test_the_autopilot_is_component_1_of_its_system(firmware: str) -> None:
     client = Client(firmware, parameters={})
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in client.waits(1)} == {(1, 1)}
 
@@ -59,7 +59,7 @@ def test_it_is_component_one_of_its_system(firmware: str) -> None:
     ("firmware", "version", "bytewise"),
     [("ardupilot", 67502976, False), ("px4", 0x011100, True)],
 )
-def test_the_version_says_how_parameters_travel(
+def test_autopilot_version_reports_the_parameter_encoding(
     firmware: str, version: int, bytewise: bool
 ) -> None:
     answer = requested(Client(firmware), mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
@@ -72,7 +72,7 @@ def test_the_version_says_how_parameters_travel(
 
 
 @pytest.mark.parametrize("mode", [0, 2, 4, 5, 9, 16, 17, 20])
-def test_ardupilots_modes_by_number(mode: int) -> None:
+def test_ardupilot_modes_are_set_by_number(mode: int) -> None:
     client = settled("ardupilot")
     assert client.result(176, 1, mode) == ACCEPTED
     beat = client.waits(1)[-1]
@@ -91,7 +91,7 @@ def test_ardupilots_modes_by_number(mode: int) -> None:
         (4, 6, 100925440, 29),
     ],
 )
-def test_px4s_modes_by_number(main: int, sub: int, custom: int, base: int) -> None:
+def test_px4_modes_are_set_by_number(main: int, sub: int, custom: int, base: int) -> None:
     client = settled("px4")
     assert client.result(176, 1, main, sub) == ACCEPTED
     beat = [m for m in client.waits(1) if m.get_type() == "HEARTBEAT"][-1]
@@ -113,7 +113,7 @@ def test_px4_in_offboard_is_neither_manual_nor_automatic() -> None:
 
 
 @FIRMWARE
-def test_landed_states_from_ground_to_ground(firmware: str) -> None:
+def test_landed_state_follows_take_off_flight_and_landing(firmware: str) -> None:
     client = settled(firmware)
     client.result(511, mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, 100_000)
     if firmware == "ardupilot":
@@ -133,7 +133,7 @@ def test_landed_states_from_ground_to_ground(firmware: str) -> None:
 
 
 @FIRMWARE
-def test_the_sensors_bits(firmware: str) -> None:
+def test_sys_status_reports_the_sensor_bits(firmware: str) -> None:
     client = Client(firmware)
     status = requested(client, mavlink.MAVLINK_MSG_ID_SYS_STATUS)
     inertial_and_flow = 1 | 2 | 4 | 0x40
@@ -161,7 +161,7 @@ def test_the_battery_has_four_cells(firmware: str) -> None:
 
 
 @FIRMWARE
-def test_home_and_origin_are_told_once_they_are_set(firmware: str) -> None:
+def test_home_and_origin_are_reported_once_they_are_set(firmware: str) -> None:
     client = Client(firmware)
     client.waits(5)
     not_yet = DENIED if firmware == "px4" else FAILED
@@ -175,7 +175,7 @@ def test_home_and_origin_are_told_once_they_are_set(firmware: str) -> None:
     assert client.result(410) == ACCEPTED
 
 
-def test_px4s_estimator_flags_with_and_without_a_position() -> None:
+def test_px4_estimator_flags_depend_on_the_position() -> None:
     client = Client("px4")
     position = mavlink.ESTIMATOR_POS_HORIZ_REL | mavlink.ESTIMATOR_VELOCITY_HORIZ
     assert not requested(client, mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS).flags & position
@@ -185,7 +185,7 @@ def test_px4s_estimator_flags_with_and_without_a_position() -> None:
     assert flags & mavlink.ESTIMATOR_CONST_POS_MODE  # at rest on the ground
 
 
-def test_the_true_places_floats_are_scaled_as_ardupilots_are() -> None:
+def test_sim_state_floats_are_scaled_by_1e7() -> None:
     state = sim_state(START)
     assert state.lat == pytest.approx(state.lat_int, rel=1e-6)
     assert abs(state.lat_int) > 1e7
@@ -195,7 +195,7 @@ def test_the_true_places_floats_are_scaled_as_ardupilots_are() -> None:
 
 
 @FIRMWARE
-def test_an_ack_is_for_who_asked(firmware: str) -> None:
+def test_an_ack_is_addressed_to_the_sender_of_the_command(firmware: str) -> None:
     client = Client(firmware)
     codec = make_codec(42, 77)
     message = mavlink.MAVLink_command_long_message(1, 1, 31999, 0, *[0] * 7)
@@ -206,12 +206,12 @@ def test_an_ack_is_for_who_asked(firmware: str) -> None:
 
 
 @FIRMWARE
-def test_what_is_for_another_system_is_not_answered(firmware: str) -> None:
+def test_commands_for_another_system_are_ignored(firmware: str) -> None:
     message = mavlink.MAVLink_command_long_message(7, 1, 512, 0, 148, *[0] * 6)
     assert Client(firmware).sends(message) == []
 
 
-def test_intervals_that_cannot_be_are_refused_each_in_its_way() -> None:
+def test_ardupilot_and_px4_refuse_invalid_intervals_differently() -> None:
     ardupilot, px4 = Client(), Client("px4")
     received = ardupilot.commands(511, 4242, 20_000)
     assert received[0].result == DENIED
@@ -221,7 +221,7 @@ def test_intervals_that_cannot_be_are_refused_each_in_its_way() -> None:
     assert px4.result(511, 30, 1_000) == ACCEPTED
 
 
-def test_a_long_text_comes_in_chunks_of_fifty() -> None:
+def test_a_long_text_is_split_into_chunks_of_50() -> None:
     outbox = Outbox()
     Broadcast([outbox]).text(2, "x" * 120)
     chunks = outbox.take()
@@ -232,13 +232,13 @@ def test_a_long_text_comes_in_chunks_of_fifty() -> None:
 
 
 @FIRMWARE
-def test_it_asks_for_the_time_itself(firmware: str) -> None:
+def test_the_autopilot_requests_timesync(firmware: str) -> None:
     asked = [m for m in Client(firmware).waits(20) if m.get_type() == "TIMESYNC"]
     assert len(asked) >= 2
     assert all(m.tc1 == 0 and m.ts1 > 0 for m in asked)
 
 
-def test_a_check_says_what_arming_would_be_refused_for() -> None:
+def test_prearm_checks_report_why_arming_would_be_refused() -> None:
     client = Client()
     client.waits(5)
     received = client.commands(401)
@@ -247,7 +247,7 @@ def test_a_check_says_what_arming_would_be_refused_for() -> None:
 
 
 @FIRMWARE
-def test_disarming_in_the_air_is_refused_without_a_word_but_not_by_force(firmware: str) -> None:
+def test_disarming_in_the_air_is_refused_without_text_unless_forced(firmware: str) -> None:
     client = settled(firmware)
     if firmware == "ardupilot":
         client.result(176, 1, 4)
@@ -262,14 +262,14 @@ def test_disarming_in_the_air_is_refused_without_a_word_but_not_by_force(firmwar
     assert client.autopilot.truth.position_ned_m[2] == 0
 
 
-def test_an_external_source_cannot_be_switched_to_by_command() -> None:
+def test_switching_the_ekf_source_by_command_is_unsupported() -> None:
     assert Client().result(42007, 1) == UNSUPPORTED
 
 
 # Flight
 
 
-def test_a_yaw_rate_is_flown_for_three_seconds_too() -> None:
+def test_the_last_yaw_rate_is_flown_for_three_seconds() -> None:
     client = Client().flies()
     for _ in range(20):
         client.velocity(frame=8, mask=0x05C7, vx=0.0, yaw_rate=0.5)
@@ -281,7 +281,7 @@ def test_a_yaw_rate_is_flown_for_three_seconds_too() -> None:
     assert texts(received) == []
 
 
-def test_the_setpoint_timeout_is_a_tenth_of_a_second_at_least() -> None:
+def test_the_setpoint_timeout_is_at_least_0_1_s() -> None:
     client = Client().flies()
     client.sets("GUID_TIMEOUT", 0.0)
     for _ in range(60):
@@ -304,7 +304,7 @@ def test_px4_ignores_all_of_a_velocity_with_one_ignored_axis(mask: int) -> None:
 
 
 @pytest.mark.parametrize(("frame", "taken"), [(1, True), (20, True), (4, False), (21, False)])
-def test_px4_takes_odometry_in_two_frames(frame: int, taken: bool) -> None:
+def test_px4_accepts_odometry_in_two_frames(frame: int, taken: bool) -> None:
     client = Client("px4")
     client.waits(5)
     for name, value in ((b"EKF2_OF_CTRL", 0), (b"EKF2_EV_CTRL", 5)):
@@ -321,7 +321,7 @@ def test_px4_takes_odometry_in_two_frames(frame: int, taken: bool) -> None:
     assert bool(flags & mavlink.ESTIMATOR_POS_HORIZ_REL) is taken
 
 
-def test_px4_passes_ranges_on_as_they_are_but_for_the_time() -> None:
+def test_px4_echoes_ranges_unchanged_except_for_the_time() -> None:
     client = Client("px4")
     client.waits(2)
     client.sends(mavlink.MAVLink_distance_sensor_message(77, 2, 500, 150, 2, 9, 25, 4))

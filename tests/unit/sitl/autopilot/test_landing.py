@@ -35,7 +35,7 @@ def drift_m(firmware: str, seed: int) -> float:
 
 
 @pytest.mark.parametrize(("firmware", "measured_m"), [("px4", 0.27), ("ardupilot", 0.10)])
-def test_a_landing_drifts_as_far_as_a_real_one(firmware: str, measured_m: float) -> None:
+def test_the_landing_drift_matches_the_real_firmware(firmware: str, measured_m: float) -> None:
     """Compares the RMS drift of 20 landings with that of the real firmware."""
     squares = [drift_m(firmware, seed) ** 2 for seed in range(1, LANDINGS + 1)]
     assert math.sqrt(sum(squares) / LANDINGS) == pytest.approx(measured_m, rel=0.35)

@@ -127,7 +127,7 @@ def test_guided_without_gps_needs_no_position(client: VisionClient) -> None:
     assert client.result(400, 1) == ACCEPTED
 
 
-def test_the_estimators_flags_before_and_with_vision(client: VisionClient) -> None:
+def test_estimator_flags_change_when_vision_arrives(client: VisionClient) -> None:
     assert flags(client) == 167
     client.feeds = {"vision"}
     client.sends(ORIGIN)
@@ -135,7 +135,7 @@ def test_the_estimators_flags_before_and_with_vision(client: VisionClient) -> No
     assert flags(client) == 895
 
 
-def test_it_flies_by_vision_alone(client: VisionClient) -> None:
+def test_ardupilot_flies_by_vision_alone(client: VisionClient) -> None:
     flying(client)
     for _ in range(40):
         client.velocity(frame=8, mask=0x05C7)
@@ -168,7 +168,7 @@ def test_vision_lost_in_hover_ends_in_land_after_eight_seconds(client: VisionCli
     assert client.autopilot.mode == 9
 
 
-def test_in_failsafe_the_heartbeat_is_critical(client: VisionClient) -> None:
+def test_the_heartbeat_reports_critical_in_failsafe(client: VisionClient) -> None:
     flying(client)
     client.feeds.remove("vision")
     beats = [m for m in client.waits(9.5) if m.get_type() == "HEARTBEAT"]
@@ -184,7 +184,7 @@ def test_a_reset_moves_the_estimate_at_once(client: VisionClient) -> None:
     assert estimate.x - client.autopilot.truth.position_ned_m[0] == pytest.approx(2.0, abs=0.2)
 
 
-def test_only_odometry_in_local_frd_is_taken(client: VisionClient) -> None:
+def test_ardupilot_accepts_odometry_only_in_local_frd(client: VisionClient) -> None:
     client.sends(ORIGIN)
     level = [1.0, 0.0, 0.0, 0.0]
     zeros = [0.0] * 21
@@ -197,7 +197,7 @@ def test_only_odometry_in_local_frd_is_taken(client: VisionClient) -> None:
         assert (flags(client) == 895) == healthy
 
 
-def test_ranges_are_passed_on_with_their_instance(client: VisionClient) -> None:
+def test_ranges_are_echoed_with_their_instance(client: VisionClient) -> None:
     client.feeds = {"rangefinder", "proximity"}
     client.result(511, 132, 100_000)
     reported = {m.orientation: m.id for m in client.waits(1) if m.get_type() == "DISTANCE_SENSOR"}
@@ -245,7 +245,7 @@ def test_px4_warns_when_its_onboard_computer_falls_silent() -> None:
     assert "Connection to mission computer lost\t" in texts(client.receives_texts().waits(1))
 
 
-def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
+def test_px4_without_flow_flies_by_odometry_and_lands_when_it_is_lost() -> None:
     client = VisionClient("px4")
     client.feeds = {"vision"}
     for name, value in ((b"EKF2_OF_CTRL", 0), (b"EKF2_EV_CTRL", 5)):
@@ -262,7 +262,7 @@ def test_px4_without_flow_flies_on_odometry_and_lands_without() -> None:
 
 
 @pytest.mark.parametrize("firmware", ["ardupilot", "px4"])
-def test_what_another_component_tells_is_passed_on_to_the_other_links(firmware: str) -> None:
+def test_broadcasts_of_other_components_are_forwarded_to_the_other_links(firmware: str) -> None:
     autopilot = Autopilot(1, START, firmware=firmware, links=2)
     for message in (distance(DOWN), mavlink.MAVLink_command_long_message(1, 1, 31999, *[0] * 8)):
         sent_by(message, 197, 0).pack(make_codec(1, 197))

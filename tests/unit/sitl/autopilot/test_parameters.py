@@ -77,7 +77,7 @@ def test_an_unknown_parameter_is_refused_at_the_start() -> None:
 
 
 @pytest.mark.parametrize("firmware", list(FIRMWARES))
-def test_a_list_is_streamed_and_complete(firmware: str) -> None:
+def test_a_parameter_list_is_streamed_completely(firmware: str) -> None:
     client = Client(firmware)
     client.lists()
     answers = [m for m in client.waits(1) if m.get_type() == "PARAM_VALUE"]

@@ -37,7 +37,7 @@ def is_armed(client: Client) -> bool:
         *(("px4", mode) for mode in ("POSCTL", "ALTCTL", "MANUAL", "STABILIZED")),
     ],
 )
-def test_with_the_stick_low_it_goes_down_and_stays_armed(kind: str, mode: str) -> None:
+def test_low_throttle_descends_to_the_ground_without_disarming(kind: str, mode: str) -> None:
     client = flying(kind)
     client.autopilot.pilot_mode(NUMBERS[kind][mode])
     client.waits(3.0)
@@ -49,7 +49,9 @@ def test_with_the_stick_low_it_goes_down_and_stays_armed(kind: str, mode: str) -
     ("kind", "mode", "down_m_s"),
     [("ardupilot", "LOITER", 2.2), ("px4", "POSCTL", 1.5)],
 )
-def test_it_sinks_as_fast_as_the_real_one(kind: str, mode: str, down_m_s: float) -> None:
+def test_the_sink_rate_at_low_throttle_matches_the_real_firmware(
+    kind: str, mode: str, down_m_s: float
+) -> None:
     client = flying(kind)
     client.autopilot.pilot_mode(NUMBERS[kind][mode], LOW)
     fastest_m_s = 0.0
@@ -78,7 +80,7 @@ def test_px4_sinks_at_the_rate_of_its_parameter() -> None:
         *(("px4", mode, LOW) for mode in ("HOLD", "RTL")),
     ],
 )
-def test_at_mid_stick_and_in_automatic_modes_it_holds(
+def test_mid_throttle_and_automatic_modes_hold_the_height(
     kind: str, mode: str, stick: Throttle
 ) -> None:
     client = flying(kind)
@@ -140,7 +142,7 @@ def loses_setpoints(client: Client) -> int:
     return client.autopilot.mode
 
 
-def test_px4_returns_to_offboard_by_itself_when_setpoints_come_again() -> None:
+def test_px4_returns_to_offboard_when_setpoints_resume() -> None:
     client = flying("px4")
     assert loses_setpoints(client) != NUMBERS["px4"]["OFFBOARD"]
     stream(client, 0.1)
@@ -155,7 +157,7 @@ def test_px4_does_not_leave_the_pilots_mode_for_setpoints() -> None:
     assert client.autopilot.mode == NUMBERS["px4"]["LAND"]
 
 
-def test_px4_tells_a_new_mode_with_the_next_heartbeat_ardupilot_at_once() -> None:
+def test_px4_reports_a_new_mode_at_the_next_heartbeat_and_ardupilot_at_once() -> None:
     for kind, mode, at_once in (("px4", "POSCTL", False), ("ardupilot", "LOITER", True)):
         client = flying(kind)
         client.waits(0.2)

@@ -50,7 +50,7 @@ def stream(client: Client, seconds: float, **velocity: float) -> None:
         client.waits(0.05)
 
 
-def test_position_and_attitude_stream_unasked(client: Client) -> None:
+def test_px4_streams_position_and_attitude_without_a_request(client: Client) -> None:
     client.waits(5)
     client.sends(ORIGIN)
     received = kinds(client.waits(1))
@@ -76,7 +76,7 @@ def test_armed_offboard_needs_a_stream_of_setpoints(client: Client) -> None:
 
 
 @pytest.mark.parametrize("lacks", ["position", "setpoints"])
-def test_disarmed_it_takes_offboard_and_refuses_only_to_arm(client: Client, lacks: str) -> None:
+def test_disarmed_px4_accepts_offboard_and_refuses_only_to_arm(client: Client, lacks: str) -> None:
     client.waits(5)
     if lacks == "position":
         set_integer(client, "EKF2_OF_CTRL", 0)
@@ -95,7 +95,7 @@ def results(client: Client, command: int, *parameters: float) -> list[int]:
     return [ack.result for ack in acks]
 
 
-def test_a_mode_is_acknowledged_at_once_and_again_when_it_is_decided(client: Client) -> None:
+def test_px4_acknowledges_a_mode_at_reception_and_at_decision(client: Client) -> None:
     armed(client)
     assert results(client, 176, 1, 6) == [ACCEPTED, REJECTED]
     assert results(client, 176, 1, 4, 6) == [ACCEPTED, ACCEPTED]
@@ -122,7 +122,7 @@ def by_vision(client: Client) -> Client:
     return client
 
 
-def test_at_rest_it_claims_a_constant_position_however_good_it_is(client: Client) -> None:
+def test_px4_sets_const_pos_mode_at_rest(client: Client) -> None:
     by_vision(client)
     assert flags(client) == 229
     client.sends(level(mavlink.MAV_ESTIMATOR_TYPE_VIO))
@@ -132,12 +132,12 @@ def test_at_rest_it_claims_a_constant_position_however_good_it_is(client: Client
     assert flags(client) == 511
 
 
-def test_in_flight_it_does_not(client: Client) -> None:
+def test_px4_clears_const_pos_mode_in_flight(client: Client) -> None:
     offboard(client)
     assert flags(client) == 367 | mavlink.ESTIMATOR_POS_HORIZ_ABS
 
 
-def test_velocity_without_a_pose_is_not_heard(client: Client) -> None:
+def test_px4_ignores_vision_speed_without_a_pose(client: Client) -> None:
     by_vision(client)
     client.sends(mavlink.MAVLink_vision_speed_estimate_message(0, 0, 0, 0))
     client.waits(0.1)
@@ -147,7 +147,7 @@ def test_velocity_without_a_pose_is_not_heard(client: Client) -> None:
 @pytest.mark.parametrize(
     ("estimator_type", "is_taken"), [(0, True), (2, True), (3, True), (6, False), (7, False)]
 )
-def test_odometry_of_some_kinds_of_estimator_is_refused(
+def test_px4_refuses_odometry_of_unsupported_estimator_types(
     client: Client, estimator_type: int, is_taken: bool
 ) -> None:
     by_vision(client).receives_texts()
@@ -162,7 +162,7 @@ def texts(received: list[Any]) -> list[str]:
     return [m.text for m in received if m.get_type() == "STATUSTEXT"]
 
 
-def test_texts_go_only_to_a_link_on_which_a_ground_station_is_heard(client: Client) -> None:
+def test_px4_sends_texts_only_to_a_link_with_a_ground_station(client: Client) -> None:
     assert texts(client.commands(400, 1)) == []
     client.receives_texts().waits(2.4)
     assert texts(client.commands(400, 1))[0].startswith("Arming denied")
@@ -180,14 +180,14 @@ def test_each_link_has_its_own_ground_station() -> None:
     assert [texts(autopilot.take_outbox(link)) != [] for link in (0, 1)] == [False, True]
 
 
-def test_every_text_has_an_id_and_its_end_is_not_marked(client: Client) -> None:
+def test_every_px4_text_has_an_id_and_no_end_mark(client: Client) -> None:
     client.receives_texts()
     received = [m for m in client.commands(400, 1) if m.get_type() == "STATUSTEXT"]
     assert [(m.id, m.chunk_seq) for m in received] == [(0, 0), (0, 1), (1, 0)]
     assert [m.text.endswith("\t") for m in received] == [False, True, True]
 
 
-def test_refusals_are_temporary(client: Client) -> None:
+def test_px4_refusals_are_temporarily_rejected(client: Client) -> None:
     assert client.result(400, 1) == REJECTED
     assert client.result(400, 1, 2989) == REJECTED
     assert client.result(176, 1, 42) == REJECTED
@@ -195,7 +195,7 @@ def test_refusals_are_temporary(client: Client) -> None:
     assert client.result(512, 4242) == DENIED
 
 
-def test_a_climbing_setpoint_lifts_it_off(client: Client) -> None:
+def test_px4_lifts_off_at_a_climbing_setpoint(client: Client) -> None:
     offboard(client)
     assert -client.autopilot.truth.position_ned_m[2] > 0.8
 
@@ -208,7 +208,9 @@ def test_disarming_in_the_air_is_rejected(client: Client) -> None:
 @pytest.mark.parametrize(
     ("frame", "flies"), [(1, True), (8, True), (7, False), (9, False), (12, False)]
 )
-def test_frames(client: Client, frame: int, flies: bool) -> None:
+def test_px4_flies_setpoints_only_in_frames_1_and_8(
+    client: Client, frame: int, flies: bool
+) -> None:
     offboard(client)
     client.receives_texts()
     for _ in range(30):
@@ -219,7 +221,7 @@ def test_frames(client: Client, frame: int, flies: bool) -> None:
     assert any("unsupported" in text for text in texts) != flies
 
 
-def test_a_setpoint_that_asks_for_nothing_is_told_invalid(client: Client) -> None:
+def test_a_setpoint_without_content_is_reported_as_invalid(client: Client) -> None:
     offboard(client).receives_texts()
     received = client.velocity(frame=1, mask=0x0DFF)
     texts = [m.text for m in received if m.get_type() == "STATUSTEXT"]
@@ -234,7 +236,7 @@ def test_setpoint_loss_leaves_offboard_for_position_mode(client: Client) -> None
     assert client.autopilot.mode == POSCTL
 
 
-def test_setpoint_loss_can_be_set_to_land_and_to_come_later(client: Client) -> None:
+def test_action_and_delay_of_setpoint_loss_can_be_set(client: Client) -> None:
     offboard(client)
     client.sets("COM_OBL_RC_ACT", as_float("<i", 4), mavlink.MAV_PARAM_TYPE_INT32)
     client.sets("COM_OF_LOSS_T", 2.0)
@@ -278,7 +280,7 @@ def test_landing_disarms(client: Client) -> None:
     assert not beat.base_mode & 128
 
 
-def test_what_is_told_errs_independently_of_the_true_motion(client: Client) -> None:
+def test_the_velocity_error_is_independent_of_the_true_motion(client: Client) -> None:
     """Compares reported displacements with true ones, as measured in four real flights.
 
     The regression of reported on true displacement has the same scale over 0.2 s as over 20 s,
