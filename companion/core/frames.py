@@ -12,6 +12,7 @@ Recordings and exports use their readers' conventions: ENU (x east, y north, z u
 
 import math
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -21,8 +22,12 @@ Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
 
 
-def wrap_rad(angle_rad: float) -> float:
-    """Wrap an angle to [-π, π)."""
+Angles = TypeVar("Angles", float, Array)
+"""One angle or an array of angles, rad."""
+
+
+def wrap_rad(angle_rad: Angles) -> Angles:
+    """Wrap angles to [-π, π)."""
     return (angle_rad + math.pi) % math.tau - math.pi
 
 
@@ -35,6 +40,20 @@ def frd_to_ned(forward: float, right: float, yaw_rad: float) -> Vector2:
 def ned_to_frd(north: float, east: float, yaw_rad: float) -> Vector2:
     """Horizontal (north, east) vector to body (forward, right)."""
     return frd_to_ned(north, east, -yaw_rad)
+
+
+def moved(ne_m: Vector2, body_m: Vector2, yaw_rad: float) -> Vector2:
+    """A position (north, east) after a motion (forward, right) at a heading."""
+    north_m, east_m = frd_to_ned(*body_m, yaw_rad)
+    return ne_m[0] + north_m, ne_m[1] + east_m
+
+
+def along(origin_ne_m: Vector2, bearing_rad: float, range_m: float) -> Vector2:
+    """The end (north, east) of a beam."""
+    return (
+        origin_ne_m[0] + range_m * math.cos(bearing_rad),
+        origin_ne_m[1] + range_m * math.sin(bearing_rad),
+    )
 
 
 def points_to_frd(points_ne_m: Array, yaw_rad: float) -> Array:

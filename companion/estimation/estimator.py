@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.core.frames import Vector2, along, frd_to_ned, moved, ned_to_frd, wrap_rad
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import (
     Beam,
@@ -21,7 +21,7 @@ from companion.core.messages import (
 )
 from companion.estimation.association.pruning import Support
 from companion.estimation.filter_reset import restart
-from companion.estimation.filters.dead_reckoning import DeadReckoning, along, moved
+from companion.estimation.filters.dead_reckoning import DeadReckoning
 from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
 from companion.estimation.filters.height_filter import Height
 from companion.estimation.filters.position_filter import LineSlam
@@ -38,7 +38,7 @@ from companion.estimation.solved_flight import SolvedFlight
 
 MAX_OBLIQUE_RAD = math.radians(30)
 """Largest incidence at which a wall counts as lying along a bearing, rad. Chosen."""
-REACH_M = 1.0
+MAX_EXTENSION_M = 1.0
 """A wall may extend this far beyond its last hit, m. Chosen."""
 AUTOPILOT_YAW_LASTS_S = 0.15
 """An autopilot heading older than this is not used, s: three odometry messages at 20 Hz."""
@@ -338,7 +338,7 @@ class Estimator:
             distance_m = offset_m - north_m * cos_n - east_m * sin_n
             north, east = north_m - wall.anchor_ne_m[0], east_m - wall.anchor_ne_m[1]
             along_m = cos_n * east - sin_n * north + distance_m * math.tan(incidence_rad)
-            met = distance_m > 0 and wall.reaches(along_m, REACH_M)
+            met = distance_m > 0 and wall.reaches(along_m, MAX_EXTENSION_M)
             if met and (nearest is None or distance_m < nearest[1]):
                 nearest = normal_rad, distance_m
         return nearest

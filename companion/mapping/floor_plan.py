@@ -11,8 +11,8 @@ from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2, wrap_rad
 from companion.core.messages import WallLine, WallSegment
 
-LARGEST_GAP_M = 0.6
-"""A larger gap between hits along a wall is an opening, m. Chosen."""
+MIN_OPENING_M = 0.6
+"""Minimum width of an opening, m: a larger gap between hits along a wall. Chosen."""
 MIN_HITS = 5
 """Least hits of a segment. Chosen."""
 NEIGHBOUR_SHARE, NEIGHBOUR_SPACINGS = 0.5, 6.0
@@ -31,7 +31,7 @@ def wall_segments(
     lines: Sequence[WallLine],
     points_ne_m: Array,
     wall_of: Indices,
-    largest_gap_m: float = LARGEST_GAP_M,
+    min_opening_m: float = MIN_OPENING_M,
 ) -> tuple[WallSegment, ...]:
     """Straight pieces of wall along the lines where they have hits (n, 2), joined at corners.
 
@@ -40,7 +40,7 @@ def wall_segments(
     rows = [
         (line, row)
         for i, line in enumerate(lines)
-        for row in _rows(_along(line, points_ne_m[wall_of == i]), largest_gap_m)
+        for row in _rows(_along(line, points_ne_m[wall_of == i]), min_opening_m)
     ]
     pieces = [_segment(line, _without_overhang(line, row, rows)) for line, row in rows]
     for first, second in combinations(range(len(pieces)), 2):
@@ -56,10 +56,10 @@ def _along(line: WallLine, points_ne_m: Array) -> Array:
     return np.sort(points_ne_m @ (-math.sin(line.normal_rad), math.cos(line.normal_rad)))
 
 
-def _rows(along_m: Array, largest_gap_m: float) -> list[Array]:
+def _rows(along_m: Array, min_opening_m: float) -> list[Array]:
     """Split sorted coordinates at gaps."""
-    along_m = _without_isolated(along_m, NEIGHBOUR_SHARE * largest_gap_m)
-    gaps = np.flatnonzero(np.diff(along_m) > largest_gap_m) + 1
+    along_m = _without_isolated(along_m, NEIGHBOUR_SHARE * min_opening_m)
+    gaps = np.flatnonzero(np.diff(along_m) > min_opening_m) + 1
     return [row for row in np.split(along_m, gaps) if len(row) >= MIN_HITS]
 
 

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from companion.core.arrays import Array
-from companion.core.frames import ned_to_frd
+from companion.core.frames import ned_to_frd, wrap_rad
 from companion.mapping.occupancy import CELL_M, Occupancy, Ray, Rays
 
 RAYS_PER_PIECE = 200
@@ -96,7 +96,7 @@ class RedrawnGrid:
         """Process corrected keyframes; start a redraw where they differ enough."""
         known = min(len(keyframes), len(self._drawn))
         off = keyframes[:known] - self._drawn[:known]
-        turned_rad = np.abs((off[:, 2] + math.pi) % math.tau - math.pi)
+        turned_rad = np.abs(wrap_rad(off[:, 2]))
         moved = (np.hypot(off[:, 0], off[:, 1]) > MOVED_M) | (turned_rad > TURNED_RAD)
         keyframe_of = self._rays[: self._count, _KEYFRAME]
         moved[: int(keyframe_of[0]) if self._count else known] = False  # dropped rays stay as drawn

@@ -17,8 +17,8 @@ from companion.mapping.occupancy import Occupancy
 from companion.navigation.grid_planner import find_ground, find_ways
 from companion.safety.velocity_guard import clear_of_all_m
 
-REACH_M = 6.0
-"""Maximum path cost to a site, as `ShortestPaths.metres` counts it; 20 s of flight.
+MAX_PATH_COST_M = 6.0
+"""Maximum cost of the path to a site, m, as `ShortestPaths.metres` counts it; 20 s of flight.
 Chosen: the size of a room."""
 HULL_M, FLOOR_M = 0.4, 0.5
 """Radii around a site, m. An obstacle within the first rejects the site; floor cells within the
@@ -34,10 +34,10 @@ def landing_site(here: Vector2, space: Occupancy, floor: Heights, plan: MissionC
 
     Returns `here` if no site has more floor cells.
     """
-    grid = space.window((here,), REACH_M)
+    grid = space.window((here,), MAX_PATH_COST_M)
     ways = find_ways(find_ground(grid, here, clear_of_all_m(plan)))
     ground = ways.ground
-    may = np.argwhere(ground.grid.flown & (ways.metres < REACH_M))
+    may = np.argwhere(ground.grid.flown & (ways.metres < MAX_PATH_COST_M))
     sites = [here, *(ground.grid.place((row, column)) for row, column in may.tolist())]
     cells = np.minimum(_cells_of_floor(sites, floor), ENOUGH_CELLS)
     away_m = [ways.metres[ground.grid.cell(site)] for site in sites]

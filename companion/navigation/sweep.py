@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 
 from companion.config.settings import MissionConfig
-from companion.core.frames import Vector2, wrap_rad
+from companion.core.frames import Vector2, along, wrap_rad
 from companion.core.messages import Beam, Setpoint
 from companion.navigation.doorways import Doorway
 from companion.navigation.observation import Observation
@@ -98,5 +98,4 @@ def _met_ahead(observation: Observation) -> tuple[Vector2, ...]:
         return ()
     away_m = reading.distance_m + observation.mount_offset_m
     bearing_rad = observation.pose.yaw_rad + observation.bearings_frd_rad[Beam.FRONT]
-    north_m, east_m = away_m * math.cos(bearing_rad), away_m * math.sin(bearing_rad)
-    return ((observation.pose.north_m + north_m, observation.pose.east_m + east_m),)
+    return (along(observation.pose.ne_m, bearing_rad, away_m),)

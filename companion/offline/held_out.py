@@ -16,6 +16,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from companion.core.arrays import Array, Indices
+from companion.estimation.hypotheses.chi_square import BEYOND_END_M
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import Measured, Unknowns, project
 from companion.offline.growth import IncrementalMap, stages
@@ -25,8 +26,6 @@ FOLDS = 5
 only."""
 MIN_COS = 0.15
 """Least cosine of the incidence. Chosen: a beam nearly along a wall has no definite range."""
-REACH_M = 0.2
-"""A wall extends this far beyond its outermost hits, m. Chosen."""
 ROUNDS = 50
 """Iterations for w and s. Chosen."""
 MIN_PREDICTED = 10
@@ -83,7 +82,7 @@ def _first_wall_m(x: Unknowns, m: Measured, hits: Indices) -> Array:
         ahead_m = (offset_m - origins @ normal) / np.where(is_facing, cos, 1.0)
         along_m = (origins + ahead_m[:, None] * beams) @ tangent
         met = is_facing & (ahead_m > 0)
-        met &= (along_m > low_m - REACH_M) & (along_m < high_m + REACH_M)
+        met &= (along_m > low_m - BEYOND_END_M) & (along_m < high_m + BEYOND_END_M)
         first_m[met] = np.minimum(first_m[met], ahead_m[met])
     return (first_m - m.mount_m[hits]) / (1 - x.range_gain[m.beam[hits]])
 

@@ -12,7 +12,7 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import project
-from companion.mapping.floor_plan import LARGEST_GAP_M, wall_segments
+from companion.mapping.floor_plan import MIN_OPENING_M, wall_segments
 from companion.offline.growth import IncrementalMap
 from companion.offline.odometry_path import OdometryPath
 from companion.offline.ranges import horizontal_beams, usable_ranges
@@ -128,7 +128,7 @@ def _floor_plan(
             log.time_s[record.rows].tolist(), x.poses.tolist(), strict=True
         )
     )
-    opening_m = max(LARGEST_GAP_M, solution.smoother.support.opening_m)
+    opening_m = max(MIN_OPENING_M, solution.smoother.support.opening_m)
     walls = wall_segments(lines, points, solution.wall_of, opening_m)
     return FloorPlan(walls, hits, path, ceiling_m)
 

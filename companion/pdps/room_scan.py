@@ -35,7 +35,7 @@ import math
 from dataclasses import replace
 
 from companion.config.settings import MissionConfig
-from companion.core.frames import Vector2, frd_to_ned, ned_to_frd, wrap_rad
+from companion.core.frames import Vector2, frd_to_ned, moved, ned_to_frd, wrap_rad
 from companion.core.known_walls import KnownWalls
 from companion.core.messages import HOLD, Beam, RangeState, Setpoint
 from companion.mapping.occupancy import Occupancy
@@ -223,8 +223,7 @@ def _scan(
 
 def _along_m(scan: RoomScan, observation: Observation, along_m: float) -> Vector2:
     """Place at a distance along the wall from the drone, local NED, m."""
-    north_m, east_m = frd_to_ned(0.0, along_m, scan.heading_rad)
-    return observation.pose.north_m + north_m, observation.pose.east_m + east_m
+    return moved(observation.pose.ne_m, (0.0, along_m), scan.heading_rad)
 
 
 def _along_wall(scan: RoomScan, observation: Observation, plan: MissionConfig) -> Setpoint:

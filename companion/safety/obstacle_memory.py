@@ -15,7 +15,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from companion.core.arrays import Array, Mask
-from companion.core.frames import Vector2, frd_to_ned, points_to_frd, wrap_rad
+from companion.core.frames import Vector2, moved, points_to_frd, wrap_rad
 from companion.core.messages import (
     BEARING_FRD_RAD,
     FIRST_LAG_S,
@@ -205,8 +205,7 @@ class ObstacleMemory:
 
     def _place(self, at_frd_m: Vector2) -> Vector2:
         """Convert body FRD to the frame of the points, m."""
-        north_m, east_m = frd_to_ned(*at_frd_m, self._yaw_rad)
-        return self._ne_m[0] + north_m, self._ne_m[1] + east_m
+        return moved(self._ne_m, at_frd_m, self._yaw_rad)
 
     def _relative(self) -> Array:
         """Points (n, 2), m, forward and right of the drone's centre."""

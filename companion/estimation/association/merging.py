@@ -13,8 +13,8 @@ from companion.estimation.smoothing.state import WALL_SIZE, Rays, Unknowns
 
 SAME_DIRECTION_RAD = math.radians(15)
 """Walls whose directions differ by more are not merged, rad. Chosen."""
-LARGEST_GAP_M = 1.5
-"""Walls with a larger gap between them are not merged, m. Chosen."""
+MAX_MERGE_GAP_M = 1.5
+"""Maximum gap between walls that are merged, m. Chosen: wider than a double door."""
 MAX_MEAN_COST = 1.8
 """Largest mean χ² of each wall's hits about the common line. Chosen."""
 
@@ -53,7 +53,7 @@ def merge(
         for i, line in enumerate(lines):
             if abs(wrap_rad(float(line[0] - own[0]))) > SAME_DIRECTION_RAD:
                 continue
-            if max(own_reach[0] - reaches[i][1], reaches[i][0] - own_reach[1]) > LARGEST_GAP_M:
+            if max(own_reach[0] - reaches[i][1], reaches[i][0] - own_reach[1]) > MAX_MERGE_GAP_M:
                 continue
             both = np.concatenate([members[i], own_hits])
             common = line if i < known else fitted(line, rays.points[both], sigma_m[both])

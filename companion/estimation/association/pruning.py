@@ -9,7 +9,7 @@ import numpy as np
 from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.estimation.association.gating import MIN_COS_INCIDENCE, Candidates
-from companion.estimation.association.merging import LARGEST_GAP_M, SAME_DIRECTION_RAD, fitted
+from companion.estimation.association.merging import MAX_MERGE_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.association.straightness import bend, longer_side
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import Measured, Rays, Unknowns, in_rows, reach_m
@@ -89,7 +89,7 @@ def without_distant_rows(
     line would turn the whole trajectory.
     """
     hit, wall, worth = pairs.worths()
-    order, along, is_first = in_rows(x, rays.points[hit], wall, LARGEST_GAP_M)
+    order, along, is_first = in_rows(x, rays.points[hit], wall, MAX_MERGE_GAP_M)
     hit, wall, worth = hit[order], wall[order], worth[order]
     row = np.cumsum(is_first) - 1
     first = np.flatnonzero(is_first)

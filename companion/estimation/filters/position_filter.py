@@ -23,12 +23,13 @@ from companion.core.frames import Vector2, Vector3, wrap_rad
 from companion.core.messages import RangeUnit
 from companion.core.values import value
 from companion.estimation.filters.heading_filter import HeadingFilter
-from companion.estimation.filters.wall_runs import Line
+from companion.estimation.filters.wall_runs import MAX_INCIDENCE_RAD, Line
 from companion.estimation.smoothing.odometry_model import WANDER_S, OdometryModel
 
 _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
 WALLS = 5
 """Index of the first wall in x."""
+MIN_COS_INCIDENCE = math.cos(MAX_INCIDENCE_RAD)
 
 
 @dataclass(slots=True)
@@ -76,8 +77,6 @@ class LineSlam:
     HALF_WEIGHT_M = 0.25
     """A range with this innovation has half the weight, a larger one less, m. Chosen: where the
     position is uncertain, one range on an unmapped obstacle must not shift it."""
-    MIN_COS_INCIDENCE = math.cos(math.radians(65))
-    """Cosine of the largest incidence of a range on a wall. Chosen: 65°."""
     SAME_NORMAL_RAD = math.radians(12)
     """Lines whose normals differ by more are not the same wall, rad. Chosen."""
 
@@ -185,7 +184,7 @@ class LineSlam:
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
         cos_incidence = math.cos(incidence_rad)
-        if cos_incidence < self.MIN_COS_INCIDENCE:
+        if cos_incidence < MIN_COS_INCIDENCE:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
         north, east = centre_ne_m[0] - wall.anchor_ne_m[0], centre_ne_m[1] - wall.anchor_ne_m[1]

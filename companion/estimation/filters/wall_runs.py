@@ -13,6 +13,10 @@ from companion.core.frames import Vector2, wrap_rad
 from companion.core.values import value
 from companion.estimation.smoothing.odometry_model import WANDER_S
 
+MAX_INCIDENCE_RAD = math.radians(65)
+"""Maximum incidence of a beam on a wall that the filters use, rad. Chosen. The smoothing uses up to
+70° (`gating.py`), because its walls are more exact."""
+
 
 @value
 class Line:
@@ -139,8 +143,6 @@ class WallRun:
     """A run of this length is finished, m. Chosen."""
     MAX_NORMAL_SIGMA_RAD = math.radians(4)
     """Largest sigma of the direction of a finished line, rad. Chosen."""
-    MAX_INCIDENCE_RAD = math.radians(65)
-    """Largest incidence of the beam on a finished line, rad. Chosen."""
     MAX_MISFIT = 1.8
     """Largest χ² per degree of freedom. A run around a corner exceeds it. Chosen."""
     MISFIT_SIGMAS = 3.0
@@ -182,7 +184,7 @@ class WallRun:
         """False for a row of hits along the beam: that is range noise, not a wall."""
         north, east = (c - v for c, v in zip(line.centre, self._viewpoint, strict=True))
         bearing_rad = math.atan2(east, north)
-        return abs(wrap_rad(bearing_rad - line.normal_rad)) < self.MAX_INCIDENCE_RAD
+        return abs(wrap_rad(bearing_rad - line.normal_rad)) < MAX_INCIDENCE_RAD
 
     def _restart(self) -> Line | None:
         misfits = self._misfits.copy()

@@ -16,7 +16,7 @@ WALL_COST = 60.0
 two ends, ln n each, and competes with all other possible lines."""
 MIN_COS = 0.15
 """Cosine of the largest incidence at which a wall can explain a hit. Chosen."""
-REACH_M = 0.2
+BEYOND_END_M = 0.2
 """A wall explains hits this far beyond its outermost hits, m. Chosen."""
 
 
@@ -46,7 +46,11 @@ def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Ar
         cos = beams @ normal
         ahead_m = (line[1] - origins @ normal) / np.where(cos > MIN_COS, cos, np.inf)
         along_m = (origins + ahead_m[:, None] * beams) @ tangent
-        met = (ahead_m > 0) & (along_m > reach_m[0] - REACH_M) & (along_m < reach_m[1] + REACH_M)
+        met = (
+            (ahead_m > 0)
+            & (along_m > reach_m[0] - BEYOND_END_M)
+            & (along_m < reach_m[1] + BEYOND_END_M)
+        )
         expected_m = np.minimum(ahead_m - m.mount_m[hits], units.max_m[beam])[met]
         misfit = units.signal(beam[met], distance_m[met]) - units.signal(beam[met], expected_m)
         lowest[met] = np.minimum(lowest[met], misfit**2)

@@ -31,7 +31,7 @@ class MarginalPrior:
         """(pose + shared,): difference of `x` from the reference point."""
         delta: Array = values(x, 0)[: len(self.at)] - self.at
         angles = np.array([YAW, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
-        delta[angles] = (delta[angles] + math.pi) % math.tau - math.pi
+        delta[angles] = wrap_rad(delta[angles])
         return delta
 
 

@@ -12,9 +12,8 @@ from enum import IntEnum
 import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
-from companion.core.frames import Vector2, ned_to_frd
+from companion.core.frames import Vector2, moved, ned_to_frd
 from companion.core.messages import Pose
-from companion.estimation.filters.dead_reckoning import moved
 
 PERIOD_S = 0.2
 """Interval of the keyframes, s. Chosen."""

@@ -228,7 +228,7 @@ def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
 
 
 def in_rows(
-    x: Unknowns, points: Array, wall: Indices, largest_gap_m: float
+    x: Unknowns, points: Array, wall: Indices, max_gap_m: float
 ) -> tuple[Indices, Array, Mask]:
     """Sort hits (h, 2) on walls (h,) into rows without a larger gap.
 
@@ -238,5 +238,5 @@ def in_rows(
     along = (points * x.tangents[wall]).sum(axis=1)
     order = np.lexsort((along, wall))
     wall, along = wall[order], along[order]
-    is_first = (np.diff(wall, prepend=-1) != 0) | (np.diff(along, prepend=0) > largest_gap_m)
+    is_first = (np.diff(wall, prepend=-1) != 0) | (np.diff(along, prepend=0) > max_gap_m)
     return order, along, is_first
