@@ -168,6 +168,7 @@ def test_a_format_that_fails_does_not_prevent_the_others(
     assert json.loads((tmp_path / "map.json").read_text())["walls"]
 
 
+@pytest.mark.flights
 def test_a_simulated_flight_is_scored_if_its_map_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "map.png" / "in the way").mkdir(parents=True)
     result = CliRunner().invoke(sitl, ["fly", SMALL_ROOM, "--out", str(tmp_path)])

@@ -102,6 +102,7 @@ def test_an_unknown_set_name_lists_the_known_sets(tmp_path: Path) -> None:
         places(str(tmp_path))
 
 
+@pytest.mark.flights
 def test_a_flight_returns_its_report_job_and_trace() -> None:
     flown = fly(job("room_100", seed=3))
     assert flown.row["completed"]
@@ -137,6 +138,7 @@ def fly_or_exit(job: Job) -> Flown:
     return Flown(row(seed=job.options.seed))
 
 
+@pytest.mark.processes
 def test_a_process_that_exits_loses_only_its_own_flight(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel, "cores", lambda: 1)
     results: list[Flown] = []

@@ -313,6 +313,7 @@ def test_a_cropped_world_is_cluttered_within_its_border() -> None:
     assert (north - south, east - west) == pytest.approx((8, 8), abs=0.01)
 
 
+@pytest.mark.flights
 def test_scripted_flights_accept_clutter() -> None:
     flight = Sitl(Path()).fly(SMALL_ROOM, clutter=0.25, clutter_seed=4, seed=2)
     assert flight.setup.world == cluttered(load_world(SMALL_ROOM), 0.25, 4)

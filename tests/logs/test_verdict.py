@@ -18,7 +18,7 @@ from companion.offline.reading.log import Reading
 from companion.offline.reading.sensors import SensorsConfig
 from sitl.world.format import Segment
 
-LOGS = Path(__file__).parents[4] / "shared" / "logs"
+LOGS = Path(__file__).parents[3] / "shared" / "logs"
 has_logs = pytest.mark.skipif(not LOGS.exists(), reason="no ../shared/logs beside the checkout")
 
 
