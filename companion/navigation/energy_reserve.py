@@ -39,7 +39,8 @@ AMONG_LEGS_MEAN_M_S, AMONG_LEGS_PRIOR_S = 0.25, 40.0
 0.27 m/s on a straight path. In dense clutter, flights went home at 0.11 to 0.2 m/s with sweeps, so
 the flight's own journeys correct the mean. The weight is chosen."""
 STEP_M = 0.3
-"""Spacing of the places where a path's clearance is evaluated, m. Chosen."""
+"""Spacing of the places where a path's clearance is evaluated, and of those between which a flown
+path is measured, m. Chosen."""
 UNKNOWN_SPEED_SHARE = 0.4
 """Mean speed, as a share of the planned speed, on the straight line home without a known path; also
 bounds the growth of the time home since its last computation. Chosen."""
@@ -65,9 +66,9 @@ class Pace:
     """Mean speed on journeys among legs, with sweeps and stops."""
 
     at_ne_m: Vector2 | None = None
-    """Position at the last tick of the present journey, local NED, m; None between journeys."""
+    """Place up to which the present journey counts, local NED, m; None between journeys."""
     at_s: float = 0.0
-    """Time of that tick, s after the start."""
+    """Time of the last tick of the journey, s after the start."""
     flown_m: float = AMONG_LEGS_MEAN_M_S * AMONG_LEGS_PRIOR_S
     flown_s: float = AMONG_LEGS_PRIOR_S
 
@@ -77,13 +78,20 @@ class Pace:
         return min(AMONG_LEGS_MEAN_M_S, self.flown_m / self.flown_s)
 
     def onward(self, now_s: float, observation: Observation, *, travels: bool) -> "Pace":
-        """Add a tick. `travels`: the drone is on a journey to a viewpoint."""
+        """Add a tick. `travels`: the drone is on a journey to a viewpoint.
+
+        The path is summed in steps of `STEP_M`: the sway of a slow drone is no progress.
+        """
         if not (travels and observation.is_among_legs):
             return self if self.at_ne_m is None else replace(self, at_ne_m=None)
-        here, before = observation.pose.ne_m, self.at_ne_m or observation.pose.ne_m
-        lasted_s = now_s - self.at_s if self.at_ne_m else 0.0
-        flown_m = self.flown_m + math.dist(here, before)
-        return Pace(here, now_s, flown_m, self.flown_s + lasted_s)
+        here = observation.pose.ne_m
+        if self.at_ne_m is None:
+            return replace(self, at_ne_m=here, at_s=now_s)
+        flown_s = self.flown_s + now_s - self.at_s
+        step_m = math.dist(here, self.at_ne_m)
+        if step_m < STEP_M:
+            return replace(self, at_s=now_s, flown_s=flown_s)
+        return Pace(here, now_s, self.flown_m + step_m, flown_s)
 
 
 @value

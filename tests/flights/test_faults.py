@@ -393,7 +393,8 @@ def test_the_drone_does_not_take_off_if_the_computer_is_starved_from_the_start(
 
 def test_starved_flights_are_identical_over_every_transport(sitl: Sitl, small: str) -> None:
     def path(transport: str) -> object:
-        script = [at(15, starve(for_s=4)), at(25, starve(for_s=4, between_reads=True))]
+        starved = [at(15, starve(for_s=4)), at(25, starve(for_s=4, between_reads=True))]
+        script = [*starved, at(35, crash())]
         return sitl.fly(small, script=script, transport=transport).truth.path
 
     assert path("direct") == path("bytes")

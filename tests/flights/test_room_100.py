@@ -72,10 +72,9 @@ def test_the_same_seed_gives_the_same_flight_over_every_transport(sitl: Sitl) ->
 def test_the_same_seed_gives_the_same_flight_with_beam_physics(sitl: Sitl) -> None:
     beam = {"width_deg": 2, "steep_deg": 75, "dropout": 0.02, "shift_m": 0.02}
     first = sitl.fly(SMALL, seed=5, beam=beam)
-    as_bytes = sitl.fly(SMALL, seed=5, beam=beam, transport="bytes")
+    as_bytes = sitl.fly(SMALL, seed=5, beam=beam, transport="bytes", script=ENDS_SOON)
     assert first.completed, first.ending
-    assert first.truth.path == as_bytes.truth.path
-    assert first.plan == as_bytes.plan
+    assert beginning(first) == beginning(as_bytes)
     assert beginning(first) != beginning(sitl.fly(SMALL, seed=5, script=ENDS_SOON))
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from companion.export.plan.survey import survey
-from sitl.testing import Sitl, at, unplug
+from sitl.testing import Sitl, at, crash, unplug
 
 SMALL = "worlds/small_room.toml"
 MIX = """
@@ -86,8 +86,9 @@ def test_mixed_sensors_give_the_same_flight_over_every_transport(
 ) -> None:
     config = tmp_path / "drone.toml"
     config.write_text(MIX)
-    first = sitl.fly(SMALL, config=str(config), seed=5)
-    as_bytes = sitl.fly(SMALL, config=str(config), seed=5, transport="bytes")
+    ends = [at(25, crash())]
+    first = sitl.fly(SMALL, config=str(config), seed=5, script=ends)
+    as_bytes = sitl.fly(SMALL, config=str(config), seed=5, transport="bytes", script=ends)
     assert first.truth.path == as_bytes.truth.path
     assert first.plan == as_bytes.plan
 
