@@ -61,12 +61,12 @@ class Senders:
         system, component = self._ours
         if self._has_two_autopilots:
             return (
-                f"two autopilots are heard at {self._url}, both system {system}: "
+                f"two autopilots at {self._url} have system id {system}: "
                 "give each a system id of its own"
             )
         if self._has_same_id:
             return (
-                f"somebody else sends as system {system}, component {component}, as we do: stop "
+                f"another sender uses system {system}, component {component}, too: stop "
                 "the other companion, or give this one another link.component_id"
             )
         return ""
@@ -80,8 +80,8 @@ class Senders:
         if systems := sorted({system for system, _ in autopilots} - {self._target[0]}):
             several = len(systems) > 1
             names = " and ".join(map(str, systems))
-            heard = f"systems {names} are" if several else f"system {names} is"
-            return f"{heard} heard there, not {self._target[0]}: link.system_id"
+            others = f"systems {names} send" if several else f"system {names} sends"
+            return f"{others} there, not {self._target[0]}: link.system_id"
         if autopilots:
             return (
                 f"the autopilot at {self._url} is component {autopilots[0][1]} of its system, "
@@ -92,9 +92,7 @@ class Senders:
     def _not_flown(self, autopilot: int, vehicle_type: int) -> str:
         if autopilot not in SUPPORTED:
             name = _name("MAV_AUTOPILOT", autopilot)
-            return (
-                f"an autopilot of kind {name} is heard at {self._url}; ArduPilot and PX4 are flown"
-            )
+            return f"unsupported autopilot {name} at {self._url}: ArduPilot and PX4 are supported"
         if vehicle_type not in MULTICOPTERS:
             return f"{_vehicle(vehicle_type)} at {self._url}: only multicopters are flown"
         return ""
@@ -102,12 +100,12 @@ class Senders:
     def _others(self) -> str:
         if not self._kinds:
             return ""
-        heard = ", ".join(
+        others = ", ".join(
             f"{_name('MAV_TYPE', kind[1])} (system {system}, component {component})"
             for (system, component), kind in sorted(self._kinds.items())
         )
         return (
-            f"no autopilot is heard at {self._url}, only {heard}: is the autopilot connected, and "
+            f"no autopilot at {self._url}, only {others}: is the autopilot connected, and "
             "does the router pass its messages on?"
         )
 

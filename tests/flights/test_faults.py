@@ -58,7 +58,7 @@ POST = """
 boxes = [{ corner = [3.2, 1.7], size = [0.2, 0.2], top_m = 2.6 }]
 """
 LEVEL = ("front", "left", "right")
-NO_POSITION = "landed: the autopilot tells no position"
+NO_POSITION = "landed: the autopilot reports no position"
 
 
 def along_a_wall(action: Action) -> Event:
@@ -109,7 +109,7 @@ def test_a_short_link_loss_does_not_end_the_mission(sitl: Sitl) -> None:
 def test_a_permanent_link_loss_ends_the_flight_with_the_drone_at_rest(sitl: Sitl) -> None:
     flight = sitl.fly("room_100", script=[at(30, link_down())])
     assert phase(flight) is Phase.FAILED
-    assert "nothing heard" in flight.ending
+    assert "no message" in flight.ending
     assert flight.simulation.time_s < 42
     north, east, _ = flight.simulation.autopilot.truth.velocity_ned_m_s
     assert abs(north) + abs(east) < 0.2
@@ -220,7 +220,7 @@ def test_a_crash_fails_the_flight(sitl: Sitl) -> None:
         (lose_flow(), NO_POSITION),
         (battery(5), "landed: 5 % of the battery is left"),
         (battery(15), "landed: turned back with 15 % of the battery"),
-        (link_down(30), "failed: the autopilot is silent; nothing heard for 10 s"),
+        (link_down(30), "failed: the autopilot is silent; no message for 10 s"),
         (restart_autopilot(), "failed: the autopilot disarmed in the air"),
     ],
 )

@@ -181,11 +181,11 @@ def test_the_flight_continues_if_px4_returns_to_offboard_before_its_next_heartbe
     [
         (claim(vehicle="GROUND_ROVER"), "a ground rover at"),
         (claim(vehicle="FIXED_WING"), "a fixed wing at"),
-        (claim(autopilot="GENERIC"), "an autopilot of kind GENERIC is heard"),
-        (claim(autopilot="INVALID"), "no autopilot is heard"),
+        (claim(autopilot="GENERIC"), "unsupported autopilot GENERIC at"),
+        (claim(autopilot="INVALID"), "no autopilot at"),
         (battery(15), "15 % of the battery is left"),
         (mute("EXTENDED_SYS_STATE"), "it does not report whether it has landed"),
-        (mute("HEARTBEAT"), "no autopilot heard"),
+        (mute("HEARTBEAT"), "no HEARTBEAT from an autopilot"),
     ],
 )
 def test_an_unsuitable_vehicle_is_refused_with_the_reason(
@@ -199,7 +199,7 @@ def test_an_unsuitable_vehicle_is_refused_with_the_reason(
 
 def test_a_wrong_system_id_is_reported(fly: Fly, watch: Watch) -> None:
     flight = fly(parameters={"SYSID_THISMAV": 3})
-    assert "system 3 is heard there, not 1: link.system_id" in flight.ending
+    assert "system 3 sends there, not 1: link.system_id" in flight.ending
     assert watch.asked == []
 
 

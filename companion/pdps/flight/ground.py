@@ -43,7 +43,7 @@ AT_HEIGHT_M = 0.15
 UP_FOR_S = 2.0
 """Time at the mission height after which a take-off counts as finished, s. ArduCopter 4.1 reports
 TAKING_OFF until it receives a setpoint. After this time a climb at 1.2 m/s has come to rest."""
-ARMED_BY_OTHERS = "it was armed by somebody else; disarm it"
+ARMED_BY_OTHERS = "the vehicle is armed already; disarm it"
 """Trouble if another party armed the vehicle."""
 
 
@@ -83,7 +83,7 @@ def connect(
         informed = replace(flight, notice=preflight.MID_STICK)
         return go(informed, Phase.PREPARE, view), NOTHING
     if age_s(flight, view) > CONNECT_TIMEOUT_S:
-        trouble = view.vehicle.unfit or "no autopilot heard"
+        trouble = view.vehicle.unfit or "no HEARTBEAT from an autopilot"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
     return flight, NOTHING
 
@@ -166,7 +166,7 @@ def _not_up(height_m: float, vehicle: VehicleState, *, is_high: bool) -> str:
     """Reason why the take-off has failed."""
     if is_high:
         reported = vehicle.landed_state.name.lower().replace("_", " ")
-        return f"at {height_m:.1f} m it still tells {reported!r} (EXTENDED_SYS_STATE)"
+        return f"at {height_m:.1f} m the autopilot still reports {reported!r} (EXTENDED_SYS_STATE)"
     reason = f": {vehicle.refusal}" if vehicle.refusal else ""
     return f"still at {max(height_m, 0.0):.1f} m{reason}"
 

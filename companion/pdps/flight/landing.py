@@ -51,7 +51,7 @@ LOOKS_AGAIN_S = 5.0
 ms of computing time."""
 MAY_DIVERT_PHASES = LEVEL_PHASES - {Phase.DIVERT, Phase.DESCEND}
 """Phases from which a diversion can begin."""
-LOOKS_AGAIN = "no way back to the start was found; it looks again"
+LOOKS_AGAIN = "no way back to the start was found; searching again"
 """Notice while the search for a path home continues."""
 NO_WAY_HOME = "there is no way back to the start any more"
 """Trouble after the timeout of that search."""
@@ -160,7 +160,7 @@ def land(
     """LAND: commands the landing, and ends the flight when the vehicle is disarmed."""
     vehicle = view.vehicle
     if max(vehicle.silent_s, vehicle.mode_age_s) > LINK_LOST_S:
-        trouble = f"{flight.trouble or 'link lost while landing'}; nothing heard for 10 s"
+        trouble = f"{flight.trouble or 'link lost while landing'}; no message for 10 s"
         return go(flight, Phase.FAILED, view, trouble), NOTHING
     if vehicle.is_silent or not vehicle.is_mode_recent:
         return flight, NOTHING  # another party may have control by now

@@ -222,7 +222,7 @@ def _taken_away(flight: FlightState, view: TickInput) -> FlightState | None:
     """The ended flight, if the pilot or autopilot has control, or the link is lost for good."""
     vehicle = view.vehicle
     if vehicle.silent_s > LINK_LOST_S:
-        return go(flight, Phase.FAILED, view, "nothing heard from the autopilot for 10 s")
+        return go(flight, Phase.FAILED, view, "no message from the autopilot for 10 s")
     if vehicle.mode_age_s > LINK_LOST_S:
         return go(flight, Phase.FAILED, view, "no HEARTBEAT from the autopilot for 10 s")
     if vehicle.is_silent:

@@ -20,7 +20,7 @@ from companion.safety.health.lateness import Lateness
 from companion.safety.health.mounting import MountingWatch
 from companion.safety.health.odometry import SteadyOdometry
 from companion.safety.health.ranges import FAILED, RangeWatch
-from companion.safety.health.unasked import UnaskedWatch
+from companion.safety.health.uncommanded_motion import UncommandedMotionWatch
 
 SILENT_S = 0.5
 """Timeout of odometry, gyro and range sensors, s. Chosen."""
@@ -49,7 +49,7 @@ class Health:
         self._mounting = MountingWatch()
         self._odometry_at_s = self._gyro_at_s = self._ranges_at_s = -math.inf
         """Time of the last input of each, s, on the clock `Lateness.listened_s`."""
-        self._unasked = UnaskedWatch()
+        self._uncommanded = UncommandedMotionWatch()
         self._yaw_rad = 0.0
         self._odometry_s = -math.inf
         self._place_ne_m = (0.0, 0.0)
@@ -67,12 +67,12 @@ class Health:
             self._odometry_s = steady.time_s
             self._place_ne_m = steady.position_ned_m[:2]
             self._yaw_rad = steady.yaw_rad
-            self._unasked.take(steady)
+            self._uncommanded.take(steady)
         return steady
 
     def asked(self, now_s: float, setpoint: Setpoint | None) -> None:
         """Record the setpoint that goes to the autopilot; None if there is none."""
-        self._unasked.ask(now_s, setpoint, self._yaw_rad)
+        self._uncommanded.ask(now_s, setpoint, self._yaw_rad)
 
     def gyro(
         self,
@@ -135,9 +135,9 @@ class Health:
     def _sensor_faults(self, vehicle: VehicleState) -> Iterator[Fault]:
         now_s = self._lateness.listened_s
         if now_s - self._odometry_at_s > SILENT_S > vehicle.silent_s:
-            yield Fault("the autopilot tells no position", SENSOR_FAULT_LASTS_S)
-        if self._unasked.has_flown_away:
-            text = f"moves as nobody asked: {self._unasked.unasked_m_s:.1f} m/s"
+            yield Fault("the autopilot reports no position", SENSOR_FAULT_LASTS_S)
+        if self._uncommanded.has_flown_away:
+            text = f"uncommanded motion: {self._uncommanded.uncommanded_m_s:.1f} m/s"
             yield Fault(text, SENSOR_FAULT_LASTS_S)
         if now_s - self._gyro_at_s > SILENT_S:
             yield Fault("the gyro is silent", SENSOR_FAULT_LASTS_S)

@@ -113,8 +113,8 @@ def test_a_missing_velocity_source_is_reported_with_the_remedy(
     ("vehicle", "autopilot", "words"),
     [
         ("GROUND_ROVER", None, "a ground rover at udpin:127.0.0.1:14550: only multicopters"),
-        (None, "GENERIC", "an autopilot of kind GENERIC is heard"),
-        (None, "INVALID", "no autopilot is heard"),
+        (None, "GENERIC", "unsupported autopilot GENERIC at"),
+        (None, "INVALID", "no autopilot at"),
     ],
 )
 def test_an_unsupported_vehicle_or_autopilot_is_reported(

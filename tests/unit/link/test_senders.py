@@ -89,16 +89,16 @@ def test_other_vehicles_are_named_and_receive_no_requests(
 
 def test_another_system_is_named_with_the_configuration_key() -> None:
     air = Air()
-    assert air.deliver(beat(), system=3).unfit == "system 3 is heard there, not 1: link.system_id"
+    assert air.deliver(beat(), system=3).unfit == "system 3 sends there, not 1: link.system_id"
     both = air.deliver(beat(), system=2).unfit
-    assert both == "systems 2 and 3 are heard there, not 1: link.system_id"
+    assert both == "systems 2 and 3 send there, not 1: link.system_id"
     assert air.deliver(beat(), system=1).unfit == ""
 
 
 def test_an_autopilot_of_another_kind_is_named() -> None:
     unfit = Air().deliver(beat(GENERIC)).unfit
-    assert unfit.startswith("an autopilot of kind GENERIC is heard at udpin:127.0.0.1:14550;")
-    assert unfit.endswith("ArduPilot and PX4 are flown")
+    assert unfit.startswith("unsupported autopilot GENERIC at udpin:127.0.0.1:14550:")
+    assert unfit.endswith("ArduPilot and PX4 are supported")
 
 
 def test_an_autopilot_of_another_component_is_named() -> None:
@@ -109,7 +109,7 @@ def test_ground_stations_and_gimbals_do_not_count_as_autopilots() -> None:
     air = Air()
     air.deliver(beat(NONE, GCS), system=255, component=190)
     unfit = air.deliver(beat(NONE, 26), component=154).unfit
-    assert "no autopilot is heard" in unfit
+    assert "no autopilot at" in unfit
     assert "GCS (system 255, component 190)" in unfit
     assert "GIMBAL (system 1, component 154)" in unfit
     assert "router" in unfit
@@ -167,7 +167,7 @@ def test_another_companion_with_our_component_id_is_reported(message: Message) -
     air.deliver(beat())
     vehicle = air.deliver(message, component=191)
     assert vehicle.connected
-    assert "somebody else sends as system 1, component 191" in vehicle.unfit
+    assert "another sender uses system 1, component 191" in vehicle.unfit
     assert "link.component_id" in vehicle.unfit
     flight, action = step(FlightState(Phase.PREPARE, since_s=99.0), view(vehicle), PLAN)
     assert (flight.phase, flight.trouble) == (Phase.FAILED, vehicle.unfit)

@@ -508,7 +508,7 @@ def test_the_path_home_is_flown_when_it_is_free_again() -> None:
     assert step(lost, view(time_s=103.0), PLAN)[0].way_home.phase is TravelPhase.GAVE_UP
     again, _ = step(lost, view(time_s=106.0), PLAN)
     assert again.way_home.phase is TravelPhase.FLY
-    assert "looks again" in again.notice
+    assert "searching again" in again.notice
     _, action = step(again, view(time_s=106.1), PLAN)
     assert action.setpoint is not None
     assert again.way_home.goal_ne_m == (0.0, 0.0)

@@ -146,4 +146,4 @@ def test_a_silent_autopilot_is_reported_once_ticks_are_in_time_again() -> None:
         drone.now_s += TICK_S
     fault = drone.health.fault(CONNECTED)
     assert fault is not None
-    assert fault.text == "the autopilot tells no position"
+    assert fault.text == "the autopilot reports no position"

@@ -189,7 +189,7 @@ def test_a_drone_on_the_ground_with_a_wrong_height_does_not_begin_its_mission() 
         assert flight.phase is Phase.TAKE_OFF
     flight, _ = step(flight, view(stands, time_s=120.0), PLAN)
     assert flight.phase is Phase.LAND
-    assert flight.trouble == "at 1.2 m it still tells 'on ground' (EXTENDED_SYS_STATE)"
+    assert flight.trouble == "at 1.2 m the autopilot still reports 'on ground' (EXTENDED_SYS_STATE)"
 
 
 def test_a_refused_take_off_ends_with_the_autopilots_reason() -> None:

@@ -44,11 +44,11 @@ STILL: Vector3 = (0.0, 0.0, 0.0)
 """Velocity at rest, m/s."""
 
 
-class UnaskedWatch:
+class UncommandedMotionWatch:
     """Fly-away detector of one drone; time is an argument."""
 
     def __init__(self) -> None:
-        self.unasked_m_s = 0.0
+        self.uncommanded_m_s = 0.0
         """Excess velocity: the part that no response to the setpoints explains, m/s."""
         self.has_flown_away = False
         self._quick: deque[tuple[float, Vector3]] = deque()
@@ -79,23 +79,23 @@ class UnaskedWatch:
         now_s = odometry.time_s
         if not self._quick or now_s - self._since_s < SETTLED_S:
             self._noted.clear()
-            self.unasked_m_s, self.has_flown_away = 0.0, False
+            self.uncommanded_m_s, self.has_flown_away = 0.0, False
             return
-        self.unasked_m_s = self._beyond(odometry.velocity_ned_m_s)
-        self._noted.append((now_s, self.unasked_m_s))
+        self.uncommanded_m_s = self._beyond(odometry.velocity_ned_m_s)
+        self._noted.append((now_s, self.uncommanded_m_s))
         while now_s - self._noted[0][0] > THIRDS_S[0] + GAP_S:
             self._noted.popleft()
-        if self.unasked_m_s < NEAR_M_S:
+        if self.uncommanded_m_s < NEAR_M_S:
             self.has_flown_away = False
         elif self._is_far(now_s) or self._grows_steadily(now_s):
             self.has_flown_away = True
 
     def _is_far(self, now_s: float) -> bool:
-        if self.unasked_m_s > FAR_M_S:
+        if self.uncommanded_m_s > FAR_M_S:
             return True
         before = self._at(now_s - QUICK_S)
-        grows = before is not None and self.unasked_m_s - before >= QUICK_M_S
-        return grows and self.unasked_m_s > PUSHED_M_S
+        grows = before is not None and self.uncommanded_m_s - before >= QUICK_M_S
+        return grows and self.uncommanded_m_s > PUSHED_M_S
 
     def _grows_steadily(self, now_s: float) -> bool:
         steps = [self._at(now_s - ago_s) for ago_s in THIRDS_S]

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import pytest
 
 from companion.core.messages import HOLD, Odometry, Setpoint
-from companion.safety.health.unasked import UnaskedWatch
+from companion.safety.health.uncommanded_motion import UncommandedMotionWatch
 
 TICK_S = 0.05
 AT_S = 10.0
@@ -20,7 +20,7 @@ def detected_s(
     until_s: float = 20.0,
 ) -> float:
     """Time of the detection, s; infinite if there is none."""
-    watch = UnaskedWatch()
+    watch = UncommandedMotionWatch()
     for tick in range(round(until_s / TICK_S)):
         now_s = tick * TICK_S
         watch.take(Odometry(now_s, (0, 0, 0), velocity_ned_m_s(now_s), yaw_rad(now_s)))
@@ -112,7 +112,7 @@ def test_the_end_of_a_take_off_is_no_fly_away() -> None:
 
 
 def test_the_detection_lasts_as_long_as_the_fly_away() -> None:
-    watch = UnaskedWatch()
+    watch = UncommandedMotionWatch()
     for tick in range(200):
         now_s = tick * TICK_S
         speed = {True: 2.0, False: 0.0}[3.0 < now_s < 5.0]
