@@ -19,9 +19,9 @@ from companion.safety.swept_space import Lane
 RATE_RAD_S = math.radians(45)
 """Yaw rate of the swing, rad/s. Readings of a 20 Hz sensor are then 4 cm apart at 1 m.
 
-Chosen by `benchmarks/legs.py`: at 0.6 m/s among legs, 0.1 % of the legs on the path are detected
-too late. At 30 deg/s it is 0.2 %, because the nose returns too late; at 60 deg/s as well, because
-the readings are too far apart.
+Chosen by `benchmarks/flight/legs.py`: at 0.6 m/s among legs, 0.1 % of the legs on the path are
+detected too late. At 30 deg/s it is 0.2 %, because the nose returns too late; at 60 deg/s as well,
+because the readings are too far apart.
 """
 MIN_RAD, MAX_RAD = math.radians(3), math.radians(75)
 """Bounds of the swing to either side, rad. Chosen: the minimum is a beam's jitter. After a corner,

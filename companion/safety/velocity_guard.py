@@ -71,7 +71,7 @@ CRAWL_M_S = 0.2
 the drone reaches it. The drone advances a third of a metre per swing."""
 AMONG_LEGS_M_S = 0.6
 """Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
-is no higher: `benchmarks/legs.py`."""
+is no higher: `benchmarks/flight/legs.py`."""
 FULL_ROUNDS, ROUNDS = 8, 40
 """Number of full projections, and of projections in all. Chosen."""
 MIN_SPEED_M_S = 0.02

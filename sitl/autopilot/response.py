@@ -3,7 +3,8 @@
 setpoint ─► Shaper: bounded acceleration and jerk ─► vehicle.Loop: lag and slow tail ─► velocity
 
 The parameters are fitted to step responses of the real firmware in its own simulation.
-docs/autopilot.md compares both; `python -m benchmarks.autopilot_response` prints the comparison.
+docs/autopilot.md compares both; `python -m benchmarks.flight.autopilot_response` prints the
+comparison.
 """
 
 import math

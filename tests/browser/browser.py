@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Browser, Locator, Page, expect, sync_playwright
 
-from benchmarks.browser import DEADLINE_MS, FLAGS
+from benchmarks.pictures.browser import DEADLINE_MS, FLAGS
 from companion.view.scene.camera import PANEL_PX
 from tests.processes.started import read_until, started, stop
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from benchmarks.browser import DEADLINE_MS, choose
+from benchmarks.pictures.browser import DEADLINE_MS, choose
 from sitl.testing import Sitl
 from sitl.world.loading import world_names
 from tests.browser.browser import (

@@ -10,8 +10,17 @@ import pytest
 from evo.tools import file_interface
 from typer.testing import CliRunner
 
-from benchmarks.offline import outcome
-from benchmarks.offline_logs import ROOM, SCENARIOS, Flight, Log, Noise, Scenario, record, write_csv
+from benchmarks.mapping.offline import outcome
+from benchmarks.mapping.offline_logs import (
+    ROOM,
+    SCENARIOS,
+    Flight,
+    Log,
+    Noise,
+    Scenario,
+    record,
+    write_csv,
+)
 from companion.commands.cli import commands
 from companion.core.messages import Beam
 from companion.offline.mapper import LogMap, map_log

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.logs import outcome, row
-from benchmarks.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
+from benchmarks.mapping.logs import outcome, row
+from benchmarks.mapping.offline_logs import L_SHAPE, Flight, Log, Noise, Scenario, record
 from companion.core.arrays import Array
 from companion.core.messages import Beam
 from companion.offline.mapper import LogMap, map_log

@@ -1,10 +1,13 @@
-"""Tests SIGKILL in flight once; `python -m benchmarks.kill_recording` does it 50 times."""
+"""Tests SIGKILL in flight once.
+
+`python -m benchmarks.robustness.kill_recording` does it 50 times.
+"""
 
 from pathlib import Path
 
 import pytest
 
-from benchmarks.kill_recording import kill_a_flight
+from benchmarks.robustness.kill_recording import kill_a_flight
 
 SPEED = 4.0
 

@@ -33,8 +33,8 @@ MAX_APART_KEYFRAMES = 5
 mm in this time."""
 STEP_SIGMAS = 4.0
 """Threshold in sigmas. Noise alone exceeds it once in some thousand hits. A step of 15 cm at 2 m
-has 7 sigmas. A missed step costs degrees. Chosen: `benchmarks/pilasters.py` prints a mean heading
-error of 3.8, 4.1 and 5.0 deg with 4, 4.5 and 5."""
+has 7 sigmas. A missed step costs degrees. Chosen: `benchmarks/mapping/pilasters.py` prints a mean
+heading error of 3.8, 4.1 and 5.0 deg with 4, 4.5 and 5."""
 MIN_STEP_M = 0.06
 """Least step, m. Chosen: plaster, skirting and rough walls have smaller ones."""
 ACCELERATION_M_S2 = 1.0

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.calibration import GAIN, PROFILES, calibrated_unit
+from benchmarks.devices.calibration import GAIN, PROFILES, calibrated_unit
 from companion.bringup.calibration_fit import (
     CalibrationError,
     TapePoint,

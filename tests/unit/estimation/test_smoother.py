@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from benchmarks.yaw_consistency import consistency
+from benchmarks.mapping.yaw_consistency import consistency
 from companion.core.messages import (
     BEARING_FRD_RAD,
     Beam,

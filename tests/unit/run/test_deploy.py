@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
+from benchmarks.devices.deploy import DEPLOY, UNITS, exposure, lint_scripts, verify_units
 from companion.config import settings as configuration
 from companion.pdps.flight.state import FlightState, Phase
 from companion.run.unattended import exit_status

@@ -1,10 +1,10 @@
-"""Runs a few inputs of each fuzz target; `python -m benchmarks.fuzz` runs more."""
+"""Runs a few inputs of each fuzz target; `python -m benchmarks.robustness.fuzz` runs more."""
 
 from random import Random
 
 import pytest
 
-from benchmarks.fuzz import TARGETS, fuzz
+from benchmarks.robustness.fuzz import TARGETS, fuzz
 from companion.link.transports.transport import decode, make_codec
 from sitl.testing.fuzz import OTHER_SYSTEM, foreign_frame
 

@@ -5,7 +5,7 @@ from random import Random
 
 import pytest
 
-from benchmarks.autopilot_response import MEASURED, compared
+from benchmarks.flight.autopilot_response import MEASURED, compared
 from companion.safety.control_laws import turn_towards
 from sitl.autopilot.response import ARDUCOPTER, PX4, Response, SetpointShaper
 from sitl.core.truth import TrueState

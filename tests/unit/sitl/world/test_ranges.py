@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from benchmarks.ranges import hall
+from benchmarks.devices.ranges import hall
 from companion.core.arrays import Array
 from companion.core.frames import Vector3
 from sitl.world.format import World

@@ -1,0 +1,1 @@
+"""Sensors, their calibration, and the drone's computer."""

@@ -1,0 +1,1 @@
+"""Flights: speed, response, clutter, endurance."""

@@ -1,0 +1,1 @@
+"""Accuracy of maps and estimates."""

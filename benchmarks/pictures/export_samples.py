@@ -1,0 +1,29 @@
+"""Writes one sample of each export.
+
+Command: `python -m benchmarks.pictures.export_samples [--out docs/samples]`.
+
+Flies the paper's room 1 and writes the samples of docs/exports.md and docs/recording.md.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+from companion.commands.recording import Format, export_command, report_command
+from sitl.testing import Sitl
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=Path("docs/samples"))
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as folder:
+        Sitl(Path(folder)).fly("room_100", record=Path(folder))
+        (recorded,) = Path(folder).glob("*.mcap")
+        flight = recorded.rename(recorded.with_name("room_100.mcap"))
+        export_command(flight, list(Format), options.out)
+        report_command(flight, options.out / "room_100.html")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Odd input, crashes, recordings and recovery."""
