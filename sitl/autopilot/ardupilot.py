@@ -58,7 +58,7 @@ EKF_READY = 895
 EKF_FLOW_ONLY = 367
 """A relative position, no absolute one (from ArduPilot's source)."""
 EKF_WITHOUT_POSITION = 167
-"""Flags before the first external pose. Measured on ArduCopter 4.6.3."""
+"""Flags without a position. Measured on ArduCopter 4.6.3 before the first external pose."""
 EKF_FADING, EKF_FADING_AFTER_S = 831, 5.0
 """Flags from this age of the last external pose on, s."""
 EKF_LOST, EKF_LOST_AFTER_S = 37, 8.0
