@@ -82,7 +82,7 @@ def ned_to_gltf(vector_ned: Vector3) -> Vector3:
 
 EARTH_RADIUS_M = 6_378_137.0
 EARTH_ECCENTRICITY_2 = 6.694_379_990_141e-3
-"""Semi-major axis and squared eccentricity of WGS 84."""
+"""Semi-major axis, m, and squared eccentricity of WGS 84."""
 
 
 @dataclass(frozen=True, slots=True)

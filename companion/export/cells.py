@@ -18,6 +18,7 @@ MARGIN_M = 0.5
 OFF_WALLS, NEAR_M = 5, 0.1
 """An obstacle off all walls needs at least this many hits within this radius, m. Chosen."""
 UNKNOWN, FREE, OCCUPIED = 0, 1, 2
+"""States of a cell."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -26,6 +26,7 @@ UNKNOWN_CEILING_M = 2.5
 """Height of drawn walls if the up beam never detected a ceiling, m. Chosen."""
 WALL_COLOUR = (90, 110, 130, 255)
 HIT_COLOUR = (230, 120, 40, 255)
+"""Colours of walls and hits in the PLY file, RGBA, 0 to 255. Chosen."""
 
 
 def save(plan: FloorPlan, folder: Path) -> list[Path]:

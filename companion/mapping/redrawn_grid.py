@@ -34,6 +34,7 @@ RAYS_PER_STAGE = 500
 MAX_STAGES = 12
 """Most stages stored. Chosen."""
 _KEYFRAME, _FORWARD, _RIGHT, _BEARING, _END, _SIGMA, _IS_HIT, _TIME = range(8)
+"""Columns of a stored ray. Offset and bearing are relative to the keyframe."""
 
 
 class RedrawnGrid:

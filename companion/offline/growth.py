@@ -30,9 +30,9 @@ from companion.estimation.smoothing.state import (
 )
 
 STAGE_M = 1.5
-"""A stage ends after this path length, m, this turn, rad, or this number of keyframes. Chosen."""
 STAGE_RAD = math.radians(45)
 STAGE_KEYFRAMES = 25
+"""A stage ends after this path length, m, this turn, rad, or this number of keyframes. Chosen."""
 WHOLE_KEYFRAMES = 300
 """Up to this length the whole is solved at every stage, keyframes. Chosen."""
 WINDOW_KEYFRAMES = 120

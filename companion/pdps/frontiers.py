@@ -28,6 +28,7 @@ UNSEEN_WITHIN_M = 1.5
 TRIES = 3
 """Number of looks after which a target is dropped. Chosen."""
 SQUARE = np.ones((3, 3), dtype=bool)
+"""Neighbourhood of a cell: cells that touch at a corner are connected too."""
 Places = tuple[Vector2, ...]
 
 

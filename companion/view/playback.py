@@ -20,6 +20,7 @@ from companion.view.scene.screen import Screen
 from companion.view.snapshot import Snapshot, sketch_of
 
 SPEEDS = {"1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0}
+"""Playback speeds by label, times real time. Chosen."""
 FIRST_SPEED = "5 ×"
 """Playback speed at the start, times real time. Chosen."""
 PLOTTED = 700

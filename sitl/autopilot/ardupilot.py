@@ -54,9 +54,11 @@ BASE_MODE_GUIDED_BIT = 8
 EKF_UNINITIALISED = 1024
 """EKF_STATUS_REPORT (193) flags until the attitude has settled; then flags of other states."""
 EKF_READY = 895
+"""Flags with an absolute position from external poses. Measured on ArduCopter 4.6.3."""
 EKF_FLOW_ONLY = 367
 """A relative position, no absolute one (from ArduPilot's source)."""
 EKF_WITHOUT_POSITION = 167
+"""Flags without a position. Measured on ArduCopter 4.6.3 before the first external pose."""
 EKF_FADING, EKF_FADING_AFTER_S = 831, 5.0
 """Flags from this age of the last external pose on, s."""
 EKF_LOST, EKF_LOST_AFTER_S = 37, 8.0
@@ -71,7 +73,9 @@ MAVLINK_RANGEFINDER, MAVLINK_PROXIMITY = 10, 2
 IGNORE_POSITION, IGNORE_VELOCITY, IGNORE_ACCELERATION = 0x0007, 0x0038, 0x01C0
 """Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 FORCE = 0x0200
+"""Bit FORCE_SET: the acceleration fields contain a force."""
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
+"""Bits that exclude heading and yaw rate."""
 MAX_VALUE = 1000.0
 """Largest value in a setpoint; a larger one stops the vehicle."""
 SINK_M_S = 2.2

@@ -18,6 +18,7 @@ from sitl.autopilot.streams import Message, Streams
 FORCE_ARM, FORCE_DISARM = 2989, 21196
 """Parameter 2 of MAV_CMD_COMPONENT_ARM_DISARM (400)."""
 MAVLINK_TO_ALL = 0
+"""target_system that addresses all systems (MAVLink)."""
 FTP_NAK, FTP_FILE_NOT_FOUND = 129, 10
 """Response of FILE_TRANSFER_PROTOCOL (110): the vehicle has no files."""
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED

@@ -39,6 +39,7 @@ def custom_mode(main: int, sub: int = 0) -> int:
 
 MANUAL, ALTCTL, POSCTL, OFFBOARD, STABILIZED = (custom_mode(main) for main in (1, 2, 3, 6, 7))
 AUTO_TAKEOFF, AUTO_LOITER, AUTO_RTL, AUTO_LAND = (custom_mode(4, sub) for sub in (2, 3, 5, 6))
+"""custom_mode numbers of PX4. The automatic modes are sub-modes of main mode 4."""
 BEHAVIOUR = {
     **dict.fromkeys((AUTO_LOITER, AUTO_RTL), Behaviour.HOLD),
     **dict.fromkeys((ALTCTL, POSCTL), Behaviour.CLIMB_BY_STICK),
@@ -61,6 +62,7 @@ ARMED: int = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 IGNORE_POSITION, IGNORE_VELOCITY = 0x0007, 0x0038
 """Bits of SET_POSITION_TARGET_LOCAL_NED.type_mask; also those below."""
 IGNORE_YAW, IGNORE_YAW_RATE = 0x0400, 0x0800
+"""Bits that exclude heading and yaw rate."""
 INVALID = Refusal("SET_POSITION_TARGET_LOCAL_NED invalid")
 POSE_MESSAGES = ExternalPoseMessages(
     (mavlink.MAV_FRAME_LOCAL_NED, mavlink.MAV_FRAME_LOCAL_FRD),

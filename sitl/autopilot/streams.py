@@ -10,6 +10,7 @@ Maker = Callable[[], list[Message]]
 MAX_INTERVAL_US = 2**31 - 1
 """Largest message interval, µs: MESSAGE_INTERVAL (244) has an int32."""
 STEPS_PER_S = 100
+"""Scheduling steps per second: the 10 ms grid."""
 PHASE_STEPS = 7
 """Phase shift per message id, steps. Like a real autopilot, messages of one rate are spread."""
 

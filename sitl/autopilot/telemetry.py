@@ -17,6 +17,7 @@ from sitl.core.truth import TrueState
 from sitl.sensors.time_of_flight import TofUnit
 
 BATTERY_CELLS = 4
+"""Number of battery cells in series. Chosen."""
 CELL_EMPTY_V, CELL_FULL_V = 3.5, 4.2
 """Cell voltages at 0 and 100 %, V; linear in between. Chosen."""
 ABSENT_CELL = 65535

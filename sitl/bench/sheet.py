@@ -13,9 +13,13 @@ PAPER, INK = "#fbfaf7", "#22333b"
 TRUTH, MAPPED, PATH = "#7d8a93", "#e0425a", "#2f7fc1"
 GOOD, BAD = "#2a7f4f", "#c1121f"
 CELL_INCHES, TITLE_INCHES, HEAD_INCHES = 3.0, 0.5, 0.35
+"""Side of a plan, height of its title, and height of the sheet's head, inches. Chosen."""
 DPI = 120
+"""Resolution of the sheet, dots per inch. Chosen."""
 MAX_COLUMNS = 10
+"""Largest number of plans in a row. Chosen."""
 MAX_LETTERS = 66
+"""Length at which the lines of a title are cut, characters. Chosen."""
 HEAD = "grey: true walls   red: the map   blue: the true path, ● start, × end of a failed flight"
 FIGURES = (
     ("coverage", "coverage {:.0%}"),

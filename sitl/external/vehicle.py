@@ -27,6 +27,7 @@ COMPONENT: int = mavlink.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 ODOMETRY_STEPS, DISTANCE_STEPS = 2, 10
 """Steps between messages: 50 and 10 Hz."""
 HEARTBEAT_PERIOD_S = 1.0
+"""Interval of HEARTBEAT (0), s. Chosen."""
 WAIT_S = 0.5
 """Longest wait for the autopilot within one `advance`, wall time, s. Chosen."""
 KEPT_STEPS = 40

@@ -25,6 +25,7 @@ FREE_RUN_STEP_S = 0.01
 DATAGRAM_TIMEOUT_S = 1.0
 """Longest wait for announced datagrams, s. Chosen."""
 TIME_TOLERANCE_S = 1e-9
+"""Tolerance for rounding when a requested time is reached, s. Chosen."""
 
 
 class Served(Protocol):

@@ -12,6 +12,7 @@ from sitl.running.server import Endpoint, listen
 from sitl.simulation.simulation import Setup
 
 ANY_PORT = 0
+"""Port number with which the operating system chooses a free port."""
 
 
 def fleet_endpoints(

@@ -28,10 +28,13 @@ characteristics)."""
 MAX_COUNT = 32767
 """Largest count: 16 bits, two's complement. At 8.75 mdps it is 286.7 °/s."""
 REG_OUT_TEMP = 0x15
-"""Two bytes, little-endian. 16 counts per °C by the datasheet (some drivers use 8), 0 at 25 °C."""
+"""First register of the temperature output: little-endian, two's complement."""
 TEMP_BYTES = 2
+"""Size of the temperature output, bytes."""
 COUNTS_PER_DEG_C = 16
+"""Sensitivity of the temperature output, counts per °C (DocID025715). Some drivers use 8."""
 ZERO_COUNT_DEG_C = 25.0
+"""Temperature at which the output is 0, °C."""
 REG_OUT_X_G = 0x18
 """First of the six output registers of the gyro, 0x18 to 0x1D (DocID025715, section 7)."""
 AXES = struct.Struct("<hhh")

@@ -36,6 +36,7 @@ HANDLED = tuple(
 ADDRESSED = tuple(kind for kind in HANDLED if "target_system" in kind.fieldnames)
 """Those of them with a target system."""
 OTHER_SYSTEM = 7
+"""MAVLink system ID that is not the vehicle's. Chosen."""
 COMMANDS = (22, 21, 176, 400, 401, 410, 510, 511, 512, 520, 31999)
 """MAV_CMD numbers, the last one unknown."""
 NAMES = (
@@ -52,8 +53,11 @@ NAMES = (
     b"",
     b"\xff" * 16,
 )
+"""Values of text fields: parameter names, known and unknown, an empty one, and invalid text."""
 ODD_FLOATS = (0.0, 1.0, -1.0, 1e-40, 1e30, -1e30, float("nan"), float("inf"), float("-inf"))
+"""Values of real fields: common, denormal, very large and not finite."""
 BITS = {"uint8_t": 8, "int8_t": 8, "uint16_t": 16, "int16_t": 16, "uint32_t": 32, "int32_t": 32}
+"""Width of the integer types of MAVLink fields, bits."""
 
 
 def mavlink_frame(random: Random) -> bytes:

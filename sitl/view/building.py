@@ -26,6 +26,7 @@ BORDER_OPACITY = 0.3
 BOX_COLOUR = (176, 164, 148)
 PATH_COLOUR = (231, 111, 81)
 DRONE_COLOUR = (61, 64, 91)
+"""Colours, also those above, RGB, 0 to 255. Chosen."""
 
 
 class TrueSide:

@@ -28,6 +28,7 @@ MODES = {
 FIRST_MODE = {"ardupilot": "LOITER", "px4": "POSCTL"}
 THROTTLES = tuple(throttle.value for throttle in Throttle)
 FAST = 1000.0
+"""Factor of real time that stands for as fast as possible. Chosen."""
 SPEEDS = {"¼ ×": 0.25, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0, "10 ×": 10.0, "20 ×": 20.0, "all": FAST}
 """Factors of real time; the last one is as fast as possible."""
 FIRST_SPEED = "10 ×"

@@ -55,6 +55,7 @@ BETWEEN_M = 2.5
 LABELS_M = 2.4
 """Distance of a side's label to the north of it, m."""
 NAME_SCALE = 1.8
+"""Size of a side's label relative to viser's default. Chosen."""
 SPEED_OVER_S = 2.0
 """Time over which the speed is measured, s."""
 

@@ -9,18 +9,27 @@ from companion.core.errors import SensorError
 from companion.drivers.wires.bus import Bus, Transaction
 
 REG_CONVERSION, REG_CONFIG = 0x00, 0x01
+"""Addresses of the conversion and config registers (SBAS444, pointer register)."""
 START = 0x8000
 """OS bit. Written: starts a conversion. Read: no conversion is running."""
 MUX_SINGLE_ENDED = 0x4000
+"""Input multiplexer, bits 14 to 12 of the config register: AIN0 against ground (SBAS444)."""
 MUX_STEP = 0x1000
+"""Difference of the multiplexer bits between one single-ended input and the next (SBAS444)."""
 PGA_4_096_V = 0x0200
+"""Gain amplifier, bits 11 to 9 of the config register: full scale ±4.096 V (SBAS444)."""
 SINGLE_SHOT = 0x0100
+"""Mode bit 8 of the config register: one conversion a request (SBAS444)."""
 RATE_860_SPS = 0x00E0
+"""Data rate, bits 7 to 5 of the config register: 860 samples per second (SBAS444)."""
 COMPARATOR_OFF = 0x0003
+"""Comparator queue, bits 1 and 0 of the config register: disabled (SBAS444)."""
 CONVERSION_S = 1 / 860 * 1.1
 """Duration of a conversion, s: 860 samples per second; the chip's clock may be 10 % slow."""
 VOLTS_PER_COUNT = 4.096 / 32768
+"""Resolution, V per count: 16 bits, two's complement, at ±4.096 V (SBAS444)."""
 READ_BACK_BITS = 0x7FFF
+"""Bits of the config register that read as they were written: all but OS (SBAS444)."""
 Channel = tuple[int, int]
 """I2C address of the chip, and its input."""
 

@@ -13,27 +13,47 @@ from companion.drivers.chips.sample_clock import SampleClock
 from companion.drivers.wires.bus import Bus, Transaction
 
 REG_WHO_AM_I = 0x0F
+"""Address of the identity register (DocID025715, section 7)."""
 WHO_AM_I = 0x68
+"""Identity of accelerometer and gyro (DocID025715, section 7)."""
 REG_CTRL_1_G = 0x10
+"""Address of CTRL_REG1_G: data rate, full scale and bandwidth of the gyro (DocID025715, section
+7)."""
 REG_OUT_X_G = 0x18
+"""First of the gyro's six output registers, 0x18 to 0x1D (DocID025715, section 7)."""
 REG_CTRL_6_XL = 0x20
+"""Address of CTRL_REG6_XL: data rate of the accelerometer (DocID025715, section 7)."""
 REG_CTRL_8 = 0x22
+"""Address of CTRL_REG8: block update and address increment (DocID025715, section 7)."""
 REG_CTRL_9 = 0x23
+"""Address of CTRL_REG9, which enables the FIFO (DocID025715, section 7)."""
 REG_FIFO_CTRL = 0x2E
+"""Address of FIFO_CTRL: mode of the FIFO (DocID025715, section 7)."""
 REG_FIFO_SRC = 0x2F
+"""Address of FIFO_SRC: state of the FIFO (DocID025715, section 7)."""
 
 ODR_119_HZ_245_DPS = 0x60
+"""CTRL_REG1_G: data rate 119 Hz in bits 7 to 5, full scale 245 °/s in bits 4 and 3 (DocID025715,
+section 7)."""
 ACCELEROMETER_OFF = 0x00
+"""CTRL_REG6_XL: accelerometer powered down (DocID025715, section 7)."""
 BLOCK_UPDATE_AND_AUTO_INCREMENT = 0x44
+"""CTRL_REG8: bits BDU, 0x40, and IF_ADD_INC, 0x04 (DocID025715, section 7)."""
 FIFO_ENABLE = 0x02
+"""CTRL_REG9: bit FIFO_EN (DocID025715, section 7)."""
 FIFO_CONTINUOUS = 0xC0
+"""FIFO_CTRL: mode in bits 7 to 5; new samples replace the oldest (DocID025715, section 3.5.3)."""
 FIFO_COUNT_BITS = 0x3F
+"""FIFO_SRC: bits 5 to 0, the number of samples in the FIFO (DocID025715, section 7)."""
 FIFO_OVERRUN = 0x40
+"""FIFO_SRC: bit 6, set if samples were lost (DocID025715, section 7)."""
 RAD_S_PER_COUNT = math.radians(8.75e-3)
+"""Sensitivity, rad/s per count: 8.75 mdps at 245 °/s (DocID025715, mechanical characteristics)."""
 SAMPLE = struct.Struct("<hhh")
 """OUT_X_G to OUT_Z_G. With the FIFO enabled, the read address wraps from the last of these
 registers to the first, to the next sample of the FIFO."""
 NOMINAL_ODR_HZ = 119.0
+"""Nominal output data rate, Hz (DocID025715, section 7)."""
 SILENT_S = 0.1
 """An empty FIFO for this time means that the chip lost its supply and its configuration, s.
 Chosen."""

@@ -11,11 +11,17 @@ from companion.core.errors import SensorError
 from companion.drivers.wires.bus import Spi
 
 START = 0x01
+"""First byte out: seven leading zeros and the start bit (DS21295, section 6.1)."""
 SINGLE_ENDED = 0x80
+"""SGL/DIFF bit of the second byte out: convert one input against ground (DS21295, section 5)."""
 CHANNEL_SHIFT = 4
+"""Position of D2 to D0, the input's number, in the second byte out, bits (DS21295, section 5)."""
 NULL_BIT = 0x04
+"""Bit 2 of the second byte in. The chip drives it to zero (DS21295, section 6.1)."""
 HIGH_BITS = 0x03
+"""Bits 9 and 8 of the result, at the end of the second byte in (DS21295, section 6.1)."""
 COUNTS = 1024
+"""Counts of the reference voltage: ten bits (DS21295)."""
 
 
 def request(channel: int) -> bytes:

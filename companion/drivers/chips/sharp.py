@@ -194,6 +194,7 @@ _GP2Y_POINTS = (
 _GP2Y_FAR = Curve(
     tuple(1 / metres for metres, _ in _GP2Y_POINTS), tuple(volts for _, volts in _GP2Y_POINTS)
 )
+"""Output, V, over the inverse of the distance, 1/m, from 1 m on."""
 GP2Y0A710K0F = SharpProfile(
     volts_by_inverse_m=_GP2Y_FAR,
     inverse_m_by_volts=_GP2Y_FAR.inverse(),
@@ -208,5 +209,7 @@ GP2Y0A710K0F = SharpProfile(
     least_v=1.25 - SIGMAS * 0.010,
     most_v=3.13 + SIGMAS * 0.010,
 )
+"""Sharp GP2Y0A710K0F. Curve from 0.5 m on and measuring period: datasheet. Other values: chosen."""
 PAPER = LinearProfile(min_m=0.02, max_m=5.0, error_m=0.05, period_s=0.050)
+"""Sensor of the 2018 paper: minimum and maximum distance and error, m. Period, s: chosen."""
 PROFILES: dict[str, Profile] = {"gp2y0a710k0f": GP2Y0A710K0F, "paper": PAPER}

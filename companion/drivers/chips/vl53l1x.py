@@ -16,20 +16,32 @@ from companion.drivers.wires.bus import Bus, Transaction
 REG_MODEL_ID, MODEL_ID = 0x010F, 0xEACC
 """Model and module type."""
 REG_BOOTED, BOOTED = 0x00E5, 0x01
+"""FIRMWARE__SYSTEM_STATUS, and its bit that is set once the firmware runs (STSW-IMG009)."""
 REG_OSCILLATOR = 0x00DE
 """Ticks of the slow clock per millisecond, approximately; ten bits."""
 REG_PERIOD = 0x006C
+"""SYSTEM__INTERMEASUREMENT_PERIOD, ticks of the slow clock (STSW-IMG009)."""
 REG_INTERRUPT_CLEAR = 0x0086
+"""SYSTEM__INTERRUPT_CLEAR: a write clears the interrupt until the next measurement
+(STSW-IMG009)."""
 REG_MODE_START, TIMED, STOPPED = 0x0087, 0x40, 0x00
+"""SYSTEM__MODE_START, and its values: ranging at the interval of REG_PERIOD, and no ranging
+(STSW-IMG009)."""
 REG_DATA_READY = 0x0031
+"""GPIO__TIO_HV_STATUS: bit 0 is the state of the interrupt pin, here active high (STSW-IMG009)."""
 REG_RESULT = 0x0089
+"""RESULT__RANGE_STATUS: first byte of a result (STSW-IMG009)."""
 RESULT_BYTES, STREAM_AT, RANGE_AT = 15, 2, 13
 """Result registers, from the status to the distance in mm (0x0096); the counter of measurements is
 at 0x008B, eight bits."""
 CLOCK_CORRECTION = 1.075
+"""Ratio of the value of REG_PERIOD to the ticks counted from REG_OSCILLATOR (STSW-IMG009)."""
 SILENT_S = 0.25
+"""Time without a measurement after which the chip is configured again, s. Chosen."""
 NO_BRANCH = 0x00
+"""Control byte of the TCA9548A that disconnects all branches."""
 BOOT_S, BOOT_TRIES = 1.2e-3, 10
+"""Wait after each check of REG_BOOTED, s: the chip's boot time; and number of checks, chosen."""
 
 LONG_DISTANCE_33_MS = (
     (0x0030, 0x01, 1),  # GPIO: interrupt active high
@@ -48,7 +60,10 @@ LONG_DISTANCE_33_MS = (
     (0x0080, 0xFF, 1),  # region of interest: all 16 × 16 detectors
     (0x0081, 0x9B, 1),  # sequence: calibrations, both choices of detectors, ranging
 )
+"""Register, value and number of bytes: long distance mode with a timing budget of 33 ms
+(STSW-IMG009)."""
 VALID = 9
+"""Range status with a valid distance (STSW-IMG009)."""
 MEANINGS = {8: TOO_NEAR, **dict.fromkeys((4, 5, 7), NOTHING)}
 """Status values without a distance: clipped at the minimum distance; no signal, phase out of
 bounds, or wrapped around, all beyond the range. All others are faults: 6 is an obstacle with too

@@ -29,7 +29,9 @@ CLOCK_REPLY = struct.Struct("<dQ")
 BAUD = struct.Struct("<I")
 
 OP_TRANSFER, OP_CLOCK, OP_EXCHANGE, OP_RECEIVE = 1, 2, 3, 4
+"""Operations of a request."""
 STATUS_OK, STATUS_NO_ACKNOWLEDGE, STATUS_MALFORMED = 0, 1, 2
+"""Status of a reply."""
 
 REPLY_TIMEOUT_S = 5.0
 """Longest wait for a reply, s. Chosen."""

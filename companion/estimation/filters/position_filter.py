@@ -27,6 +27,7 @@ from companion.estimation.filters.wall_runs import MAX_INCIDENCE_RAD, Line
 from companion.estimation.smoothing.odometry_model import WANDER_S, OdometryModel
 
 _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
+"""Indices of the first states in x."""
 WALLS = 5
 """Index of the first wall in x."""
 MIN_COS_INCIDENCE = math.cos(MAX_INCIDENCE_RAD)

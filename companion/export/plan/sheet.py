@@ -24,6 +24,7 @@ INK, FAINT, PATH, RETURNS, ROOM, DOOR = (
     "#2a9d8f",
 )
 MM_PER_INCH = 25.4
+"""Millimetres per inch, exact by definition."""
 EDGE_MM = 10.0
 """Margin of the sheet, mm. Chosen."""
 FOOT_MM = 24.0

@@ -16,6 +16,7 @@ from companion.view.access.guard import Guard
 from companion.view.access.secret import is_loopback, needs_token, read_token
 
 BRAND = (42, 157, 143)
+"""Colour of the page's theme, RGB, 0 to 255. Chosen."""
 
 
 class PageServer(viser.ViserServer):

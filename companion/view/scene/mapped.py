@@ -42,6 +42,7 @@ LABEL_PERIOD_S = 2.0
 POINT_COLOUR = (84, 98, 111)
 PATH_COLOUR = (58, 134, 200)
 DRONE_COLOUR = (29, 53, 87)
+"""Colours of points, path and drone, RGB, 0 to 255. Chosen."""
 
 
 class MappedSide:

@@ -14,6 +14,7 @@ from sitl.autopilot.streams import Message
 HASH = "_HASH_CHECK"
 """Read like a parameter: a ground station compares this hash with that of its cached values."""
 ALL_BITS = 0xFFFFFFFF
+"""All bits of a CRC-32: cancel the inversion of `zlib.crc32`."""
 
 
 class Px4Parameters(Parameters):

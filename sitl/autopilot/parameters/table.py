@@ -18,7 +18,9 @@ INTEGER_BITS = {
     mavlink.MAV_PARAM_TYPE_INT16: 16,
     mavlink.MAV_PARAM_TYPE_INT32: 32,
 }
+"""Width of the integer types, bits, by MAV_PARAM_TYPE."""
 MAX_REAL32 = 3.4028234663852886e38
+"""Largest finite single-precision number (IEEE 754)."""
 NUDGE = 0.01
 """ArduPilot adds this before it truncates the decimals, against 2.9999999."""
 

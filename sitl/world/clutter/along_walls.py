@@ -28,7 +28,9 @@ FOLD_M = 0.02, 0.05
 FOLD_STEP_M = 0.05
 """A quarter of a fold along the wall, m."""
 FOLDS = (0.0, 1.0, 0.0, -1.0)
+"""Offsets of successive points of a fold, times its amplitude."""
 CURTAIN_BOTTOM_M = 0.0, 0.3
+"""Minimum and maximum height of a curtain's bottom, m; no lower than that of its wall. Chosen."""
 CURTAIN_TOP_M = 2.2
 """Top of a curtain, m, limited by the ceiling."""
 CURTAINED_SHARE = 0.15

@@ -19,6 +19,7 @@ from sitl.world.plan import NARROWEST_DOOR_M
 Window = tuple[slice, slice]
 
 GRID_M = 0.1
+"""Distance between neighbouring places, m. Chosen."""
 WAY_M = NARROWEST_DOOR_M / 2 - GRID_M / 2
 """Clearance of a way from its middle, m. In a doorway of 0.9 m, the narrowest one in the scores,
 a grid place is at most half a step off the middle."""

@@ -27,7 +27,9 @@ SQUARE_SHARE = 0.6
 GAP_M = 0.03
 """Distance from a wall to a piece's back, m. Chosen: a skirting board."""
 LEG_M = 0.03, 0.06
+"""Minimum and maximum width of legs and posts, m. Chosen."""
 POLE_M = 0.03, 0.08
+"""Minimum and maximum width of poles, m. Chosen."""
 BOARD_M = 0.03
 """Thickness of tops, seats and shelves, m."""
 LOW_M, HIGH_M = 0.9, 1.35

@@ -22,6 +22,7 @@ PANE_M = 0.25, 0.38
 POST_M = 0.06
 """Width of the post between two panes, m: a window frame."""
 PANES = 1, 4
+"""Minimum and maximum number of panes in a window. Chosen."""
 SILL_M, LINTEL_M = 0.9, 2.1
 """Heights of sill and lintel, m, as usual in dwellings; flight height is between them."""
 MIN_ABOVE_M = 0.1

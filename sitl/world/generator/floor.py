@@ -24,8 +24,11 @@ LONGEST_ROOM = 2.2
 CORRIDOR_SHARE = 0.5
 """Probability of a corridor, if there is room for one. Chosen."""
 CORRIDORS_M = (2.0, 2.2, 2.4, 2.6)
+"""Widths of corridors between centre lines, m. Chosen."""
 DOOR_WIDTHS_M = (1.0, 1.2, 1.4)
+"""Widths of doorways, m. Chosen."""
 DOOR_HEIGHTS_M = (2.0, 2.05, 2.1)
+"""Heights of doorways, m. Chosen."""
 BESIDE_DOOR_M = 0.3
 """Smallest wall on either side of a door, to the centre line of the next wall, m. Chosen."""
 LOOP_SHARE = 0.25

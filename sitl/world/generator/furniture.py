@@ -17,6 +17,7 @@ from sitl.world.format import Box, Segment
 from sitl.world.generator.floor import Doorway, Rectangle
 
 GRID_M = 0.1
+"""Spacing of the grid on which ways are checked, m. Chosen."""
 BEFORE_DOOR_M = 1.3
 """Free depth on both sides of every door, m. Chosen."""
 ASIDE_OF_DOOR_M = 0.2
@@ -28,6 +29,7 @@ WAY_M = 1.1
 START_CLEARANCE_M = 0.85
 """Clearance around a start, m. Chosen."""
 ROUNDING_M = 1e-6
+"""Tolerance for rounding in the comparison of clearances, m. Chosen."""
 
 FURNISHED = (0.0, 0.2, 0.4)
 """Pieces tried per m²; drawn for every building. Chosen."""

@@ -7,6 +7,7 @@ from companion.core.arrays import Array, Indices
 from sitl.world.plan import spread
 
 ROUNDING_M = 1e-9
+"""Tolerance for rounding in the reach of a wall sample, m. Chosen."""
 SAMPLES_AT_FIRST = 8
 """Wall samples queried for all points at once; few points have more within reach. Chosen."""
 

@@ -15,6 +15,7 @@ TOLERANCE_CELLS = 0.7
 wall one cell thick keeps its two sides. With half a cell from a jog, an outline stays within about
 a cell of the truth."""
 SAME_WITHIN_CELLS = 0.5
+"""Distance within which two ends of edges are the same point, cells. All ends are whole numbers."""
 
 
 def roughness(occupied: Mask) -> int:

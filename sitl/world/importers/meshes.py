@@ -36,7 +36,9 @@ WAY_UP_CLEARANCE_M = 0.3
 
 Y_UP_SUFFIXES = (".glb", ".gltf")
 ENU_FROM_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+"""Rotation from glTF's axes, y up, to east, north, up: z is south."""
 NED_FROM_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""Rotation from east, north, up to north, east, down."""
 READERS: Mapping[str, Callable[[bytes, Path], Iterable[Part]]] = {
     ".stl": read_stl,
     ".obj": read_obj,

@@ -19,11 +19,17 @@ from companion.core.textfile import decoded
 from sitl.world.importers.formats import MeshError, Part, fan, strip
 
 MAGIC, VERSION = b"glTF", 2
+"""First bytes of a GLB file, and the supported version (glTF 2.0, GLB file format)."""
 CHUNK_JSON, CHUNK_BIN = 0x4E4F534A, 0x004E4942
+"""Chunk types: `JSON` and `BIN` in ASCII, little-endian (glTF 2.0, GLB file format)."""
 KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+"""NumPy type by accessor.componentType (glTF 2.0)."""
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+"""Number of components by accessor.type (glTF 2.0); matrices are not read."""
 POINTS_AND_LINES = (0, 1, 2, 3)
+"""Values of primitive.mode without triangles: points, lines, line loops and strips (glTF 2.0)."""
 TRIANGLES, STRIP, FAN = 4, 5, 6
+"""Values of primitive.mode with triangles (glTF 2.0)."""
 MAX_VALUES = 50_000_000
 """Largest number of values in an accessor. Chosen."""
 

@@ -27,6 +27,7 @@ KINDS = {
 ORDERS = {"ascii": "", "binary_little_endian": "<", "binary_big_endian": ">"}
 CORNERS = ("vertex_indices", "vertex_index")
 END_OF_STRIP = -1
+"""Index in `tristrips` that ends a strip."""
 Row = list[list[float]]
 """Values of each property: one value, or those of a list."""
 

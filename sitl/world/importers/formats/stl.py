@@ -10,7 +10,9 @@ import numpy as np
 from sitl.world.importers.formats import MeshError, Part
 
 HEADER_BYTES = 84
+"""Length of a binary file's header, bytes: 80 of text and a 32-bit number of triangles."""
 FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+"""One triangle of a binary file, 50 bytes, little-endian."""
 NAME = re.compile(rb"(?im)^\s*(?:end)?solid\b.*$")
 CORNER = re.compile(rb"(?i)\bvertex\s+(\S+)\s+(\S+)\s+(\S+)")
 FACETS = re.compile(rb"(?i)\bfacet\b")
