@@ -319,8 +319,8 @@ class App:
     def _report(self, now_s: float) -> Progress:
         if now_s - self._progress.time_s >= PROGRESS_PERIOD_S:
             flight = self.flight
-            told = flight.activity, flight.trouble
-            self._progress = Progress(now_s, *told, self._walls, flight.notice)
+            state = flight.activity, flight.trouble
+            self._progress = Progress(now_s, *state, self._walls, flight.notice)
         return self._progress
 
     def final_floor_plan(self) -> FloorPlan:

@@ -16,7 +16,8 @@ import numpy as np
 
 from companion.core.arrays import Array, Mask
 from companion.navigation.swing import TO_THE_RIGHT
-from companion.safety.swept_space import BODY_M, EYE_M, NARROW, WIDE, GridSpec, SweptGrid
+from companion.safety.control_laws import BODY_RADIUS_M
+from companion.safety.swept_space import EYE_M, NARROW, WIDE, GridSpec, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
 from sitl.core.vehicle import STEP_S, Follow, Loop
@@ -41,7 +42,7 @@ class Legs:
 
     def touched_m(self) -> Array:
         """(n,): distance along the way of the drone's centre when its body touches each leg, m."""
-        reach_m = BODY_M + self.radius_m
+        reach_m = BODY_RADIUS_M + self.radius_m
         touched_m: Array = self.along_m - np.sqrt(reach_m**2 - self.aside_m**2)
         return touched_m
 
@@ -76,7 +77,7 @@ def fly(seed: int, fill: GridSpec, rate_deg_s: float, most_m_s: float) -> tuple[
     right, begins = np.array((-ahead[1], ahead[0])), rng.uniform(-1, 1, 2)
     legs = Legs(
         rng.uniform(3, LENGTH_M - 1, LEGS),
-        rng.uniform(-BODY_M, BODY_M, LEGS),
+        rng.uniform(-BODY_RADIUS_M, BODY_RADIUS_M, LEGS),
         rng.uniform(*THICK_M, LEGS) / 2,
     )
     found_m, found_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)

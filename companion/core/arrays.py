@@ -4,8 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-"""Numbers."""
+"""Array of real numbers."""
 Mask = NDArray[np.bool_]
-"""Truth values."""
+"""Array of truth values."""
 Indices = NDArray[np.int64]
-"""Indices or whole numbers."""
+"""Array of indices or other whole numbers."""

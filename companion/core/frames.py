@@ -20,8 +20,6 @@ from companion.core.arrays import Array
 
 Vector2 = tuple[float, float]
 Vector3 = tuple[float, float, float]
-
-
 Angles = TypeVar("Angles", float, Array)
 """One angle or an array of angles, rad."""
 

@@ -72,6 +72,7 @@ class Pace:
     """Time of the last tick of the journey, s after the start."""
     flown_m: float = AMONG_LEGS_MEAN_M_S * AMONG_LEGS_PRIOR_S
     flown_s: float = AMONG_LEGS_PRIOR_S
+    """Length, m, and time, s, of all journeys so far, from the initial mean on."""
 
     @property
     def mean_m_s(self) -> float:
@@ -97,7 +98,7 @@ class Pace:
 
 @value
 class Reserve:
-    """State: the time to fly home and the battery records."""
+    """State: the time to fly home, the battery records, and the pace among legs."""
 
     noted: tuple[Spent, ...] = ()
     """Battery records of the second half of the flight so far, and one before it."""
@@ -116,7 +117,7 @@ def step(
     space: Occupancy,
     plan: MissionConfig,
     *,
-    travels: bool = False,
+    travels: bool,
 ) -> tuple[Reserve, str]:
     """Runs one tick. Returns the next state and the reason to return now, empty without one.
 

@@ -25,7 +25,7 @@ from companion.navigation.observation import Observation
 from companion.pdps.frontiers import centres
 from companion.pdps.viewpoints import ROOM_TO_LOOK_M, Viewpoint, seconds
 from companion.pdps.visibility import is_clear, viewpoints
-from companion.safety.velocity_guard import BODY_RADIUS_M
+from companion.safety.control_laws import BODY_RADIUS_M
 
 LOOSE_M = 0.05
 """Minimum sigma of the distance between two walls that justifies a look, m. Chosen."""

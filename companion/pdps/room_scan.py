@@ -44,6 +44,7 @@ from companion.navigation.swing import TO_THE_RIGHT
 from companion.pdps.perpendicular import TurnReading, find_perpendicular, free_distance
 from companion.pdps.room_scan_state import Mark, RoomScan, ScanPhase
 from companion.safety.control_laws import (
+    BODY_RADIUS_M,
     FULL_STOP_BEFORE_M,
     approach_speed,
     clamp,
@@ -51,7 +52,6 @@ from companion.safety.control_laws import (
     stay,
     turn_towards,
 )
-from companion.safety.velocity_guard import BODY_RADIUS_M
 
 QUARTER_TURN_RAD = math.pi / 2
 """Angle between two walls of a room, and between the wall's normal and the flight along it."""

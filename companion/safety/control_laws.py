@@ -26,6 +26,8 @@ CLIMB_LAG_S = 0.45
 """Time for which the drone keeps its vertical speed after a change, s (docs/autopilot.md)."""
 FULL_STOP_BEFORE_M = 0.7
 """Minimum distance to an obstacle ahead, m; below it the drone stops in every phase. Chosen."""
+BODY_RADIUS_M = 0.2
+"""Distance from the drone's centre to its hull, m; half the width of the swept path."""
 BRAKING_M_S2 = 0.5
 """Planned deceleration, m/s². Chosen: the autopilot's velocity loop, which needs about a second,
 can follow it."""

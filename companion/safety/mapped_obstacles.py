@@ -16,8 +16,8 @@ from companion.core.arrays import Array
 from companion.core.frames import points_to_frd
 from companion.core.messages import Pose
 from companion.mapping.occupancy import Occupancy
+from companion.safety.control_laws import BODY_RADIUS_M
 from companion.safety.obstacle_points import KEPT_S
-from companion.safety.velocity_guard import BODY_RADIUS_M
 
 RECALLED_WITHIN_M = 2.0
 """Search radius from the drone's centre, m. Chosen: from 1 m/s the drone stops within 1.5 m

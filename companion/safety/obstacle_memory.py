@@ -110,8 +110,8 @@ class ObstacleMemory:
     def _lane(self, bearing_frd_rad: float) -> Lane:
         """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        passed = self._narrow if self._is_among_legs else self._wide
-        lane = passed.lane(self._ne_m, bearing_rad, self._now_s)
+        swept = self._narrow if self._is_among_legs else self._wide
+        lane = swept.lane(self._ne_m, bearing_rad, self._now_s)
         old = self._points.detected_before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 

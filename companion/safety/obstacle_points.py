@@ -198,7 +198,7 @@ class ObstaclePoints:
         """(n,): sigma of the drone's drift since each point was detected, m."""
         return self._drift.sigma_m(np.maximum(now_s - self._points[:, _DETECTED_S], 0.0))
 
-    def nearest(self, ne_m: Vector2, yaw_rad: float, passed: SweptGrid) -> Array:
+    def nearest(self, ne_m: Vector2, yaw_rad: float, swept: SweptGrid) -> Array:
         """Points (n, 2), m, forward and right; inexact ones at their nearest possible position.
 
         That position lies along their beam, where no beam has passed since the detection.
@@ -211,7 +211,7 @@ class ObstaclePoints:
         span = places[vague, None] + offsets_m[..., None] * along[:, None]
         away_m = np.hypot(*np.moveaxis(span - ne_m, -1, 0))
         detected_s = self._points[vague, _DETECTED_S, None]
-        away_m[passed.when_s(span) > detected_s] += KEPT_WITHIN_M
+        away_m[swept.when_s(span) > detected_s] += KEPT_WITHIN_M
         places[vague] = span[np.arange(len(vague)), away_m.argmin(axis=1)]
         return points_to_frd(places - ne_m, yaw_rad)
 

@@ -28,6 +28,7 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.frames import Vector2
+from companion.safety.control_laws import BODY_RADIUS_M
 
 LATELY_S = 30.0
 """Time for which a swept cell stays free, s. Chosen: odometry drifts by less than a hand's width.
@@ -39,8 +40,6 @@ wide cell apart."""
 LEG_M = 0.03
 """Diameter of the thinnest obstacle, m. A beam that passes its middle within half of that detects
 it. Chosen."""
-BODY_M = 0.2
-"""Distance from the drone's centre to its hull, half the width of the path, m."""
 EYE_M = 0.1
 """Distance from the drone's centre to the front sensor, m. Chosen."""
 NEXT_M = 1.5
@@ -73,7 +72,7 @@ class GridSpec:
     @property
     def hull_m(self) -> float:
         """Radius of the body plus two cells, m; free of obstacles, since the drone is there."""
-        return BODY_M + 2 * self.cell_m
+        return BODY_RADIUS_M + 2 * self.cell_m
 
     @property
     def step_m(self) -> float:
@@ -119,12 +118,12 @@ def all_swept(bearing_frd_rad: float) -> Lane:
 class SweptGrid:
     """Grid with the time at which a beam last swept each cell."""
 
-    def __init__(self, fill: GridSpec = WIDE) -> None:
-        self._fill = fill
-        self._when_s = np.full((fill.cells, fill.cells), -math.inf)
-        self._hull = _disc(fill)
-        self._along_m = np.arange(0.0, fill.to_m, fill.step_m)
-        self._samples = _PathSamples.of(fill)
+    def __init__(self, spec: GridSpec = WIDE) -> None:
+        self._spec = spec
+        self._when_s = np.full((spec.cells, spec.cells), -math.inf)
+        self._hull = _disc(spec)
+        self._along_m = np.arange(0.0, spec.to_m, spec.step_m)
+        self._samples = _PathSamples.of(spec)
 
     def free_hull(self, place_ne_m: Vector2, time_s: float) -> None:
         """Mark the cells that the drone's hull covers as free."""
@@ -132,11 +131,11 @@ class SweptGrid:
 
     def sweep(self, eye_ne_m: Vector2, bearing_rad: float, free_m: Vector2, time_s: float) -> None:
         """Mark the cells that a beam swept from `free_m[0]` to `free_m[1]`, m from its origin."""
-        from_m, to_m = free_m[0], free_m[1] - self._fill.cell_m
+        from_m, to_m = free_m[0], free_m[1] - self._spec.cell_m
         along_m = self._along_m[slice(*np.searchsorted(self._along_m, (from_m, to_m)))]
         ahead, aside = _axes(bearing_rad)
         middle = eye_ne_m + along_m[:, None] * ahead
-        if self._fill.is_proof:
+        if self._spec.is_proof:
             self._prove(eye_ne_m, middle, aside, time_s)
             return
         for off_m in (-LEG_M / 2, 0.0, LEG_M / 2):
@@ -144,12 +143,12 @@ class SweptGrid:
 
     def _prove(self, eye_ne_m: Vector2, middle: Array, aside: Array, time_s: float) -> None:
         """Mark the cells with their middle within half a leg's width of the beam."""
-        cell_m = self._fill.cell_m
-        offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._fill.step_m)
+        cell_m = self._spec.cell_m
+        offsets_m = np.arange(-LEG_M / 2, LEG_M / 2, self._spec.step_m)
         near = (middle[:, None] + offsets_m[:, None] * aside).reshape(-1, 2)
         numbers = np.floor(near / cell_m).astype(np.int64)
         off_m = np.abs(((numbers + 0.5) * cell_m - eye_ne_m) @ aside)
-        proved = numbers[off_m < LEG_M / 2] % self._fill.cells
+        proved = numbers[off_m < LEG_M / 2] % self._spec.cells
         self._when_s[tuple(proved.T)] = time_s
 
     def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
@@ -160,7 +159,7 @@ class SweptGrid:
         is_unswept = self.when_s(places) <= now_s - LATELY_S
         off_rad = samples.off_rad[is_unswept & (samples.reached_m < NEXT_M)]
         return Lane(
-            float(samples.reached_m[is_unswept].min(initial=self._fill.to_m)),
+            float(samples.reached_m[is_unswept].min(initial=self._spec.to_m)),
             float(-off_rad.min(initial=0.0)),
             float(off_rad.max(initial=0.0)),
         )
@@ -171,7 +170,7 @@ class SweptGrid:
         return when_s
 
     def _cells(self, places_ne_m: Array) -> tuple[Indices, Indices]:
-        cells = np.floor(places_ne_m / self._fill.cell_m).astype(np.int64) % self._fill.cells
+        cells = np.floor(places_ne_m / self._spec.cell_m).astype(np.int64) % self._spec.cells
         return cells[..., 0], cells[..., 1]
 
 
@@ -187,24 +186,24 @@ class _PathSamples:
     """Angle of each sample to the right of the path, seen from the sensor, rad."""
 
     @classmethod
-    def of(cls, fill: GridSpec) -> "_PathSamples":
+    def of(cls, spec: GridSpec) -> "_PathSamples":
         ahead_m, aside_m = (
             each.ravel()
             for each in np.meshgrid(
-                np.arange(fill.hull_m, fill.to_m, fill.cell_m),
-                np.arange(-BODY_M, BODY_M + fill.step_m, fill.cell_m),
+                np.arange(spec.hull_m, spec.to_m, spec.cell_m),
+                np.arange(-BODY_RADIUS_M, BODY_RADIUS_M + spec.step_m, spec.cell_m),
                 indexing="ij",
             )
         )
-        reached_m = ahead_m - np.sqrt(fill.reach_m**2 - aside_m**2)
+        reached_m = ahead_m - np.sqrt(spec.reach_m**2 - aside_m**2)
         return cls(ahead_m, aside_m, reached_m, np.arctan2(aside_m, ahead_m - EYE_M))
 
 
-def _disc(fill: GridSpec) -> Array:
+def _disc(spec: GridSpec) -> Array:
     """Centres (n, 2) of the cells that the hull covers, m."""
-    offsets = np.arange(-fill.hull_m, fill.hull_m + fill.step_m, fill.cell_m)
+    offsets = np.arange(-spec.hull_m, spec.hull_m + spec.step_m, spec.cell_m)
     places = np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
-    inside: Array = places[np.hypot(*places.T) <= fill.hull_m]
+    inside: Array = places[np.hypot(*places.T) <= spec.hull_m]
     return inside
 
 

@@ -32,12 +32,10 @@ from companion.core.frames import Vector2
 from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
-from companion.safety.control_laws import BRAKING_M_S2, clamp
+from companion.safety.control_laws import BODY_RADIUS_M, BRAKING_M_S2, clamp
 from companion.safety.obstacle_memory import Surroundings
 from companion.safety.obstacle_points import DRIFT_SIGMAS
 
-BODY_RADIUS_M = 0.2
-"""Distance from the drone's centre to its hull, m."""
 GIVE_WAY_GAIN_1_S = 0.8
 """Speed away from an obstacle per missing clearance, 1/s. Chosen."""
 MAX_GIVE_WAY_M_S = 0.15

@@ -30,7 +30,8 @@ _NORTH, _EAST, _SCALE, _WANDER_NORTH, _WANDER_EAST = range(5)
 """Indices of the first states in x."""
 WALLS = 5
 """Index of the first wall in x."""
-MIN_COS_INCIDENCE = math.cos(MAX_INCIDENCE_RAD)
+_MIN_COS = math.cos(MAX_INCIDENCE_RAD)
+"""Cosine of the maximum incidence of a range on a wall."""
 
 
 @dataclass(slots=True)
@@ -185,7 +186,7 @@ class LineSlam:
         normal_rad = self._heading.normal_rad(wall.index)
         incidence_rad = bearing_rad - normal_rad
         cos_incidence = math.cos(incidence_rad)
-        if cos_incidence < MIN_COS_INCIDENCE:
+        if cos_incidence < _MIN_COS:
             return None
         cos_n, sin_n = math.cos(normal_rad), math.sin(normal_rad)
         north, east = centre_ne_m[0] - wall.anchor_ne_m[0], centre_ne_m[1] - wall.anchor_ne_m[1]

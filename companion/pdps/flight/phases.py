@@ -78,8 +78,14 @@ from companion.pdps.flight.state import (
 from companion.pdps.layers import Layers, LayersPhase
 from companion.pdps.left_unseen import in_words, left_unseen
 from companion.pdps.room_scan_state import RoomScan, ScanPhase
-from companion.safety.control_laws import CLIMB_LAG_S, MAX_CLIMB_M_S, approach_speed, climb_to
-from companion.safety.velocity_guard import BODY_RADIUS_M, guarded
+from companion.safety.control_laws import (
+    BODY_RADIUS_M,
+    CLIMB_LAG_S,
+    MAX_CLIMB_M_S,
+    approach_speed,
+    climb_to,
+)
+from companion.safety.velocity_guard import guarded
 
 
 def step(
