@@ -58,7 +58,7 @@ class GridSpec:
     cell_m: float
     """Side of a cell, m."""
     cells: int
-    """Number of cells along each side of the grid."""
+    """Number of cells along each side of the grid, a power of two."""
     to_m: float
     """Length of the path ahead that is evaluated, m."""
     reach_m: float
@@ -73,6 +73,11 @@ class GridSpec:
     def hull_m(self) -> float:
         """Radius of the body plus two cells, m; free of obstacles, since the drone is there."""
         return BODY_RADIUS_M + 2 * self.cell_m
+
+    @property
+    def wrap(self) -> int:
+        """Bits of a cell's number that remain when the grid wraps around."""
+        return self.cells - 1
 
     @property
     def step_m(self) -> float:
@@ -148,7 +153,7 @@ class SweptGrid:
         near = (middle[:, None] + offsets_m[:, None] * aside).reshape(-1, 2)
         numbers = np.floor(near / cell_m).astype(np.int64)
         off_m = np.abs(((numbers + 0.5) * cell_m - eye_ne_m) @ aside)
-        proved = numbers[off_m < LEG_M / 2] % self._spec.cells
+        proved = numbers[off_m < LEG_M / 2] & self._spec.wrap
         self._when_s[tuple(proved.T)] = time_s
 
     def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
@@ -170,7 +175,7 @@ class SweptGrid:
         return when_s
 
     def _cells(self, places_ne_m: Array) -> tuple[Indices, Indices]:
-        cells = np.floor(places_ne_m / self._spec.cell_m).astype(np.int64) % self._spec.cells
+        cells = np.floor(places_ne_m / self._spec.cell_m).astype(np.int64) & self._spec.wrap
         return cells[..., 0], cells[..., 1]
 
 

@@ -1,8 +1,9 @@
 """Assigns each hit to a wall, in every round of the smoother with a narrower gate.
 
-A wall stays if it is worth its two unknowns: if the hits would fit clearly worse without it.
-Duplicates are merged. Rows of noise beside a real wall are pruned, as are pieces of wall that beams
-passed through. Hits beyond a step belong to another wall (`steps.py`).
+A wall stays if it is worth its two unknowns: if the hits would fit clearly worse without it, and
+few beams passed through it. Duplicates are merged. Rows of noise beside a real wall are pruned, as
+are pieces of wall that beams passed through. Hits beyond a step belong to another wall
+(`steps.py`).
 """
 
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from companion.estimation.association.pruning import (
     without_isolated_hits,
     without_weak_walls,
 )
-from companion.estimation.association.see_through import passed_through
+from companion.estimation.association.see_through import passages, passed_through
 from companion.estimation.association.steps import Steps
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.range_noise import RangeUnits
@@ -52,12 +53,16 @@ class Association:
         pairs = pairs.without(steps.off_surface(wall_of, x.walls), wall_of)
         pairs = without_distant_rows(x, rays, pairs, self.support)
         pairs = without_isolated_hits(m, pairs)
+        passed = np.zeros(len(x.walls), dtype=np.int64)
         if gate.prunes_see_through:
             pairs = without_bends(x, rays, sigma_m, pairs, known)
             wall_of = pairs.best()
             wrong = passed_through(x, rays, sigma_m, wall_of, self.support.opening_m)
             pairs = pairs.without(wrong, wall_of)
-        pairs, kept = without_weak_walls(x, rays, sigma_m, pairs, self.support, known=known)
+            passed = passages(x, rays, sigma_m, pairs.best(), self.support.opening_m)
+        pairs, kept = without_weak_walls(
+            x, rays, sigma_m, pairs, self.support, passed=passed, known=known
+        )
         past_reach_m = x.reach_m[:known]
         wall_of = x.keep_walls(kept, pairs.best())
         x.reach_m = reach_m(x, rays.points, wall_of)

@@ -112,18 +112,22 @@ def _agreement(m: Measured, hit: Indices, wall: Indices, gain: Array) -> Array:
     wall that crosses there.
     """
     by_beam = np.lexsort((np.arange(len(m.beam)), m.beam))
-    apart = np.diff(m.beam[by_beam], prepend=-1) != 0
-    apart |= np.diff(m.frame[by_beam], prepend=0) > 1
+    is_first = np.diff(m.beam[by_beam], prepend=-1) != 0
+    is_first |= np.diff(m.frame[by_beam], prepend=0) > 1
     rank = np.empty(len(m.beam), dtype=np.int64)
-    rank[by_beam] = np.cumsum(1 + NEIGHBOURS * apart)
+    rank[by_beam] = np.cumsum(1 + NEIGHBOURS * is_first)
     key = wall * (rank.max(initial=0) + NEIGHBOURS + 1) + rank[hit]
     order = np.argsort(key, kind="stable")
-    sorted_key, sorted_gain = key[order], gain[order]
-    total: Array = gain.copy()
-    for shift in (*range(-NEIGHBOURS, 0), *range(1, NEIGHBOURS + 1)):
-        place = np.minimum(np.searchsorted(sorted_key, key + shift), max(len(key) - 1, 0))
-        total += np.where(sorted_key[place] == key + shift, sorted_gain[place], 0.0)
-    return total
+    key, gain = key[order], gain[order]
+    near = [key[apart:] - key[:-apart] <= NEIGHBOURS for apart in range(1, NEIGHBOURS + 1)]
+    total = gain.copy()
+    for apart in range(NEIGHBOURS, 0, -1):
+        total[apart:] += np.where(near[apart - 1], gain[:-apart], 0.0)
+    for apart in range(1, NEIGHBOURS + 1):
+        total[:-apart] += np.where(near[apart - 1], gain[apart:], 0.0)
+    agreed = np.empty_like(total)
+    agreed[order] = total
+    return agreed
 
 
 def _facing(x: Unknowns, rays: Rays, along_m: float) -> tuple[Indices, Indices, Array]:

@@ -18,6 +18,8 @@ from companion.estimation.association.straightness import bend, longer_side
 
 STEP_RAD = math.radians(3)
 """Directions are binned by this, rad. Chosen."""
+DIRECTIONS = round(math.tau / STEP_RAD)
+"""Number of those bins."""
 BIN_M = 0.12
 """Offsets are binned by this, m. Chosen."""
 CROWD_M = 0.15
@@ -56,9 +58,7 @@ def detect_walls(cloud: Cloud, support: Support) -> tuple[Array, Array]:
     reach: list[tuple[float, float]] = []
     for _ in range(MAX_PEAKS):
         weight = np.where(free, votes.weight, 0.0)
-        accumulator = np.bincount(
-            votes.cell, (weight[:, None] * votes.is_facing).ravel(), minlength=votes.size
-        )
+        accumulator = np.bincount(votes.cell, weight[votes.hit], minlength=votes.size)
         # A wall may span two bins.
         accumulator = accumulator[:-1] + accumulator[1:]
         peak = int(accumulator.argmax())
@@ -78,31 +78,35 @@ def detect_walls(cloud: Cloud, support: Support) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, slots=True)
 class _Votes:
+    """Each hit votes for all lines through it whose front its beam can reach."""
+
+    hit: Indices
+    """(v,)."""
     cell: Indices
-    """(n · a,): bin of each hit at each direction."""
-    is_facing: Mask
-    """(n, a): the beam can reach the front of a wall with this direction."""
+    """(v,): bin of direction and offset."""
     weight: Array
+    """(n,): weight of each hit's votes."""
     low_m: float
     bins: int
+    """Number of offsets."""
 
     @property
     def size(self) -> int:
-        return self.bins * int(self.is_facing.shape[1])
+        return self.bins * DIRECTIONS
 
     def line(self, peak: int) -> Array:
         direction, offset = divmod(peak, self.bins)
         return np.array([direction * STEP_RAD, self.low_m + (offset + 1) * BIN_M])
 
     def in_bins(self, peak: int) -> Mask:
-        direction = peak // self.bins
-        cell = self.cell.reshape(self.is_facing.shape)[:, direction]
-        inside: Mask = ((cell == peak) | (cell == peak + 1)) & self.is_facing[:, direction]
+        """(n,): True for the hits that vote for the peak's two bins."""
+        inside = np.zeros(len(self.weight), dtype=bool)
+        inside[self.hit[(self.cell == peak) | (self.cell == peak + 1)]] = True
         return inside
 
 
 def _votes(cloud: Cloud) -> _Votes:
-    angle = np.arange(round(math.tau / STEP_RAD)) * STEP_RAD
+    angle = np.arange(DIRECTIONS) * STEP_RAD
     offset = cloud.points @ np.array([np.cos(angle), np.sin(angle)])
     low_m = float(offset.min(initial=0.0)) - BIN_M
     number = np.floor((offset - low_m) / BIN_M).astype(np.int64)
@@ -110,9 +114,10 @@ def _votes(cloud: Cloud) -> _Votes:
     _, crowd, size = np.unique(
         np.floor(cloud.points / CROWD_M), axis=0, return_inverse=True, return_counts=True
     )
+    hit, direction = np.nonzero(np.cos(cloud.bearing_rad[:, None] - angle) > MIN_COS_INCIDENCE)
     return _Votes(
-        cell=(number + bins * np.arange(len(angle))).ravel(),
-        is_facing=np.cos(cloud.bearing_rad[:, None] - angle) > MIN_COS_INCIDENCE,
+        hit,
+        cell=number[hit, direction] + bins * direction,
         weight=1 / size[crowd.ravel()],
         low_m=low_m,
         bins=bins,

@@ -8,7 +8,11 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
-from companion.estimation.association.gating import MIN_COS_INCIDENCE, Candidates
+from companion.estimation.association.gating import (
+    MIN_COS_INCIDENCE,
+    UNEXPLAINED,
+    Candidates,
+)
 from companion.estimation.association.merging import MAX_MERGE_GAP_M, SAME_DIRECTION_RAD, fitted
 from companion.estimation.association.straightness import bend, longer_side
 from companion.estimation.smoothing.flight_record import NO_WALL
@@ -170,14 +174,26 @@ def without_bends(
 
 
 def without_weak_walls(
-    x: Unknowns, rays: Rays, sigma_m: Array, pairs: Candidates, support: Support, *, known: int
+    x: Unknowns,
+    rays: Rays,
+    sigma_m: Array,
+    pairs: Candidates,
+    support: Support,
+    *,
+    passed: Indices,
+    known: int,
 ) -> tuple[Candidates, Indices]:
-    """Remove the walls with the least support one by one. Returns the pairs and walls that stay."""
+    """Remove the walls with the least support one by one. Returns the pairs and walls that stay.
+
+    `passed` (w,): number of beams that passed through each wall. Each of them contradicts the wall
+    as much as a hit without a wall.
+    """
     kept = np.arange(len(x.walls))
     while len(kept) > known:
         _, wall, worth = pairs.worths()
         hits = np.bincount(wall, minlength=len(x.walls)).astype(float)
-        worths = np.bincount(wall, worth, len(x.walls)) / support.needed(hits)
+        saved = np.bincount(wall, worth, len(x.walls)) - UNEXPLAINED * passed
+        worths = saved / support.needed(hits)
         wall_of = pairs.best()
         low_m, high_m = reach_m(x, rays.points, wall_of).T
         is_uncertain = _normal_sigma_rad(x, rays, sigma_m, wall_of) > support.normal_sigma_rad

@@ -48,6 +48,18 @@ def passed_through(
     return wrong
 
 
+def passages(
+    x: Unknowns, rays: Rays, sigma_m: Array, wall_of: Indices, opening_m: float
+) -> Indices:
+    """(w,): number of beams that passed through each wall, between its hits and not in an opening.
+
+    Lines through legs and the edges of furniture have hits enough to exist, but beams pass between.
+    """
+    _, _, pieces = _pieces(x, rays.points, wall_of, opening_m)
+    _, passed_piece = _passages(x, rays, sigma_m, pieces)
+    return np.bincount(pieces.wall[passed_piece], minlength=len(x.walls))
+
+
 @dataclass(frozen=True, slots=True)
 class _Pieces:
     """Straight pieces of wall, ordered by wall and position, (p,)."""

@@ -4,6 +4,7 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.estimation.association.gating import UNEXPLAINED
+from companion.estimation.association.see_through import passages
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
@@ -21,13 +22,19 @@ BEYOND_END_M = 0.2
 
 
 def cost(smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPrior) -> float:
-    """χ² of all measurements, robust against outliers, plus a cost per wall."""
+    """χ² of all measurements, robust against outliers, plus a cost per wall.
+
+    A beam that passed through a wall counts as a hit that fits no wall.
+    """
     x, wall_of, units = estimate.x, estimate.wall_of, smoother.models.ranges
     on_walls = np.minimum(hit_residuals(x, m, wall_of, units) ** 2, UNEXPLAINED).sum()
     on_none = _explained(x, m, np.flatnonzero(wall_of == NO_WALL), units).sum()
+    sigma_m = units.sigma_m(m.beam, m.distance_m)
+    opening_m = smoother.support.opening_m
+    through = UNEXPLAINED * passages(x, project(x, m), sigma_m, wall_of, opening_m).sum()
     prior_cost = prior.gaussian.cost(prior.difference(x))
     motion = smoother.motion(x, m).squares
-    return motion + float(on_walls + on_none) + prior_cost + WALL_COST * len(x.walls)
+    return motion + float(on_walls + on_none + through) + prior_cost + WALL_COST * len(x.walls)
 
 
 def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Array:

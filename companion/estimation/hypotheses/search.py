@@ -11,8 +11,9 @@ bridges the stretch, and the hits are associated again with narrow gates:
 A repeated visit to a wall may belong to another wall (`split_revisits.py`): it gets its own wall. A
 whole stretch may be offset from the map (`shift_stretches.py`): it is shifted.
 
-Each alternative is solved and kept only if it explains all measurements better. The odometry may be
-the wrong one.
+An alternative is first solved alone: only the hits of its stretch are associated again, the rest of
+the map stays. Only if it then explains all measurements better are all hits associated again, and
+it is kept only if it still does. The odometry may be the wrong one.
 """
 
 import itertools
@@ -23,7 +24,7 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
-from companion.estimation.hypotheses.chi_square import cost
+from companion.estimation.hypotheses.chi_square import WALL_COST, cost
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
 from companion.estimation.hypotheses.split_revisits import split, split_candidates
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
@@ -62,6 +63,17 @@ MIN_GAIN = 40.0
 
 
 @dataclass(frozen=True, slots=True)
+class Alternative:
+    """A solution whose other hits have kept their walls."""
+
+    estimate: Estimate
+    gates: Sequence[Gate]
+    """Gates of the association of all hits that follows."""
+    slack: float = 0.0
+    """χ² that this association may save besides."""
+
+
+@dataclass(frozen=True, slots=True)
 class HypothesisSearch:
     """Searches for a more likely solution, in pieces of some milliseconds."""
 
@@ -76,10 +88,10 @@ class HypothesisSearch:
             suspect = contradicted(estimate.x, self.m, self.smoother.models)
             if not suspect.any():
                 break
-            alternative = yield from self._without(suspect, estimate)
-            if self._cost(alternative) >= self._cost(estimate):
+            likelier = yield from self._likelier([self._bridged(suspect, estimate)], estimate)
+            if likelier is None:
                 break
-            estimate = alternative
+            estimate = likelier
         return (yield from self._search_revisits(estimate))
 
     def final_search(self, estimate: Estimate) -> Generator[None, None, Estimate]:
@@ -106,7 +118,7 @@ class HypothesisSearch:
             odometry = self.smoother.models.odometry
             worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
-            alternatives = (self._without(suspect, estimate) for suspect in stretches.values())
+            alternatives = (self._bridged(suspect, estimate) for suspect in stretches.values())
             likelier = yield from self._likelier(alternatives, estimate, MIN_GAIN)
             if likelier is None:
                 tried |= stretches.keys()
@@ -139,7 +151,7 @@ class HypothesisSearch:
 
     def _likelier(
         self,
-        alternatives: Iterable[Generator[None, None, Estimate]],
+        alternatives: Iterable[Generator[None, None, Alternative]],
         estimate: Estimate,
         gain: float = 0.0,
     ) -> Generator[None, None, Estimate | None]:
@@ -147,34 +159,57 @@ class HypothesisSearch:
         likely = self._cost(estimate) - gain
         for work in alternatives:
             alternative = yield from work
-            if self._cost(alternative) < likely:
-                return alternative
+            if self._cost(alternative.estimate) - alternative.slack >= likely:
+                continue
+            x = alternative.estimate.x
+            settled = yield from self.smoother.smoothing(x, self.m, self.prior, alternative.gates)
+            if self._cost(settled) < likely:
+                return settled
         return None
 
     def _cost(self, estimate: Estimate) -> float:
         return cost(self.smoother, estimate, self.m, self.prior)
 
-    def _without(self, suspect: Mask, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The solution with the hits of masked keyframes (k,) associated again."""
+    def _bridged(self, suspect: Mask, estimate: Estimate) -> Generator[None, None, Alternative]:
+        """Odometry bridges the masked keyframes (k,); then their hits are associated again."""
         x, wall_of = estimate.x.since(0), np.where(suspect[self.m.frame], NO_WALL, estimate.wall_of)
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(x, self.m, wall_of, self.prior)
             yield
-        return (yield from self.smoother.smoothing(x, self.m, self.prior, BRIDGED_GATES))
+        return (yield from self._reassociated(x, wall_of, suspect))
 
-    def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The solution with one stretch shifted."""
+    def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Alternative]:
+        """A stretch is shifted; then its hits are associated again."""
+        suspect = (self.m.time_s >= shift.begin_s) & (self.m.time_s < shift.end_s)
         x = shifted(estimate.x, self.m, shift)
-        return (yield from self.smoother.smoothing(x, self.m, self.prior, BRIDGED_GATES))
+        return (yield from self._reassociated(x, estimate.wall_of, suspect))
 
-    def _split(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The solution with some hits of a wall moved to a wall of their own."""
+    def _split(self, hits: Indices, estimate: Estimate) -> Generator[None, None, Alternative]:
+        """Some hits of a wall get a wall of their own.
+
+        That wall may coincide with another, and is then merged with it.
+        """
         alternative = split(estimate, [hits])
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(alternative.x, self.m, alternative.wall_of, self.prior)
             yield
         narrow = [gate for gate in self.gates if gate.prunes_see_through]
-        return (yield from self.smoother.smoothing(alternative.x, self.m, self.prior, narrow))
+        return Alternative(alternative, narrow, slack=WALL_COST)
+
+    def _reassociated(
+        self, x: Unknowns, wall_of: Indices, suspect: Mask
+    ) -> Generator[None, None, Alternative]:
+        """Associate the hits of the masked keyframes (k,) again; others keep their walls."""
+        hits = suspect[self.m.frame]
+        part, wall_of = self.m.with_hits(hits), wall_of.copy()
+        for gate in BRIDGED_GATES:
+            known = len(x.walls)
+            wall_of[hits] = yield from self.smoother.associated(x, part, gate, known)
+            used = np.unique(np.concatenate([np.arange(self.prior.walls), wall_of[wall_of >= 0]]))
+            wall_of = x.keep_walls(used, wall_of)
+            solution = self.smoother.step(x, self.m, wall_of, self.prior)
+            yield
+        return Alternative(Estimate(x, wall_of, solution), BRIDGED_GATES)
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:

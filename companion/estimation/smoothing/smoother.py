@@ -94,12 +94,7 @@ class Smoother:
         """
         known = prior.walls
         for gate in gates:
-            wall_of = self._association.associate(x, m, gate, known)
-            yield
-            if self.detect_new_walls(x, m, wall_of, gate.detect_keyframes):
-                yield
-                wall_of = self._association.associate(x, m, gate, known)
-                yield
+            wall_of = yield from self.associated(x, m, gate, known)
             before_rad = x.walls[:, 0].copy()
             solution = self.step(x, m, wall_of, prior)
             yield
@@ -111,6 +106,21 @@ class Smoother:
             solution = self.step(x, m, wall_of, prior, square)
             yield
         return Estimate(x, wall_of, solution)
+
+    def associated(
+        self, x: Unknowns, m: Measured, gate: Gate, known: int
+    ) -> Generator[None, None, Indices]:
+        """(n,): each hit's wall or NO_WALL, after the detection of new walls.
+
+        The first `known` walls stay, with hits or without. It yields after each piece.
+        """
+        wall_of = self._association.associate(x, m, gate, known)
+        yield
+        if self.detect_new_walls(x, m, wall_of, gate.detect_keyframes):
+            yield
+            wall_of = self._association.associate(x, m, gate, known)
+            yield
+        return wall_of
 
     def detect_new_walls(self, x: Unknowns, m: Measured, wall_of: Indices, keyframes: int) -> bool:
         """Detect walls in hits without a wall, `keyframes` at a time.

@@ -159,6 +159,19 @@ class Measured:
         """Index of the first hit of a keyframe or a later one."""
         return int(np.searchsorted(self.frame, frame))
 
+    def with_hits(self, hits: Mask) -> "Measured":
+        """The same keyframes with the masked hits (n,) alone."""
+        return replace(
+            self,
+            frame=self.frame[hits],
+            beam=self.beam[hits],
+            offset_frd_m=self.offset_frd_m[hits],
+            bearing_rad=self.bearing_rad[hits],
+            distance_m=self.distance_m[hits],
+            mount_m=self.mount_m[hits],
+            late_s=None if self.late_s is None else self.late_s[hits],
+        )
+
     def between(self, first: int, end: int) -> "Measured":
         """The part from keyframe `first` up to, not including, `end`."""
         low, high = self.first_hit(first), self.first_hit(end)

@@ -205,3 +205,25 @@ def test_distant_pieces_are_one_wall_only_if_an_obstacle_hides_the_gap(
     is_on_wall = wall_of != NO_WALL
     on_both = is_on_wall[east_m < -end].any() and is_on_wall[east_m > end].any()
     assert on_both == one
+
+
+def cluster(pieces: int, radius_m: float, size_m: float, seed: int) -> list[Segment]:
+    """Sides of square posts within a circle in a corner of `ROOM`."""
+    random, sides = Random(seed), list[Segment]()
+    for _ in range(pieces):
+        angle_rad, away_m = random.uniform(0, math.tau), radius_m * math.sqrt(random.random())
+        north, east = 1.4 + away_m * math.cos(angle_rad), 1.0 + away_m * math.sin(angle_rad)
+        far_north, far_east = north + size_m, east + size_m
+        sides += closed((north, east), (far_north, east), (far_north, far_east), (north, far_east))
+    return sides
+
+
+@pytest.mark.parametrize(
+    "furniture", [cluster(20, 0.7, 0.08, 3), cluster(12, 0.5, 0.12, 1), cluster(12, 0.5, 0.12, 2)]
+)
+def test_the_map_has_no_walls_across_a_cluster_of_furniture(furniture: list[Segment]) -> None:
+    path = [(-1.0, -2.0), (0.0, 0.0), (-1.0, 1.0), (1.8, -2.0), (-0.5, -0.5), (-1.5, 2.0)]
+    path += [(0.2, 2.4), (-1.5, 2.0), (0.0, -0.8), (2.4, -0.8), (0.0, -0.8), (-1.0, 0.0)]
+    record = fly([*ROOM, *furniture], path, 1)
+    errors_m = wall_errors_m(walls_of(mapped(record), record), [*ROOM, *furniture])
+    assert errors_m.max() < 0.2
