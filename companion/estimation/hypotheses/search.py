@@ -11,12 +11,13 @@ bridges the stretch, and the hits are associated again with narrow gates:
 A repeated visit to a wall may belong to another wall (`split_revisits.py`): it gets its own wall. A
 whole stretch may be offset from the map (`shift_stretches.py`): it is shifted.
 
-An alternative is first solved alone: only the hits of its stretch are associated again, the rest of
-the map stays. Only if it then explains all measurements better are all hits associated again, and
-it is kept only if it still does. The odometry may be the wrong one.
+After the flight an alternative is first solved alone: only the hits of its stretch are associated
+again, the rest of the map stays. Only if it then explains all measurements better are all hits
+associated again, and it is kept only if it still does. The odometry may be the wrong one.
 """
 
 import itertools
+import math
 from collections.abc import Generator, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -56,10 +57,10 @@ STRETCHES_S = (180.0, 90.0, 45.0)
 """Lengths of the stretches tried after the flight, s. Chosen. Long ones come first: a short stretch
 between wrong neighbours returns to its old place."""
 MAX_STRETCHES = 4
-"""Stretches of one length that are tried, the most strained first. Chosen: each takes about as long
-as one smoothing of the flight."""
-MIN_GAIN = 40.0
-"""χ² that an alternative must save to continue the search from it. Chosen."""
+"""Stretches of one length that are tried, the most strained first. Chosen."""
+MIN_RELIEF = 40.0
+"""χ² of odometry and gyro that an alternative for a strained stretch must save. Chosen: else hits
+that fitted no wall before, and now fit a new one, would count as relief."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,10 +89,11 @@ class HypothesisSearch:
             suspect = contradicted(estimate.x, self.m, self.smoother.models)
             if not suspect.any():
                 break
-            likelier = yield from self._likelier([self._bridged(suspect, estimate)], estimate)
-            if likelier is None:
+            x, _ = yield from self._released(suspect, estimate)
+            alternative = yield from self.smoother.smoothing(x, self.m, self.prior, BRIDGED_GATES)
+            if self._cost(alternative) >= self._cost(estimate):
                 break
-            estimate = likelier
+            estimate = alternative
         return (yield from self._search_revisits(estimate))
 
     def final_search(self, estimate: Estimate) -> Generator[None, None, Estimate]:
@@ -119,7 +121,8 @@ class HypothesisSearch:
             worst = {s.tobytes(): s for s in strained(estimate.x, self.m, odometry, length_s)}
             stretches = {key: stretch for key, stretch in worst.items() if key not in tried}
             alternatives = (self._bridged(suspect, estimate) for suspect in stretches.values())
-            likelier = yield from self._likelier(alternatives, estimate, MIN_GAIN)
+            max_strain = self._strain(estimate) - MIN_RELIEF
+            likelier = yield from self._likelier(alternatives, estimate, max_strain)
             if likelier is None:
                 tried |= stretches.keys()
                 break
@@ -153,30 +156,46 @@ class HypothesisSearch:
         self,
         alternatives: Iterable[Generator[None, None, Alternative]],
         estimate: Estimate,
-        gain: float = 0.0,
+        max_strain: float = math.inf,
     ) -> Generator[None, None, Estimate | None]:
-        """The first alternative whose χ² is lower by more than `gain`; None if there is none."""
-        likely = self._cost(estimate) - gain
+        """The first alternative with a lower χ²; None if there is none.
+
+        `max_strain`: largest χ² of odometry and gyro alone.
+        """
+        likely = self._cost(estimate)
         for work in alternatives:
             alternative = yield from work
-            if self._cost(alternative.estimate) - alternative.slack >= likely:
+            alone = alternative.estimate
+            if self._cost(alone) - alternative.slack >= likely or self._strain(alone) > max_strain:
                 continue
-            x = alternative.estimate.x
-            settled = yield from self.smoother.smoothing(x, self.m, self.prior, alternative.gates)
+            settled = yield from self.smoother.smoothing(
+                alone.x, self.m, self.prior, alternative.gates
+            )
             if self._cost(settled) < likely:
                 return settled
         return None
+
+    def _strain(self, estimate: Estimate) -> float:
+        """χ² of odometry and gyro."""
+        return self.smoother.motion(estimate.x, self.m).squares
 
     def _cost(self, estimate: Estimate) -> float:
         return cost(self.smoother, estimate, self.m, self.prior)
 
     def _bridged(self, suspect: Mask, estimate: Estimate) -> Generator[None, None, Alternative]:
         """Odometry bridges the masked keyframes (k,); then their hits are associated again."""
+        x, wall_of = yield from self._released(suspect, estimate)
+        return (yield from self._reassociated(x, wall_of, suspect))
+
+    def _released(
+        self, suspect: Mask, estimate: Estimate
+    ) -> Generator[None, None, tuple[Unknowns, Indices]]:
+        """The solution without the hits of the masked keyframes (k,): odometry bridges them."""
         x, wall_of = estimate.x.since(0), np.where(suspect[self.m.frame], NO_WALL, estimate.wall_of)
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(x, self.m, wall_of, self.prior)
             yield
-        return (yield from self._reassociated(x, wall_of, suspect))
+        return x, wall_of
 
     def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Alternative]:
         """A stretch is shifted; then its hits are associated again."""
