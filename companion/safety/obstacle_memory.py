@@ -151,24 +151,25 @@ class ObstacleMemory:
         grids = (self._wide, self._narrow) if self._is_among_legs else (self._wide,)
         readings = dict(scan.readings)
         new: list[tuple[Vector2, Detection]] = []
+        is_measured, is_sure = self._points.is_measured, self._points.is_sure
         for beam in BEARING_FRD_RAD:
             unit, reading = self._units.get(beam), readings.get(beam)
             if unit is None or reading is None:
                 continue
             line = self._line(unit, relative, yaw_rate_rad_s)
             is_on_it = (np.abs(line.aside_m) < ALIAS_ASIDE_M) & (line.along_m > 0)
-            measured_m = line.along_m[is_on_it & self._points.is_measured]
-            known_m = float(measured_m.min(initial=math.inf)) - unit.offset_m
+            measured = np.flatnonzero(is_on_it & is_measured)
+            known_m = float(line.along_m[measured].min(initial=math.inf)) - unit.offset_m
             unfolded = readings[beam] = self._fold_back.unfolded(beam, reading, known_m)
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
-            elsewhere_m = line.along_m[is_on_it & self._points.is_detected_from_elsewhere(eye_ne_m)]
-            free_m = _free_m(unfolded, unit, elsewhere_m - unit.offset_m)
+            elsewhere = measured[self._points.is_detected_from_elsewhere(measured, eye_ne_m)]
+            free_m = _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m)
             self._points.free_strips(scan.time_s, line, free_m)
             for grid in grids:
                 grid.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
-            again = _detected_again(unfolded, unit, line.along_m, is_on_it & self._points.is_sure)
+            again = _detected_again(unfolded, unit, line.along_m, is_on_it & is_sure)
             if again is not None:
                 aside_m, there = line.aside_m[again], line.at_m(float(line.along_m[again]))
                 self._points.confirm(again, scan.time_s, float(aside_m), self._place(there))

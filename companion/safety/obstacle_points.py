@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.core.arrays import Array, Mask
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2, points_to_frd
 from companion.core.values import value
 from companion.safety.swept_space import LEG_M, SweptGrid
@@ -179,15 +179,15 @@ class ObstaclePoints:
         sure: Mask = self._points[:, _KNOWN] > GUESSED
         return sure
 
-    def is_detected_from_elsewhere(self, ne_m: Vector2) -> Mask:
-        """(n,): True for points that were measured from another position than `ne_m`.
+    def is_detected_from_elsewhere(self, points: Indices, ne_m: Vector2) -> Mask:
+        """(m,): True for those of `points` (m,) detected from another position than `ne_m`.
 
         A folded reading is not confirmed from two positions: its apparent obstacle moves with the
         drone.
         """
-        off_m = self._points[:, _FROM_NE] - ne_m
+        off_m = self._points[points, _FROM_NE] - ne_m
         elsewhere: Mask = (off_m * off_m).sum(axis=1) > ELSEWHERE_M**2
-        return self.is_measured & elsewhere
+        return elsewhere
 
     def detected_before(self, time_s: float) -> Array:
         """Positions (m, 2) of the points first detected before `time_s`, m."""
@@ -205,6 +205,8 @@ class ObstaclePoints:
         """
         places = self._points[:, :2].copy()
         vague = np.flatnonzero(self.is_vague)
+        if not len(vague):
+            return points_to_frd(places - ne_m, yaw_rad)
         ray_rad, most_m = self._points[vague, _RAY_RAD], self._points[vague, _SIGMA_M]
         offsets_m = np.outer(VAGUE_SIGMAS * most_m, _SPAN)
         along = np.column_stack([np.cos(ray_rad), np.sin(ray_rad)])
@@ -218,15 +220,18 @@ class ObstaclePoints:
     def free_strips(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
         """Update the strips with a beam that is free from `free_m[0]` to `free_m[1]`, m."""
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
-        beyond = line.along_m > np.where(self.is_sure, from_m, 0.0)
-        farthest_m = line.along_m + VAGUE_SIGMAS * self._points[:, _SIGMA_M]
-        is_past = beyond & (farthest_m < to_m)
-        passed = is_past[:, None] & _through(line.aside_m)
-        self._points[:, _FREED:][passed] = time_s
-        off_m = np.abs(line.aside_m)
-        beside = is_past & (off_m > ALONE_FROM_M) & (off_m < ALONE_TO_M)
-        self._points[beside & (line.aside_m > 0), _LEFT_S] = time_s
-        self._points[beside & (line.aside_m < 0), _RIGHT_S] = time_s
+        close = np.flatnonzero(np.abs(line.aside_m) < ALONE_TO_M)
+        along_m, aside_m = line.along_m[close], line.aside_m[close]
+        beyond = along_m > np.where(self._points[close, _KNOWN] > GUESSED, from_m, 0.0)
+        is_past = beyond & (along_m + VAGUE_SIGMAS * self._points[close, _SIGMA_M] < to_m)
+        past, aside_m = close[is_past], aside_m[is_past]
+        if not len(past):
+            return
+        row, strip = np.nonzero(_through(aside_m))
+        self._points[past[row], _FREED + strip] = time_s
+        beside = np.abs(aside_m) > ALONE_FROM_M
+        self._points[past[beside & (aside_m > 0)], _LEFT_S] = time_s
+        self._points[past[beside & (aside_m < 0)], _RIGHT_S] = time_s
 
     def confirm(self, point: int, time_s: float, aside_m: float, there_ne_m: Vector2) -> None:
         """Confirm a point; move it to the beam's end if beams passed through its position.
@@ -245,10 +250,6 @@ class ObstaclePoints:
         off_m = self._points[:, :2] - place_ne_m
         off_m2 = (off_m * off_m).sum(axis=1)
         is_old = time_s - self._points[:, _DETECTED_S] > OLD_S
-        no_better = self._points[:, _KNOWN] <= known
-        drift_m = self.drift_m(time_s)
-        most_sigma_m = np.maximum(self._points[:, _SIGMA_M], sigma_m)
-        apart_m = np.where(most_sigma_m > 0, np.hypot(most_sigma_m, drift_m), 0.0)
         is_better = (self._points[:, _KNOWN] >= known) & (self._points[:, _SIGMA_M] <= sigma_m)
         stays = ~is_old & (off_m2 < np.maximum(SAME_M, sigma_m) ** 2) & is_better
         if stays.any():
@@ -257,6 +258,10 @@ class ObstaclePoints:
             self._points[stays, _AGAIN_S] = time_s
             self._points[stays, _FREED:] = -math.inf
             return
+        no_better = self._points[:, _KNOWN] <= known
+        drift_m = self.drift_m(time_s)
+        most_sigma_m = np.maximum(self._points[:, _SIGMA_M], sigma_m)
+        apart_m = np.where(most_sigma_m > 0, np.hypot(most_sigma_m, drift_m), 0.0)
         is_exact = ~self.is_vague
         if (_lie_along(off_m, ray_rad, SAME_SIGMAS * apart_m) & is_better & is_exact).any():
             return  # within its uncertainty, the detection is that exact point
@@ -286,11 +291,15 @@ class ObstaclePoints:
         """Delete the points that are far away or were not detected again for `KEPT_S`."""
         off_m = self._points[:, :2] - ne_m
         is_near = (off_m * off_m).sum(axis=1) < KEPT_WITHIN_M**2
-        self._points = self._points[is_near & (self._points[:, _AGAIN_S] > now_s - KEPT_S)]
+        self._keep(is_near & (self._points[:, _AGAIN_S] > now_s - KEPT_S))
 
     def delete_freed(self, now_s: float) -> None:
         """Delete the points through which beams passed, together with all points close by."""
-        self._points = self._points[~self._gone(now_s)]
+        self._keep(~self._gone(now_s))
+
+    def _keep(self, kept: Mask) -> None:
+        if not kept.all():
+            self._points = self._points[kept]
 
     def _gone(self, now_s: float) -> Mask:
         """(n,): True for points through which beams passed."""

@@ -51,6 +51,10 @@ BESIDE_M = 0.6
 drone passes a doorway of 1.2 m in its middle, 0.4 m from either jamb."""
 
 
+_ACROSS_LEG_M = np.array([-LEG_M / 2, 0.0, LEG_M / 2])
+"""Offsets from a beam at which it sweeps cells of the wide grid, m."""
+
+
 @dataclass(frozen=True, slots=True)
 class GridSpec:
     """Geometry of a grid, and the rule by which a beam sweeps its cells."""
@@ -143,8 +147,7 @@ class SweptGrid:
         if self._spec.is_proof:
             self._prove(eye_ne_m, middle, aside, time_s)
             return
-        for off_m in (-LEG_M / 2, 0.0, LEG_M / 2):
-            self._when_s[self._cells(middle + off_m * aside)] = time_s
+        self._when_s[self._cells(middle + _ACROSS_LEG_M[:, None, None] * aside)] = time_s
 
     def _prove(self, eye_ne_m: Vector2, middle: Array, aside: Array, time_s: float) -> None:
         """Mark the cells with their middle within half a leg's width of the beam."""
