@@ -8,6 +8,12 @@ from sitl.world.loading import load_world
 from tests.unit.sitl.world.room_files import ABSOLUTE, plan
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder that all hypothesis examples share; each example overwrites its files."""
+    return tmp_path_factory.mktemp("importers")
+
+
 @pytest.fixture
 def truth(tmp_path: Path) -> list[tuple[float, ...]]:
     path = tmp_path / "truth.obj"
