@@ -10,8 +10,10 @@ here=$(cd "$(dirname "$0")/../.." && pwd)
 root=${1:?arm64.sh needs a folder for the Debian}
 suite=${2:-bookworm}
 tests="tests/contract tests/unit/drivers/test_bus.py tests/unit/config/test_config.py tests/unit/core/test_frames.py
-tests/unit/safety/test_velocity_guard.py tests/unit/safety/test_health.py tests/unit/drivers/test_linux_wires.py
-tests/unit/pdps/test_flight_phases.py tests/unit/pdps/test_room_scan.py tests/unit/pdps/test_perpendicular.py
+tests/unit/safety/test_velocity_guard.py tests/unit/safety/test_obstacle_memory.py
+tests/unit/safety/test_too_near_readings.py tests/unit/safety/test_health.py tests/unit/drivers/test_linux_wires.py
+tests/unit/pdps/test_flight_phases.py tests/unit/pdps/test_return_and_landing.py
+tests/unit/pdps/test_room_scan.py tests/unit/pdps/test_perpendicular.py
 tests/unit/link/test_reports.py tests/unit/link/test_serial_transport.py tests/unit/run/test_systemd.py
 tests/unit/drivers/test_sharp.py tests/unit/link/test_signing.py tests/unit/navigation/test_standoff.py
 tests/unit/drivers/test_tfmini.py tests/unit/drivers/test_vl53l1x.py"
