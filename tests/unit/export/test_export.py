@@ -2,9 +2,6 @@
 
 import json
 import math
-import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,15 +28,13 @@ from pyproj import Geod, Transformer
 from companion.core.arrays import Array
 from companion.core.errors import OutputError
 from companion.core.frames import Place, ned_to_enu, ned_to_gltf
-from companion.core.messages import FloorPlan, Pose, WallSegment
+from companion.core.messages import FloorPlan
 from companion.export.cells import CELL_M
 from companion.export.formats import WRITERS, Labels, export
 from companion.export.plan.sheet import EDGE_MM, FOOT_MM, INK, choose_sheet
 from companion.export.plan.survey import Survey, survey
 from sitl.testing import Flight, Sitl
-from sitl.world.loading import load_world
 from sitl.world.plan import wall_surfaces
-from tests.worlds import SMALL_ROOM
 
 pytestmark = pytest.mark.flights
 
@@ -302,122 +297,9 @@ def test_a_folder_at_the_path_of_the_file_is_an_error(exported: Exported, tmp_pa
         export(exported.found, ["json"], tmp_path, "map", LABELS)
 
 
-def true_plan(name: str, way_ne_m: list[tuple[float, float]]) -> FloorPlan:
-    """A map of the true walls, with a path flown back and forth."""
-    walls = (WallSegment(*ends, 0.01, 100) for ends in wall_surfaces(load_world(name), 1.2))
-    way = way_ne_m + way_ne_m[::-1] + way_ne_m
-    return FloorPlan(
-        tuple(walls), (), tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
-    )
-
-
-@pytest.mark.parametrize(
-    ("name", "way_ne_m", "areas_m2", "doors_m"),
-    [
-        ("room_100", [(2, 2), (8, 8)], [100], []),
-        ("room_200", [(2, 2), (8, 18)], [200], []),
-        ("room_300", [(2, 2), (8, 18)], [300], []),
-        ("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)], [149.25, 149.25], [1.2]),
-        (
-            "three_room_450",
-            [(6, 4), (4, 8), (4, 12), (11, 18), (11, 22), (5, 25)],
-            [149.25, 149.25, 148.5],
-            [1.2, 1.2],
-        ),
-        ("unusual", [(4, 3.5), (7.5, 11)], [108.1], []),
-        ("office", [(3, 5), (5, 7), (5, 11), (7, 13)], [88.6, 68.4], [1.0]),
-    ],
-)
-def test_the_survey_finds_rooms_and_doors_of_the_papers_buildings(
-    name: str, way_ne_m: list[tuple[float, float]], areas_m2: list[float], doors_m: list[float]
-) -> None:
-    found = survey(true_plan(name, way_ne_m))
-    assert [room.area_m2 for room in found.rooms] == pytest.approx(areas_m2, rel=0.02)
-    assert [gap.width_m for gap in found.openings] == pytest.approx(doors_m, abs=0.02)
-
-
 def test_the_area_of_a_flown_room_has_an_error_below_two_percent(exported: Exported) -> None:
     """Tests in tests/flights check the areas of other rooms."""
     assert [room.area_m2 for room in exported.found.rooms] == pytest.approx([100.0], rel=0.02)
-
-
-def walled(ends: list[tuple[tuple[float, float], tuple[float, float]]]) -> tuple[WallSegment, ...]:
-    return tuple(WallSegment(*a_and_b, 0.01, 100) for a_and_b in ends)
-
-
-BEHIND_A_CUPBOARD = walled(
-    [
-        *[((0, 0), (0, 6)), ((0, 6), (8, 6)), ((8, 6), (8, 0))],
-        *[((8, 0), (5, 0)), ((5, 0.4), (2.5, 0.4)), ((2.5, 0), (0, 0))],
-    ]
-)
-
-
-@pytest.mark.parametrize(("ways_out", "rooms_m2"), [(0, [48]), (3, [])])
-def test_a_gap_behind_a_cupboard_is_closed_unless_the_path_crosses_it(
-    ways_out: int, rooms_m2: list[float]
-) -> None:
-    way = [(2, 3), (4, 3)] + ways_out * [(4, -2), (4, 3)]
-    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
-    found = survey(FloorPlan(BEHIND_A_CUPBOARD, (), path))
-    assert [room.area_m2 for room in found.rooms] == pytest.approx(rooms_m2)
-    assert not found.openings
-
-
-def test_the_inside_of_a_wall_with_an_open_end_is_not_part_of_a_room() -> None:
-    """The partition is 14 cm thick; one face ends 3 cm before the outer wall; hits lie inside."""
-    outer = [((0, 0), (0, 5)), ((0, 5), (9, 5)), ((9, 5), (9, 0)), ((9, 0), (0, 0))]
-    south = [((4.4, 0.03), (4.4, 2)), ((4.4, 3), (4.4, 4.97))]
-    north = [((4.54, 0), (4.54, 2.01)), ((4.54, 2.99), (4.54, 5))]
-    way = [(2, 1), (4.47, 1), (2, 1), (2, 2.5), (7, 2.5), (2, 2.5), (2, 4), (4.47, 4)]
-    path = tuple(Pose(i, n, e, -1.2, 0) for i, (n, e) in enumerate(way))
-    rooms = survey(FloorPlan(walled([*outer, *south, *north]), (), path)).rooms
-    assert [room.area_m2 for room in rooms] == pytest.approx([22.3, 22.0], abs=0.15)
-
-
-def test_an_opening_is_a_gap_in_the_walls_of_the_glb_and_a_line_in_the_dxf(tmp_path: Path) -> None:
-    found = survey(true_plan("two_room_300", [(5, 4), (7.5, 7), (7.5, 13), (3, 17)]))
-    glb, dxf = export(found, ["glb", "dxf"], tmp_path, "map", LABELS)
-    (opening,) = found.openings
-    panel = trimesh.load_scene(glb).geometry["openings"]
-    east_m, height_m, south_m = panel.extents
-    assert height_m == pytest.approx(found.height_m)
-    assert math.hypot(east_m, south_m) == pytest.approx(opening.width_m)
-    walls = trimesh.load_scene(glb).geometry["walls"]
-    assert len(walls.ray.intersects_location([[9.0, 1.0, -7.5]], [[1.0, 0.0, 0.0]])[0]) == 1
-    space = ezdxf.filemanagement.readfile(dxf).modelspace()
-    assert len(space.query('LINE[layer=="OPENINGS"]')) == 1
-
-
-def test_a_room_that_neither_beams_nor_the_path_entered_is_not_a_room() -> None:
-    found = survey(true_plan("two_room_300", [(5, 4), (7, 5)]))
-    assert [room.area_m2 for room in found.rooms] == pytest.approx([149.25], rel=0.02)
-    assert not found.openings
-
-
-@given(
-    st.floats(2, 30), st.floats(2, 30), st.floats(0, 0.4), st.floats(-math.pi, math.pi), st.data()
-)
-def test_a_room_with_gaps_in_its_corners_is_closed(
-    north_m: float, east_m: float, gap_m: float, turn_rad: float, data: st.DataObject
-) -> None:
-    cos, sin = math.cos(turn_rad), math.sin(turn_rad)
-
-    def turned(north: float, east: float) -> tuple[float, float]:
-        return north * cos - east * sin, north * sin + east * cos
-
-    n, e, g = north_m, east_m, gap_m
-    ends = [
-        ((0, g), (0, e - g)),
-        ((g, e), (n - g, e)),
-        ((n, e - g), (n, g)),
-        ((n - g, 0), (g, 0)),
-    ]
-    walls = [WallSegment(turned(*a), turned(*b), 0.01, 9) for a, b in ends]
-    walls = data.draw(st.permutations(walls))
-    path = tuple(Pose(i, *turned(n / 2, e * (i + 1) / 4), -1.2, 0) for i in range(3))
-    (room,) = survey(FloorPlan(tuple(walls), (), path)).rooms
-    assert room.area_m2 == pytest.approx(n * e, rel=1e-3)
 
 
 @given(st.tuples(*[st.floats(-100, 100)] * 3))
@@ -437,79 +319,3 @@ def test_geographic_positions_match_those_of_proj(
     )
     off = Geod(ellps="WGS84").inv(lon, lat, true_lon, true_lat)[2]
     assert off < 0.02
-
-
-def companion(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "companion", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("recording")
-    Sitl(folder).fly(SMALL_ROOM, record=folder)
-    (path,) = folder.glob("*.mcap")
-    return path
-
-
-@pytest.fixture(params=["whole", "cut short"])
-def any_recording(request: pytest.FixtureRequest, recording: Path, tmp_path: Path) -> Path:
-    if request.param == "whole":
-        return recording
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(recording.read_bytes()[:700_000])
-    return cut
-
-
-def test_the_commands_accept_whole_and_truncated_recordings(
-    any_recording: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    replayed = companion("replay", any_recording, "--out", out)
-    assert replayed.returncode == 0, replayed.stderr
-    assert {"map.json", "map.png", "map.ply"} <= {path.name for path in out.iterdir()}
-    done = companion("export", any_recording, "--format", "dxf", "--format", "json", "--out", out)
-    assert done.returncode == 0, done.stderr
-    assert [Path(line).suffix for line in done.stdout.split()] == [".dxf", ".json"]
-    reported = companion("report", any_recording, "--out", out / "report.html")
-    assert reported.returncode == 0, reported.stderr
-    page = (out / "report.html").read_text()
-    assert page.count("<svg") == 3
-    assert not re.search(r'(src|href)="(?!#|data:)', page)
-
-
-def test_the_report_contains_result_phases_rooms_and_faults(
-    recording: Path, tmp_path: Path
-) -> None:
-    path = tmp_path / "report.html"
-    companion("report", recording, "--out", path)
-    page = path.read_text()
-    for text in (
-        "mission complete",
-        "scanning parallel to the wall",
-        "room 1",
-        "no faults",
-    ):
-        assert text in page
-
-
-@pytest.mark.parametrize("command", ["replay", "report", "export"])
-def test_a_file_that_is_not_a_recording_is_a_one_line_error(command: str, tmp_path: Path) -> None:
-    path = tmp_path / "x.mcap"
-    path.write_text("no")
-    options = ["--format", "dxf"] if command == "export" else []
-    refused = companion(command, path, *options)
-    assert refused.returncode == 2
-    assert refused.stderr.count("\n") == 1
-    assert "not a recording" in refused.stderr
-
-
-def test_a_missing_extra_is_named_in_one_line(
-    recording: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "ezdxf.py").write_text("raise ModuleNotFoundError('gone', name='ezdxf')")
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    refused = companion("export", recording, "--format", "dxf", "--out", tmp_path / "out")
-    assert refused.returncode == 2
-    assert "pip install 'pdps-companion[export]'" in refused.stderr
-    assert refused.stderr.count("\n") == 1
