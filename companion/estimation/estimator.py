@@ -234,7 +234,7 @@ class Estimator:
         x = self._as_flown()
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)
-        x.odometry_scale = 0.0
+        x.odometry_scale[:] = 0.0
         start = smoother.from_start(np.zeros(3))
         try:
             done = smoother.smooth(x, m, start, FINAL_GATES)
@@ -254,7 +254,7 @@ class Estimator:
 
     def _as_flown(self) -> Unknowns:
         x = Unknowns.at(self.record.poses, self.models.rest_bias_rad_s)
-        x.odometry_scale = self.slam.scale_error
+        x.odometry_scale[:] = self.slam.scale_error
         return x
 
     def improve(self, now_s: float) -> None:

@@ -9,12 +9,14 @@ import numpy as np
 
 from companion.estimation.filters.heading_filter import HeadingFilter
 from companion.estimation.filters.position_filter import LineSlam, Wall
-from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.state import (
     BIAS,
+    CALIBRATION_SIZE,
     EAST,
+    GYRO_SCALE,
     NORTH,
+    ODOMETRY_SCALE,
     POSE_SIZE,
     WALL_SIZE,
     WANDER_EAST,
@@ -22,8 +24,8 @@ from companion.estimation.smoothing.state import (
     YAW,
 )
 
-_GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + factors.GYRO_SCALE, POSE_SIZE + factors.ODOMETRY_SCALE
-_WALLS = POSE_SIZE + factors.WALLS
+_GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + GYRO_SCALE, POSE_SIZE + ODOMETRY_SCALE
+_WALLS = POSE_SIZE + CALIBRATION_SIZE
 
 
 def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
@@ -34,7 +36,7 @@ def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
     directions = _WALLS + WALL_SIZE * np.arange(len(x.walls))
     chosen = np.array([YAW, BIAS, _GYRO_SCALE, *directions])
     heading.restart(
-        np.array([pose[YAW], pose[BIAS], x.gyro_scale, *x.walls[:, 0]]),
+        np.array([pose[YAW], pose[BIAS], *x.gyro_scale, *x.walls[:, 0]]),
         covariance[np.ix_(chosen, chosen)],
     )
     # d = ρ - a·n(α):  δd = δρ - (a·t) δα
@@ -47,7 +49,7 @@ def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
     row = len(moving) + np.arange(len(x.walls))
     offset_by[row, directions], offset_by[row, directions + 1] = -middle_m, 1.0
     state = np.zeros(len(moving) + len(x.walls))
-    state[: len(moving)] = (*pose[:YAW], x.odometry_scale, *pose[WANDER_NORTH:])
+    state[: len(moving)] = (*pose[:YAW], *x.odometry_scale, *pose[WANDER_NORTH:])
     walls = [
         Wall(i, (north, east), -half, half)
         for i, ((north, east), half) in enumerate(

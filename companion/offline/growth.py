@@ -122,7 +122,7 @@ class IncrementalMap:
         smoother = Smoother(replace(models, odometry=odometry), self.smoother.support)
         held = IncrementalMap(smoother, self._m, self._start.at[: YAW + 1])
         held.x, held.wall_of = self.x.since(0), self.wall_of
-        held.x.odometry_scale = 0.0
+        held.x.odometry_scale[:] = 0.0
         for _ in range(STEPS_TO_SCALE):
             smoother.step(held.x, self._m, held.wall_of, held._start)
         held.finish()

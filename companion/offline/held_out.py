@@ -84,7 +84,7 @@ def _first_wall_m(x: Unknowns, m: Measured, hits: Indices) -> Array:
         met = is_facing & (ahead_m > 0)
         met &= (along_m > low_m - BEYOND_END_M) & (along_m < high_m + BEYOND_END_M)
         first_m[met] = np.minimum(first_m[met], ahead_m[met])
-    return (first_m - m.mount_m[hits]) / (1 - x.range_gain[m.beam[hits]])
+    return (first_m - m.mount_m[hits]) / (1 - x.range_gain[m.hit_flight[hits], m.beam[hits]])
 
 
 def _usual_per_m(m: Measured, sigma_m: Array) -> Array:

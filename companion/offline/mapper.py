@@ -77,8 +77,8 @@ def map_log(log: Log, sensors: SensorsConfig, watch: Watch) -> LogMap:
         verdict,
         found,
         uncorrected,
-        estimate.x.odometry_scale,
-        estimate.x.gyro_scale,
+        float(estimate.x.odometry_scale[0]),
+        float(estimate.x.gyro_scale[0]),
     )
 
 

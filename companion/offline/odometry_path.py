@@ -20,7 +20,7 @@ class OdometryPath(Smoother):
         self, x: Unknowns, m: Measured, wall_of: Indices, prior: MarginalPrior
     ) -> BorderedSystem:
         """All equations; one dummy pose replaces the chain."""
-        system = _OnlyShared(POSE_SIZE, factors.WALLS + x.walls.size, 2 * POSE_SIZE)
+        system = _OnlyShared(POSE_SIZE, x.calibration.size + x.walls.size, 2 * POSE_SIZE)
         factors.add_hits(system, x, m, wall_of, self.models.ranges)
         self.add_prior(system, x, prior)
         return system

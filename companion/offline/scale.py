@@ -25,7 +25,7 @@ def with_supported_scale(
 ) -> IncrementalMap:
     """The solution itself, or the solution with the odometry's own scale."""
     sigma = estimated.smoother.models.odometry.scale_sigma
-    if abs(estimated.x.odometry_scale) < LIKELY_SIGMAS * sigma:
+    if abs(estimated.x.odometry_scale[0]) < LIKELY_SIGMAS * sigma:
         return estimated
     fixed = estimated.with_fixed_scale()
     return (

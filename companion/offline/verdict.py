@@ -9,7 +9,7 @@ from companion.core.arrays import Array
 from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import project
+from companion.estimation.smoothing.state import ODOMETRY_SCALE, project
 from companion.offline.growth import IncrementalMap
 from companion.offline.held_out import gain
 from companion.offline.record import Record
@@ -86,7 +86,7 @@ def agreement(solution: IncrementalMap, record: Record, units: RangeUnits) -> Ag
         rms_sigmas=_rms(residuals),
         supported=float(frames.mean()),
         motion_misfit=solution.motion_misfit(),
-        scale_error=max(abs(x.odometry_scale), abs(x.gyro_scale)),
+        scale_error=float(np.abs(x.calibration[:, : ODOMETRY_SCALE + 1]).max()),
     )
 
 

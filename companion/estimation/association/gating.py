@@ -8,7 +8,7 @@ import numpy as np
 from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
-from companion.estimation.smoothing.state import Measured, Rays, Unknowns
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns, unbiased_m
 
 GATE_SIGMAS = 3.0
 """Largest residual of a hit on its wall, in sigmas. Chosen."""
@@ -96,8 +96,7 @@ def candidates(x: Unknowns, m: Measured, rays: Rays, units: RangeUnits, gate: Ga
     # Long readings are missing near the end of the range, which would bias walls closer.
     inside = expected_m > units.min_m[beam]
     inside &= expected_m < units.max_m[beam] - NEAR_END_SIGMAS * sigma_m
-    unbiased_m = (1 - x.range_gain[beam]) * m.distance_m[hit]
-    misfit = np.abs(units.signal(beam, unbiased_m) - units.signal(beam, expected_m))
+    misfit = np.abs(units.signal(beam, unbiased_m(x, m)[hit]) - units.signal(beam, expected_m))
     misfit /= 1 + gate.across_m / (GATE_SIGMAS * sigma_m * cos_incidence)
     inside &= misfit < GATE_SIGMAS
     hit, wall, misfit = hit[inside], wall[inside], misfit[inside]

@@ -21,7 +21,7 @@ from scipy.ndimage import maximum_filter1d
 from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel, wander_kept
-from companion.estimation.smoothing.state import Measured, Rays, Unknowns, to_ned
+from companion.estimation.smoothing.state import Measured, Rays, Unknowns, by_odometry_m
 
 SIDE_HITS = 5
 """Hits compared before and after a step: a quarter of a second at 20 Hz. Chosen: the mean of fewer
@@ -68,8 +68,7 @@ class Steps:
         cls, x: Unknowns, m: Measured, rays: Rays, sigma_m: Array, odometry: OdometryModel
     ) -> "Steps":
         """Place the hits with the headings and scales of the unknowns."""
-        moved_m = to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, 2])
-        track = np.concatenate([np.zeros((1, 2)), np.cumsum(moved_m, axis=0)])
+        track = np.concatenate([np.zeros((1, 2)), np.cumsum(by_odometry_m(x, m), axis=0)])
         points = (track - x.poses[:, :2])[m.frame] + rays.points
         late_s = np.zeros(len(points)) if m.late_s is None else m.late_s
         late_m = 0.5 * ACCELERATION_M_S2 * late_s**2

@@ -10,7 +10,7 @@ from companion.estimation.smoothing.factors import hit_residuals
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import Measured, Unknowns, project
+from companion.estimation.smoothing.state import Measured, Unknowns, project, unbiased_m
 
 WALL_COST = 60.0
 """χ² that a wall must save to be part of the more likely map. Chosen: it has two unknowns and
@@ -45,7 +45,7 @@ def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Ar
     """
     rays = project(x, m)
     origins, beams, beam = rays.origins[hits], rays.beams[hits], m.beam[hits]
-    distance_m = (1 - x.range_gain[beam]) * m.distance_m[hits]
+    distance_m = unbiased_m(x, m)[hits]
     lowest = np.full(len(hits), UNEXPLAINED)
     for line, normal, tangent, reach_m in zip(
         x.walls, x.normals, x.tangents, x.reach_m, strict=True

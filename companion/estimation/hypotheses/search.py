@@ -33,7 +33,7 @@ from companion.estimation.smoothing.factors import Models, wander_steps_m
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel
 from companion.estimation.smoothing.smoother import WHOLE, Smoother
-from companion.estimation.smoothing.state import BIAS, YAW, Measured, Unknowns, to_ned
+from companion.estimation.smoothing.state import BIAS, YAW, Measured, Unknowns, by_odometry_m
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
 """Time spans over which residuals are summed, s. Longer spans count only where no shorter span
@@ -238,7 +238,7 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
     Stretches overlap by half.
     """
     time_s = m.time_s
-    walk_m = np.diff(x.tracks, axis=0) - _by_odometry_m(x, m)
+    walk_m = np.diff(x.tracks, axis=0) - by_odometry_m(x, m)
     square = (walk_m**2).sum(axis=1) / model.step_sigma_m(m.dt_s) ** 2
     square += (wander_steps_m(x, m) ** 2).sum(axis=1) / model.wander_step_sigma_m(m.dt_s) ** 2
     total = _from_first(square)
@@ -258,7 +258,7 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     """
     time_s = m.time_s
     strain_m = np.zeros((len(time_s), 2))
-    strain_m[1:] = np.cumsum(np.diff(x.poses[:, :YAW], axis=0) - _by_odometry_m(x, m), axis=0)
+    strain_m[1:] = np.cumsum(np.diff(x.poses[:, :YAW], axis=0) - by_odometry_m(x, m), axis=0)
     strain = np.column_stack([strain_m, x.poses[:, BIAS] - _from_first(m.bias_moved_rad_s)])
     walk_m2 = _from_first(models.odometry.step_sigma_m(m.dt_s) ** 2)
     variance = np.column_stack([walk_m2, walk_m2, _from_first(models.bias_variance(m))])
@@ -277,11 +277,6 @@ def contradicted(x: Unknowns, m: Measured, models: Models) -> Mask:
     for before, after in itertools.pairwise(at):
         is_contradicted[before:after] |= time_s[after] - time_s[before] < MAX_PAUSE_S
     return is_contradicted
-
-
-def _by_odometry_m(x: Unknowns, m: Measured) -> Array:
-    """(k - 1, 2): displacement north and east between keyframes by odometry."""
-    return to_ned((1 + x.odometry_scale) * m.moved_frd_m, x.poses[:-1, YAW])
 
 
 def _from_first(steps: Array) -> Array:

@@ -23,7 +23,6 @@ from collections.abc import Generator
 import numpy as np
 
 from companion.core.arrays import Array, Indices
-from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import WALL_SIZE, Measured
@@ -85,8 +84,9 @@ def _gains(
     information, gradient = smoother.system(each.x, m, each.wall_of, prior).of_shared()
     count = len(gradient) - WALL_SIZE * len(visits)
     tied = np.eye(len(gradient), count)
+    walls = estimate.x.calibration.size
     for number, hits in enumerate(visits):
-        wall, own = factors.WALLS + WALL_SIZE * estimate.wall_of[hits[0]], WALL_SIZE * number
+        wall, own = walls + WALL_SIZE * estimate.wall_of[hits[0]], WALL_SIZE * number
         for i in range(WALL_SIZE):
             tied[count + own + i, wall + i] = 1.0
     between = information @ tied

@@ -8,9 +8,14 @@ import numpy as np
 from companion.core.arrays import Array, Indices
 from companion.core.frames import wrap_rad
 from companion.core.messages import WallLine
-from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import Gaussian, Solution
-from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, YAW, Unknowns
+from companion.estimation.smoothing.state import (
+    CALIBRATION_SIZE,
+    POSE_SIZE,
+    WALL_SIZE,
+    YAW,
+    Unknowns,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,16 +26,22 @@ class MarginalPrior:
     at: Array
     """(pose + shared,): the prior's reference point."""
     gaussian: Gaussian
+    flights: int = 1
+    """Number of flights whose calibration it contains."""
 
     @property
     def walls(self) -> int:
         """Number of walls in the prior."""
-        return (len(self.at) - POSE_SIZE - factors.WALLS) // WALL_SIZE
+        return (len(self.at) - self._first_wall) // WALL_SIZE
+
+    @property
+    def _first_wall(self) -> int:
+        return POSE_SIZE + CALIBRATION_SIZE * self.flights
 
     def difference(self, x: Unknowns) -> Array:
         """(pose + shared,): difference of `x` from the reference point."""
         delta: Array = values(x, 0)[: len(self.at)] - self.at
-        angles = np.array([YAW, *range(POSE_SIZE + factors.WALLS, len(self.at), WALL_SIZE)])
+        angles = np.array([YAW, *range(self._first_wall, len(self.at), WALL_SIZE)])
         delta[angles] = wrap_rad(delta[angles])
         return delta
 
@@ -51,7 +62,7 @@ class Estimate:
         """
         lines = []
         for i, (normal_rad, offset_m) in enumerate(self.x.walls):
-            at = factors.WALLS + WALL_SIZE * i
+            at = self.x.calibration.size + WALL_SIZE * i
             block = self.solution.shared_covariance[at : at + 2, at : at + 2]
             (direction, both), (_, offset) = block
             lines.append(
@@ -68,5 +79,4 @@ class Estimate:
 
 def values(x: Unknowns, frame: int) -> Array:
     """(pose + shared,): one keyframe and the shared unknowns, in the order of the equations."""
-    shared = x.gyro_scale, x.odometry_scale, *x.range_gain, *x.walls.ravel()
-    return np.array([*x.poses[frame], *shared])
+    return np.concatenate([x.poses[frame], x.calibration.ravel(), x.walls.ravel()])

@@ -20,8 +20,12 @@ from companion.estimation.filters.heading_filter import GyroModel
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, cauchy
 from companion.estimation.smoothing.flight_record import FlightRecord
 from companion.estimation.smoothing.odometry_model import OdometryModel, wander_kept
-from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
+from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import (
+    CALIBRATION_SIZE,
+    GAINS,
+    GYRO_SCALE,
+    ODOMETRY_SCALE,
     POSE_SIZE,
     WALL_SIZE,
     WANDER_EAST,
@@ -29,12 +33,10 @@ from companion.estimation.smoothing.state import (
     Measured,
     Unknowns,
     project,
+    unbiased_m,
 )
 from companion.estimation.smoothing.two_gyro_bias import AutopilotGyroModel, aided
 
-GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
-WALLS = GAINS + len(BEAMS)
-"""Indices of the shared unknowns."""
 MIN_SIGMA = 1e-4
 """Sigma of unknowns that are fixed by definition. Chosen: small, and the equations stay
 solvable."""
@@ -72,24 +74,26 @@ class Models:
 
 
 def new_system(x: Unknowns) -> BorderedSystem:
-    return BorderedSystem(x.poses.size, WALLS + x.walls.size, 2 * POSE_SIZE)
+    return BorderedSystem(x.poses.size, x.calibration.size + x.walls.size, 2 * POSE_SIZE)
 
 
 def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
-    p = x.poses
-    at = POSE_SIZE * np.arange(len(p) - 1)
+    moves, p = m.moves, x.poses
+    at = POSE_SIZE * moves
     after = at + POSE_SIZE
-    cos_yaw, sin_yaw = np.cos(p[:-1, 2]), np.sin(p[:-1, 2])
-    north, east = np.diff(x.tracks, axis=0).T
+    cos_yaw, sin_yaw = np.cos(p[moves, 2]), np.sin(p[moves, 2])
+    north, east = np.diff(x.tracks, axis=0)[moves].T
     forward, right = cos_yaw * north + sin_yaw * east, cos_yaw * east - sin_yaw * north
-    autopilot_gyro, mean = (1 + x.odometry_scale) * m.moved_frd_m, m.averaged_frd_m
-    walk_m = model.step_sigma_m(m.dt_s)
+    flight = m.flight[moves]
+    reported_m = (1 + x.odometry_scale[flight, None]) * m.moved_frd_m[moves]
+    scale, mean = CALIBRATION_SIZE * flight + ODOMETRY_SCALE, m.averaged_frd_m[moves]
+    walk_m = model.step_sigma_m(m.dt_s)[moves]
     for by_pose, axis, to_north, to_east, by_yaw in (
         (forward, 0, cos_yaw, sin_yaw, right),
         (right, 1, -sin_yaw, cos_yaw, -forward),
     ):
         system.add(
-            by_pose - autopilot_gyro[:, axis],
+            by_pose - reported_m[:, axis],
             walk_m,
             [
                 *((at, -to_north), (at + 1, -to_east), (at + 2, by_yaw)),
@@ -97,21 +101,23 @@ def add_odometry(system: BorderedSystem, x: Unknowns, m: Measured, model: Odomet
                 *((at + WANDER_NORTH, -to_north), (at + WANDER_EAST, -to_east)),
                 *((after + WANDER_NORTH, to_north), (after + WANDER_EAST, to_east)),
             ],
-            [(ODOMETRY_SCALE, -mean[:, axis])],
+            [(scale, -mean[:, axis])],
         )
 
 
 def wander_steps_m(x: Unknowns, m: Measured) -> Array:
-    """(k - 1, 2): innovation of the wander, north and east."""
+    """(k - 1, 2): innovation of the wander, north and east; of no meaning between two flights."""
     wander_m = x.poses[:, WANDER_NORTH:]
     steps_m: Array = wander_m[1:] - wander_kept(m.dt_s)[:, None] * wander_m[:-1]
     return steps_m
 
 
 def add_wander(system: BorderedSystem, x: Unknowns, m: Measured, model: OdometryModel) -> None:
-    at = POSE_SIZE * np.arange(len(x.poses) - 1)
-    kept, sigma_m = wander_kept(m.dt_s), model.wander_step_sigma_m(m.dt_s)
-    for axis, steps_m in zip((WANDER_NORTH, WANDER_EAST), wander_steps_m(x, m).T, strict=True):
+    moves = m.moves
+    at = POSE_SIZE * moves
+    kept, sigma_m = wander_kept(m.dt_s)[moves], model.wander_step_sigma_m(m.dt_s)[moves]
+    steps = wander_steps_m(x, m)[moves].T
+    for axis, steps_m in zip((WANDER_NORTH, WANDER_EAST), steps, strict=True):
         system.add(
             steps_m,
             sigma_m,
@@ -120,19 +126,21 @@ def add_wander(system: BorderedSystem, x: Unknowns, m: Measured, model: Odometry
 
 
 def add_gyro(system: BorderedSystem, x: Unknowns, m: Measured, models: Models) -> None:
-    p = x.poses
-    at = POSE_SIZE * np.arange(len(p) - 1)
+    moves, flight = m.moves, m.flight[m.moves]
+    before, p = x.poses[moves], x.poses[moves + 1]
+    at = POSE_SIZE * moves
     after = at + POSE_SIZE
     one = np.ones(len(at))
+    dt_s, turned_rad = m.dt_s[moves], m.turned_rad[moves]
     system.add(
-        p[1:, 2] - p[:-1, 2] - (1 - x.gyro_scale) * m.turned_rad + p[:-1, 3] * m.dt_s,
-        models.gyro.turn_sigma_rad(m.dt_s, m.gap_rad2),
-        [(at + 2, -one), (after + 2, one), (at + 3, m.dt_s)],
-        [(GYRO_SCALE, m.turned_rad)],
+        p[:, 2] - before[:, 2] - (1 - x.gyro_scale[flight]) * turned_rad + before[:, 3] * dt_s,
+        models.gyro.turn_sigma_rad(m.dt_s, m.gap_rad2)[moves],
+        [(at + 2, -one), (after + 2, one), (at + 3, dt_s)],
+        [(CALIBRATION_SIZE * flight + GYRO_SCALE, turned_rad)],
     )
     system.add(
-        p[1:, 3] - p[:-1, 3] - m.bias_moved_rad_s,
-        np.sqrt(models.bias_variance(m)),
+        p[:, 3] - before[:, 3] - m.bias_moved_rad_s[moves],
+        np.sqrt(models.bias_variance(m))[moves],
         [(at + 3, -one), (after + 3, one)],
     )
 
@@ -155,8 +163,7 @@ def _hits_on_walls(
     expected_m = (x.walls[wall, 1] - (origins * normals).sum(axis=1)) / cos_incidence
     met = origins + expected_m[:, None] * beams
     distance_m = np.clip(expected_m - m.mount_m[used], units.min_m[beam], units.max_m[beam])
-    measured_m = (1 - x.range_gain[beam]) * m.distance_m[used]
-    residual = units.signal(beam, measured_m) - units.signal(beam, distance_m)
+    residual = units.signal(beam, unbiased_m(x, m)[used]) - units.signal(beam, distance_m)
     return used, residual, distance_m, cos_incidence, met
 
 
@@ -169,7 +176,8 @@ def add_hits(
     per_sigma = 1 / (units.sigma_m(beam, distance_m) * cos_incidence)
     cos_a, sin_a = x.normals[wall].T
     arm = met - x.poses[frame, :2]
-    pose_column, wall_column = POSE_SIZE * frame, WALLS + WALL_SIZE * wall
+    pose_column, wall_column = POSE_SIZE * frame, x.calibration.size + WALL_SIZE * wall
+    gain_column = CALIBRATION_SIZE * m.hit_flight[used] + GAINS + beam
     system.add(
         residual,
         cauchy(residual),
@@ -181,7 +189,7 @@ def add_hits(
         [
             (wall_column, per_sigma * (met[:, 1] * cos_a - met[:, 0] * sin_a)),
             (wall_column + 1, -per_sigma),
-            (GAINS + beam, -per_sigma * cos_incidence * distance_m),
+            (gain_column, -per_sigma * cos_incidence * distance_m),
         ],
     )
 
@@ -196,10 +204,10 @@ def add_square(system: BorderedSystem, x: Unknowns, wall: int, other: int) -> No
     """Robust constraint: its weight falls with the deviation, as not every corner is square."""
     between_rad = x.walls[[wall], 0] - x.walls[[other], 0]
     residual = off_square_rad(between_rad) / SQUARE_SIGMA_RAD
-    per_sigma = np.array([1 / SQUARE_SIGMA_RAD])
+    per_sigma, walls = np.array([1 / SQUARE_SIGMA_RAD]), x.calibration.size
     system.add(
         residual,
         cauchy(residual),
         [],
-        [(WALLS + WALL_SIZE * wall, per_sigma), (WALLS + WALL_SIZE * other, -per_sigma)],
+        [(walls + WALL_SIZE * wall, per_sigma), (walls + WALL_SIZE * other, -per_sigma)],
     )

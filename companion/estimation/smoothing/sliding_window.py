@@ -21,7 +21,6 @@ from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.search import HypothesisSearch
-from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn
@@ -138,6 +137,4 @@ def initialize_from(x: Unknowns, prior: MarginalPrior) -> None:
     turns = np.round((pose[YAW] - x.poses[0, YAW]) / (2 * np.pi))
     x.poses[:, YAW] += 2 * np.pi * turns
     x.poses[:, BIAS] = pose[BIAS]
-    x.gyro_scale = float(shared[factors.GYRO_SCALE])
-    x.odometry_scale = float(shared[factors.ODOMETRY_SCALE])
-    x.range_gain = shared[factors.GAINS : factors.WALLS].copy()
+    x.calibration = shared[: x.calibration.size].reshape(x.calibration.shape).copy()

@@ -26,7 +26,14 @@ from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gaussian, Solution
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.state import POSE_SIZE, WALL_SIZE, Measured, Unknowns, project
+from companion.estimation.smoothing.state import (
+    CALIBRATION_SIZE,
+    POSE_SIZE,
+    WALL_SIZE,
+    Measured,
+    Unknowns,
+    project,
+)
 
 UNKNOWN_SIGMA = 100.0
 """Sigma of a wall without information, m and rad. Chosen: it keeps the equations solvable."""
@@ -66,7 +73,7 @@ class Smoother:
         take-off.
         """
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
-        at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(factors.WALLS)])
+        at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(CALIBRATION_SIZE)])
         sigma = np.array(
             [
                 *(factors.MIN_SIGMA,) * 3,
@@ -100,7 +107,7 @@ class Smoother:
             yield
             square: tuple[tuple[int, int], ...] = ()
             if gate.across_m <= SQUARE_GATE_M:
-                at = factors.WALLS + WALL_SIZE * np.arange(len(x.walls))
+                at = x.calibration.size + WALL_SIZE * np.arange(len(x.walls))
                 covariance = solution.shared_covariance[np.ix_(at, at)]
                 square = square_pairs((before_rad, x.walls[:, 0]), covariance)
             solution = self.step(x, m, wall_of, prior, square)
@@ -155,10 +162,8 @@ class Smoother:
         solution = system.solve()
         shared = solution.shared
         x.poses += solution.chained.reshape(-1, POSE_SIZE)
-        x.gyro_scale += float(shared[factors.GYRO_SCALE])
-        x.odometry_scale += float(shared[factors.ODOMETRY_SCALE])
-        x.range_gain += shared[factors.GAINS : factors.WALLS]
-        x.walls += shared[factors.WALLS :].reshape(-1, WALL_SIZE)
+        x.calibration += shared[: x.calibration.size].reshape(x.calibration.shape)
+        x.walls += shared[x.calibration.size :].reshape(-1, WALL_SIZE)
         return solution
 
     def marginalize_before(
@@ -207,8 +212,8 @@ class Smoother:
     def add_prior(self, system: BorderedSystem, x: Unknowns, prior: MarginalPrior) -> None:
         """Add the prior; walls that it does not contain get `UNKNOWN_SIGMA`."""
         gaussian = prior.gaussian.moved(prior.difference(x))
-        system.add_prior(gaussian.grown(POSE_SIZE + factors.WALLS + x.walls.size))
-        walls = factors.WALLS + np.arange(x.walls.size)
+        system.add_prior(gaussian.grown(POSE_SIZE + x.calibration.size + x.walls.size))
+        walls = x.calibration.size + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
 
 

@@ -20,6 +20,10 @@ POSE_SIZE = 6
 """Unknowns of a pose."""
 WALL_SIZE = 2
 """Unknowns of a wall."""
+GYRO_SCALE, ODOMETRY_SCALE, GAINS = range(3)
+"""Indices in a flight's calibration; the range units' gains come last."""
+CALIBRATION_SIZE = GAINS + len(BEAMS)
+"""Unknowns of a flight's calibration."""
 
 
 @dataclass(slots=True)
@@ -32,18 +36,32 @@ class Unknowns:
     """(w, 2): direction of the normal, offset."""
     reach_m: Array
     """(w, 2): interval of each wall's hits along (-sin, cos)(normal)."""
-    gyro_scale: float
-    odometry_scale: float
-    range_gain: Array
-    """(beams,): relative gain error of each unit; positive if it reads too far."""
+    calibration: Array
+    """(f, 2 + beams): scale errors of gyro and odometry, and gain errors of the range units, for
+    each flight; positive if an instrument reads too much."""
 
     @classmethod
     def at(cls, poses: Array, bias_rad_s: float) -> "Unknowns":
-        """Poses (k, 3), no walls, scales and gains of perfect sensors."""
+        """Poses (k, 3) of one flight, no walls, scales and gains of perfect sensors."""
         count = len(poses)
         x = np.column_stack([poses, np.full(count, bias_rad_s), np.zeros((count, 2))])
         x[:, YAW] = np.unwrap(x[:, YAW])
-        return cls(x, np.empty((0, 2)), np.empty((0, 2)), 0.0, 0.0, np.zeros(len(BEAMS)))
+        return cls(x, np.empty((0, 2)), np.empty((0, 2)), np.zeros((1, CALIBRATION_SIZE)))
+
+    @property
+    def gyro_scale(self) -> Array:
+        """(f,): relative scale error of the gyro; a view."""
+        return self.calibration[:, GYRO_SCALE]
+
+    @property
+    def odometry_scale(self) -> Array:
+        """(f,): relative scale error of the odometry; a view."""
+        return self.calibration[:, ODOMETRY_SCALE]
+
+    @property
+    def range_gain(self) -> Array:
+        """(f, beams): relative gain error of each range unit; a view."""
+        return self.calibration[:, GAINS:]
 
     @property
     def tracks(self) -> Array:
@@ -68,7 +86,7 @@ class Unknowns:
             poses=self.poses[frame:].copy(),
             walls=self.walls.copy(),
             reach_m=self.reach_m.copy(),
-            range_gain=self.range_gain.copy(),
+            calibration=self.calibration.copy(),
         )
 
     def add_walls(self, walls: Array, reach_m: Array) -> None:
@@ -86,7 +104,10 @@ class Unknowns:
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """The record of k keyframes and n hits, as in `flight_record`; hits in order of keyframes."""
+    """The records of flights with k keyframes and n hits, as in `flight_record`.
+
+    The keyframes of one flight follow those of another; hits are in order of keyframes.
+    """
 
     dt_s: Array
     """(k - 1,): time between keyframes, s."""
@@ -121,6 +142,8 @@ class Measured:
     """(k - 1,): variance of the turn during gyro gaps; None without any."""
     late_s: Array | None = None
     """(n,): time from the last odometry to the measurement, s; None: zero for all hits."""
+    begins: tuple[int, ...] = (0,)
+    """First keyframe of each flight."""
 
     @classmethod
     def of(cls, record: FlightRecord, units: RangeUnits) -> "Measured":
@@ -154,6 +177,21 @@ class Measured:
     def time_s(self) -> Array:
         """(k,): time of the keyframes since the first, s."""
         return np.concatenate([[0.0], np.cumsum(self.dt_s)])
+
+    @property
+    def flight(self) -> Indices:
+        """(k,): flight of each keyframe."""
+        return np.searchsorted(self.begins, np.arange(len(self.dt_s) + 1), side="right") - 1
+
+    @property
+    def hit_flight(self) -> Indices:
+        """(n,): flight of each hit."""
+        return np.searchsorted(self.begins, self.frame, side="right") - 1
+
+    @property
+    def moves(self) -> Indices:
+        """Indices of the motions between keyframes of one flight; no motion leads to the next."""
+        return np.delete(np.arange(len(self.dt_s)), np.array(self.begins[1:], dtype=np.int64) - 1)
 
     def first_hit(self, frame: int) -> int:
         """Index of the first hit of a keyframe or a later one."""
@@ -222,12 +260,24 @@ def to_ned(frd_m: Array, yaw_rad: Array) -> Array:
 
 def project(x: Unknowns, m: Measured) -> Rays:
     """p_hit = p_k + R(ψ_k)·(1 + s)·q + (mount + (1 - γ_beam)·distance)·u(bearing)."""
-    yaw = x.poses[m.frame, 2]
-    origins = x.poses[m.frame, :2] + to_ned((1 + x.odometry_scale) * m.offset_frd_m, yaw)
+    yaw, scale = x.poses[m.frame, 2], x.odometry_scale[m.hit_flight, None]
+    origins = x.poses[m.frame, :2] + to_ned((1 + scale) * m.offset_frd_m, yaw)
     bearing = yaw + m.bearing_rad
-    range_m = m.mount_m + (1 - x.range_gain[m.beam]) * m.distance_m
+    range_m = m.mount_m + unbiased_m(x, m)
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
     return Rays(origins, beams, origins + range_m[:, None] * beams)
+
+
+def unbiased_m(x: Unknowns, m: Measured) -> Array:
+    """(n,): distances without the gain errors of the range units, (1 - γ)·d."""
+    distance_m: Array = (1 - x.range_gain[m.hit_flight, m.beam]) * m.distance_m
+    return distance_m
+
+
+def by_odometry_m(x: Unknowns, m: Measured) -> Array:
+    """(k - 1, 2): displacement north and east between keyframes by odometry."""
+    scale = x.odometry_scale[m.flight[:-1], None]
+    return to_ned((1 + scale) * m.moved_frd_m, x.poses[:-1, YAW])
 
 
 def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
