@@ -32,9 +32,8 @@ def cost(smoother: Smoother, estimate: Estimate, m: Measured, prior: MarginalPri
     sigma_m = units.sigma_m(m.beam, m.distance_m)
     opening_m = smoother.support.opening_m
     through = UNEXPLAINED * passages(x, project(x, m), sigma_m, wall_of, opening_m).sum()
-    prior_cost = prior.gaussian.cost(prior.difference(x))
     motion = smoother.motion(x, m).squares
-    return motion + float(on_walls + on_none + through) + prior_cost + WALL_COST * len(x.walls)
+    return motion + float(on_walls + on_none + through) + prior.cost(x) + WALL_COST * len(x.walls)
 
 
 def _explained(x: Unknowns, m: Measured, hits: Indices, units: RangeUnits) -> Array:

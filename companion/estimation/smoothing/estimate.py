@@ -19,6 +19,23 @@ from companion.estimation.smoothing.state import (
 
 
 @dataclass(frozen=True, slots=True)
+class StartPrior:
+    """Prior on the first keyframe of a later flight."""
+
+    frame: int
+    at: Array
+    """(6,): a pose, as in `Unknowns.poses`."""
+    sigma: Array
+    """(6,)."""
+
+    def difference(self, x: Unknowns) -> Array:
+        """(6,): difference of `x` from it."""
+        delta: Array = x.poses[self.frame] - self.at
+        delta[YAW] = wrap_rad(delta[YAW])
+        return delta
+
+
+@dataclass(frozen=True, slots=True)
 class MarginalPrior:
     """The measurements before one keyframe as a prior on it and on all shared unknowns."""
 
@@ -28,6 +45,8 @@ class MarginalPrior:
     gaussian: Gaussian
     flights: int = 1
     """Number of flights whose calibration it contains."""
+    later: tuple[StartPrior, ...] = ()
+    """Starts of the flights after the first."""
 
     @property
     def walls(self) -> int:
@@ -37,6 +56,11 @@ class MarginalPrior:
     @property
     def _first_wall(self) -> int:
         return POSE_SIZE + CALIBRATION_SIZE * self.flights
+
+    def cost(self, x: Unknowns) -> float:
+        """χ² of `x`, up to a constant."""
+        later = (((start.difference(x) / start.sigma) ** 2).sum() for start in self.later)
+        return self.gaussian.cost(self.difference(x)) + float(sum(later))
 
     def difference(self, x: Unknowns) -> Array:
         """(pose + shared,): difference of `x` from the reference point."""

@@ -24,7 +24,12 @@ from companion.estimation.association.pruning import Support
 from companion.estimation.association.right_angles import square_pairs
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gaussian, Solution
-from companion.estimation.smoothing.estimate import Estimate, MarginalPrior, values
+from companion.estimation.smoothing.estimate import (
+    Estimate,
+    MarginalPrior,
+    StartPrior,
+    values,
+)
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.state import (
     CALIBRATION_SIZE,
@@ -60,31 +65,42 @@ SQUARE_GATE_M = 0.2
 
 
 class Smoother:
-    """Gauss-Newton over one flight. The result depends on the record alone."""
+    """Gauss-Newton over one flight or several. The result depends on the records alone."""
 
     def __init__(self, models: factors.Models, support: Support) -> None:
         self.models, self.support = models, support
         self._association = Association(models.ranges, models.odometry, support)
 
-    def from_start(self, start: Array) -> MarginalPrior:
-        """The prior without measurements.
+    def from_start(self, start: Array, later: tuple[StartPrior, ...] = ()) -> MarginalPrior:
+        """The prior without measurements, of one flight or of several.
 
-        The first pose is `start` (3,) by definition of the frame. The odometry starts to wander at
-        take-off.
+        The first pose is `start` (3,) by definition of the frame. `later`: starts of the other
+        flights.
         """
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
-        at = np.array([*start, self.models.rest_bias_rad_s, 0.0, 0.0, *np.zeros(CALIBRATION_SIZE)])
-        sigma = np.array(
-            [
-                *(factors.MIN_SIGMA,) * 3,
-                gyro.bias_sigma_rad_s,
-                *(factors.MIN_SIGMA,) * 2,
-                gyro.scale_sigma,
-                odometry.scale_sigma,
-                *(ranges.gain_sigma + factors.MIN_SIGMA),
-            ]
+        first = self.start_prior(0, start, np.full(3, factors.MIN_SIGMA))
+        flights = 1 + len(later)
+        gain_sigma = ranges.gain_sigma + factors.MIN_SIGMA
+        calibration_sigma = np.array([gyro.scale_sigma, odometry.scale_sigma, *gain_sigma])
+        at = np.concatenate([first.at, np.zeros(flights * CALIBRATION_SIZE)])
+        sigma = np.concatenate([first.sigma, np.tile(calibration_sigma, flights)])
+        gaussian = Gaussian(np.diag(sigma**-2.0), np.zeros(len(sigma)))
+        return MarginalPrior(0, at, gaussian, flights, later)
+
+    def start_prior(
+        self, frame: int, start: Array, sigma: Array, rest_bias_rad_s: float | None = None
+    ) -> StartPrior:
+        """Prior on a flight's first keyframe: north, east, yaw (3,) and their sigmas (3,).
+
+        The odometry starts to wander at take-off. `rest_bias_rad_s`: by default that of the models.
+        """
+        bias = self.models.rest_bias_rad_s if rest_bias_rad_s is None else rest_bias_rad_s
+        still = (factors.MIN_SIGMA,) * 2
+        return StartPrior(
+            frame,
+            np.array([*start, bias, 0.0, 0.0]),
+            np.array([*sigma, self.models.gyro.bias_sigma_rad_s, *still]),
         )
-        return MarginalPrior(0, at, Gaussian(np.diag(sigma**-2.0), np.zeros(len(sigma))))
 
     def smooth(
         self, x: Unknowns, m: Measured, prior: MarginalPrior, gates: Sequence[Gate]
@@ -213,6 +229,9 @@ class Smoother:
         """Add the prior; walls that it does not contain get `UNKNOWN_SIGMA`."""
         gaussian = prior.gaussian.moved(prior.difference(x))
         system.add_prior(gaussian.grown(POSE_SIZE + x.calibration.size + x.walls.size))
+        for start in prior.later:
+            at = POSE_SIZE * start.frame + np.arange(POSE_SIZE)
+            system.add(start.difference(x), start.sigma, [(at, np.ones(POSE_SIZE))])
         walls = x.calibration.size + np.arange(x.walls.size)
         system.add(np.zeros(x.walls.size), UNKNOWN_SIGMA, [], [(walls, np.ones(x.walls.size))])
 

@@ -1,0 +1,85 @@
+"""Tests the joint solution of several flights: shared walls, a calibration for each flight."""
+
+import math
+
+import numpy as np
+import pytest
+
+from companion.core.arrays import Array
+from companion.estimation.association.pruning import Support
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn, HitColumn
+from companion.estimation.smoothing.joint import PlacedFlight, joined, moved_to
+from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother
+from companion.estimation.smoothing.state import Measured, to_ned
+from tests.unit.estimation.test_association import ROOM, UNITS, Segment, fly, mapped
+
+SMOOTHER = Smoother(Models(UNITS), Support())
+PAD_SIGMA = np.array([0.05, 0.05, math.radians(3)])
+PATHS = (
+    [(0.0, 0.0), (1.5, -1.5), (1.5, 1.5), (0.0, 0.0)],
+    [(0.0, 0.0), (-1.5, 1.5), (-1.5, -1.5), (0.0, 0.0)],
+)
+
+
+def flown(path: list[tuple[float, float]], seed: int, scale_error: float) -> FlightRecord:
+    """A flight whose odometry reports too long or too short motions."""
+    record = fly(ROOM, path, seed)
+    reported = 1 / (1 + scale_error)
+    record.frames[:, FrameColumn.FORWARD_M : FrameColumn.RIGHT_M + 1] *= reported
+    record.hits[:, HitColumn.FORWARD_M : HitColumn.RIGHT_M + 1] *= reported
+    return record
+
+
+def placed(record: FlightRecord, start: Array) -> PlacedFlight:
+    return PlacedFlight(Measured.of(record, UNITS), mapped(record).x, start, PAD_SIGMA)
+
+
+def solved(flights: list[PlacedFlight]) -> Estimate:
+    m, x, prior = joined(SMOOTHER, flights)
+    return SMOOTHER.smooth(x, m, prior, FINAL_GATES)
+
+
+def test_two_flights_share_their_walls_and_keep_a_calibration_each() -> None:
+    scales = 0.03, -0.02
+    records = [flown(path, 7, scale) for path, scale in zip(PATHS, scales, strict=True)]
+    single, joint = mapped(records[0]), solved([placed(r, np.zeros(3)) for r in records])
+    assert len(joint.x.walls) == 4
+    assert joint.x.odometry_scale == pytest.approx(scales, abs=0.006)
+    offsets_m = sorted(joint.x.walls[:, 1])
+    assert offsets_m == pytest.approx([3.0] * 4, abs=0.02)
+    sigma = [[line.sigma_m for line in each.wall_lines] for each in (single, joint)]
+    assert max(sigma[1]) < max(sigma[0])
+
+
+def test_a_start_off_its_pad_is_corrected_by_the_walls() -> None:
+    off = np.array([0.05, -0.03, math.radians(4)])
+    first = placed(fly(ROOM, PATHS[0], 3), np.zeros(3))
+    second = placed(fly(seen_from(off), PATHS[1], 4), np.zeros(3))
+    joint = solved([first, second])
+    assert len(joint.x.walls) == 4
+    begin = joint.x.poses[len(first.x.poses)]
+    assert begin[:2] == pytest.approx(off[:2], abs=0.02)
+    assert begin[2] == pytest.approx(off[2], abs=math.radians(0.5))
+
+
+def test_moving_a_flight_and_moving_it_back_changes_nothing() -> None:
+    x, start = mapped(fly(ROOM, PATHS[0], 1)).x, np.array([2.0, -1.0, 0.7])
+    back = moved_to(moved_to(x, start), inverse(start))
+    for field in ("poses", "walls", "reach_m"):
+        assert getattr(back, field) == pytest.approx(getattr(x, field), abs=1e-9)
+
+
+def inverse(start: Array) -> Array:
+    """The origin, seen from a start (3,)."""
+    back = to_ned(-start[None, :2], -start[2:])[0]
+    return np.array([*back, -start[2]])
+
+
+def seen_from(start: Array) -> list[Segment]:
+    """Walls of `ROOM` in the frame of a flight that began at `start` (3,)."""
+    origin = inverse(start)
+    ends = np.array(ROOM).reshape(-1, 2)
+    moved = origin[:2] + to_ned(ends, np.full(len(ends), origin[2]))
+    return [((a, b), (c, d)) for a, b, c, d in moved.reshape(-1, 4).tolist()]
