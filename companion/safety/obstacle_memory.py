@@ -49,6 +49,9 @@ SURELY_M = 0.30
 """Margin beyond the alias of a reading, m. A point farther along the beam than alias plus margin is
 not the folded obstacle, even with drift. Chosen: otherwise a person who has walked away would block
 the way until the points expire."""
+BEFORE_ALIAS_M, BEHIND_ALIAS_M = 0.03, 0.10
+"""A confirmed reading proves nothing within these distances before and behind its alias, m. Chosen:
+the noise of the alias, and a pole of 8 cm."""
 AMONG_LEGS_S = 30.0
 """Time for which the drone counts as among legs after it detected one, s. Chosen: chairs stand in
 groups."""
@@ -164,10 +167,10 @@ class ObstacleMemory:
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
             elsewhere = measured[self._points.is_detected_from_elsewhere(measured, eye_ne_m)]
-            free_m = _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m)
-            self._points.free_strips(scan.time_s, line, free_m)
-            for grid in grids:
-                grid.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
+            for free_m in _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m):
+                self._points.free_strips(scan.time_s, line, free_m)
+                for grid in grids:
+                    grid.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
             again = _detected_again(unfolded, unit, line.along_m, is_on_it & is_sure)
             if again is not None:
@@ -213,23 +216,27 @@ class ObstacleMemory:
         return points_to_frd(self._points.places - self._ne_m, self._yaw_rad)
 
 
-def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> Vector2:
-    """Return start and end of the free part of the beam, m.
+def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> tuple[Vector2, ...]:
+    """Return starts and ends of the free parts of the beam, from the drone's centre, m.
 
     A reading that may have folded back frees nothing up to its alias plus `SURELY_M`, except of
-    guessed points. It frees the whole beam if a point measured from elsewhere confirms it. Those
-    points are at `elsewhere_m` (n,) from the sensor.
+    guessed points. If a point measured from elsewhere confirms it, only the place of the alias is
+    not free: a pole there gives the same reading by chance, and a pole at any other distance gives
+    another. Those points are at `elsewhere_m` (n,) from the sensor.
     """
     model = unit.model
-    if reading.is_distance:
-        alias_m = model.alias_m(reading.distance_m)
-        end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
-        is_known = (np.abs(elsewhere_m - reading.distance_m) <= KNOWN_M).any()
-        from_m = 0.0 if alias_m is None or is_known else alias_m + unit.offset_m + SURELY_M
-        return from_m, end_m + unit.offset_m
     if reading.state is RangeState.NOTHING:
-        return 0.0, model.max_m
-    return 0.0, 0.0
+        return ((0.0, model.max_m),)
+    if not reading.is_distance:
+        return ()
+    end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2) + unit.offset_m
+    alias_m = model.alias_m(reading.distance_m)
+    if alias_m is None:
+        return ((0.0, end_m),)
+    alias_m += unit.offset_m
+    if (np.abs(elsewhere_m - reading.distance_m) <= KNOWN_M).any():
+        return (0.0, alias_m - BEFORE_ALIAS_M), (alias_m + BEHIND_ALIAS_M, end_m)
+    return ((alias_m + SURELY_M, end_m),)
 
 
 def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:

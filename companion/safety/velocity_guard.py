@@ -98,14 +98,21 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     towards = np.concatenate([each.towards for each in bounds])
     max_m_s = np.concatenate([each.max_m_s for each in bounds])
     safe = _bounded(_to_the_middle(wanted, passage), towards, max_m_s)
-    forward, right = _within_swept_space(safe, around)
+    gives_way_m_s = max(0.0, -float(max_m_s.min(initial=0.0)))
+    forward, right = _within_swept_space(safe, around, gives_way_m_s)
     return replace(setpoint, forward_m_s=forward, right_m_s=right)
 
 
-def _within_swept_space(velocity: Vector2, around: Surroundings) -> Vector2:
-    """Limit the speed so that the drone stops before unswept space, or enters it at a crawl."""
+def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: float) -> Vector2:
+    """Limit the speed so that the drone stops before unswept space, or enters it at a crawl.
+
+    Among legs it enters only to give way to an obstacle, at no more than that speed: the obstacle
+    is certain, and in unswept space there is most likely none.
+    """
     speed_m_s = math.hypot(*velocity)
-    min_m_s, max_m_s = (0.0, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
+    min_m_s, max_m_s = (
+        (gives_way_m_s, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
+    )
     if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity

@@ -19,7 +19,7 @@ from companion.core.messages import (
 from companion.drivers.chips.sharp import GP2Y0A710K0F
 from companion.safety.obstacle_memory import AMONG_LEGS_S, ObstacleMemory, Surroundings
 from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, Lane, SweptGrid
-from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2, guarded
+from companion.safety.velocity_guard import CRAWL_M_S, MAX_GIVE_WAY_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
 SWING_RAD = math.radians(14)
@@ -191,3 +191,36 @@ def test_the_drone_can_stop_before_unswept_space(
     course_rad = math.atan2(safe.right_m_s, safe.forward_m_s)
     assert speed_m_s == 0 or course_rad == pytest.approx(math.atan2(-0.8, 0.6))
     assert safe.yaw_rate_rad_s == 0.4
+
+
+@pytest.mark.parametrize("wall_m", [1.5, 2.0, 2.5])
+def test_a_near_pole_that_reads_as_the_wall_behind_leaves_its_place_unswept(wall_m: float) -> None:
+    """A drone flew against a pole whose folded readings were by chance the distance to the wall.
+
+    The wall was also measured from 0.8 m to either side. So its readings are no folded ones.
+    """
+    near = ObstacleMemory(UNITS)
+    for tick, (east_m, most_deg) in enumerate(((0.8, 30), (-0.8, 30), (0.0, 60))):
+        near.move_to((0.0, east_m))
+        for yaw_deg in np.arange(-most_deg, most_deg, 1.0):
+            yaw_rad = math.radians(float(yaw_deg))
+            near.turn_to(yaw_rad)
+            reading_m = wall_m / math.cos(yaw_rad) - 0.08
+            wall = RangeReading(RangeState.DISTANCE, reading_m, 0.02**2)
+            near.see(RangeScan(10.0 + tick, {Beam.FRONT: wall}))
+    near.turn_to(0.0)
+    alias_m = GP2Y0A710K0F.alias_m(wall_m - 0.08)
+    assert alias_m is not None
+    assert near.surroundings(0.3).lane(0.0).clear_m < 0.08 + alias_m
+
+
+def test_the_drone_gives_way_to_an_obstacle_also_into_unswept_space() -> None:
+    """Among legs, wind or drift moved a drone that stood against a plant."""
+    behind = np.array([[-0.35, 0.0]])
+    exact, drift_m = np.zeros(1, dtype=bool), np.zeros(1)
+    around = Surroundings(
+        behind, is_vague=exact, drift_m=drift_m, lane=lambda _: Lane(0.0), is_among_legs=True
+    )
+    safe = guarded(Setpoint(), around, 0.3)
+    assert 0.05 < safe.forward_m_s <= MAX_GIVE_WAY_M_S
+    assert safe.right_m_s == pytest.approx(0.0)
