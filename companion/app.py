@@ -52,10 +52,10 @@ from companion.pdps.flight.state import (
     Phase,
     TickInput,
 )
+from companion.safety.drift import Drift
 from companion.safety.health.watch import Health
 from companion.safety.mapped_obstacles import recalled_frd_m
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
-from companion.safety.obstacle_points import Drift
 from companion.safety.velocity_guard import clear_of_all_m
 
 EXPLORING_PHASES = frozenset(

@@ -25,16 +25,15 @@ from companion.core.messages import (
     RangeState,
     RangeUnit,
 )
+from companion.safety.drift import NO_DRIFT, Drift
 from companion.safety.fold_back import ALIAS_M, KNOWN_M, FoldBackDetector
 from companion.safety.obstacle_points import (
     GUESSED,
     KEPT_WITHIN_M,
     MEASURED,
-    NO_DRIFT,
     OLD_S,
     TOO_STRONG,
     Detection,
-    Drift,
     LineOfSight,
     ObstaclePoints,
 )
@@ -114,7 +113,7 @@ class ObstacleMemory:
         """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
         swept = self._narrow if self._is_among_legs else self._wide
-        lane = swept.lane(self._ne_m, bearing_rad, self._now_s)
+        lane = swept.lane(self._ne_m, bearing_rad, self._now_s, self._points.drift)
         old = self._points.detected_before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
@@ -144,7 +143,7 @@ class ObstacleMemory:
         decimetres within seconds, whereas odometry wanders by centimetres.
         """
         self._ne_m, self._velocity_frd_m_s = place_ne_m, velocity_frd_m_s
-        self._points.set_drift(drift)
+        self._points.drift = drift
 
     def see(self, scan: RangeScan) -> RangeScan:
         """Add a sweep; return it with the readings that have folded back as TOO_NEAR."""

@@ -16,6 +16,7 @@ import numpy as np
 from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2, points_to_frd
 from companion.core.values import value
+from companion.safety.drift import DRIFT_SIGMAS, NO_DRIFT
 from companion.safety.swept_space import LEG_M, SweptGrid
 
 KEPT_S, KEPT_WITHIN_M = 120.0, 5.0
@@ -49,8 +50,6 @@ SEEN_THROUGH_M, FREED_WITHIN_S = 0.30, 10.0
 deleted when all strips are free up to `MIN_STRIPS_M` plus the possible drift: most beams that pass
 a thin pole miss it. A guess needs fewer strips, since the obstacle may not exist. Chosen: the time
 covers two swings of the nose; later the strips drift over the obstacle."""
-DRIFT_SIGMAS = 2.0
-"""Limit of the drone's drift in sigmas: 19 of 20 cases on either axis."""
 TOGETHER_M = 0.20
 """A point is deleted only if all points within this distance, m, are free too. Points that are
 newer by `OLD_S` do not count: they are the same obstacle. Chosen: a beam that leaves a jamb passes
@@ -76,25 +75,6 @@ _FROM_NE, _FREED = slice(9, 11), 11
 GUESSED, TOO_STRONG, MEASURED = 0.0, 0.5, 1.0
 """Quality of a point. A signal stronger than at the minimum distance proves that an obstacle
 exists, but not where. A reading that has probably folded back proves neither."""
-
-
-@value
-class Drift:
-    """Error model of odometry."""
-
-    walk_m2_per_s: float = 0.0
-    """Random walk of the position on each axis, m²/s."""
-    wander_m: float = 0.0
-    """Sigma of a bounded position error that varies slowly, m."""
-
-    def sigma_m(self, age_s: Array) -> Array:
-        """Sigma of the drift on each axis after `age_s` (n,): (n,), m."""
-        wandered_m2 = np.where(age_s > 0, 2 * self.wander_m**2, 0.0)
-        sigma_m: Array = np.sqrt(self.walk_m2_per_s * age_s + wandered_m2)
-        return sigma_m
-
-
-NO_DRIFT = Drift()
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,15 +126,12 @@ class ObstaclePoints:
 
     def __init__(self) -> None:
         self._points: Array = np.empty((0, _FREED + STRIPS))
-        self._drift = NO_DRIFT
+        self.drift = NO_DRIFT
+        """Error model of odometry."""
         self.leg_detected_s = -math.inf
         """Time of the last detection of an isolated obstacle, s."""
         self.legs: Array = np.empty((0, 2))
         """(l, 2): first position of each isolated obstacle, north and east, m."""
-
-    def set_drift(self, drift: Drift) -> None:
-        """Set the error model of odometry."""
-        self._drift = drift
 
     @property
     def places(self) -> Array:
@@ -196,7 +173,7 @@ class ObstaclePoints:
 
     def drift_m(self, now_s: float) -> Array:
         """(n,): sigma of the drone's drift since each point was detected, m."""
-        return self._drift.sigma_m(np.maximum(now_s - self._points[:, _DETECTED_S], 0.0))
+        return self.drift.sigma_m(np.maximum(now_s - self._points[:, _DETECTED_S], 0.0))
 
     def nearest(self, ne_m: Vector2, yaw_rad: float, swept: SweptGrid) -> Array:
         """Points (n, 2), m, forward and right; inexact ones at their nearest possible position.

@@ -26,9 +26,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from companion.core.arrays import Array, Indices
+from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from companion.safety.control_laws import BODY_RADIUS_M
+from companion.safety.drift import DRIFT_SIGMAS, NO_DRIFT, Drift
 
 LATELY_S = 30.0
 """Time for which a swept cell stays free, s. Chosen: odometry drifts by less than a hand's width.
@@ -46,6 +47,8 @@ NEXT_M = 1.5
 """The nose turns to gaps that the body reaches within this distance, m. Chosen: on a straight path
 with legs, 1.5 and 2.2 m leave equally few legs undetected. With 1 m the drone is slower and detects
 fewer."""
+MAX_DRIFT_M = 0.2
+"""Largest drift for which space beside the path is evaluated, m: two sigmas over `LATELY_S`."""
 BESIDE_M = 0.6
 """Obstacles within this distance of the path's middle are one side of a passage, m. Chosen: the
 drone passes a doorway of 1.2 m in its middle, 0.4 m from either jamb."""
@@ -159,12 +162,22 @@ class SweptGrid:
         proved = numbers[off_m < LEG_M / 2] & self._spec.wrap
         self._when_s[tuple(proved.T)] = time_s
 
-    def lane(self, place_ne_m: Vector2, bearing_rad: float, now_s: float) -> Lane:
-        """Return the swept part of the path at a bearing, rad."""
+    def lane(
+        self, place_ne_m: Vector2, bearing_rad: float, now_s: float, drift: Drift = NO_DRIFT
+    ) -> Lane:
+        """Return the swept part of the path at a bearing, rad.
+
+        Beside the path, space has to be swept as far as the drone may have drifted since its beams
+        swept the path: an obstacle there may stand in the path by now.
+        """
         ahead, aside = _axes(bearing_rad)
         samples = self._samples
-        places = samples.ahead_m[:, None] * ahead + samples.aside_m[:, None] * aside + place_ne_m
-        is_unswept = self.when_s(places) <= now_s - LATELY_S
+        places = samples.ahead_m[..., None] * ahead + samples.aside_m[..., None] * aside
+        age_s = now_s - self.when_s(places + place_ne_m)
+        is_unswept = age_s >= LATELY_S
+        oldest_s = np.where(is_unswept, 0.0, age_s)[:, samples.is_body].max(axis=1)
+        drifted_m = DRIFT_SIGMAS * drift.sigma_m(oldest_s)
+        is_unswept &= samples.beside_m < drifted_m[:, None]
         off_rad = samples.off_rad[is_unswept & (samples.reached_m < NEXT_M)]
         return Lane(
             float(samples.reached_m[is_unswept].min(initial=self._spec.to_m)),
@@ -184,27 +197,32 @@ class SweptGrid:
 
 @dataclass(frozen=True, slots=True)
 class _PathSamples:
-    """Samples of the path ahead, each array (n,)."""
+    """Samples of the path ahead and beside, each array (a, b): along and across the path."""
 
     ahead_m: Array
     aside_m: Array
+    beside_m: Array
+    """Distance of each sample from the space that the body passes, m; negative inside."""
     reached_m: Array
-    """Distance that the drone flies until its body touches each sample, m."""
+    """Distance that the drone flies until its body touches or passes each sample, m."""
     off_rad: Array
     """Angle of each sample to the right of the path, seen from the sensor, rad."""
+    is_body: Mask
+    """(b,): True for the samples across the path that the body passes."""
 
     @classmethod
     def of(cls, spec: GridSpec) -> "_PathSamples":
-        ahead_m, aside_m = (
-            each.ravel()
-            for each in np.meshgrid(
-                np.arange(spec.hull_m, spec.to_m, spec.cell_m),
-                np.arange(-BODY_RADIUS_M, BODY_RADIUS_M + spec.step_m, spec.cell_m),
-                indexing="ij",
-            )
+        body_m = np.arange(-BODY_RADIUS_M, BODY_RADIUS_M + spec.step_m, spec.cell_m)
+        more_m = spec.cell_m * np.arange(1, math.ceil(MAX_DRIFT_M / spec.cell_m) + 1)
+        across_m = np.concatenate([body_m[0] - more_m[::-1], body_m, body_m[-1] + more_m])
+        ahead_m, aside_m = np.meshgrid(
+            np.arange(spec.hull_m, spec.to_m, spec.cell_m), across_m, indexing="ij"
         )
-        reached_m = ahead_m - np.sqrt(spec.reach_m**2 - aside_m**2)
-        return cls(ahead_m, aside_m, reached_m, np.arctan2(aside_m, ahead_m - EYE_M))
+        half_m = np.minimum(np.abs(aside_m), BODY_RADIUS_M)
+        beside_m = np.abs(aside_m) - body_m[-1] - 0.5 * spec.cell_m
+        reached_m = ahead_m - np.sqrt(spec.reach_m**2 - half_m**2)
+        off_rad = np.arctan2(aside_m, ahead_m - EYE_M)
+        return cls(ahead_m, aside_m, beside_m, reached_m, off_rad, beside_m[0] < 0)
 
 
 def _disc(spec: GridSpec) -> Array:

@@ -33,8 +33,8 @@ from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
 from companion.safety.control_laws import BODY_RADIUS_M, BRAKING_M_S2, clamp
+from companion.safety.drift import DRIFT_SIGMAS
 from companion.safety.obstacle_memory import Surroundings
-from companion.safety.obstacle_points import DRIFT_SIGMAS
 
 GIVE_WAY_GAIN_1_S = 0.8
 """Speed away from an obstacle per missing clearance, 1/s. Chosen."""

@@ -15,8 +15,8 @@ from companion.core.messages import (
     RangeUnit,
     Setpoint,
 )
+from companion.safety.drift import NO_DRIFT, Drift
 from companion.safety.obstacle_memory import ObstacleMemory, Surroundings
-from companion.safety.obstacle_points import NO_DRIFT, Drift
 from companion.safety.swept_space import all_swept
 
 CLEARANCE_M = 0.3

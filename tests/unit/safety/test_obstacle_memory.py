@@ -8,7 +8,8 @@ import pytest
 
 from companion.core.messages import RangeReading, RangeState
 from companion.drivers.chips.sharp import GP2Y0A710K0F
-from companion.safety.obstacle_points import KEPT_S, Drift
+from companion.safety.drift import Drift
+from companion.safety.obstacle_points import KEPT_S
 from companion.safety.velocity_guard import guarded
 from tests.unit.safety.near_obstacles import CLEARANCE_M, FORWARD, Drone, at, near
 

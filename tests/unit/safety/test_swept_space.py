@@ -17,6 +17,7 @@ from companion.core.messages import (
     Setpoint,
 )
 from companion.drivers.chips.sharp import GP2Y0A710K0F
+from companion.safety.drift import Drift
 from companion.safety.obstacle_memory import AMONG_LEGS_S, ObstacleMemory, Surroundings
 from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, Lane, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, MAX_GIVE_WAY_M_S, STOPS_M_S2, guarded
@@ -224,3 +225,21 @@ def test_the_drone_gives_way_to_an_obstacle_also_into_unswept_space() -> None:
     safe = guarded(Setpoint(), around, 0.3)
     assert 0.05 < safe.forward_m_s <= MAX_GIVE_WAY_M_S
     assert safe.right_m_s == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize(
+    ("half_width_m", "age_s", "is_clear"),
+    [(0.25, 0.5, True), (0.25, 15.0, False), (0.5, 15.0, True), (0.5, LATELY_S + 1, False)],
+)
+def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
+    half_width_m: float, age_s: float, is_clear: bool
+) -> None:
+    """A pole beside the swept path stood in the path half a minute later: odometry walks."""
+    walks = Drift(walk_m2_per_s=0.005**2 / 0.1)
+    passed = SweptGrid()
+    passed.free_hull(HERE, 10.0)
+    for off_m in np.arange(-half_width_m, half_width_m, 0.02):
+        passed.sweep((HERE[0], HERE[1] + float(off_m)), 0.0, (0.0, 3.5), 10.0)
+    clear_m = passed.lane(HERE, 0.0, 10.0 + age_s, walks).clear_m
+    assert (clear_m > 2.0) is is_clear
+    assert is_clear or clear_m < 0.3

@@ -7,7 +7,7 @@ import pytest
 
 from companion.core.messages import Beam, RangeReading, RangeState, Setpoint
 from companion.drivers.chips.sharp import GP2Y0A710K0F, PAPER
-from companion.safety.obstacle_points import Drift
+from companion.safety.drift import Drift
 from companion.safety.velocity_guard import guarded
 from tests.unit.safety.near_obstacles import CLEARANCE_M, FORWARD, Drone, at, near
 
