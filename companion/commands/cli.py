@@ -26,6 +26,7 @@ MODULES = {
     "replay": "companion.commands.recording",
     "export": "companion.commands.recording",
     "report": "companion.commands.recording",
+    "merge": "companion.commands.survey",
     "view": "companion.commands.view",
     "config": "companion.commands.config",
 }

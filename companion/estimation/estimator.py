@@ -27,13 +27,14 @@ from companion.estimation.filters.height_filter import Height
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
 from companion.estimation.hypotheses.search import HypothesisSearch
+from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.smoothing.flight_record import FlightRecord, HitColumn
 from companion.estimation.smoothing.odometry_noise import OdometryNoise
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
 from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
-from companion.estimation.smoothing.state import Unknowns
+from companion.estimation.smoothing.state import Measured, Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 
 MAX_OBLIQUE_RAD = math.radians(30)
@@ -229,6 +230,20 @@ class Estimator:
         """Smooth the whole flight; None if there are fewer than two keyframes."""
         if len(self.record.frames) < 2:
             return None
+        try:
+            _, done = self.solved()
+        except np.linalg.LinAlgError:
+            return self.so_far()
+        return SolvedFlight.of(
+            self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges
+        )
+
+    def solved(self) -> tuple[Measured, Estimate]:
+        """The measurements of the whole flight, and their most likely solution.
+
+        Raises:
+            LinAlgError: the equations cannot be solved.
+        """
         smoother = self._smoother
         m = smoother.models.measured(self.record)
         x = self._as_flown()
@@ -236,14 +251,9 @@ class Estimator:
         x.add_walls(walls.lines, walls.reach_m)
         x.odometry_scale[:] = 0.0
         start = smoother.from_start(np.zeros(3))
-        try:
-            done = smoother.smooth(x, m, start, FINAL_GATES)
-            done = run_to_end(HypothesisSearch(smoother, m, start, FINAL_GATES).final_search(done))
-        except np.linalg.LinAlgError:
-            return self.so_far()
-        return SolvedFlight.of(
-            self.record, done.x, done.wall_lines, done.wall_of, self.models.ranges
-        )
+        done = smoother.smooth(x, m, start, FINAL_GATES)
+        search = HypothesisSearch(smoother, m, start, FINAL_GATES)
+        return m, run_to_end(search.final_search(done))
 
     def so_far(self) -> SolvedFlight:
         """The flight by the current estimate, without a new smoothing."""

@@ -241,7 +241,9 @@ def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) ->
     walk_m = np.diff(x.tracks, axis=0) - by_odometry_m(x, m)
     square = (walk_m**2).sum(axis=1) / model.step_sigma_m(m.dt_s) ** 2
     square += (wander_steps_m(x, m) ** 2).sum(axis=1) / model.wander_step_sigma_m(m.dt_s) ** 2
-    total = _from_first(square)
+    within_flights = np.zeros_like(square)
+    within_flights[m.moves] = square[m.moves]
+    total = _from_first(within_flights)
     begin_s = np.arange(-length_s / 2, time_s[-1], length_s / 2)
     begin, end = np.searchsorted(time_s, [begin_s, begin_s + length_s])
     end = np.minimum(end, len(total) - 1)

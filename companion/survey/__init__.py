@@ -1,0 +1,1 @@
+"""One map from several flights."""
