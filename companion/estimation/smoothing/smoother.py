@@ -185,7 +185,7 @@ class Smoother:
     def marginalize_before(
         self, frame: int, estimate: Estimate, m: Measured, prior: MarginalPrior
     ) -> tuple[MarginalPrior, Estimate]:
-        """Marginalize all measurements before a keyframe into a prior.
+        """Marginalize all measurements of one flight before a keyframe into a prior.
 
         Returns the prior and the estimate, whose walls with hits before the keyframe come first.
         """

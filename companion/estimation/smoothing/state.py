@@ -80,7 +80,7 @@ class Unknowns:
         return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
 
     def since(self, frame: int) -> "Unknowns":
-        """A copy from a keyframe on."""
+        """A copy from a keyframe of the first flight on."""
         return replace(
             self,
             poses=self.poses[frame:].copy(),
@@ -211,7 +211,7 @@ class Measured:
         )
 
     def between(self, first: int, end: int) -> "Measured":
-        """The part from keyframe `first` up to, not including, `end`."""
+        """The part of one flight from keyframe `first` up to, not including, `end`."""
         low, high = self.first_hit(first), self.first_hit(end)
         motion, hits = slice(first, max(end - 1, first)), slice(low, high)
         return Measured(
