@@ -67,6 +67,9 @@ free."""
 CRAWL_M_S = 0.2
 """Speed allowed into unswept space, m/s. Chosen: a swing of the nose sweeps the whole path before
 the drone reaches it. The drone advances a third of a metre per swing."""
+VAGUE_NEAR_M = 1.0
+"""Within this distance of a vague point the drone does not crawl into unswept space, m. Chosen: the
+sensors' least distance, below which a thin obstacle is not measured."""
 AMONG_LEGS_M_S = 0.6
 """Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
 is no higher: `benchmarks/flight/legs.py`."""
@@ -106,13 +109,13 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: float) -> Vector2:
     """Limit the speed so that the drone stops before unswept space, or enters it at a crawl.
 
-    Among legs it enters only to give way to an obstacle, at no more than that speed: the obstacle
-    is certain, and in unswept space there is most likely none.
+    Among legs and near a vague point it enters only to give way to an obstacle, at no more than
+    that speed: the obstacle is certain, and in unswept space there is most likely none.
     """
     speed_m_s = math.hypot(*velocity)
-    min_m_s, max_m_s = (
-        (gives_way_m_s, AMONG_LEGS_M_S) if around.is_among_legs else (CRAWL_M_S, math.inf)
-    )
+    max_m_s = AMONG_LEGS_M_S if around.is_among_legs else math.inf
+    may_crawl = not around.is_among_legs and not _is_vague_point_near(around)
+    min_m_s = CRAWL_M_S if may_crawl else gives_way_m_s
     if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
@@ -124,6 +127,12 @@ def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: 
     return share * forward_m_s, share * right_m_s
 
 
+def _is_vague_point_near(around: Surroundings) -> bool:
+    """Return True if a thin obstacle may stand near the drone: it was detected only from afar."""
+    away_m = np.hypot(*around.points_frd_m.T)
+    return bool((away_m[np.broadcast_to(around.is_vague, len(away_m))] < VAGUE_NEAR_M).any())
+
+
 def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
     """Speed limits of recent obstacles; negative where one is too near."""
     towards, away_m = _towards(around.points_frd_m)
@@ -131,10 +140,11 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
         return _Bounds(towards, away_m)
     drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(away_m))
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
+    least_m = np.minimum(planned_m, BODY_RADIUS_M + np.maximum(PASSAGE_CLEARANCE_M, drifted_m))
     if passage:
-        keep_off_m = _keep_off_m(passage.half_m, planned_m)
+        keep_off_m = _keep_off_m(passage.half_m, planned_m, least_m)
     else:
-        keep_off_m = _keep_off_askew_m(towards, away_m, planned_m)
+        keep_off_m = _keep_off_askew_m(towards, away_m, planned_m, least_m)
     left_m = away_m - POINT_M - keep_off_m - _stopping_m(towards, around)
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_M_S)
     return _Bounds(towards, np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way))
@@ -228,15 +238,14 @@ def _to_the_middle(wanted: Array, passage: _Passage | None) -> Array:
     return centred
 
 
-def _keep_off_m(half_m: float, planned_m: Array) -> Array:
+def _keep_off_m(half_m: float, planned_m: Array, least_m: Array) -> Array:
     """(n,): clearance from the drone's centre in a passage, m: as planned, or less."""
     room_m = half_m - POINT_M - PASSAGE_SLACK_M
-    least_m = np.minimum(planned_m, BODY_RADIUS_M + PASSAGE_CLEARANCE_M)
     keep_off_m: Array = np.maximum(np.minimum(planned_m, room_m), least_m)
     return keep_off_m
 
 
-def _keep_off_askew_m(towards: Array, away_m: Array, planned_m: Array) -> Array:
+def _keep_off_askew_m(towards: Array, away_m: Array, planned_m: Array, least_m: Array) -> Array:
     """(n,): clearance from the drone's centre, m; reduced for obstacles on two opposite sides.
 
     The course has no influence.
@@ -245,4 +254,4 @@ def _keep_off_askew_m(towards: Array, away_m: Array, planned_m: Array) -> Array:
     opposite_m = float(away_m[cos_across < OPPOSITE_COS].min(initial=np.inf))
     half_m = 0.5 * (float(away_m.min()) + opposite_m)
     is_across = np.abs(cos_across) > ACROSS_COS
-    return np.where(is_across, _keep_off_m(half_m, planned_m), planned_m)
+    return np.where(is_across, _keep_off_m(half_m, planned_m, least_m), planned_m)

@@ -243,3 +243,31 @@ def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
     clear_m = passed.lane(HERE, 0.0, 10.0 + age_s, walks).clear_m
     assert (clear_m > 2.0) is is_clear
     assert is_clear or clear_m < 0.3
+
+
+@pytest.mark.parametrize(
+    ("away_m", "is_vague", "stands"), [(0.8, True, True), (0.8, False, False), (1.6, True, False)]
+)
+def test_the_drone_stands_before_unswept_space_near_a_pole_detected_only_from_afar(
+    away_m: float, is_vague: bool, stands: bool
+) -> None:
+    """A drone crawled against a pole that was detected from 4 m, and 0.4 m from where it stood."""
+    around = Surroundings(
+        np.array([[away_m * math.cos(1.0), away_m * math.sin(1.0)]]),
+        is_vague=np.array([is_vague]),
+        drift_m=np.zeros(1),
+        lane=lambda _: Lane(0.0),
+    )
+    safe = guarded(Setpoint(0.5, 0.0), around, 0.2)
+    assert (math.hypot(safe.forward_m_s, safe.right_m_s) < 0.01) is stands
+
+
+@pytest.mark.parametrize("drift_m", [0.0, 0.05, 0.1])
+def test_the_drone_keeps_off_the_sides_of_a_passage_as_far_as_it_may_have_drifted(
+    drift_m: float,
+) -> None:
+    """A drone met a post of a passage that was detected 40 s before and had drifted by 0.2 m."""
+    sides = np.array([[0.0, 0.42], [0.0, -0.42]])
+    around = Surroundings(sides, is_vague=np.zeros(2, dtype=bool), drift_m=np.full(2, drift_m))
+    safe = guarded(Setpoint(0.3, 0.3), around, 0.3)
+    assert (abs(safe.right_m_s) < 0.05) is (drift_m > 0.08)
