@@ -110,10 +110,15 @@ class ObstacleMemory:
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
-        """Swept path at a bearing; older points near it have to be detected again."""
+        """Swept path at a bearing; older points near it have to be detected again.
+
+        Drift counts among legs alone. In the open the drone may crawl anyway.
+        """
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        swept = self._narrow if self._is_among_legs else self._wide
-        lane = swept.lane(self._ne_m, bearing_rad, self._now_s, self._points.drift)
+        is_among_legs = self._is_among_legs
+        swept = self._narrow if is_among_legs else self._wide
+        drift = self._points.drift if is_among_legs else NO_DRIFT
+        lane = swept.lane(self._ne_m, bearing_rad, self._now_s, drift)
         old = self._points.detected_before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
