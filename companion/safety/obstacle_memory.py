@@ -155,7 +155,7 @@ class ObstacleMemory:
         self._points.forget(self._ne_m, scan.time_s)
         self._fold_back.move_to(self._ne_m, self._yaw_rad)
         relative, yaw_rate_rad_s = self._relative(), self._turns_rad_s(scan.time_s)
-        grids = (self._wide, self._narrow) if self._is_among_legs else (self._wide,)
+        is_among_legs = self._is_among_legs
         readings = dict(scan.readings)
         new: list[tuple[Vector2, Detection]] = []
         is_measured, is_sure = self._points.is_measured, self._points.is_sure
@@ -171,10 +171,11 @@ class ObstacleMemory:
             bearing_rad = self._yaw_rad + line.bearing_rad
             eye_ne_m = self._place(line.eye_frd_m)
             elsewhere = measured[self._points.is_detected_from_elsewhere(measured, eye_ne_m)]
-            for free_m in _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m):
-                self._points.free_strips(scan.time_s, line, free_m)
-                for grid in grids:
-                    grid.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
+            free_m = _free_m(unfolded, unit, line.along_m[elsewhere] - unit.offset_m)
+            self._points.free_strips(scan.time_s, line, free_m)
+            self._wide.sweep(eye_ne_m, bearing_rad, free_m, scan.time_s)
+            for proved_m in _proved_m(free_m, unfolded, unit) if is_among_legs else ():
+                self._narrow.sweep(eye_ne_m, bearing_rad, proved_m, scan.time_s)
             end = _end_m(unfolded, unit.offset_m)
             again = _detected_again(unfolded, unit, line.along_m, is_on_it & is_sure)
             if again is not None:
@@ -184,7 +185,7 @@ class ObstacleMemory:
                 end_m, sigma_m = end
                 found = Detection(_how_known(reading, unfolded), sigma_m, bearing_rad, eye_ne_m)
                 new.append((self._place(line.at_m(end_m)), found))
-        for grid in grids:
+        for grid in (self._wide, self._narrow) if is_among_legs else (self._wide,):
             grid.free_hull(self._ne_m, scan.time_s)
         self._points.delete_freed(scan.time_s)
         for place_ne_m, found in new:
@@ -220,27 +221,38 @@ class ObstacleMemory:
         return points_to_frd(self._points.places - self._ne_m, self._yaw_rad)
 
 
-def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> tuple[Vector2, ...]:
-    """Return starts and ends of the free parts of the beam, from the drone's centre, m.
+def _free_m(reading: RangeReading, unit: RangeUnit, elsewhere_m: Array) -> Vector2:
+    """Return start and end of the free part of the beam, from the drone's centre, m.
 
     A reading that may have folded back frees nothing up to its alias plus `SURELY_M`, except of
-    guessed points. If a point measured from elsewhere confirms it, only the place of the alias is
-    not free: a pole there gives the same reading by chance, and a pole at any other distance gives
-    another. Those points are at `elsewhere_m` (n,) from the sensor.
+    guessed points. It frees the whole beam if a point measured from elsewhere confirms it. Those
+    points are at `elsewhere_m` (n,) from the sensor.
     """
     model = unit.model
+    if reading.is_distance:
+        alias_m = model.alias_m(reading.distance_m)
+        end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2)
+        is_known = (np.abs(elsewhere_m - reading.distance_m) <= KNOWN_M).any()
+        from_m = 0.0 if alias_m is None or is_known else alias_m + unit.offset_m + SURELY_M
+        return from_m, end_m + unit.offset_m
     if reading.state is RangeState.NOTHING:
-        return ((0.0, model.max_m),)
-    if not reading.is_distance:
-        return ()
-    end_m = reading.distance_m - 2 * math.sqrt(reading.variance_m2) + unit.offset_m
-    alias_m = model.alias_m(reading.distance_m)
+        return 0.0, model.max_m
+    return 0.0, 0.0
+
+
+def _proved_m(free_m: Vector2, reading: RangeReading, unit: RangeUnit) -> tuple[Vector2, ...]:
+    """Return the parts of a beam's free part that hold even if the reading has folded back, m.
+
+    A pole at the alias of a confirmed reading gives the same reading by chance; a pole at any other
+    distance gives another. So only the place of the alias is not proved.
+    """
+    alias_m = unit.model.alias_m(reading.distance_m) if reading.is_distance else None
     if alias_m is None:
-        return ((0.0, end_m),)
+        return (free_m,)
     alias_m += unit.offset_m
-    if (np.abs(elsewhere_m - reading.distance_m) <= KNOWN_M).any():
-        return (0.0, alias_m - BEFORE_ALIAS_M), (alias_m + BEHIND_ALIAS_M, end_m)
-    return ((alias_m + SURELY_M, end_m),)
+    before_m, behind_m = alias_m - BEFORE_ALIAS_M, alias_m + BEHIND_ALIAS_M
+    from_m, to_m = free_m
+    return (from_m, min(before_m, to_m)), (max(behind_m, from_m), to_m)
 
 
 def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:

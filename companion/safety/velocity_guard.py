@@ -67,9 +67,6 @@ free."""
 CRAWL_M_S = 0.2
 """Speed allowed into unswept space, m/s. Chosen: a swing of the nose sweeps the whole path before
 the drone reaches it. The drone advances a third of a metre per swing."""
-VAGUE_NEAR_M = 1.0
-"""Within this distance of a vague point the drone does not crawl into unswept space, m. Chosen: the
-sensors' least distance, below which a thin obstacle is not measured."""
 AMONG_LEGS_M_S = 0.6
 """Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
 is no higher: `benchmarks/flight/legs.py`."""
@@ -109,13 +106,14 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: float) -> Vector2:
     """Limit the speed so that the drone stops before unswept space, or enters it at a crawl.
 
-    Among legs and near a vague point it enters only to give way to an obstacle, at no more than
-    that speed: the obstacle is certain, and in unswept space there is most likely none.
+    Among legs it enters only to give way to an obstacle, at no more than that speed: the obstacle
+    is certain, and in unswept space there is most likely none.
     """
     speed_m_s = math.hypot(*velocity)
-    max_m_s = AMONG_LEGS_M_S if around.is_among_legs else math.inf
-    may_crawl = not around.is_among_legs and not _is_vague_point_near(around)
-    min_m_s = CRAWL_M_S if may_crawl else gives_way_m_s
+    if around.is_among_legs:
+        min_m_s, max_m_s = gives_way_m_s, AMONG_LEGS_M_S
+    else:
+        min_m_s, max_m_s = CRAWL_M_S, math.inf
     if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
@@ -127,12 +125,6 @@ def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: 
     return share * forward_m_s, share * right_m_s
 
 
-def _is_vague_point_near(around: Surroundings) -> bool:
-    """Return True if a thin obstacle may stand near the drone: it was detected only from afar."""
-    away_m = np.hypot(*around.points_frd_m.T)
-    return bool((away_m[np.broadcast_to(around.is_vague, len(away_m))] < VAGUE_NEAR_M).any())
-
-
 def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
     """Speed limits of recent obstacles; negative where one is too near."""
     towards, away_m = _towards(around.points_frd_m)
@@ -140,7 +132,8 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
         return _Bounds(towards, away_m)
     drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(away_m))
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
-    least_m = np.minimum(planned_m, BODY_RADIUS_M + np.maximum(PASSAGE_CLEARANCE_M, drifted_m))
+    side_m = np.maximum(PASSAGE_CLEARANCE_M, drifted_m if around.is_among_legs else 0.0)
+    least_m = np.minimum(planned_m, BODY_RADIUS_M + side_m)
     if passage:
         keep_off_m = _keep_off_m(passage.half_m, planned_m, least_m)
     else:

@@ -201,9 +201,16 @@ def test_a_near_pole_that_reads_as_the_wall_behind_leaves_its_place_unswept(wall
     The wall was also measured from 0.8 m to either side. So its readings are no folded ones.
     """
     near = ObstacleMemory(UNITS)
+    for tick, off_deg in enumerate([*np.arange(-15, 15, 1.0), *np.arange(15, -15, -1.0)] * 3):
+        off_rad = math.radians(float(off_deg))
+        near.turn_to(math.pi + off_rad)
+        leg_m = (1.3 if abs(1.3 * math.sin(off_rad)) < 0.02 else 3.0) - 0.08
+        leg = RangeReading(RangeState.DISTANCE, leg_m, 0.02**2)
+        near.see(RangeScan(5.0 + tick / 45, {Beam.FRONT: leg}))
+    assert near.surroundings(0.3).is_among_legs
     for tick, (east_m, most_deg) in enumerate(((0.8, 30), (-0.8, 30), (0.0, 60))):
         near.move_to((0.0, east_m))
-        for yaw_deg in np.arange(-most_deg, most_deg, 1.0):
+        for yaw_deg in np.arange(-most_deg, most_deg, 0.5):
             yaw_rad = math.radians(float(yaw_deg))
             near.turn_to(yaw_rad)
             reading_m = wall_m / math.cos(yaw_rad) - 0.08
@@ -245,29 +252,13 @@ def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
     assert is_clear or clear_m < 0.3
 
 
-@pytest.mark.parametrize(
-    ("away_m", "is_vague", "stands"), [(0.8, True, True), (0.8, False, False), (1.6, True, False)]
-)
-def test_the_drone_stands_before_unswept_space_near_a_pole_detected_only_from_afar(
-    away_m: float, is_vague: bool, stands: bool
-) -> None:
-    """A drone crawled against a pole that was detected from 4 m, and 0.4 m from where it stood."""
-    around = Surroundings(
-        np.array([[away_m * math.cos(1.0), away_m * math.sin(1.0)]]),
-        is_vague=np.array([is_vague]),
-        drift_m=np.zeros(1),
-        lane=lambda _: Lane(0.0),
-    )
-    safe = guarded(Setpoint(0.5, 0.0), around, 0.2)
-    assert (math.hypot(safe.forward_m_s, safe.right_m_s) < 0.01) is stands
-
-
 @pytest.mark.parametrize("drift_m", [0.0, 0.05, 0.1])
 def test_the_drone_keeps_off_the_sides_of_a_passage_as_far_as_it_may_have_drifted(
     drift_m: float,
 ) -> None:
     """A drone met a post of a passage that was detected 40 s before and had drifted by 0.2 m."""
     sides = np.array([[0.0, 0.42], [0.0, -0.42]])
-    around = Surroundings(sides, is_vague=np.zeros(2, dtype=bool), drift_m=np.full(2, drift_m))
+    exact = np.zeros(2, dtype=bool)
+    around = Surroundings(sides, is_vague=exact, drift_m=np.full(2, drift_m), is_among_legs=True)
     safe = guarded(Setpoint(0.3, 0.3), around, 0.3)
     assert (abs(safe.right_m_s) < 0.05) is (drift_m > 0.08)
