@@ -106,7 +106,7 @@ class HypothesisSearch:
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
             estimate = yield from self._search_strained(length_s, estimate, tried)
-        return estimate
+        return (yield from self._without_superfluous(estimate))
 
     def _search_strained(
         self, length_s: float, estimate: Estimate, tried: set[bytes]
@@ -151,6 +151,27 @@ class HypothesisSearch:
                 break
             estimate = likelier
         return estimate
+
+    def _without_superfluous(self, estimate: Estimate) -> Generator[None, None, Estimate]:
+        """The solution without the walls that do not save their cost; those with few hits first.
+
+        Hits that other walls explain nearly as well may form a row before one of them.
+        """
+        walls = len(estimate.x.walls)
+        hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)
+        kept, least = np.arange(walls), self._cost(estimate)
+        for wall in np.argsort(hits, kind="stable"):
+            fewer = kept[kept != wall]
+            x = estimate.x.since(0)
+            without = Estimate(x, x.keep_walls(fewer, estimate.wall_of), estimate.solution)
+            yield
+            if (lower := self._cost(without)) < least:
+                kept, least = fewer, lower
+        if len(kept) == walls:
+            return estimate
+        x = estimate.x.since(0)
+        wall_of = x.keep_walls(kept, estimate.wall_of)
+        return Estimate(x, wall_of, self.smoother.step(x, self.m, wall_of, self.prior))
 
     def _likelier(
         self,
