@@ -26,14 +26,14 @@ from companion.estimation.filters.heading_filter import HeadingFilter, WallBeari
 from companion.estimation.filters.height_filter import Height
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
-from companion.estimation.hypotheses.search import HypothesisSearch
+from companion.estimation.hypotheses.search import most_likely
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.smoothing.flight_record import FlightRecord, HitColumn
 from companion.estimation.smoothing.odometry_noise import OdometryNoise
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
-from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
+from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import Measured, Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 
@@ -250,10 +250,7 @@ class Estimator:
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)
         x.odometry_scale[:] = 0.0
-        start = smoother.from_start(np.zeros(3))
-        done = smoother.smooth(x, m, start, FINAL_GATES)
-        search = HypothesisSearch(smoother, m, start, FINAL_GATES)
-        return m, run_to_end(search.final_search(done))
+        return m, most_likely(smoother, x, m, smoother.from_start(np.zeros(3)))
 
     def so_far(self) -> SolvedFlight:
         """The flight by the current estimate, without a new smoothing."""

@@ -110,15 +110,10 @@ class ObstacleMemory:
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:
-        """Swept path at a bearing; older points near it have to be detected again.
-
-        Drift counts among legs alone. In the open the drone may crawl anyway.
-        """
+        """Swept path at a bearing; older points near it have to be detected again."""
         bearing_rad = self._yaw_rad + bearing_frd_rad
-        is_among_legs = self._is_among_legs
-        swept = self._narrow if is_among_legs else self._wide
-        drift = self._points.drift if is_among_legs else NO_DRIFT
-        lane = swept.lane(self._ne_m, bearing_rad, self._now_s, drift)
+        swept = self._narrow if self._is_among_legs else self._wide
+        lane = swept.lane(self._ne_m, bearing_rad, self._now_s, self._points.drift)
         old = self._points.detected_before(self._now_s - OLD_S)
         return lane.beside(*points_to_frd(old - self._ne_m, bearing_rad).T)
 
@@ -247,12 +242,11 @@ def _proved_m(free_m: Vector2, reading: RangeReading, unit: RangeUnit) -> tuple[
     distance gives another. So only the place of the alias is not proved.
     """
     alias_m = unit.model.alias_m(reading.distance_m) if reading.is_distance else None
-    if alias_m is None:
-        return (free_m,)
-    alias_m += unit.offset_m
-    before_m, behind_m = alias_m - BEFORE_ALIAS_M, alias_m + BEHIND_ALIAS_M
     from_m, to_m = free_m
-    return (from_m, min(before_m, to_m)), (max(behind_m, from_m), to_m)
+    if alias_m is None or from_m >= alias_m + unit.offset_m + BEHIND_ALIAS_M:
+        return (free_m,)
+    at_m = alias_m + unit.offset_m
+    return (from_m, min(at_m - BEFORE_ALIAS_M, to_m)), (at_m + BEHIND_ALIAS_M, to_m)
 
 
 def _how_known(raw: RangeReading, unfolded: RangeReading) -> float:

@@ -197,6 +197,7 @@ class ObstaclePoints:
     def free_strips(self, time_s: float, line: LineOfSight, free_m: Vector2) -> None:
         """Update the strips with a beam that is free from `free_m[0]` to `free_m[1]`, m."""
         from_m, to_m = free_m[0], free_m[1] - SEEN_THROUGH_M
+        # the strips end at 0.18 m, within the distance that counts as beside
         close = np.flatnonzero(np.abs(line.aside_m) < ALONE_TO_M)
         along_m, aside_m = line.along_m[close], line.aside_m[close]
         beyond = along_m > np.where(self._points[close, _KNOWN] > GUESSED, from_m, 0.0)

@@ -47,8 +47,6 @@ NEXT_M = 1.5
 """The nose turns to gaps that the body reaches within this distance, m. Chosen: on a straight path
 with legs, 1.5 and 2.2 m leave equally few legs undetected. With 1 m the drone is slower and detects
 fewer."""
-MAX_DRIFT_M = 0.2
-"""Largest drift for which space beside the path is evaluated, m: two sigmas over `LATELY_S`."""
 BESIDE_M = 0.6
 """Obstacles within this distance of the path's middle are one side of a passage, m. Chosen: the
 drone passes a doorway of 1.2 m in its middle, 0.4 m from either jamb."""
@@ -70,6 +68,9 @@ class GridSpec:
     """Length of the path ahead that is evaluated, m."""
     reach_m: float
     """Radius around the drone's centre that covers the body and a cell, m."""
+    beside_m: float
+    """Width of the strip on either side of the path that may have drifted into it, m; 0 where the
+    drone may crawl into unswept space anyway."""
     is_proof: bool
     """True: a beam sweeps only cells in whose middle no leg can stand undetected.
 
@@ -92,10 +93,11 @@ class GridSpec:
         return 0.5 * self.cell_m
 
 
-WIDE = GridSpec(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, is_proof=False)
+WIDE = GridSpec(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, beside_m=0.0, is_proof=False)
 """Grid for flight in the open. Chosen."""
-NARROW = GridSpec(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, is_proof=True)
-"""Grid among legs. Chosen: `to_m` is the stopping distance from 1 m/s plus half a second."""
+NARROW = GridSpec(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, beside_m=0.2, is_proof=True)
+"""Grid among legs. Chosen: `to_m` is the stopping distance from 1 m/s plus half a second,
+`beside_m` is two sigmas of the drift over `LATELY_S`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,7 +215,7 @@ class _PathSamples:
     @classmethod
     def of(cls, spec: GridSpec) -> "_PathSamples":
         body_m = np.arange(-BODY_RADIUS_M, BODY_RADIUS_M + spec.step_m, spec.cell_m)
-        more_m = spec.cell_m * np.arange(1, math.ceil(MAX_DRIFT_M / spec.cell_m) + 1)
+        more_m = spec.cell_m * np.arange(1, math.ceil(spec.beside_m / spec.cell_m) + 1)
         across_m = np.concatenate([body_m[0] - more_m[::-1], body_m, body_m[-1] + more_m])
         ahead_m, aside_m = np.meshgrid(
             np.arange(spec.hull_m, spec.to_m, spec.cell_m), across_m, indexing="ij"

@@ -15,12 +15,12 @@ from companion.core.arrays import Array, Indices
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
 from companion.estimation.association.pruning import Support
 from companion.estimation.estimator import Estimator
-from companion.estimation.hypotheses.search import HypothesisSearch
+from companion.estimation.hypotheses.search import most_likely
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S, PlacedFlight, joined, moved_to
-from companion.estimation.smoothing.smoother import FINAL_GATES, Smoother, run_to_end
+from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import YAW, Measured, Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
@@ -102,9 +102,7 @@ def _solved_together(placed: Sequence[_Placed]) -> tuple[Measured, Estimate]:
     models = _models([each.flown.estimator.models for each in placed])
     smoother = Smoother(models, Support())
     m, x, prior = joined(smoother, [each.flight for each in placed])
-    estimate = smoother.smooth(x, m, prior, FINAL_GATES)
-    search = HypothesisSearch(smoother, m, prior, FINAL_GATES)
-    return m, run_to_end(search.final_search(estimate))
+    return m, most_likely(smoother, x, m, prior)
 
 
 def _worst_misfit(

@@ -25,8 +25,8 @@ from companion.estimation.smoothing.state import YAW, Unknowns
 ROUNDS = 12
 """Rounds of matching and least squares. Chosen."""
 MAX_TURN_RAD, MAX_APART_M = math.radians(12), 0.8
-"""Largest difference of direction, rad, and of offset, m, of a match. Chosen: three sigmas of the
-default start over 5 m."""
+"""Largest difference of direction, rad, and of offset, m, of a match. Chosen: a default start is up
+to 9° off (three sigmas), which moves a wall at 5 m by 0.8 m; 3° are the wall's own error."""
 DIRECTION_SIGMA_RAD, OFFSET_SIGMA_M = math.radians(1.0), 0.08
 """Sigmas of the residuals: error of a wall within its flight. Chosen."""
 MIN_OVERLAP_M = 0.3

@@ -32,7 +32,7 @@ from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models, wander_steps_m
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.odometry_model import OdometryModel
-from companion.estimation.smoothing.smoother import WHOLE, Smoother
+from companion.estimation.smoothing.smoother import FINAL_GATES, WHOLE, Smoother, run_to_end
 from companion.estimation.smoothing.state import BIAS, YAW, Measured, Unknowns, by_odometry_m
 
 SPANS_S = (2.0, 4.0, 8.0, 16.0)
@@ -50,7 +50,7 @@ MAX_SHIFTS = 8
 MAX_TRIED = 4
 """Most alternatives solved in one round. Chosen."""
 BRIDGING_STEPS = 2
-"""Gauss-Newton steps without the removed hits. Chosen."""
+"""Gauss-Newton steps after a change of the association. Chosen."""
 BRIDGED_GATES = (Gate(0.05, 0.4, detect_keyframes=WHOLE, prunes_see_through=True),) * 3
 """Gates of the association after a change. Chosen: odometry is this exact over some seconds."""
 STRETCHES_S = (180.0, 90.0, 45.0)
@@ -65,7 +65,7 @@ that fitted no wall before, and now fit a new one, would count as relief."""
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """A solution whose other hits have kept their walls."""
+    """A changed association, solved while all other hits keep their walls."""
 
     estimate: Estimate
     gates: Sequence[Gate]
@@ -213,10 +213,14 @@ class HypothesisSearch:
     ) -> Generator[None, None, tuple[Unknowns, Indices]]:
         """The solution without the hits of the masked keyframes (k,): odometry bridges them."""
         x, wall_of = estimate.x.since(0), np.where(suspect[self.m.frame], NO_WALL, estimate.wall_of)
+        yield from self._stepped(x, wall_of)
+        return x, wall_of
+
+    def _stepped(self, x: Unknowns, wall_of: Indices) -> Generator[None, None, None]:
+        """Let `x` follow a changed association."""
         for _ in range(BRIDGING_STEPS):
             self.smoother.step(x, self.m, wall_of, self.prior)
             yield
-        return x, wall_of
 
     def _shifted(self, shift: Shift, estimate: Estimate) -> Generator[None, None, Alternative]:
         """A stretch is shifted; then its hits are associated again."""
@@ -230,9 +234,7 @@ class HypothesisSearch:
         That wall may coincide with another, and is then merged with it.
         """
         alternative = split(estimate, [hits])
-        for _ in range(BRIDGING_STEPS):
-            self.smoother.step(alternative.x, self.m, alternative.wall_of, self.prior)
-            yield
+        yield from self._stepped(alternative.x, alternative.wall_of)
         narrow = [gate for gate in self.gates if gate.prunes_see_through]
         return Alternative(alternative, narrow, slack=WALL_COST)
 
@@ -250,6 +252,15 @@ class HypothesisSearch:
             solution = self.smoother.step(x, self.m, wall_of, self.prior)
             yield
         return Alternative(Estimate(x, wall_of, solution), BRIDGED_GATES)
+
+
+def most_likely(smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPrior) -> Estimate:
+    """Solve whole flights after landing: smooth them, then search for a more likely solution.
+
+    `x` is the initial value.
+    """
+    estimate = smoother.smooth(x, m, prior, FINAL_GATES)
+    return run_to_end(HypothesisSearch(smoother, m, prior, FINAL_GATES).final_search(estimate))
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:

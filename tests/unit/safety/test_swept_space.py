@@ -1,6 +1,7 @@
 """The drone flies only as fast as it can stop before unswept space."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -19,7 +20,7 @@ from companion.core.messages import (
 from companion.drivers.chips.sharp import GP2Y0A710K0F
 from companion.safety.drift import Drift
 from companion.safety.obstacle_memory import AMONG_LEGS_S, ObstacleMemory, Surroundings
-from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, Lane, SweptGrid
+from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, WIDE, Lane, SweptGrid
 from companion.safety.velocity_guard import CRAWL_M_S, MAX_GIVE_WAY_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
@@ -243,7 +244,7 @@ def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
 ) -> None:
     """A pole beside the swept path stood in the path half a minute later: odometry walks."""
     walks = Drift(walk_m2_per_s=0.005**2 / 0.1)
-    passed = SweptGrid()
+    passed = SweptGrid(replace(WIDE, beside_m=NARROW.beside_m))
     passed.free_hull(HERE, 10.0)
     for off_m in np.arange(-half_width_m, half_width_m, 0.02):
         passed.sweep((HERE[0], HERE[1] + float(off_m)), 0.0, (0.0, 3.5), 10.0)
