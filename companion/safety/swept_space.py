@@ -69,8 +69,8 @@ class GridSpec:
     reach_m: float
     """Radius around the drone's centre that covers the body and a cell, m."""
     beside_m: float
-    """Width of the strip on either side of the path that may have drifted into it, m; 0 where the
-    drone may crawl into unswept space anyway."""
+    """Width of the strip on either side of the path that may have drifted into it, m; 0 if only the
+    path counts."""
     is_proof: bool
     """True: a beam sweeps only cells in whose middle no leg can stand undetected.
 
