@@ -86,7 +86,7 @@ def _flown(recording: "Recording") -> "Flown":
     app = replay(recording)
     if app.estimator is None or len(app.estimator.record.frames) < 2:
         raise RecordingError(f"{recording.path}: the drone did not fly; leave this recording out")
-    return Flown(recording.path.name, app.estimator, app.floor_plan())
+    return Flown(recording.path.name, app.estimator, app.floor_plan(), app.space)
 
 
 def _summary(merged: "Merged") -> Table:

@@ -1,7 +1,7 @@
 """Merges flights from the same pad into one map.
 
-Each flight is solved alone first. Its walls place it in the map of the flights before
-(`placement.py`). Then all flights are solved together (`estimation/smoothing/joint.py`). A flight
+Each flight is solved alone first. A flight that knew the map of earlier ones lies in their frame;
+another one is placed by its walls (`placement.py`). Then all flights are solved together (`estimation/smoothing/joint.py`). A flight
 that does not fit, because it began elsewhere or the building has changed, is left out.
 """
 
@@ -13,10 +13,11 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
+from companion.earlier import EarlierFlights
 from companion.estimation.association.pruning import Support
 from companion.estimation.estimator import Estimator
 from companion.estimation.hypotheses.search import most_likely
-from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.estimate import EarlierWalls, Estimate
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S, PlacedFlight, joined, moved_to
@@ -24,6 +25,8 @@ from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import YAW, Measured, Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
+from companion.mapping.occupancy import Occupancy
+from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.survey.placement import refined_start
 
 MAX_START_SIGMAS = 3.0
@@ -37,11 +40,12 @@ MIN_SHARED_HITS = 20
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A flight to merge: its estimator at the end, and its map."""
+    """A flight to merge: its estimator at the end, its map, and the space that its beams saw."""
 
     name: str
     estimator: Estimator
     plan: FloorPlan
+    space: RedrawnGrid
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +74,16 @@ class Merged:
     plan: FloorPlan
     flights: tuple[MergedFlight, ...]
     left_out: tuple[LeftOut, ...]
+    estimate: Estimate
+    space: Occupancy
+
+    def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
+        """What a new flight from the pad has to know; `pad_sigma` as in `merge`."""
+        x, solution = self.estimate.x, self.estimate.solution
+        of_walls = slice(x.calibration.size, None)
+        covariance = solution.shared_covariance[of_walls, of_walls]
+        walls = EarlierWalls(x.walls, x.reach_m, covariance, pad_sigma)
+        return EarlierFlights(walls, self.space.of_earlier_flight(), self.plan.walls)
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,20 +150,23 @@ def _placed(flown: Sequence[Flown], pad_sigma: Array) -> tuple[list[_Placed], li
     known: Unknowns | None = None
     for each in flown:
         m, solved = each.estimator.solved()
-        start = np.zeros(3)
-        if known is not None:
-            start = refined_start(solved.x, known, start, pad_sigma)
+        x = solved.x
+        if each.estimator.knows_earlier_flights:
+            detected = np.unique(solved.wall_of[solved.wall_of != NO_WALL])
+            x.keep_walls(detected, solved.wall_of)
+        elif known is not None:
+            start = refined_start(x, known, np.zeros(3), pad_sigma)
             if (np.abs(start) > MAX_START_SIGMAS * pad_sigma).any():
                 left_out.append(LeftOut(each.name, _off_the_pad(start, pad_sigma)))
                 continue
-        here = moved_to(solved.x, start)
+            x = moved_to(x, start)
         if known is None:
-            known = here
+            known = x.since(0)
         else:
-            known.add_walls(here.walls, here.reach_m)
+            known.add_walls(x.walls, x.reach_m)
         bias = each.estimator.models.rest_bias_rad_s
         explained = float((solved.wall_of != NO_WALL).mean())
-        placed.append(_Placed(each, PlacedFlight(m, solved.x, start, pad_sigma, bias), explained))
+        placed.append(_Placed(each, PlacedFlight(m, x, np.zeros(3), pad_sigma, bias), explained))
     return placed, left_out
 
 
@@ -175,6 +192,9 @@ def _merged(
 ) -> Merged:
     x, lines = estimate.x, estimate.wall_lines
     flights = [_of_one(number, each, m, estimate, lines) for number, each in enumerate(flown)]
+    space = Occupancy()
+    for each, flight in zip(flown, flights, strict=True):
+        each.space.draw_onto(space, flight.poses)
     walls = wall_segments(
         lines,
         np.concatenate([flight.points_ne_m for flight in flights]),
@@ -206,6 +226,8 @@ def _merged(
             for each, start, count in zip(flown, starts, shared, strict=True)
         ),
         left_out,
+        estimate,
+        space,
     )
 
 

@@ -189,11 +189,11 @@ class HypothesisSearch:
             alone = alternative.estimate
             if self._cost(alone) - alternative.slack >= likely or self._strain(alone) > max_strain:
                 continue
-            settled = yield from self.smoother.smoothing(
-                alone.x, self.m, self.prior, alternative.gates
+            again = yield from settled(
+                self.smoother, alone.x, self.m, self.prior, alternative.gates
             )
-            if self._cost(settled) < likely:
-                return settled
+            if self._cost(again) < likely:
+                return again
         return None
 
     def _strain(self, estimate: Estimate) -> float:
@@ -259,8 +259,26 @@ def most_likely(smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPri
 
     `x` is the initial value.
     """
-    estimate = smoother.smooth(x, m, prior, FINAL_GATES)
+    estimate = run_to_end(settled(smoother, x, m, prior, FINAL_GATES))
     return run_to_end(HypothesisSearch(smoother, m, prior, FINAL_GATES).final_search(estimate))
+
+
+def settled(
+    smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPrior, gates: Sequence[Gate]
+) -> Generator[None, None, Estimate]:
+    """Smooth with all gates; the most likely solution of the rounds with the last one.
+
+    With the same gate the association may alternate: a wall is dropped in one round, and detected
+    again in the next. `x` is the initial value.
+    """
+    last = len(gates) - gates.count(gates[-1])
+    if last:
+        yield from smoother.smoothing(x, m, prior, gates[:last])
+    rounds: list[Estimate] = []
+    for gate in gates[last:]:
+        estimate = yield from smoother.smoothing(x, m, prior, (gate,))
+        rounds.append(Estimate(x.since(0), estimate.wall_of, estimate.solution))
+    return min(rounds, key=lambda estimate: cost(smoother, estimate, m, prior))
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:
