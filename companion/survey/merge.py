@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.app import App
 from companion.core.arrays import Array, Indices
+from companion.core.errors import SurveyError
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
 from companion.earlier import EarlierFlights
 from companion.estimation.association.pruning import Support
@@ -46,6 +48,25 @@ class Flown:
     estimator: Estimator
     plan: FloorPlan
     space: RedrawnGrid
+    m: Measured
+    alone: Estimate
+    """The flight solved alone."""
+
+    @classmethod
+    def of(cls, name: str, app: App) -> "Flown":
+        """Solve a flight that has ended.
+
+        Raises:
+            SurveyError: the drone did not fly, or the flight cannot be solved.
+        """
+        estimator = app.estimator
+        if estimator is None or len(estimator.record.frames) < 2:
+            raise SurveyError(f"{name}: the drone did not fly; leave this recording out")
+        try:
+            m, alone = estimator.solved()
+        except np.linalg.LinAlgError as error:
+            raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
+        return cls(name, estimator, app.floor_plan(), app.space, m, alone)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +78,8 @@ class MergedFlight:
     """(3,): north, east, m, and heading, rad, of its start in the frame of the first flight."""
     shared_walls: int
     """Walls that it and at least one other flight detected."""
+    later_s: float
+    """Time in the joint map less time in its recording, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -149,8 +172,7 @@ def _placed(flown: Sequence[Flown], pad_sigma: Array) -> tuple[list[_Placed], li
     left_out: list[LeftOut] = []
     known: Unknowns | None = None
     for each in flown:
-        m, solved = each.estimator.solved()
-        x = solved.x
+        m, solved, x = each.m, each.alone, each.alone.x.since(0)
         if each.estimator.knows_earlier_flights:
             detected = np.unique(solved.wall_of[solved.wall_of != NO_WALL])
             x.keep_walls(detected, solved.wall_of)
@@ -203,7 +225,9 @@ def _merged(
     hits: list[Hit] = []
     path: list[Pose] = []
     later_s = 0.0
+    begins_s: list[float] = []
     for flight in flights:
+        begins_s.append(later_s)
         hits += [replace(hit, time_s=hit.time_s + later_s) for hit in flight.hits()]
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
@@ -222,8 +246,8 @@ def _merged(
     return Merged(
         plan,
         tuple(
-            MergedFlight(each.name, start, count)
-            for each, start, count in zip(flown, starts, shared, strict=True)
+            MergedFlight(each.name, start, count, begin_s)
+            for each, start, count, begin_s in zip(flown, starts, shared, begins_s, strict=True)
         ),
         left_out,
         estimate,

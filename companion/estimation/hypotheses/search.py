@@ -155,12 +155,13 @@ class HypothesisSearch:
     def _without_superfluous(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """The solution without the walls that do not save their cost; those with few hits first.
 
-        Hits that other walls explain nearly as well may form a row before one of them.
+        The walls of the prior stay. Hits that other walls explain nearly as well may form a row before one of them.
         """
         walls = len(estimate.x.walls)
         hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)
         kept, least = np.arange(walls), self._cost(estimate)
-        for wall in np.argsort(hits, kind="stable"):
+        new = np.arange(self.prior.walls, walls)
+        for wall in new[np.argsort(hits[new], kind="stable")]:
             fewer = kept[kept != wall]
             x = estimate.x.since(0)
             without = Estimate(x, x.keep_walls(fewer, estimate.wall_of), estimate.solution)

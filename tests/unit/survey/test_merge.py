@@ -19,6 +19,9 @@ height_m = 2.6
 walls = [{{ points = [[0, 0], [7, 0], [7, 4.5], [4.5, 4.5], [4.5, 6], [0, 6]], closed = true }}]
 starts = [{{ name = "pad", position = [{east}, {north}], heading_deg = {heading} }}]
 """
+FRAMES_APART_CM = 6
+"""Standard deviation of one flight's take-off place in another's frame, cm: each knows its own to
+4 cm, because the odometry wanders before the first wall is measured."""
 PAD = 2.5, 2.5, 20.0
 """Start of the first flight: east and north, m, and heading, °."""
 
@@ -56,7 +59,7 @@ def test_flights_from_the_same_pad_make_one_map(recordings: list[Path], tmp_path
     lengths_m = sorted(math.dist(wall["start_ne_m"], wall["end_ne_m"]) for wall in walls)
     assert lengths_m == pytest.approx([1.5, 2.5, 4.5, 4.5, 6.0, 7.0], abs=0.1)
     off_cm, off_deg = re.findall(r"(\d+) cm +│ ([+-][\d.]+)°", merged.stdout)[1]
-    assert float(off_cm) == pytest.approx(6.4, abs=3)
+    assert float(off_cm) == pytest.approx(6.4, abs=FRAMES_APART_CM)
     assert float(off_deg) == pytest.approx(4, abs=2)
 
 
