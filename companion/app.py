@@ -163,7 +163,7 @@ class App:
         self._health = Health()
         self._resets = 0
         self._progress = Progress(-PROGRESS_PERIOD_S, "", "", self._walls)
-        self.flight = FlightState()
+        self.flight = earlier.begin() if earlier else FlightState()
 
     @property
     def space(self) -> RedrawnGrid:

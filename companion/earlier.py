@@ -1,10 +1,29 @@
-"""Holds what a new flight of a survey knows from the flights before it."""
+"""Holds what a new flight of a survey knows from the flights before it, and writes it as bytes.
 
-from dataclasses import dataclass
+The bytes go into the flight's recording, so that it can be replayed without the other flights.
+"""
 
+import io
+import zipfile
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from companion.core.arrays import Array, Indices
+from companion.core.errors import SurveyError
 from companion.core.messages import WallSegment
 from companion.estimation.smoothing.estimate import EarlierWalls
 from companion.mapping.occupancy import Occupancy
+from companion.navigation.grid_planner import START_NE_M
+from companion.pdps.explore import Explore
+from companion.pdps.flight.state import FlightState
+from companion.pdps.frontiers import Places
+from companion.pdps.room_scan_state import RoomScan, ScanPhase
+from companion.pdps.viewpoints import Viewpoint
+
+_WALLS, _SPACE = "walls.", "space."
+"""Prefixes of the arrays' names."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,3 +35,66 @@ class EarlierFlights:
     """Free and occupied space at the height of flight."""
     segments: tuple[WallSegment, ...]
     """The walls, for display."""
+    tried: tuple[Places, ...] = ()
+    """Targets of the looks so far: a target that was never seen is dropped after some looks."""
+
+    def begin(self) -> FlightState:
+        """The state in which the next flight begins. It explores what is left of a room, too."""
+        looked = tuple(Viewpoint(START_NE_M, places) for places in self.tried)
+        return FlightState(room=RoomScan(ScanPhase.BLOCKED), building=Explore(tried=looked))
+
+    def to_bytes(self) -> bytes:
+        """All content, lossless: a NumPy archive."""
+        arrays: dict[str, Any] = {
+            "segments": _rows(self.segments),
+            "tried_sizes": np.array([len(places) for places in self.tried], dtype=np.int64),
+            "tried": np.array([place for places in self.tried for place in places]).reshape(-1, 2),
+        }
+        arrays |= {f"{_WALLS}{each.name}": getattr(self.walls, each.name) for each in _OF_WALLS}
+        arrays |= {f"{_SPACE}{name}": array for name, array in self.space.arrays().items()}
+        file = io.BytesIO()
+        np.savez_compressed(file, **arrays)
+        return file.getvalue()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> "EarlierFlights":
+        """Read what `to_bytes` wrote.
+
+        Raises:
+            SurveyError: it is damaged, or from another version.
+        """
+        try:
+            with np.load(io.BytesIO(data), allow_pickle=False) as archive:
+                walls = EarlierWalls(*(archive[f"{_WALLS}{each.name}"] for each in _OF_WALLS))
+                names = [name for name in archive.files if name.startswith(_SPACE)]
+                space = Occupancy.of_arrays({n.removeprefix(_SPACE): archive[n] for n in names})
+                tried = _places(archive["tried"], archive["tried_sizes"])
+                return cls(walls, space, _segments(archive["segments"]), tried)
+        except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
+            raise SurveyError(f"the map of earlier flights is not readable: {error!r}") from None
+
+
+_OF_WALLS = fields(EarlierWalls)
+
+
+def _rows(segments: tuple[WallSegment, ...]) -> Array:
+    """(s, 7): start, end, sigma, hits, sigma of the normal."""
+    rows = [(*s.start_ne_m, *s.end_ne_m, s.sigma_m, s.hits, s.normal_sigma_rad) for s in segments]
+    return np.array(rows).reshape(-1, 7)
+
+
+def _segments(rows: Array) -> tuple[WallSegment, ...]:
+    return tuple(
+        WallSegment((a, b), (c, d), sigma_m, int(hits), normal_sigma_rad)
+        for a, b, c, d, sigma_m, hits, normal_sigma_rad in rows.tolist()
+    )
+
+
+def _places(all_ne_m: Array, sizes: Indices) -> tuple[Places, ...]:
+    """The places (n, 2) in groups of the given sizes."""
+    ends = np.cumsum(sizes)[:-1]
+    return tuple(
+        tuple((north_m, east_m) for north_m, east_m in group.tolist())
+        for group in np.split(all_ne_m, ends)
+        if len(group)
+    )

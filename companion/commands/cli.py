@@ -27,6 +27,7 @@ MODULES = {
     "export": "companion.commands.recording",
     "report": "companion.commands.recording",
     "merge": "companion.commands.survey",
+    "survey": "companion.commands.survey_map",
     "view": "companion.commands.view",
     "config": "companion.commands.config",
 }

@@ -17,8 +17,9 @@ from companion.commands.options import (
     load_settings,
 )
 from companion.config.settings import MISSION_KINDS, Config
-from companion.core.errors import CompanionError
+from companion.core.errors import CompanionError, ConfigError
 from companion.core.printed import flight_console
+from companion.earlier import EarlierFlights
 from companion.run.hardware import open_rig
 from companion.run.unattended import EXIT_FAILED, fly_to_the_end
 from companion.view.feed import open_feed
@@ -35,20 +36,69 @@ def fly_command(
     mission: Annotated[str | None, typer.Option(help=f"{', '.join(MISSION_KINDS)}.")] = None,
     mission_set: MissionSet = None,
     out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
+    survey: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a survey: fly what is not mapped yet; see docs/surveys.md."),
+    ] = None,
 ) -> None:
     """Take off, scan, return, land; leave map.png, map.ply and map.json."""
     settings = load_settings(
         config, link, bus, profile, mission=mission, mission_set=mission_set or ()
     )
     with flight_console() as console:
-        code = _fly(settings, out, console)
+        if survey is None:
+            code = _fly(settings, out, console)
+        else:
+            code = _fly_on(settings, survey, console)
     raise typer.Exit(code)
 
 
-def _fly(settings: Config, out: Path, console: Console) -> int:
-    app = App(settings)
+def _fly_on(settings: Config, folder: Path, console: Console) -> int:
+    """Fly one flight of a survey, then make the joint map."""
+    from companion.survey.folder import Survey  # noqa: PLC0415 - not for a single flight
+    from companion.survey.left import left_to_fly  # noqa: PLC0415
+
+    _refuse_not_recorded(settings, folder)
+    survey = Survey(folder, console.print)
+    earlier = survey.earlier()
+    if earlier is not None:
+        console.print(left_to_fly(earlier, settings).in_words())
+    code = _fly(settings, folder / "last_flight", console, earlier=earlier, recordings=folder)
+    if code != EXIT_FAILED and (joint := survey.make_map()):
+        earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
+        console.print(left_to_fly(earlier, settings).in_words())
+    return code
+
+
+def _refuse_not_recorded(settings: Config, folder: Path) -> None:
+    """Refuse a survey that cannot be made.
+
+    Raises:
+        ConfigError: recordings are off, or the mission cannot be continued.
+    """
+    if not settings.recording.enabled:
+        raise ConfigError(
+            f"recording.enabled = false: the survey {folder} is made of recordings; set it to true"
+        )
+    if settings.mission.kind == "layers":
+        raise ConfigError(
+            'mission.kind = "layers": a survey cannot continue it; choose building, room or '
+            "exterior, or fly it without --survey"
+        )
+
+
+def _fly(
+    settings: Config,
+    out: Path,
+    console: Console,
+    *,
+    earlier: EarlierFlights | None = None,
+    recordings: Path | None = None,
+) -> int:
+    """Fly, and write the map to `out`; recordings go there, too, or to another folder."""
+    app = App(settings, earlier)
     with (
-        open_rig(settings, out, console.print) as (rig, recorder),
+        open_rig(settings, recordings or out, console.print, earlier) as (rig, recorder),
         closing(open_feed(settings, app, console.print)) as feed,
     ):
         console.print(f"autopilot at {settings.link.url}, sensors on {settings.sensors.bus}")

@@ -7,7 +7,7 @@ cells are distinct.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple, Self
@@ -156,6 +156,20 @@ class Occupancy:
     def copy(self) -> "Occupancy":
         """A copy."""
         return self._with(self._low, self._layers.each(np.copy))
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All content by name, for `of_arrays`."""
+        where = {"low": np.array(self._low), "is_all_allowed": np.array(self._is_all_allowed)}
+        return where | self._layers._asdict()
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Occupancy":
+        """The grid with this content."""
+        grid = cls()
+        row, column = arrays["low"].tolist()
+        grid._low, grid._is_all_allowed = (row, column), bool(arrays["is_all_allowed"])
+        grid._layers = _Layers(**{name: arrays[name] for name in _Layers._fields})
+        return grid
 
     def window(self, places_ne_m: Sequence[Vector2], margin_m: float) -> "Occupancy":
         """A copy of the part around some positions."""

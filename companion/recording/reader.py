@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from companion.config.settings import Config
 from companion.core.errors import RecordingError
 from companion.core.messages import FloorPlan, Pose, Setpoint
+from companion.earlier import EarlierFlights
 from companion.recording import topics
 from companion.recording.exact import Tick, decode_plan, decode_ticks
 from companion.recording.recorder import FORMAT
@@ -66,10 +67,12 @@ class Recording:
     phases: list[PhaseRecord] = field(default_factory=list)
     faults: list[RecordedFault] = field(default_factory=list)
     autopilot_texts: list[tuple[float, str]] = field(default_factory=list)
+    earlier: EarlierFlights | None = None
+    """Map of earlier flights with which the flight began."""
     plan: FloorPlan | None = None
     """The flight's final map; None if it was interrupted."""
-    continues: bool = False
-    """It includes the contents of an earlier file that ended in a crash."""
+    continues: str = ""
+    """Name of an earlier file that ended in a crash, and whose contents it includes."""
     is_whole: bool = False
     """The file was closed."""
 
@@ -135,14 +138,15 @@ def _add_metadata(recording: Recording, entries: dict[str, str]) -> None:
             f"{FORMAT}; use companion {entries['companion']}"
         )
     if continues := entries.get("continues"):
-        _prepend(recording, read(recording.path.with_name(Path(continues).name)))
+        before = Path(continues).name
+        _prepend(recording, read(recording.path.with_name(before)))
+        recording.continues = before
     recording.companion_version = entries["companion"]
     recording.began_unix_s = float(entries["began_unix_s"])
 
 
 def _prepend(recording: Recording, before: Recording) -> None:
     """Prepend the contents of the file that a crash interrupted."""
-    recording.continues = True
     recording.ticks += before.ticks
     recording.poses += before.poses
     recording.setpoints += before.setpoints
@@ -170,5 +174,7 @@ def _add(recording: Recording, topic: str, message: Message) -> None:
             recording.autopilot_texts.append((time_s, Log.FromString(data).message))
         case topics.CONFIG:
             recording.config = Config.model_validate_json(data)
+        case topics.EARLIER:
+            recording.earlier = EarlierFlights.from_bytes(data)
         case topics.MAP:
             recording.plan = decode_plan(data)

@@ -15,6 +15,7 @@ from companion.config.settings import Config
 from companion.core.errors import RecordingError
 from companion.core.messages import FloorPlan, WallSegment
 from companion.core.values import value
+from companion.earlier import EarlierFlights
 from companion.link.transports.transport import Message as MavlinkMessage
 from companion.link.transports.transport import Transport
 from companion.recording import topics
@@ -76,10 +77,12 @@ def open_recorder(
     clock: Clock = time.monotonic,
     *,
     continues: str = "",
+    earlier: EarlierFlights | None = None,
 ) -> Recorder:
     """Open a recorder with new files in `folder`, named by the time; on failure only warn.
 
-    `continues` names the recording in the same folder that a crash has interrupted.
+    `continues` names the recording in the same folder that a crash has interrupted. `earlier`: the
+    map of earlier flights with which the flight begins.
 
     `clock` determines only the times of writes. A simulated flight that takes a second of real time
     is written in a few pieces, without slowing it down.
@@ -93,7 +96,9 @@ def open_recorder(
         while path.exists():  # a Raspberry Pi without network may start twice at the same time
             number += 1
             path = path.with_stem(f"flight_{began:%Y-%m-%d_%H-%M-%S}_{number}")
-        return FlightRecorder(path, config, began_unix_s, warn, clock, continues=continues)
+        return FlightRecorder(
+            path, config, began_unix_s, warn, clock, continues=continues, earlier=earlier
+        )
     except (OSError, RuntimeError) as error:  # a failing disk, or no more threads
         warn(f"this flight is not recorded: {error}")
         return NOT_RECORDED
@@ -121,6 +126,7 @@ class FlightRecorder:
         clock: Clock,
         *,
         continues: str,
+        earlier: EarlierFlights | None,
     ) -> None:
         self.path = path
         self._clock = clock
@@ -144,6 +150,8 @@ class FlightRecorder:
             },
         )
         self._file.add(topics.CONFIG, 0.0, config.model_dump_json().encode())
+        if earlier is not None:
+            self._file.add(topics.EARLIER, 0.0, earlier.to_bytes())
 
     def tap(self, transport: Transport) -> Transport:
         self._tap = Tap(transport)

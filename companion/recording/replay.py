@@ -7,7 +7,7 @@ from companion.recording.reader import Recording
 
 def replay(recording: Recording) -> App:
     """The companion's state after the last recorded tick."""
-    app = App(recording.config)
+    app = App(recording.config, recording.earlier)
     for tick in recording.ticks:
         app.step(tick.now_s, tick.inputs)
     return app

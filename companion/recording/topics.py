@@ -13,6 +13,7 @@
 | /phase | companion.Phase | the flight's phase by name and in words, and its trouble |
 | /faults, /autopilot | foxglove.Log | faults of flight and beams; the autopilot's texts |
 | /config | companion.Config | the effective configuration |
+| /earlier | NumPy archive | the map of earlier flights of the survey, lossless; needed for replay |
 | /map | MessagePack | the final map, lossless |
 """
 
@@ -36,9 +37,9 @@ from companion.core.values import value
 INPUTS, RANGES, SCAN, GYRO = "/inputs", "/ranges", "/scan", "/gyro"
 ESTIMATE, POSE, TF, SETPOINT = "/estimate", "/pose", "/tf", "/setpoint"
 WALLS, PHASE, FAULTS, AUTOPILOT = "/walls", "/phase", "/faults", "/autopilot"
-CONFIG, MAP = "/config", "/map"
+CONFIG, EARLIER, MAP = "/config", "/earlier", "/map"
 
-MESSAGE_PACK = "msgpack"
+MESSAGE_PACK, NUMPY_ARCHIVE = "msgpack", "npz"
 JsonSchema = Mapping[str, object]
 
 
@@ -100,4 +101,5 @@ def register(writer: Writer) -> dict[str, int]:
         channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, schema)
     for topic in _EXACT:
         channels[topic] = writer.register_channel(topic, MESSAGE_PACK, 0)
+    channels[EARLIER] = writer.register_channel(EARLIER, NUMPY_ARCHIVE, 0)
     return channels

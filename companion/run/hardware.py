@@ -12,6 +12,7 @@ from companion.drivers.models import range_models
 from companion.drivers.ranges import RangeSensors
 from companion.drivers.wires.bus import Wires
 from companion.drivers.wires.opening import open_bus
+from companion.earlier import EarlierFlights
 from companion.link.link import Link, Listener
 from companion.link.link_budget import require_capacity
 from companion.link.reports import Reports
@@ -43,9 +44,14 @@ def make_rig(config: Config, transport: Transport, wires: Wires, clock: Clock) -
 
 @contextmanager
 def open_rig(
-    config: Config, out: Path | None, warn: Callable[[str], None]
+    config: Config,
+    out: Path | None,
+    warn: Callable[[str], None],
+    earlier: EarlierFlights | None = None,
 ) -> Iterator[tuple[Rig, Recorder]]:
     """Open the configured hardware and a recording in `out`, which must have enough free space.
+
+    `earlier`: the map of earlier flights with which the flight begins, for the recording.
 
     Raises:
         CompanionError: the configuration, a device or the folder cannot be used.
@@ -59,5 +65,7 @@ def open_rig(
         closing(open_bus(config.sensors.bus)) as wires,
         closing(open_clock(config, transport, warn)) as clock,
     ):
-        recorder = open_recorder(out, config, time.time(), warn) if out else NOT_RECORDED
+        recorder: Recorder = NOT_RECORDED
+        if out is not None:
+            recorder = open_recorder(out, config, time.time(), warn, earlier=earlier)
         yield make_rig(config, recorder.tap(transport), wires, clock), recorder

@@ -98,10 +98,15 @@ class Recovery:
         since_s = recording.ticks[-1].now_s + crashed.age_s
         clock = open_clock(settings, self._transport, tell, since_s)
         recorder = open_recorder(
-            self._out, settings, time.time(), tell, continues=crashed.path.name
+            self._out,
+            settings,
+            time.time(),
+            tell,
+            continues=crashed.path.name,
+            earlier=recording.earlier,
         )
         rig = make_rig(settings, recorder.tap(self._transport), wires, clock)
-        app = App(recording.config)
+        app = App(recording.config, recording.earlier)
         if not hold(rig.link, clock, replayed(recording, app)):
             return self.map_only()
         if app.estimator is None or app.flight.phase not in FLYING_PHASES:
@@ -150,7 +155,7 @@ def _reason(error: Exception) -> str:
 
 def may_be_resumed(recording: Recording) -> bool:
     """True if the recording has ticks and is not itself of a resumed flight."""
-    return bool(recording.ticks) and not recording.continues
+    return bool(recording.ticks and not recording.continues)
 
 
 def _read(crashed: Crashed | None, console: Console) -> Recording | None:

@@ -29,6 +29,7 @@ from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import RedrawnGrid
+from companion.pdps.frontiers import Places
 from companion.survey.placement import refined_start
 
 MAX_START_SIGMAS = 3.0
@@ -48,6 +49,8 @@ class Flown:
     estimator: Estimator
     plan: FloorPlan
     space: RedrawnGrid
+    tried: tuple[Places, ...]
+    """Targets of its looks, also of those in the flights that it knows."""
     m: Measured
     alone: Estimate
     """The flight solved alone."""
@@ -66,7 +69,8 @@ class Flown:
             m, alone = estimator.solved()
         except np.linalg.LinAlgError as error:
             raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
-        return cls(name, estimator, app.floor_plan(), app.space, m, alone)
+        tried = tuple(look.at_ne_m for look in app.flight.building.tried)
+        return cls(name, estimator, app.floor_plan(), app.space, tried, m, alone)
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,6 +103,7 @@ class Merged:
     left_out: tuple[LeftOut, ...]
     estimate: Estimate
     space: Occupancy
+    tried: tuple[Places, ...]
 
     def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
         """What a new flight from the pad has to know; `pad_sigma` as in `merge`."""
@@ -106,7 +111,7 @@ class Merged:
         of_walls = slice(x.calibration.size, None)
         covariance = solution.shared_covariance[of_walls, of_walls]
         walls = EarlierWalls(x.walls, x.reach_m, covariance, pad_sigma)
-        return EarlierFlights(walls, self.space.of_earlier_flight(), self.plan.walls)
+        return EarlierFlights(walls, self.space.of_earlier_flight(), self.plan.walls, self.tried)
 
 
 @dataclass(frozen=True, slots=True)
@@ -252,7 +257,13 @@ def _merged(
         left_out,
         estimate,
         space,
+        _tried(flown),
     )
+
+
+def _tried(flown: Sequence[Flown]) -> tuple[Places, ...]:
+    """Targets of all looks, each once: a flight that knew earlier flights has theirs, too."""
+    return tuple(dict.fromkeys(places for each in flown for places in each.tried))
 
 
 def _of_one(

@@ -23,7 +23,7 @@ _SPAWN = multiprocessing.get_context("spawn")
 def replay_to(path: Path, page: Connection) -> None:
     """Replay a recording; send ten snapshots per second of flight time, then the final map."""
     recording = read(path)
-    app = App(recording.config)
+    app = App(recording.config, recording.earlier)
     mount_offset_m = recording.config.sensors.mount_offset_m
     due_s = sketch_due_s = float("-inf")
     try:

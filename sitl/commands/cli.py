@@ -258,12 +258,16 @@ def fly(
         float,
         typer.Option(help="With udp: limit of the speed, times real time.", min=0.1, max=MAX_SPEED),
     ] = MAX_SPEED,
+    sorties: Annotated[
+        int, typer.Option(help="Flights of a survey, each with a full battery.", min=1, max=50)
+    ] = 1,
     report: Annotated[Path | None, typer.Option(help="File for the report, JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for all files of the flight.")] = None,
 ) -> None:
     """Fly a mission and score it. Exit status 0 only if it was completed."""
     # These modules load the companion, its filters and the scorer; `sitl run` does not need them.
     from sitl.running.missions import fly_in_one_process, fly_in_two  # noqa: PLC0415
+    from sitl.running.sorties import fly_survey  # noqa: PLC0415
     from sitl.scoring.report import report_table, save_report  # noqa: PLC0415
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
 
@@ -287,7 +291,13 @@ def fly(
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
     missed = ""
-    if transport is Transport.UDP:
+    rows: list[dict[str, float | int | bool | str | None]] = []
+    if sorties > 1:
+        if transport is not Transport.DIRECT or flown.events:
+            raise SitlError("--sorties needs --transport direct, and a mission without events")
+        result, rows, plan = fly_survey(options, settings, sorties, out=out, console=console)
+        outputs += [partial(save, plan, out)] if out else []
+    elif transport is Transport.UDP:
         result = fly_in_two(
             options, flown, settings, speed, out=out or Path("out"), console=console
         )
@@ -298,7 +308,7 @@ def fly(
         outputs += [partial(save, plan, out)] if out else []
     console.print(report_table(result))
     for path in filter(None, (report, out / "report.json" if out else None)):
-        outputs.append(partial(save_report, result, path))
+        outputs.append(partial(save_report, {**result, "sorties": rows} if rows else result, path))
     each_by_itself(outputs)
     if missed:
         raise SitlError(f"{mission}: the flight ended before these events: {missed}")

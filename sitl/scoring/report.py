@@ -3,6 +3,7 @@
 import json
 import math
 from collections import defaultdict
+from collections.abc import Mapping
 from dataclasses import asdict
 from pathlib import Path
 from typing import Protocol
@@ -107,7 +108,7 @@ def _rounded(value: object) -> float | int | bool | str | None:
     return value
 
 
-def save_report(report: Report, path: Path) -> None:
+def save_report(report: Mapping[str, object], path: Path) -> None:
     """Write a report as JSON.
 
     Raises:
@@ -116,7 +117,7 @@ def save_report(report: Report, path: Path) -> None:
     save_as(_write_report, report, path)
 
 
-def _write_report(report: Report, path: Path) -> None:
+def _write_report(report: Mapping[str, object], path: Path) -> None:
     path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
 
 

@@ -150,6 +150,11 @@ class FlightState:
         return f"{self.phase.value}: {self.trouble}" if self.trouble else self.phase.value
 
     @property
+    def is_to_be_continued(self) -> bool:
+        """True if it has landed before the mission was complete; another flight can go on."""
+        return self.phase is Phase.DONE and not self.completed
+
+    @property
     def activity(self) -> str:
         """Description of the phase, or of the mission's own phase during a mission."""
         parts = {

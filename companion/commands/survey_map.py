@@ -1,0 +1,98 @@
+"""Shows and exports the joint map of a survey: `companion survey`; runs on a laptop."""
+
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from companion.commands.recording import Format
+from companion.core.errors import SurveyError
+from companion.core.extras import needs_extra
+
+if TYPE_CHECKING:
+    from companion.survey.folder import Survey, SurveyMap
+
+EXIT_LEFT = 1
+"""Exit status of `status` if something is left to fly. Chosen."""
+
+
+class What(StrEnum):
+    """What to do with a survey."""
+
+    STATUS = "status"
+    MAP = "map"
+    EXPORT = "export"
+
+
+commands = typer.Typer()
+Formats = Annotated[
+    list[Format] | None, typer.Option("--format", help="Of the export; repeatable; default dxf.")
+]
+
+
+@commands.command("survey")
+def survey_command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the survey.")],
+    what: Annotated[What, typer.Argument(help="status, map or export.")] = What.STATUS,
+    format_: Formats = None,
+) -> None:
+    """Show a survey's flights and what is left, or write its joint map; see docs/surveys.md.
+
+    Exit status 1 of `status` if something is left to fly.
+    """
+    from companion.survey.folder import Survey  # noqa: PLC0415 - not for the drone
+    from companion.survey.left import left_to_fly  # noqa: PLC0415
+
+    console = Console(highlight=False, markup=False)
+    survey = Survey(folder, lambda line: console.print(line, soft_wrap=True))
+    if not survey.files:
+        raise SurveyError(f"{folder}: no recordings; fly with: companion fly --survey {folder}")
+    joint = survey.make_map()
+    if joint is None:
+        raise SurveyError(f"{folder}: no recording can be used: {survey.index.left_out}")
+    if what is What.EXPORT:
+        _export(joint, folder, [each.value for each in format_ or [Format("dxf")]])
+    console.print(_table(survey, joint))
+    for name, reason in survey.index.left_out.items():
+        console.print(f"not in the map: {name}: {reason}", soft_wrap=True)
+    earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
+    left = left_to_fly(earlier, joint.recordings[-1].config)
+    console.print(left.in_words())
+    if what is What.STATUS and left.places_ne_m:
+        raise typer.Exit(EXIT_LEFT)
+
+
+def _table(survey: "Survey", joint: "SurveyMap") -> Table:
+    """A row for each flight: when, how long, how it ended, what it added."""
+    from companion.survey.added import walls_added_m  # noqa: PLC0415 - not for the drone
+
+    table = Table(title=f"survey {survey.folder}", title_justify="left")
+    for column in ("flight", "time", "ended", "off the pad", "walls added"):
+        table.add_column(column)
+    added_m = walls_added_m(joint.merged)
+    for flight, recording, wall_m in zip(
+        joint.merged.flights, joint.recordings, added_m, strict=True
+    ):
+        ended = recording.phases[-1] if recording.phases else None
+        state = (ended.trouble or ended.activity) if ended else "cut short"
+        flown_s = recording.ticks[-1].now_s - recording.ticks[0].now_s if recording.ticks else 0.0
+        north_m, east_m, _ = flight.start.tolist()
+        off_cm = 100 * (north_m**2 + east_m**2) ** 0.5
+        table.add_row(flight.name, f"{flown_s:.0f} s", state, f"{off_cm:.0f} cm", f"{wall_m:.1f} m")
+    length_m = sum(wall.length_m for wall in joint.merged.plan.walls)
+    table.caption = f"{len(joint.merged.plan.walls)} walls, {length_m:.1f} m in all"
+    return table
+
+
+def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:
+    with needs_extra("export"):
+        from companion.core.frames import Place  # noqa: PLC0415 - not for the drone
+        from companion.export.formats import Labels, export  # noqa: PLC0415
+        from companion.export.plan.survey import survey  # noqa: PLC0415
+
+        link = joint.recordings[0].config.link
+        labels = Labels(f"Survey {folder.name}", Place(link.origin_lat_deg, link.origin_lon_deg, 0))
+        export(survey(joint.merged.plan), formats, folder, "survey", labels, tell=print)

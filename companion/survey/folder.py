@@ -1,0 +1,182 @@
+"""Keeps a survey in a folder: the recordings of its flights, one index, and the joint map.
+
+    DIR/survey.json          the pad, the flights in the map, and those that do not fit, with reasons
+    DIR/flight_*.mcap        one recording for each flight
+    DIR/earlier.npz          what the next flight knows; made again when it is missing or outdated
+    DIR/map.json ...         the joint map
+
+A flight belongs to the survey when its recording is in the folder. To remove a flight, delete its
+recording: the map is made again without it.
+"""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+from pydantic import Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass as checked
+
+from companion.core.arrays import Array
+from companion.core.errors import CompanionError, SurveyError
+from companion.core.textfile import read_text
+from companion.earlier import EarlierFlights
+from companion.export.map_files import save, save_as
+from companion.recording.reader import Recording, read
+from companion.recording.replay import replay
+from companion.survey.merge import Flown, Merged, merge
+
+PAD_SIGMA_M, PAD_SIGMA_DEG = 0.05, 3.0
+"""Standard deviations of where a person puts a drone on a marked pad. Chosen."""
+
+Tell = Callable[[str], None]
+"""Prints a line of progress."""
+
+
+@checked(frozen=True, slots=True, config={"extra": "forbid"})
+class Pad:
+    """How exactly the flights begin on the same pad, as standard deviations."""
+
+    sigma_m: Annotated[float, Field(gt=0, le=1)] = PAD_SIGMA_M
+    """On each axis, m."""
+    sigma_deg: Annotated[float, Field(gt=0, le=20)] = PAD_SIGMA_DEG
+    """Of the heading, °."""
+
+    @property
+    def sigma(self) -> Array:
+        """(3,): north, east, m, and heading, rad."""
+        return np.array([self.sigma_m, self.sigma_m, math.radians(self.sigma_deg)])
+
+
+@checked(frozen=True, slots=True, config={"extra": "forbid"})
+class Index:
+    """Content of `survey.json`."""
+
+    pad: Pad = Pad()
+    merged: tuple[str, ...] = ()
+    """Recordings in the joint map, by name."""
+    left_out: dict[str, str] = Field(default_factory=dict)
+    """Recordings that are not in it, with reasons."""
+
+    @property
+    def known(self) -> set[str]:
+        """Names of all recordings that the joint map takes into account."""
+        return {*self.merged, *self.left_out}
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyMap:
+    """The joint map, and the recordings of its flights in the order of `merged.flights`."""
+
+    merged: Merged
+    recordings: tuple[Recording, ...]
+
+
+class Survey:
+    """A survey on the disk; the folder is made with the first file."""
+
+    def __init__(self, folder: Path, tell: Tell) -> None:
+        """Read the index.
+
+        Raises:
+            SurveyError: the index is damaged, or a value in it is invalid.
+        """
+        self.folder = folder
+        self.index = _read_index(folder / "survey.json")
+        self._tell = tell
+
+    @property
+    def files(self) -> list[Path]:
+        """All recordings in the folder, in the order of their names, which contain the time."""
+        return sorted(self.folder.glob("*.mcap"))
+
+    def earlier(self) -> EarlierFlights | None:
+        """What the next flight has to know; None before the first flight.
+
+        Raises:
+            CompanionError: the flights cannot be made into one map, or it cannot be saved.
+        """
+        path = self.folder / "earlier.npz"
+        if path.exists() and self.index.known == {file.name for file in self.files}:
+            try:
+                return EarlierFlights.from_bytes(path.read_bytes())
+            except (OSError, SurveyError) as error:
+                self._tell(f"{path}: {error}; it is made again")
+        joint = self.make_map()
+        return joint.merged.for_next_flight(self.index.pad.sigma) if joint else None
+
+    def make_map(self) -> SurveyMap | None:
+        """Solve all flights together, and save the joint map; None without a flight.
+
+        Raises:
+            CompanionError: the flights cannot be made into one map, or it cannot be saved.
+        """
+        left_out: dict[str, str] = {}
+        recordings, flown = self._flown(left_out)
+        if not flown:
+            return None
+        self._tell(f"solving {len(flown)} flights together")
+        merged = merge(flown, self.index.pad.sigma)
+        left_out |= {each.name: each.reason for each in merged.left_out}
+        names = tuple(flight.name for flight in merged.flights)
+        earlier = merged.for_next_flight(self.index.pad.sigma).to_bytes()
+        save(merged.plan, self.folder)
+        save_as(lambda data, path: path.write_bytes(data), earlier, self.folder / "earlier.npz")
+        self.index = Index(self.index.pad, names, left_out)
+        save_as(_write_index, self.index, self.folder / "survey.json")
+        return SurveyMap(merged, tuple(recordings[name] for name in names))
+
+    def _flown(self, left_out: dict[str, str]) -> tuple[dict[str, Recording], list[Flown]]:
+        """All flights, each solved alone; `left_out` receives those that cannot be used."""
+        recordings: dict[str, Recording] = {}
+        for file in self.files:
+            try:
+                recordings[file.name] = read(file)
+            except CompanionError as error:
+                left_out[file.name] = str(error)
+        for recording in list(recordings.values()):
+            if recordings.pop(recording.continues, None):
+                left_out[recording.continues] = f"{recording.path.name} continues it"
+        check_same_sensors(list(recordings.values()))
+        flown: list[Flown] = []
+        for number, (name, recording) in enumerate(recordings.items(), 1):
+            self._tell(f"solving flight {number} of {len(recordings)}: {name}")
+            try:
+                flown.append(Flown.of(name, replay(recording)))
+            except SurveyError as error:
+                left_out[name] = str(error)
+        return recordings, flown
+
+
+def check_same_sensors(recordings: Sequence[Recording]) -> None:
+    """Refuse recordings that do not belong together.
+
+    Raises:
+        SurveyError: two have different sensors.
+    """
+    for recording in recordings[1:]:
+        if recording.config.sensors != recordings[0].config.sensors:
+            raise SurveyError(
+                f"{recording.path}: [sensors] differs from that of {recordings[0].path}; "
+                "merge flights of one drone with the same sensors"
+            )
+
+
+def _read_index(path: Path) -> Index:
+    if not path.exists():
+        return Index()
+    try:
+        return TypeAdapter(Index).validate_json(read_text(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        key = ".".join(str(part) for part in first["loc"])
+        raise SurveyError(
+            f"{path}: {key}: {first['msg']}; correct it, or delete the file for the defaults"
+        ) from None
+
+
+def _write_index(index: Index, path: Path) -> None:
+    path.write_text(json.dumps(asdict(index), indent=2) + "\n", encoding="utf-8")

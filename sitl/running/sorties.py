@@ -1,0 +1,203 @@
+"""Flies a survey in simulation: several flights from one pad, with one joint map.
+
+    flight 1 ─► joint map ─► flight 2 ─► joint map ─► ...
+                               ▲ knows the map of flight 1
+
+Before each flight the battery is full again. Noise, drift and gains are drawn anew, and the drone
+stands some centimetres and degrees off the pad.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from rich.console import Console
+from rich.table import Table
+
+from companion.app import App, Progress
+from companion.config.settings import Config
+from companion.core.arrays import Array
+from companion.core.errors import SurveyError
+from companion.core.messages import FloorPlan
+from companion.earlier import EarlierFlights
+from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
+from companion.run.console import ProgressLine
+from companion.survey.merge import Flown, Merged, merge
+from sitl.core.errors import SitlError
+from sitl.core.noise import stream
+from sitl.running.options import FlightOptions
+from sitl.scoring.report import Report, make_report
+from sitl.simulation.lockstep import fly_in_lockstep
+from sitl.simulation.record import TruthRecord
+from sitl.simulation.simulation import Setup, start_state
+
+PAD_SIGMA_M, PAD_SIGMA_RAD = 0.05, math.radians(3.0)
+"""Standard deviations of where a person puts the drone on a marked pad. Chosen; the default of
+`companion merge`."""
+PAD_SIGMA = np.array([PAD_SIGMA_M, PAD_SIGMA_M, PAD_SIGMA_RAD])
+"""The same as the survey takes them: north, east, m, and heading, rad."""
+
+
+_ROWS = (
+    ("flight", "{}"),
+    ("ending", "{}"),
+    ("flight_time_s", "{:.0f}"),
+    ("collisions", "{}"),
+    ("clearance_m", "{:.2f}"),
+    ("return_m", "{:.2f}"),
+    ("coverage", "{:.1%}"),
+    ("wall_error_aligned_cm", "{:.1f}"),
+)
+"""Keys and formats of the terminal's table."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sortie:
+    """One flight of a survey, and the joint map after it."""
+
+    number: int
+    """From 1."""
+    flight: Report
+    """The flight's own results."""
+    joint: Report
+    """Scores of the joint map so far, with the keys of a single flight's report."""
+    merged: Merged
+    app: App
+    truth: TruthRecord
+
+    @property
+    def is_last(self) -> bool:
+        """True if nothing is left to fly for."""
+        return self.app.flight.completed
+
+
+def fly_survey(
+    options: FlightOptions, settings: Config, count: int, *, out: Path | None, console: Console
+) -> tuple[Report, list[Report], FloorPlan]:
+    """Fly a survey for `sitl fly`; return the scores of the joint map, a row a flight, and the map.
+
+    The recordings are written to `out`, which is then a survey's folder. The map is not.
+
+    Raises:
+        SitlError: no flight can be made into a map.
+    """
+    setup, _ = options.setup()
+    table = Table(title=f"flights of {setup.world.name}", title_justify="left")
+    for column, _ in _ROWS:
+        table.add_column(column)
+    rows: list[Report] = []
+    with ProgressLine(console) as progress:
+        for sortie in fly_sorties(setup, settings, count, progress.show, out, console.print):
+            rows.append(sortie.flight)
+            table.add_row(*(form.format(sortie.flight[key]) for key, form in _ROWS))
+    if not rows:
+        raise SitlError("no flight of the survey can be made into a map")
+    console.print(table)
+    return sortie.joint, rows, sortie.merged.plan
+
+
+def fly_sorties(
+    setup: Setup,
+    settings: Config,
+    count: int,
+    watch: Callable[[Progress], None],
+    out: Path | None = None,
+    tell: Callable[[str], None] = print,
+) -> Iterator[Sortie]:
+    """Fly up to `count` flights in lockstep; end early when the mission is complete.
+
+    The recordings are written to `out`.
+    """
+    began_s = time.monotonic()
+    flown: list[Flown] = []
+    truths: list[TruthRecord] = []
+    earlier: EarlierFlights | None = None
+    for number in range(1, count + 1):
+        again = on_the_pad(setup, number)
+        recorder: Recorder = NOT_RECORDED
+        if out is not None:
+            recorder = open_recorder(out, settings, time.time(), tell, earlier=earlier)
+        app, simulation = fly_in_lockstep(
+            again, settings, watch, make_app=partial(App, earlier=earlier), recorder=recorder
+        )
+        recorder.close(app.final_floor_plan())
+        truth = simulation.record
+        truths.append(truth)
+        try:
+            flown.append(Flown.of(f"flight {number}", app))
+        except SurveyError as error:
+            tell(str(error))
+            continue
+        merged = merge(flown, PAD_SIGMA)
+        earlier = merged.for_next_flight(PAD_SIGMA)
+        joint = make_report(
+            setup,
+            settings,
+            merged.plan,
+            together(truths, merged),
+            outcome=app.flight,
+            waited_s=time.monotonic() - began_s,
+        )
+        joint["return_m"] = max(_return_m(each, truths[0]) for each in truths)
+        sortie = Sortie(number, _row(number, app, truth, joint), joint, merged, app, truth)
+        yield sortie
+        if sortie.is_last:
+            return
+
+
+def on_the_pad(setup: Setup, number: int) -> Setup:
+    """The setup of the n-th flight: drawn anew, and put on the pad by hand from the second on."""
+    if number == 1:
+        return setup
+    draw = stream(setup.seed, f"sortie {number}")
+    first = start_state(setup)
+    north_m, east_m, _ = first.position_ned_m
+    start = setup.world.starts[setup.start].model_copy(
+        update={
+            "position": (draw.gauss(north_m, PAD_SIGMA_M), draw.gauss(east_m, PAD_SIGMA_M)),
+            "heading_deg": math.degrees(draw.gauss(first.yaw_rad, PAD_SIGMA_RAD)),
+        }
+    )
+    world = setup.world.model_copy(update={"starts": (start,)})
+    return replace(setup, world=world, start=0, seed=draw.randrange(2**31))
+
+
+def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
+    """The true flights one after the other, at the times of the joint map."""
+    joint = TruthRecord(truths[0].take_off)
+    joint.clearance_m = min(truth.clearance_m for truth in truths)
+    joint.collisions = sum(truth.collisions for truth in truths)
+    joint.air_time_s = sum(truth.air_time_s for truth in truths)
+    later_s = {flight.name: flight.later_s for flight in merged.flights}
+    joint.path = [
+        replace(state, time_s=state.time_s + later_s[name])
+        for number, truth in enumerate(truths, 1)
+        if (name := f"flight {number}") in later_s
+        for state in truth.path
+    ]
+    return joint
+
+
+def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
+    """Results of one flight, and the coverage that the survey has with it."""
+    return {
+        "flight": number,
+        "completed": app.flight.completed and truth.collisions == 0,
+        "ending": app.flight.ending,
+        "flight_time_s": round(truth.air_time_s, 2),
+        "collisions": truth.collisions,
+        "clearance_m": round(truth.clearance_m, 4),
+        "return_m": round(_return_m(truth, truth), 4),
+        "coverage": joint["coverage"],
+        "wall_error_aligned_cm": joint["wall_error_aligned_cm"],
+    }
+
+
+def _return_m(truth: TruthRecord, pad: TruthRecord) -> float:
+    """Distance of the landing place from the take-off place of a flight, m."""
+    return math.dist(truth.path[-1].position_ned_m[:2], pad.take_off.position_ned_m[:2])
