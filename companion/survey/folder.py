@@ -1,9 +1,9 @@
 """Keeps a survey in a folder: the recordings of its flights, one index, and the joint map.
 
-    DIR/survey.json          the pad, the flights in the map, and those that do not fit, with reasons
-    DIR/flight_*.mcap        one recording for each flight
-    DIR/earlier.npz          what the next flight knows; made again when it is missing or outdated
-    DIR/map.json ...         the joint map
+    DIR/survey.json       the pad, the flights in the map, and those that do not fit, with reasons
+    DIR/flight_*.mcap     one recording for each flight
+    DIR/earlier.npz       what the next flight knows; made again when it is missing or outdated
+    DIR/map.json ...      the joint map
 
 A flight belongs to the survey when its recording is in the folder. To remove a flight, delete its
 recording: the map is made again without it.

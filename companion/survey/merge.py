@@ -1,8 +1,9 @@
 """Merges flights from the same pad into one map.
 
 Each flight is solved alone first. A flight that knew the map of earlier ones lies in their frame;
-another one is placed by its walls (`placement.py`). Then all flights are solved together (`estimation/smoothing/joint.py`). A flight
-that does not fit, because it began elsewhere or the building has changed, is left out.
+another one is placed by its walls (`placement.py`). Then all flights are solved together
+(`estimation/smoothing/joint.py`). A flight that does not fit, because it began elsewhere or the
+building has changed, is left out.
 """
 
 import math

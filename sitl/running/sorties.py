@@ -15,13 +15,11 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-
 from rich.console import Console
 from rich.table import Table
 
 from companion.app import App, Progress
 from companion.config.settings import Config
-from companion.core.arrays import Array
 from companion.core.errors import SurveyError
 from companion.core.messages import FloorPlan
 from companion.earlier import EarlierFlights
@@ -60,20 +58,11 @@ _ROWS = (
 class Sortie:
     """One flight of a survey, and the joint map after it."""
 
-    number: int
-    """From 1."""
     flight: Report
     """The flight's own results."""
     joint: Report
     """Scores of the joint map so far, with the keys of a single flight's report."""
     merged: Merged
-    app: App
-    truth: TruthRecord
-
-    @property
-    def is_last(self) -> bool:
-        """True if nothing is left to fly for."""
-        return self.app.flight.completed
 
 
 def fly_survey(
@@ -92,7 +81,8 @@ def fly_survey(
         table.add_column(column)
     rows: list[Report] = []
     with ProgressLine(console) as progress:
-        for sortie in fly_sorties(setup, settings, count, progress.show, out, console.print):
+        sorties = Sorties(setup, settings, progress.show, out, console.print)
+        for sortie in sorties.fly(count):
             rows.append(sortie.flight)
             table.add_row(*(form.format(sortie.flight[key]) for key, form in _ROWS))
     if not rows:
@@ -101,53 +91,68 @@ def fly_survey(
     return sortie.joint, rows, sortie.merged.plan
 
 
-def fly_sorties(
-    setup: Setup,
-    settings: Config,
-    count: int,
-    watch: Callable[[Progress], None],
-    out: Path | None = None,
-    tell: Callable[[str], None] = print,
-) -> Iterator[Sortie]:
-    """Fly up to `count` flights in lockstep; end early when the mission is complete.
+class Sorties:
+    """Flies the flights of a survey in lockstep. `out`: folder for the recordings, or None."""
 
-    The recordings are written to `out`.
-    """
-    began_s = time.monotonic()
-    flown: list[Flown] = []
-    truths: list[TruthRecord] = []
-    earlier: EarlierFlights | None = None
-    for number in range(1, count + 1):
-        again = on_the_pad(setup, number)
+    def __init__(
+        self,
+        setup: Setup,
+        settings: Config,
+        watch: Callable[[Progress], None],
+        out: Path | None = None,
+        tell: Callable[[str], None] = print,
+    ) -> None:
+        self._setup, self._settings = setup, settings
+        self._watch, self._tell, self._out = watch, tell, out
+        self._flown: list[Flown] = []
+        self._truths: list[TruthRecord] = []
+        self._earlier: EarlierFlights | None = None
+
+    def fly(self, count: int) -> Iterator[Sortie]:
+        """Fly up to `count` flights; end early when the mission is complete."""
+        began_s = time.monotonic()
+        for number in range(1, count + 1):
+            app = self._fly(number)
+            try:
+                self._flown.append(Flown.of(f"flight {number}", app))
+            except SurveyError as error:
+                self._tell(str(error))
+                continue
+            merged = merge(self._flown, PAD_SIGMA)
+            self._earlier = merged.for_next_flight(PAD_SIGMA)
+            yield self._scored(number, app, merged, time.monotonic() - began_s)
+            if app.flight.completed:
+                return
+
+    def _fly(self, number: int) -> App:
         recorder: Recorder = NOT_RECORDED
-        if out is not None:
-            recorder = open_recorder(out, settings, time.time(), tell, earlier=earlier)
+        if self._out is not None:
+            recorder = open_recorder(
+                self._out, self._settings, time.time(), self._tell, earlier=self._earlier
+            )
         app, simulation = fly_in_lockstep(
-            again, settings, watch, make_app=partial(App, earlier=earlier), recorder=recorder
+            on_the_pad(self._setup, number),
+            self._settings,
+            self._watch,
+            make_app=partial(App, earlier=self._earlier),
+            recorder=recorder,
         )
         recorder.close(app.final_floor_plan())
-        truth = simulation.record
-        truths.append(truth)
-        try:
-            flown.append(Flown.of(f"flight {number}", app))
-        except SurveyError as error:
-            tell(str(error))
-            continue
-        merged = merge(flown, PAD_SIGMA)
-        earlier = merged.for_next_flight(PAD_SIGMA)
+        self._truths.append(simulation.record)
+        return app
+
+    def _scored(self, number: int, app: App, merged: Merged, waited_s: float) -> Sortie:
+        truths = self._truths
         joint = make_report(
-            setup,
-            settings,
+            self._setup,
+            self._settings,
             merged.plan,
             together(truths, merged),
             outcome=app.flight,
-            waited_s=time.monotonic() - began_s,
+            waited_s=waited_s,
         )
-        joint["return_m"] = max(_return_m(each, truths[0]) for each in truths)
-        sortie = Sortie(number, _row(number, app, truth, joint), joint, merged, app, truth)
-        yield sortie
-        if sortie.is_last:
-            return
+        joint["return_m"] = round(max(_return_m(each, each) for each in truths), 4)
+        return Sortie(_row(number, app, truths[-1], joint), joint, merged)
 
 
 def on_the_pad(setup: Setup, number: int) -> Setup:

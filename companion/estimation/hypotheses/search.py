@@ -155,7 +155,8 @@ class HypothesisSearch:
     def _without_superfluous(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """The solution without the walls that do not save their cost; those with few hits first.
 
-        The walls of the prior stay. Hits that other walls explain nearly as well may form a row before one of them.
+        The walls of the prior stay. Hits that other walls explain nearly as well may form a row
+        before one of them.
         """
         walls = len(estimate.x.walls)
         hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)

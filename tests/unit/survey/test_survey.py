@@ -1,0 +1,137 @@
+"""Tests of a survey: several flights with short batteries, one map that grows."""
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from companion.core.errors import SurveyError
+from companion.recording.reader import read
+from companion.recording.replay import is_same_map, replay
+from companion.survey.folder import Survey
+
+pytestmark = pytest.mark.flights
+
+TWO_ROOMS = """
+name = "two rooms"
+height_m = 2.6
+walls = [
+  { points = [[0, 0], [9, 0], [9, 6], [0, 6]], closed = true },
+  { points = [[4.5, 0], [4.5, 2.2]] },
+  { points = [[4.5, 3.4], [4.5, 6]] },
+]
+starts = [{ name = "pad", position = [2.2, 3.0], heading_deg = 30 }]
+"""
+BATTERY_S = 75
+"""Too short for both rooms."""
+
+
+def run(program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", program, *arguments],
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=280,
+    )
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a survey of up to four flights."""
+    folder = tmp_path_factory.mktemp("survey")
+    (folder / "world.toml").write_text(TWO_ROOMS)
+    sorties = f"--sorties=4 --battery-s={BATTERY_S} --mission=building --seed=2".split()
+    world, out = folder / "world.toml", folder / "survey"
+    done = run("sitl", "fly", str(world), *sorties, f"--out={out}")
+    assert done.returncode == 0, done.stdout + done.stderr
+    return out
+
+
+def test_a_later_flight_flies_what_the_earlier_ones_left(flown: Path) -> None:
+    report = json.loads((flown / "report.json").read_text())
+    sorties = report["sorties"]
+    assert 2 <= len(sorties) <= 4
+    assert not sorties[0]["completed"]
+    assert sorties[-1]["completed"]
+    assert sorties[0]["coverage"] < 0.9 < sorties[-1]["coverage"]
+    assert report["collisions"] == 0
+    assert report["wall_error_aligned_cm"] < 4
+    assert report["flight_time_s"] == pytest.approx(sum(row["flight_time_s"] for row in sorties))
+    for row in sorties:
+        assert row["flight_time_s"] < BATTERY_S
+        assert row["return_m"] < 0.3
+
+
+def test_every_flight_replays_to_the_bit_without_the_others(flown: Path, tmp_path: Path) -> None:
+    for file in flown.glob("*.mcap"):
+        alone = Path(shutil.copy(file, tmp_path))
+        recording = read(alone)
+        assert is_same_map(replay(recording), recording)
+
+
+def test_the_folder_alone_makes_the_map_and_says_what_is_left(flown: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "survey"
+    shutil.copytree(flown, folder)
+    status = run("companion", "survey", str(folder))
+    assert status.returncode == 0, status.stdout + status.stderr
+    assert "nothing that can be reached is left" in status.stdout
+    merged = json.loads((folder / "survey.json").read_text())["merged"]
+    assert merged == sorted(file.name for file in folder.glob("*.mcap"))
+
+    for file in sorted(folder.glob("*.mcap"))[1:]:
+        file.unlink()
+    status = run("companion", "survey", str(folder), "status")
+    assert status.returncode == 1, status.stdout + status.stderr
+    assert "places to look from" in status.stdout
+
+
+def test_what_the_next_flight_knows_is_kept_until_a_flight_is_added_or_removed(
+    flown: Path, tmp_path: Path
+) -> None:
+    folder = tmp_path / "survey"
+    shutil.copytree(flown, folder)
+    files = sorted(folder.glob("*.mcap"))
+    for file in files[2:]:
+        file.unlink()
+    told: list[str] = []
+    first = Survey(folder, told.append).earlier()
+    assert any(files[1].name in line for line in told)
+    told.clear()
+    again = Survey(folder, told.append).earlier()
+    assert not told
+    assert first is not None
+    assert again is not None
+    assert again.to_bytes() == first.to_bytes()
+    (folder / "earlier.npz").write_bytes(b"damaged")
+    assert Survey(folder, told.append).earlier() is not None
+    assert "is made again" in told[0]
+
+
+def test_a_survey_without_flights_and_a_damaged_index_are_refused(tmp_path: Path) -> None:
+    refused = run("companion", "survey", str(tmp_path))
+    assert refused.returncode == 2
+    assert "companion fly --survey" in refused.stderr
+    (tmp_path / "survey.json").write_text('{"pad": {"sigma_m": -1}}')
+    with pytest.raises(SurveyError, match=r"survey\.json: pad\.sigma_m: .*greater than 0"):
+        Survey(tmp_path, print)
+
+
+@pytest.mark.parametrize(
+    ("key", "remedy"), [("recording.enabled=false", "set it to true"), ("kind=layers", "building")]
+)
+def test_a_survey_that_cannot_be_made_is_refused_before_take_off(
+    tmp_path: Path, key: str, remedy: str
+) -> None:
+    config = tmp_path / "companion.toml"
+    section, _, assignment = key.rpartition(".")
+    name, value = assignment.split("=")
+    quoted = value if value == "false" else f'"{value}"'
+    config.write_text(f"[{section or 'mission'}]\n{name} = {quoted}\n")
+    refused = run("companion", "fly", f"--config={config}", f"--survey={tmp_path / 'survey'}")
+    assert refused.returncode == 2, refused.stdout + refused.stderr
+    assert remedy in refused.stderr
+    assert not (tmp_path / "survey").exists()
