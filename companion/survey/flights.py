@@ -1,0 +1,170 @@
+"""Flights of a survey: each solved alone, placed in the map, and solved together."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from companion.core.arrays import Array
+from companion.core.messages import FloorPlan
+from companion.estimation.association.pruning import Support
+from companion.estimation.estimator import Estimator
+from companion.estimation.hypotheses.search import most_likely
+from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.estimation.smoothing.joint import PlacedFlight, joined
+from companion.estimation.smoothing.smoother import Smoother
+from companion.estimation.smoothing.state import YAW, Measured
+from companion.survey.evidence import Sight
+
+MAX_START_SIGMAS = 3.0
+"""Largest deviation of a start from the pad, in sigmas. Chosen."""
+MAX_LOST_SHARE = 0.1
+"""Share of a flight's hits that fit a wall alone, but not in the joint map, above which the flight
+is left out. Chosen."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flown:
+    """A flight to merge: its estimator at the end, and its map."""
+
+    name: str
+    estimator: Estimator
+    plan: FloorPlan
+
+
+@dataclass(frozen=True, slots=True)
+class LeftOut:
+    """A flight that is not part of the map, and why."""
+
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Alone:
+    """A flight, solved alone in its own frame."""
+
+    flown: Flown
+    m: Measured
+    estimate: Estimate
+
+    @classmethod
+    def of(cls, flown: Flown) -> "Alone":
+        """Solve the flight."""
+        return cls(flown, *flown.estimator.solved())
+
+    @property
+    def name(self) -> str:
+        return self.flown.name
+
+    @property
+    def explained(self) -> float:
+        """Share of its hits on walls."""
+        return float((self.estimate.wall_of != NO_WALL).mean())
+
+    def sight(self) -> Sight:
+        """Its walls and beams, in its own frame."""
+        units = self.flown.estimator.models.ranges
+        return Sight.of(self.estimate.x, self.m, self.estimate.wall_of, units)
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A flight with its start in the map, to be solved together with others."""
+
+    alone: Alone
+    start: Array
+    """(3,): north, east, m, and heading, rad."""
+    sigma: Array
+    """(3,): its sigmas in the joint solution."""
+    pad: Array | None = None
+    """(3,): where it is known to begin; None if only its walls place it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Joint:
+    """Flights solved together, in the frame of the first."""
+
+    placed: tuple[Placed, ...]
+    models: Models
+    m: Measured
+    estimate: Estimate
+
+    @classmethod
+    def of(cls, placed: Sequence[Placed]) -> "Joint":
+        """Solve the flights together."""
+        models = _models([each.alone.flown.estimator.models for each in placed])
+        smoother = Smoother(models, Support())
+        flights = [
+            PlacedFlight(
+                each.alone.m,
+                each.alone.estimate.x,
+                each.start,
+                each.sigma,
+                each.alone.flown.estimator.models.rest_bias_rad_s,
+            )
+            for each in placed
+        ]
+        m, x, prior = joined(smoother, flights)
+        return cls(tuple(placed), models, m, most_likely(smoother, x, m, prior))
+
+    def start(self, number: int) -> Array:
+        """(3,): solved start of a flight."""
+        start: Array = self.estimate.x.poses[self.m.begins[number], : YAW + 1]
+        return start
+
+    def lost_share(self, number: int) -> float:
+        """Share of a flight's hits that fit a wall alone, but not in this map."""
+        wall_of = self.estimate.wall_of[self.m.hit_flight == number]
+        return self.placed[number].alone.explained - float((wall_of != NO_WALL).mean())
+
+    def sight(self, without: int | None = None) -> Sight:
+        """Walls and beams of all flights, or of all but one."""
+        hits = self.m.hit_flight != (-1 if without is None else without)
+        estimate = self.estimate
+        return Sight.of(estimate.x, self.m, estimate.wall_of, self.models.ranges, hits)
+
+
+def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
+    """Number of the flight that fits worst, and why it does not fit; None if all fit.
+
+    Only flights from number `first` on. The first of all defines the frame, so it always fits.
+    """
+    misfits: list[tuple[float, int, str]] = []
+    for number, each in enumerate(joint.placed[first:], first):
+        lost = joint.lost_share(number)
+        if each.pad is not None:
+            off = joint.start(number) - each.pad
+            off_sigmas = float(np.abs(off / each.sigma).max())
+            if off_sigmas > MAX_START_SIGMAS:
+                misfits.append(
+                    (off_sigmas / MAX_START_SIGMAS, number, off_the_pad(off, each.sigma))
+                )
+        if lost > MAX_LOST_SHARE:
+            reason = f"{100 * lost:.0f} % of its ranges contradict the map of the others"
+            misfits.append((lost / MAX_LOST_SHARE, number, reason))
+    if not misfits:
+        return None
+    _, number, reason = max(misfits)
+    return number, reason
+
+
+def off_the_pad(off: Array, sigma: Array) -> str:
+    """Why a flight that began `off` (3,) from where it is known to begin is left out."""
+    north_m, east_m, yaw_rad = off.tolist()
+    most_m, _, most_rad = (MAX_START_SIGMAS * sigma).tolist()
+    return (
+        f"it fits best {100 * math.hypot(north_m, east_m):.0f} cm and "
+        f"{abs(math.degrees(yaw_rad)):.0f}° off the pad; at most {100 * most_m:.0f} cm and "
+        f"{math.degrees(most_rad):.0f}° are allowed"
+    )
+
+
+def _models(models: Sequence[Models]) -> Models:
+    """Models of all flights: those of the first, with the noisiest odometry."""
+    noisiest = max((each.odometry for each in models), key=lambda odometry: odometry.wander_m)
+    walk = max(each.odometry.step_variance_m2_per_s for each in models)
+    return replace(models[0], odometry=replace(noisiest, step_variance_m2_per_s=walk))
