@@ -17,16 +17,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.core.arrays import Array, Indices, Mask
+from companion.core.frames import Vector2
 from companion.estimation.smoothing.flight_record import NO_WALL
-from companion.estimation.smoothing.range_noise import RangeUnits
 from companion.estimation.smoothing.state import (
     CALIBRATION_SIZE,
     POSE_SIZE,
     YAW,
-    Measured,
+    Rays,
     Unknowns,
     in_rows,
-    project,
 )
 
 OPENING_M = 0.4
@@ -94,31 +93,43 @@ class Sight:
         none = np.empty((0, POSE_SIZE)), np.empty((0, CALIBRATION_SIZE))
         return Unknowns(none[0], self.walls, self.reach_m, none[1])
 
+    @property
+    def middle_ne_m(self) -> Vector2:
+        """Mean of the ends of its beams, north and east."""
+        north_m, east_m = self.points.mean(axis=0).tolist()
+        return north_m, east_m
+
+    @property
+    def radius_m(self) -> float:
+        """Root mean square distance of the ends of its beams from their middle, m."""
+        return float(np.sqrt(((self.points - self.middle_ne_m) ** 2).sum(axis=1).mean()))
+
     @classmethod
-    def of(
-        cls, x: Unknowns, m: Measured, wall_of: Indices, units: RangeUnits, hits: Mask | None = None
-    ) -> "Sight":
-        """What the hits on walls (n,) show; `hits` (n,) selects some of them."""
-        rays = project(x, m)
-        hit = np.flatnonzero(wall_of != NO_WALL if hits is None else hits & (wall_of != NO_WALL))
+    def of(cls, x: Unknowns, rays: Rays, sigma_m: Array, wall_of: Indices) -> "Sight":
+        """What hits on walls show: n rays with the sigma of their range and their wall."""
+        hit = np.flatnonzero(wall_of != NO_WALL)
         order, along_m, is_first = in_rows(x, rays.points[hit], wall_of[hit], OPENING_M)
-        hit, first = hit[order], np.flatnonzero(is_first)
-        ends = np.append(first[1:], len(hit))[: len(first)] - 1
-        reach_m = np.column_stack([along_m[first], along_m[ends]])
+        hit, first, row = hit[order], np.flatnonzero(is_first), np.cumsum(is_first) - 1
+        last = np.append(first[1:], len(hit))[: len(first)] - 1
+        reach_m = np.column_stack([along_m[first], along_m[last]])
         is_long = np.ptp(reach_m, axis=1) >= MIN_PIECE_M
         walls, reach_m = x.walls[wall_of[hit[first[is_long]]]], reach_m[is_long]
-        piece = (np.cumsum(is_long) - 1)[np.cumsum(is_first) - 1]
-        on_long = is_long[np.cumsum(is_first) - 1]
-        hit, piece, along_m = hit[on_long], piece[on_long], along_m[on_long]
-        chosen, weight_m = _representatives(piece, along_m, reach_m)
-        hit = hit[chosen]
-        _, wall = np.unique(wall_of[hit], return_inverse=True)
+        on_long = is_long[row]
+        piece = (np.cumsum(is_long) - 1)[row[on_long]]
+        chosen, weight_m = _representatives(piece, along_m[on_long], reach_m)
+        hit = hit[on_long][chosen]
         facing = x.normals[wall_of[hit]]
-        range_sigma_m = units.sigma_m(m.beam[hit], m.distance_m[hit])
-        across_m = range_sigma_m * (rays.beams[hit] * facing).sum(axis=1)
-        sigma_m = np.hypot(across_m, WALL_SIGMA_M)
+        across_m = sigma_m[hit] * (rays.beams[hit] * facing).sum(axis=1)
+        _, wall = np.unique(wall_of[hit], return_inverse=True)
         return cls(
-            walls, reach_m, rays.origins[hit], rays.points[hit], wall, facing, sigma_m, weight_m
+            walls,
+            reach_m,
+            rays.origins[hit],
+            rays.points[hit],
+            wall,
+            facing,
+            np.hypot(across_m, WALL_SIGMA_M),
+            weight_m,
         )
 
 

@@ -16,7 +16,7 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PlacedFlight, joined
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import YAW, Measured
+from companion.estimation.smoothing.state import YAW, Measured, project
 from companion.survey.evidence import Sight
 
 MAX_START_SIGMAS = 3.0
@@ -67,8 +67,7 @@ class Alone:
 
     def sight(self) -> Sight:
         """Its walls and beams, in its own frame."""
-        units = self.flown.estimator.models.ranges
-        return Sight.of(self.estimate.x, self.m, self.estimate.wall_of, units)
+        return _sight(self.estimate, self.m, self.flown.estimator.models)
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,9 +122,7 @@ class Joint:
 
     def sight(self, without: int | None = None) -> Sight:
         """Walls and beams of all flights, or of all but one."""
-        hits = self.m.hit_flight != (-1 if without is None else without)
-        estimate = self.estimate
-        return Sight.of(estimate.x, self.m, estimate.wall_of, self.models.ranges, hits)
+        return _sight(self.estimate, self.m, self.models, without)
 
 
 def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
@@ -168,3 +165,12 @@ def _models(models: Sequence[Models]) -> Models:
     noisiest = max((each.odometry for each in models), key=lambda odometry: odometry.wander_m)
     walk = max(each.odometry.step_variance_m2_per_s for each in models)
     return replace(models[0], odometry=replace(noisiest, step_variance_m2_per_s=walk))
+
+
+def _sight(estimate: Estimate, m: Measured, models: Models, without: int | None = None) -> Sight:
+    """Walls and beams of a solution, of all its flights or of all but one."""
+    wall_of = estimate.wall_of
+    if without is not None:
+        wall_of = np.where(m.hit_flight == without, NO_WALL, wall_of)
+    sigma_m = models.ranges.sigma_m(m.beam, m.distance_m)
+    return Sight.of(estimate.x, project(estimate.x, m), sigma_m, wall_of)

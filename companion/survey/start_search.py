@@ -14,7 +14,15 @@ from dataclasses import dataclass, field
 from companion.core.arrays import Array
 from companion.survey.evidence import Sight
 from companion.survey.flights import Alone, Joint, LeftOut, Placed, worst_misfit
-from companion.survey.unknown_start import FOUND_SIGMA, StartSearch, is_same, search_start
+from companion.survey.unknown_start import (
+    FOUND_SIGMA,
+    Candidate,
+    StartSearch,
+    candidates,
+    different_places,
+    is_same,
+    search_start,
+)
 
 MAX_UNDONE = 3
 """After so many wrong starts a flight is left out for good. Chosen."""
@@ -32,19 +40,13 @@ class Refuted:
 
 @dataclass(slots=True)
 class Waiting:
-    """A flight without a place in the map so far."""
+    """A flight with an unknown start."""
 
     alone: Alone
-    sight: Sight
     refuted: list[Refuted] = field(default_factory=list)
     undone: int = 0
     reason: str = ""
-    """Why it has none."""
-
-    def search(self, known: Sight, others: frozenset[str]) -> StartSearch:
-        """Search its start in the map of others, without the starts that they refuted."""
-        refuted = [each.start for each in self.refuted if each.others <= others]
-        return search_start(self.sight, known, refuted)
+    """Why it has no place in the map."""
 
 
 class Placing:
@@ -54,8 +56,11 @@ class Placing:
         """`joint`: the flights with known starts; `unknown`: those to be placed."""
         self.joint = joint
         self._known = len(joint.placed)
-        self._waiting = [Waiting(each, each.sight()) for each in unknown]
+        self._waiting = [Waiting(each) for each in unknown]
         self._found: dict[str, Waiting] = {}
+        flights = [*(each.alone for each in joint.placed), *unknown]
+        self._sights = {each.name: each.sight() for each in flights}
+        self._in_other: dict[tuple[str, str], list[Candidate]] = {}
 
     def run(self) -> tuple[Joint, list[LeftOut]]:
         """Place all flights that can be placed; returns the joint map and the others."""
@@ -74,9 +79,8 @@ class Placing:
         for number, each in enumerate(self._waiting):
             if each.undone >= MAX_UNDONE:
                 continue
-            search = each.search(known, self._names)
-            each.reason = search.reason
-            if search.found is not None:
+            search, each.reason = self._search(each, known, self._names)
+            if search.found is not None and not each.reason:
                 found.append((search.lead_m, -number, search.found.start))
         if not found:
             return False
@@ -84,25 +88,20 @@ class Placing:
         flight = self._waiting.pop(-number)
         self._found[flight.alone.name] = flight
         self.joint = Joint.of([*self.joint.placed, Placed(flight.alone, start, FOUND_SIGMA)])
-        self._undo_misfits()
-        return True
-
-    def _undo_misfits(self) -> None:
-        """Undo starts whose ranges contradict the joint map."""
         while (misfit := worst_misfit(self.joint, self._known)) is not None:
             self._undo(*misfit, is_refuted=True)
+        return True
 
     def _undo_worst(self) -> bool:
         """Undo the start that the map of the other flights confirms least; False if all stay."""
         doubtful: list[tuple[float, int, str]] = []
         for number in range(self._known, len(self.joint.placed)):
-            placed = self.joint.placed[number]
-            flight = self._found[placed.alone.name]
-            others = self._names - {placed.alone.name}
-            search = flight.search(self.joint.sight(without=number), others)
+            flight = self._found[self.joint.placed[number].alone.name]
+            known, others = self.joint.sight(without=number), self._names - {flight.alone.name}
+            search, reason = self._search(flight, known, others)
             start = self.joint.start(number)
-            if search.found is None or not is_same(search.found.start, start):
-                doubtful.append((search.score_m(start), number, search.reason))
+            if reason or search.found is None or not is_same(search.found.start, start):
+                doubtful.append((search.score_m(start), number, reason))
         if not doubtful:
             return False
         _, number, reason = min(doubtful)
@@ -117,7 +116,38 @@ class Placing:
         flight.reason = reason
         flight.undone += 1
         if is_refuted:
-            others = self._names - {gone.alone.name}
+            others = frozenset(each.alone.name for each in placed)
             flight.refuted.append(Refuted(gone.start, others))
         self._waiting.append(flight)
         self.joint = Joint.of(placed)
+
+    def _search(
+        self, flight: Waiting, known: Sight, others: frozenset[str]
+    ) -> tuple[StartSearch, str]:
+        """Search the start of a flight in the map of others, without those that they refuted.
+
+        The text says why none is certain; it is empty if one is.
+        """
+        name = flight.alone.name
+        refuted = [each.start for each in flight.refuted if each.others <= others]
+        search = search_start(self._sights[name], known, refuted)
+        if search.found is None:
+            return search, search.reason
+        return search, self._seen_twice(name, search.found)
+
+    def _seen_twice(self, name: str, found: Candidate) -> str:
+        """Which other flight, placed or not, shows several places that the flight fits as well.
+
+        Empty if there is none. A building may have two equal rooms, of which the map so far
+        contains one.
+        """
+        sight = self._sights[name]
+        for other, theirs in self._sights.items():
+            if other == name:
+                continue
+            if (name, other) not in self._in_other:
+                self._in_other[name, other] = candidates(sight, theirs)
+            places = different_places(self._in_other[name, other], sight, found.score_m)
+            if len(places) > 1:
+                return f"it fits equally in {len(places)} places that {other} has seen"
+        return ""

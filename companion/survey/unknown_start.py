@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from companion.core.arrays import Array, Indices
-from companion.core.frames import wrap_rad
+from companion.core.frames import moved, wrap_rad
 from companion.estimation.smoothing.state import YAW
 from companion.survey.evidence import Evidence, Sight, evidence
 from companion.survey.placement import refined_start
@@ -218,6 +218,21 @@ def is_same(one: Array, other: Array) -> bool:
     """True if two starts differ by less than what makes them distinct."""
     north_m, east_m, turn_rad = (one - other).tolist()
     return math.hypot(north_m, east_m) < DISTINCT_M and abs(wrap_rad(turn_rad)) < DISTINCT_RAD
+
+
+def different_places(possible: Sequence[Candidate], flight: Sight, score_m: float) -> list[Array]:
+    """(2,) each: where the middle of a flight lies for all starts whose score is about `score_m`.
+
+    The same room turned is the same place.
+    """
+    places: list[Array] = []
+    for each in possible:
+        north_m, east_m, yaw_rad = each.start.tolist()
+        place = np.array(moved((north_m, east_m), flight.middle_ne_m, yaw_rad))
+        is_new = all(float(np.hypot(*(place - other))) > flight.radius_m for other in places)
+        if is_new and each.score_m >= (1 - EQUAL_SHARE) * score_m:
+            places.append(place)
+    return places
 
 
 def text(start: Array) -> str:
