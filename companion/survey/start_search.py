@@ -22,6 +22,7 @@ from companion.survey.unknown_start import (
     different_places,
     is_same,
     search_start,
+    text,
 )
 
 MAX_UNDONE = 3
@@ -100,8 +101,11 @@ class Placing:
             known, others = self.joint.sight(without=number), self._names - {flight.alone.name}
             search, reason = self._search(flight, known, others)
             start = self.joint.start(number)
-            if reason or search.found is None or not is_same(search.found.start, start):
-                doubtful.append((search.score_m(start), number, reason))
+            if search.found is not None and not reason:
+                if is_same(search.found.start, start):
+                    continue
+                reason = f"another start fits better: {text(search.found.start)}"
+            doubtful.append((search.score_m(start), number, reason))
         if not doubtful:
             return False
         _, number, reason = min(doubtful)
