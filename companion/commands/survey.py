@@ -141,7 +141,7 @@ def _summary(merged: "Merged") -> Table:
     """Table of the flights: where each began, and what it shares with the others."""
     table = Table(title="flights", title_justify="left")
     is_pad = all(flight.pad is not None for flight in merged.flights)
-    began = ("began off the pad", "heading off") if is_pad else ("began at", "heading")
+    began = ("began off the pad", "heading off") if is_pad else ("began north", "east", "heading")
     for column in ("flight", *began, "walls shared"):
         table.add_column(column)
     for flight in merged.flights:
@@ -164,9 +164,7 @@ def _off_the_pad(flight: "MergedFlight") -> tuple[str, str]:
     return f"{100 * hypot(north_m, east_m):.0f} cm", f"{degrees(yaw_rad):+.1f}°"
 
 
-def _began(flight: "MergedFlight") -> tuple[str, str]:
+def _began(flight: "MergedFlight") -> tuple[str, str, str]:
     north_m, east_m, yaw_rad = flight.start.tolist()
-    ahead = f"{abs(north_m):.2f} m {'north' if north_m >= 0 else 'south'}"
-    aside = f"{abs(east_m):.2f} m {'east' if east_m >= 0 else 'west'}"
     heading_deg = (degrees(yaw_rad) + 180) % 360 - 180
-    return f"{ahead}, {aside}", f"{heading_deg:+.1f}°"
+    return f"{north_m:+.2f} m", f"{east_m:+.2f} m", f"{heading_deg:+.1f}°"
