@@ -75,6 +75,8 @@ def merge_command(
     for number, recording in enumerate(recordings, 1):
         console.print(f"solving flight {number} of {len(recordings)}: {recording.path.name}")
         flown.append(_flown(recording))
+    if starts is StartsKnown.UNKNOWN:
+        console.print("searching where the flights began")
     console.print("solving all flights together")
     pad_sigma = np.array([pad_sigma_m, pad_sigma_m, np.radians(pad_sigma_deg)])
     merged = merge(flown, Starts(pad_sigma, given, starts is StartsKnown.UNKNOWN))
