@@ -30,6 +30,7 @@ from companion.core.messages import (
 from companion.core.values import value
 from companion.drivers.models import range_models
 from companion.drivers.mounts import Mounts
+from companion.earlier import EarlierFlights
 from companion.estimation.estimator import Estimator
 from companion.estimation.filters.ceiling import Ceiling
 from companion.estimation.filters.gyro_rest_calibration import RestCalibration
@@ -140,8 +141,9 @@ class Outputs:
 class App:
     """The state and the control loop of one flight."""
 
-    def __init__(self, config: Config) -> None:
+    def __init__(self, config: Config, earlier: EarlierFlights | None = None) -> None:
         self._config = config
+        self._earlier = earlier
         self._mounts = Mounts(config.sensors)
         self._rest = RestCalibration(config.sensors.rest_s)
         self.estimator: Estimator | None = None
@@ -149,7 +151,7 @@ class App:
         models, offset_m = range_models(config.sensors), config.sensors.mount_offset_m
         self._units = level_units(config.sensors)
         self._bearings_frd_rad = {beam: unit.bearing_frd_rad for beam, unit in self._units.items()}
-        self._spaces = [RedrawnGrid()]
+        self._spaces = [RedrawnGrid(earlier.space.copy() if earlier else None)]
         """Occupancy grid of each layer, from the lowest upwards."""
         self._overhead = Overhead(offset_m, models[Beam.UP].min_m if Beam.UP in models else 0.0)
         wanted, front = config.mission.standoff, models[Beam.FRONT]
@@ -209,7 +211,8 @@ class App:
         if inputs.telemetry.vehicle.armed or self.flight.phase not in UNARMED_PHASES:
             return
         if self._rest.add(inputs.gyro) and self._rest.bias_rad_s is not None:
-            self.estimator = Estimator(self._rest.bias_rad_s, self._units)
+            walls = self._earlier.walls if self._earlier else None
+            self.estimator = Estimator(self._rest.bias_rad_s, self._units, walls)
 
     def _predict(self, inputs: Inputs) -> None:
         """Predict the pose from gyro and odometry, before this tick's ranges are used."""

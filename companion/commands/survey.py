@@ -133,10 +133,7 @@ def _flown(recording: "Recording") -> "Flown":
     from companion.recording.replay import replay  # noqa: PLC0415 - not for the drone
     from companion.survey.flights import Flown  # noqa: PLC0415
 
-    app = replay(recording)
-    if app.estimator is None or len(app.estimator.record.frames) < 2:
-        raise RecordingError(f"{recording.path}: the drone did not fly; leave this recording out")
-    return Flown(recording.path.name, app.estimator, app.floor_plan())
+    return Flown.of(recording.path.name, replay(recording))
 
 
 def _summary(merged: "Merged") -> Table:

@@ -29,6 +29,10 @@ class RecordingError(CompanionError, OSError):
     """A recording cannot be written or read."""
 
 
+class SurveyError(CompanionError, ValueError):
+    """Flights cannot be made into one map."""
+
+
 class ViewError(CompanionError, OSError):
     """A page or a feed cannot be opened."""
 

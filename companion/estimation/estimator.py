@@ -27,14 +27,14 @@ from companion.estimation.filters.height_filter import Height
 from companion.estimation.filters.position_filter import LineSlam
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
 from companion.estimation.hypotheses.search import most_likely
-from companion.estimation.smoothing.estimate import Estimate
+from companion.estimation.smoothing.estimate import EarlierWalls, Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import SQUARE_SIGMA_RAD, Models
 from companion.estimation.smoothing.flight_record import FlightRecord, HitColumn
 from companion.estimation.smoothing.odometry_noise import OdometryNoise
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import Measured, Unknowns
+from companion.estimation.smoothing.state import POSE_SIZE, Measured, Unknowns
 from companion.estimation.solved_flight import SolvedFlight
 
 MAX_OBLIQUE_RAD = math.radians(30)
@@ -57,8 +57,13 @@ SQUARE_WITHIN_RAD = math.radians(5)
 class Estimator:
     """Estimates pose and walls. Origin and heading are those at the start."""
 
-    def __init__(self, rest_bias_rad_s: float, units: Mapping[Beam, RangeUnit]) -> None:
-        """`units`: the horizontal range sensors."""
+    def __init__(
+        self,
+        rest_bias_rad_s: float,
+        units: Mapping[Beam, RangeUnit],
+        earlier: EarlierWalls | None = None,
+    ) -> None:
+        """`units`: the horizontal range sensors; `earlier`: walls known from earlier flights."""
         self._units = units
         self.models = Models(RangeUnits(units), rest_bias_rad_s)
         self.heading = HeadingFilter(rest_bias_rad_s)
@@ -73,7 +78,8 @@ class Estimator:
         self._turned_until_s = 0.0
         self.record = FlightRecord()
         self._smoother = Smoother(self.models, Support())
-        self._in_flight = InFlightSmoothing(self.models)
+        self._earlier = earlier
+        self._in_flight = InFlightSmoothing(self.models, earlier)
         self._resets = 0
         self._runs = {beam: WallRun() for beam in units}
         self._odometry: Odometry | None = None
@@ -88,6 +94,25 @@ class Estimator:
         """Autopilot turn before take-off, rad."""
         self.dead_reckoning = DeadReckoning()
         """Dead reckoning by gyro and odometry, with the corrections known at the time; no steps."""
+        if earlier is not None:
+            self._begin_among(earlier)
+
+    @property
+    def knows_earlier_flights(self) -> bool:
+        """True if the flight began with the walls of earlier flights, in their frame."""
+        return self._earlier is not None
+
+    def _begin_among(self, earlier: EarlierWalls) -> None:
+        """Start the filters with the walls of earlier flights."""
+        x = Unknowns.at(np.zeros((1, 3)), self.models.rest_bias_rad_s)
+        x.add_walls(earlier.walls, earlier.reach_m)
+        information = self._prior().gaussian.information
+        covariance = np.asarray(np.linalg.inv(information), dtype=np.float64)
+        restart(self.heading, self.slam, x, covariance)
+
+    def _prior(self) -> MarginalPrior:
+        """The prior of the whole flight."""
+        return self._smoother.from_start(np.zeros(3), earlier=self._earlier)
 
     def pose(self, time_s: float) -> Pose:
         return Pose(
@@ -250,7 +275,7 @@ class Estimator:
         walls = self._walls()
         x.add_walls(walls.lines, walls.reach_m)
         x.odometry_scale[:] = 0.0
-        return m, most_likely(smoother, x, m, smoother.from_start(np.zeros(3)))
+        return m, most_likely(smoother, x, m, self._prior())
 
     def so_far(self) -> SolvedFlight:
         """The flight by the current estimate, without a new smoothing."""
@@ -274,7 +299,8 @@ class Estimator:
         done = self._in_flight.step(now_s, self.record, self._walls)
         if done is None:
             return
-        restart(self.heading, self.slam, done.estimate)
+        covariance = done.estimate.solution.covariance_of_last(POSE_SIZE)
+        restart(self.heading, self.slam, done.estimate.x, covariance)
         x, wall_of = done.estimate.x, done.estimate.wall_of
         self.record.correct(done.first, x.poses[:, :3], done.first_hit, wall_of)
         north_m, east_m = (

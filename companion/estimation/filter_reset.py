@@ -1,4 +1,4 @@
-"""Restarts the filters from the smoother's result, with its covariance.
+"""Restarts the filters from the smoother's result or from its prior, with the covariance.
 
 The heading filter takes heading, bias, gyro scale and wall directions. The position filter takes
 position, odometry scale, wander and wall offsets. Each wall's anchor is the middle of its hits,
@@ -7,9 +7,9 @@ where direction and offset are least correlated.
 
 import numpy as np
 
+from companion.core.arrays import Array
 from companion.estimation.filters.heading_filter import HeadingFilter
 from companion.estimation.filters.position_filter import LineSlam, Wall
-from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.state import (
     BIAS,
     CALIBRATION_SIZE,
@@ -22,16 +22,18 @@ from companion.estimation.smoothing.state import (
     WANDER_EAST,
     WANDER_NORTH,
     YAW,
+    Unknowns,
 )
 
 _GYRO_SCALE, _ODOMETRY_SCALE = POSE_SIZE + GYRO_SCALE, POSE_SIZE + ODOMETRY_SCALE
 _WALLS = POSE_SIZE + CALIBRATION_SIZE
 
 
-def restart(heading: HeadingFilter, slam: LineSlam, estimate: Estimate) -> None:
-    """Set both filters to the state of the last keyframe."""
-    x = estimate.x
-    covariance = estimate.solution.covariance_of_last(POSE_SIZE)
+def restart(heading: HeadingFilter, slam: LineSlam, x: Unknowns, covariance: Array) -> None:
+    """Set both filters to the state of the last keyframe.
+
+    `covariance` (pose + shared, pose + shared): of that keyframe and the shared unknowns.
+    """
     pose = x.poses[-1]
     directions = _WALLS + WALL_SIZE * np.arange(len(x.walls))
     chosen = np.array([YAW, BIAS, _GYRO_SCALE, *directions])

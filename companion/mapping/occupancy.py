@@ -99,7 +99,7 @@ class _Layers(NamedTuple):
     flown: Mask
     allowed: Mask
     met_s: Array
-    """Time of the last hit in the cell."""
+    """Time of the last hit in the cell, s; 0 without one, minus infinity in an earlier flight."""
 
     @classmethod
     def unknown(cls, shape: tuple[int, int]) -> Self:
@@ -147,6 +147,11 @@ class Occupancy:
         above = self._with(self._low, _Layers.unknown(self.shape)._replace(allowed=allowed))
         above._is_all_allowed = False
         return above
+
+    def of_earlier_flight(self) -> "Occupancy":
+        """A copy for the next flight, whose clock begins anew."""
+        met_s = np.where(self._layers.met_s != 0, -math.inf, 0.0)
+        return self._with(self._low, self._layers._replace(met_s=met_s).each(np.copy))
 
     def copy(self) -> "Occupancy":
         """A copy."""
@@ -230,7 +235,7 @@ class Occupancy:
         Cells within `flown_m` of the flight path are excluded.
         """
         met_ne_m, met_s = self.met_near(place_ne_m, within_m)
-        before = met_ne_m[(met_s > 0) & (met_s < time_s)]
+        before: Array = met_ne_m[(met_s != 0) & (met_s < time_s)]
         if not len(before):
             return before
         flown = self._near(place_ne_m, within_m + flown_m, lambda near: near.flown)

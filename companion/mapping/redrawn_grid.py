@@ -47,6 +47,8 @@ class RedrawnGrid:
         """`grid` itself, or its replacement while that is being drawn."""
         self._drawn_rays = 0
         self._stages: list[tuple[int, Occupancy]] = [(0, self.grid.copy())]
+        self._dropped: list[Array] = []
+        """Oldest rays, which are not redrawn in flight any more."""
         self._rays = np.empty((256, 8))
         self._count = 0
         self._drawn: Array = np.empty((0, 3))
@@ -89,6 +91,7 @@ class RedrawnGrid:
             (0, begun),
             *((n - dropped, grid) for n, grid in stages[:-1] if n > dropped),
         ]
+        self._dropped.append(self._rays[:dropped].copy())
         self._rays = self._rays[dropped:].copy()
         self._count -= dropped
         self._drawn_rays -= dropped
@@ -112,6 +115,12 @@ class RedrawnGrid:
             self._canvas = stage.copy()
             first = int(keyframe_of[self._drawn_rays])
         self._drawn[first:known] = keyframes[first:known]
+
+    def draw_onto(self, grid: Occupancy, keyframes: Array) -> None:
+        """Draw all rays of the flight onto another grid, by its keyframes (k, 3)."""
+        rays = np.concatenate([*self._dropped, self._rays[: self._count]])
+        for low in range(0, len(rays), RAYS_PER_STAGE):
+            grid.draw(_placed(rays[low : low + RAYS_PER_STAGE], keyframes))
 
     def advance(self) -> None:
         """Draw the next rays if there are enough."""

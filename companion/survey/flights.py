@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from companion.app import App
 from companion.core.arrays import Array
+from companion.core.errors import SurveyError
 from companion.core.messages import FloorPlan
 from companion.estimation.association.pruning import Support
 from companion.estimation.estimator import Estimator
@@ -16,7 +18,8 @@ from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PlacedFlight, joined
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import YAW, Measured, project
+from companion.estimation.smoothing.state import YAW, Measured, Unknowns, project
+from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.survey.evidence import Sight
 
 MAX_START_SIGMAS = 3.0
@@ -28,11 +31,40 @@ is left out. Chosen."""
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A flight to merge: its estimator at the end, and its map."""
+    """A flight to merge: its estimator at the end, its map, and the space that its beams saw."""
 
     name: str
     estimator: Estimator
     plan: FloorPlan
+    space: RedrawnGrid
+    m: Measured
+    alone: Estimate
+    """The flight solved alone."""
+
+    @classmethod
+    def of(cls, name: str, app: App) -> "Flown":
+        """Solve a flight that has ended.
+
+        Raises:
+            SurveyError: the drone did not fly, or the flight cannot be solved.
+        """
+        estimator = app.estimator
+        if estimator is None or len(estimator.record.frames) < 2:
+            raise SurveyError(f"{name}: the drone did not fly; leave this recording out")
+        try:
+            m, alone = estimator.solved()
+        except np.linalg.LinAlgError as error:
+            raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
+        return cls(name, estimator, app.floor_plan(), app.space, m, alone)
+
+    @property
+    def explained(self) -> float:
+        """Share of its hits on walls when solved alone."""
+        return float((self.alone.wall_of != NO_WALL).mean())
+
+    def sight(self) -> Sight:
+        """Its walls and beams, in its own frame."""
+        return _sight(self.alone, self.m, self.estimator.models)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,43 +76,18 @@ class LeftOut:
 
 
 @dataclass(frozen=True, slots=True)
-class Alone:
-    """A flight, solved alone in its own frame."""
-
-    flown: Flown
-    m: Measured
-    estimate: Estimate
-
-    @classmethod
-    def of(cls, flown: Flown) -> "Alone":
-        """Solve the flight."""
-        return cls(flown, *flown.estimator.solved())
-
-    @property
-    def name(self) -> str:
-        return self.flown.name
-
-    @property
-    def explained(self) -> float:
-        """Share of its hits on walls."""
-        return float((self.estimate.wall_of != NO_WALL).mean())
-
-    def sight(self) -> Sight:
-        """Its walls and beams, in its own frame."""
-        return _sight(self.estimate, self.m, self.flown.estimator.models)
-
-
-@dataclass(frozen=True, slots=True)
 class Placed:
     """A flight with its start in the map, to be solved together with others."""
 
-    alone: Alone
-    start: Array
-    """(3,): north, east, m, and heading, rad."""
+    flown: Flown
+    x: Unknowns
+    """Its solution alone, in the frame of the map."""
+    expected: Array
+    """(3,): start that is expected: north, east, m, and heading, rad."""
     sigma: Array
     """(3,): its sigmas in the joint solution."""
-    pad: Array | None = None
-    """(3,): where it is known to begin; None if only its walls place it."""
+    is_found: bool = False
+    """Only its walls and its free space say where it began."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,15 +102,15 @@ class Joint:
     @classmethod
     def of(cls, placed: Sequence[Placed]) -> "Joint":
         """Solve the flights together."""
-        models = _models([each.alone.flown.estimator.models for each in placed])
+        models = _models([each.flown.estimator.models for each in placed])
         smoother = Smoother(models, Support())
         flights = [
             PlacedFlight(
-                each.alone.m,
-                each.alone.estimate.x,
-                each.start,
+                each.flown.m,
+                each.x,
+                each.expected,
                 each.sigma,
-                each.alone.flown.estimator.models.rest_bias_rad_s,
+                each.flown.estimator.models.rest_bias_rad_s,
             )
             for each in placed
         ]
@@ -118,7 +125,7 @@ class Joint:
     def lost_share(self, number: int) -> float:
         """Share of a flight's hits that fit a wall alone, but not in this map."""
         wall_of = self.estimate.wall_of[self.m.hit_flight == number]
-        return self.placed[number].alone.explained - float((wall_of != NO_WALL).mean())
+        return self.placed[number].flown.explained - float((wall_of != NO_WALL).mean())
 
     def sight(self, without: int | None = None) -> Sight:
         """Walls and beams of all flights, or of all but one."""
@@ -133,8 +140,8 @@ def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
     misfits: list[tuple[float, int, str]] = []
     for number, each in enumerate(joint.placed[first:], first):
         lost = joint.lost_share(number)
-        if each.pad is not None:
-            off = joint.start(number) - each.pad
+        if not each.is_found:
+            off = joint.start(number) - each.expected
             off_sigmas = float(np.abs(off / each.sigma).max())
             if off_sigmas > MAX_START_SIGMAS:
                 misfits.append(

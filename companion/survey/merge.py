@@ -1,9 +1,10 @@
 """Merges flights into one map.
 
-Each flight is solved alone first. Its walls place it in the map of the flights before, near the
-pad (`known_start.py`) or anywhere (`start_search.py`). All flights are solved together
-(`estimation/smoothing/joint.py`). A flight that does not fit, because it began elsewhere or the
-building has changed, is left out; so is one whose start is ambiguous.
+Each flight is solved alone first. A flight that knew the map of earlier ones lies in their frame.
+The walls of another one place it in the map, near the pad (`known_start.py`) or anywhere
+(`start_search.py`). All flights are solved together (`estimation/smoothing/joint.py`). A flight
+that does not fit, because it began elsewhere or the building has changed, is left out; so is one
+whose start is ambiguous.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,13 +14,15 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.messages import FloorPlan, Hit, Pose, WallLine
-from companion.estimation.smoothing.estimate import Estimate
+from companion.earlier import EarlierFlights
+from companion.estimation.smoothing.estimate import EarlierWalls, Estimate
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S
 from companion.estimation.smoothing.state import Measured
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
-from companion.survey.flights import Alone, Flown, Joint, LeftOut
+from companion.mapping.occupancy import Occupancy
+from companion.survey.flights import Flown, Joint, LeftOut
 from companion.survey.known_start import solved_from_pad
 from companion.survey.start_search import Placing
 
@@ -38,6 +41,8 @@ class MergedFlight:
     """(3,): where it was known to begin; None if its walls alone placed it."""
     shared_walls: int
     """Walls that it and at least one other flight detected."""
+    later_s: float
+    """Time in the joint map less time in its recording, s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +52,16 @@ class Merged:
     plan: FloorPlan
     flights: tuple[MergedFlight, ...]
     left_out: tuple[LeftOut, ...]
+    estimate: Estimate
+    space: Occupancy
+
+    def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
+        """What a new flight from the pad has to know; `pad_sigma` as in `Starts`."""
+        x, solution = self.estimate.x, self.estimate.solution
+        of_walls = slice(x.calibration.size, None)
+        covariance = solution.shared_covariance[of_walls, of_walls]
+        walls = EarlierWalls(x.walls, x.reach_m, covariance, pad_sigma)
+        return EarlierFlights(walls, self.space.of_earlier_flight(), self.plan.walls)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,20 +78,25 @@ class Starts:
 
 def merge(flown: Sequence[Flown], starts: Starts) -> Merged:
     """Solve the flights together; a flight that does not fit is left out."""
-    flights = [Alone.of(each) for each in flown]
-    is_known = [not starts.are_unknown or each.name in starts.given for each in flown]
+    is_known = [
+        not starts.are_unknown or each.name in starts.given or each.estimator.knows_earlier_flights
+        for each in flown
+    ]
     is_known[0] = True
-    known = [each for each, here in zip(flights, is_known, strict=True) if here]
+    known = [each for each, here in zip(flown, is_known, strict=True) if here]
     joint, left_out = solved_from_pad(known, starts.pad_sigma, starts.given)
-    unknown = [each for each, here in zip(flights, is_known, strict=True) if not here]
+    unknown = [each for each, here in zip(flown, is_known, strict=True) if not here]
     joint, not_placed = Placing(joint, unknown).run()
     return _merged(joint, (*left_out, *not_placed))
 
 
 def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     m, lines = joint.m, joint.estimate.wall_lines
-    flown = [each.alone.flown for each in joint.placed]
+    flown = [each.flown for each in joint.placed]
     flights = [_of_one(number, each, m, joint.estimate, lines) for number, each in enumerate(flown)]
+    space = Occupancy()
+    for each, flight in zip(flown, flights, strict=True):
+        each.space.draw_onto(space, flight.poses)
     walls = wall_segments(
         lines,
         np.concatenate([flight.points_ne_m for flight in flights]),
@@ -85,7 +105,9 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     hits: list[Hit] = []
     path: list[Pose] = []
     later_s = 0.0
+    begins_s: list[float] = []
     for flight in flights:
+        begins_s.append(later_s)
         hits += [replace(hit, time_s=hit.time_s + later_s) for hit in flight.hits()]
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
@@ -104,10 +126,16 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     return Merged(
         plan,
         tuple(
-            MergedFlight(each.alone.name, start, each.pad, count)
-            for each, start, count in zip(joint.placed, starts, shared, strict=True)
+            MergedFlight(
+                each.flown.name, start, None if each.is_found else each.expected, count, begin_s
+            )
+            for each, start, count, begin_s in zip(
+                joint.placed, starts, shared, begins_s, strict=True
+            )
         ),
         left_out,
+        joint.estimate,
+        space,
     )
 
 

@@ -12,8 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from companion.core.arrays import Array
+from companion.estimation.smoothing.joint import moved_to
 from companion.survey.evidence import Sight
-from companion.survey.flights import Alone, Joint, LeftOut, Placed, worst_misfit
+from companion.survey.flights import Flown, Joint, LeftOut, Placed, worst_misfit
 from companion.survey.unknown_start import (
     FOUND_SIGMA,
     Candidate,
@@ -25,6 +26,9 @@ from companion.survey.unknown_start import (
     text,
 )
 
+WHOLE_SHARE = 0.85
+"""A flight fits as a whole if this share of its walls agrees. Chosen: at the right start 0.9 or more
+of a room agree."""
 MAX_UNDONE = 3
 """After so many wrong starts a flight is left out for good. Chosen."""
 
@@ -43,7 +47,7 @@ class Refuted:
 class Waiting:
     """A flight with an unknown start."""
 
-    alone: Alone
+    flown: Flown
     refuted: list[Refuted] = field(default_factory=list)
     undone: int = 0
     reason: str = ""
@@ -53,13 +57,13 @@ class Waiting:
 class Placing:
     """Joint map that grows flight by flight."""
 
-    def __init__(self, joint: Joint, unknown: Sequence[Alone]) -> None:
+    def __init__(self, joint: Joint, unknown: Sequence[Flown]) -> None:
         """`joint`: the flights with known starts; `unknown`: those to be placed."""
         self.joint = joint
         self._known = len(joint.placed)
         self._waiting = [Waiting(each) for each in unknown]
         self._found: dict[str, Waiting] = {}
-        flights = [*(each.alone for each in joint.placed), *unknown]
+        flights = [*(each.flown for each in joint.placed), *unknown]
         self._sights = {each.name: each.sight() for each in flights}
         self._in_other: dict[tuple[str, str], list[Candidate]] = {}
 
@@ -67,11 +71,11 @@ class Placing:
         """Place all flights that can be placed; returns the joint map and the others."""
         while self._place_next() or self._undo_worst():
             pass
-        return self.joint, [LeftOut(each.alone.name, each.reason) for each in self._waiting]
+        return self.joint, [LeftOut(each.flown.name, each.reason) for each in self._waiting]
 
     @property
     def _names(self) -> frozenset[str]:
-        return frozenset(each.alone.name for each in self.joint.placed)
+        return frozenset(each.flown.name for each in self.joint.placed)
 
     def _place_next(self) -> bool:
         """Place the best-determined flight; False if the start of none is certain."""
@@ -87,8 +91,10 @@ class Placing:
             return False
         _, number, start = max(found, key=lambda each: each[:2])
         flight = self._waiting.pop(-number)
-        self._found[flight.alone.name] = flight
-        self.joint = Joint.of([*self.joint.placed, Placed(flight.alone, start, FOUND_SIGMA)])
+        self._found[flight.flown.name] = flight
+        x = moved_to(flight.flown.alone.x, start)
+        here = Placed(flight.flown, x, start, FOUND_SIGMA, is_found=True)
+        self.joint = Joint.of([*self.joint.placed, here])
         while (misfit := worst_misfit(self.joint, self._known)) is not None:
             self._undo(*misfit, is_refuted=True)
         return True
@@ -97,8 +103,8 @@ class Placing:
         """Undo the start that the map of the other flights confirms least; False if all stay."""
         doubtful: list[tuple[float, int, str]] = []
         for number in range(self._known, len(self.joint.placed)):
-            flight = self._found[self.joint.placed[number].alone.name]
-            known, others = self.joint.sight(without=number), self._names - {flight.alone.name}
+            flight = self._found[self.joint.placed[number].flown.name]
+            known, others = self.joint.sight(without=number), self._names - {flight.flown.name}
             search, reason = self._search(flight, known, others)
             start = self.joint.start(number)
             if search.found is not None and not reason:
@@ -116,12 +122,12 @@ class Placing:
         """Take a flight out of the joint map; it waits again."""
         placed = list(self.joint.placed)
         gone = placed.pop(number)
-        flight = self._found.pop(gone.alone.name)
+        flight = self._found.pop(gone.flown.name)
         flight.reason = reason
         flight.undone += 1
         if is_refuted:
-            others = frozenset(each.alone.name for each in placed)
-            flight.refuted.append(Refuted(gone.start, others))
+            others = frozenset(each.flown.name for each in placed)
+            flight.refuted.append(Refuted(gone.expected, others))
         self._waiting.append(flight)
         self.joint = Joint.of(placed)
 
@@ -132,7 +138,7 @@ class Placing:
 
         The text says why none is certain; it is empty if one is.
         """
-        name = flight.alone.name
+        name = flight.flown.name
         refuted = [each.start for each in flight.refuted if each.others <= others]
         search = search_start(self._sights[name], known, refuted)
         if search.found is None:
@@ -140,7 +146,7 @@ class Placing:
         return search, self._seen_twice(name, search.found)
 
     def _seen_twice(self, name: str, found: Candidate) -> str:
-        """Which other flight, placed or not, shows several places that the flight fits as well.
+        """Which other flight, placed or not, shows several places that the whole flight fits.
 
         Empty if there is none. A building may have two equal rooms, of which the map so far
         contains one.
@@ -151,7 +157,8 @@ class Placing:
                 continue
             if (name, other) not in self._in_other:
                 self._in_other[name, other] = candidates(sight, theirs)
-            places = different_places(self._in_other[name, other], sight, found.score_m)
+            whole_m = max(found.score_m, WHOLE_SHARE * sight.length_m)
+            places = different_places(self._in_other[name, other], sight, whole_m)
             if len(places) > 1:
                 return f"it fits equally in {len(places)} places that {other} has seen"
         return ""

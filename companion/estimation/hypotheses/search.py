@@ -155,12 +155,13 @@ class HypothesisSearch:
     def _without_superfluous(self, estimate: Estimate) -> Generator[None, None, Estimate]:
         """The solution without the walls that do not save their cost; those with few hits first.
 
-        Hits that other walls explain nearly as well may form a row before one of them.
+        The walls of the prior stay. Hits that other walls explain nearly as well may form a row before one of them.
         """
         walls = len(estimate.x.walls)
         hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)
         kept, least = np.arange(walls), self._cost(estimate)
-        for wall in np.argsort(hits, kind="stable"):
+        new = np.arange(self.prior.walls, walls)
+        for wall in new[np.argsort(hits[new], kind="stable")]:
             fewer = kept[kept != wall]
             x = estimate.x.since(0)
             without = Estimate(x, x.keep_walls(fewer, estimate.wall_of), estimate.solution)
@@ -189,11 +190,11 @@ class HypothesisSearch:
             alone = alternative.estimate
             if self._cost(alone) - alternative.slack >= likely or self._strain(alone) > max_strain:
                 continue
-            settled = yield from self.smoother.smoothing(
-                alone.x, self.m, self.prior, alternative.gates
+            again = yield from settled(
+                self.smoother, alone.x, self.m, self.prior, alternative.gates
             )
-            if self._cost(settled) < likely:
-                return settled
+            if self._cost(again) < likely:
+                return again
         return None
 
     def _strain(self, estimate: Estimate) -> float:
@@ -259,8 +260,26 @@ def most_likely(smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPri
 
     `x` is the initial value.
     """
-    estimate = smoother.smooth(x, m, prior, FINAL_GATES)
+    estimate = run_to_end(settled(smoother, x, m, prior, FINAL_GATES))
     return run_to_end(HypothesisSearch(smoother, m, prior, FINAL_GATES).final_search(estimate))
+
+
+def settled(
+    smoother: Smoother, x: Unknowns, m: Measured, prior: MarginalPrior, gates: Sequence[Gate]
+) -> Generator[None, None, Estimate]:
+    """Smooth with all gates; the most likely solution of the rounds with the last one.
+
+    With the same gate the association may alternate: a wall is dropped in one round, and detected
+    again in the next. `x` is the initial value.
+    """
+    last = len(gates) - gates.count(gates[-1])
+    if last:
+        yield from smoother.smoothing(x, m, prior, gates[:last])
+    rounds: list[Estimate] = []
+    for gate in gates[last:]:
+        estimate = yield from smoother.smoothing(x, m, prior, (gate,))
+        rounds.append(Estimate(x.since(0), estimate.wall_of, estimate.solution))
+    return min(rounds, key=lambda estimate: cost(smoother, estimate, m, prior))
 
 
 def strained(x: Unknowns, m: Measured, model: OdometryModel, length_s: float) -> list[Mask]:

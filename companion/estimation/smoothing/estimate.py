@@ -36,6 +36,23 @@ class StartPrior:
 
 
 @dataclass(frozen=True, slots=True)
+class EarlierWalls:
+    """Walls of earlier flights as a prior for a new one, in the frame of the survey.
+
+    It is the marginal of their joint solution: poses and calibrations are integrated out.
+    """
+
+    walls: Array
+    """(w, 2): as in `Unknowns`."""
+    reach_m: Array
+    """(w, 2): as in `Unknowns`."""
+    covariance: Array
+    """(2w, 2w): of the walls."""
+    start_sigma: Array
+    """(3,): sigmas of the start: north, east, m, and heading, rad."""
+
+
+@dataclass(frozen=True, slots=True)
 class MarginalPrior:
     """The measurements before one keyframe as a prior on it and on all shared unknowns."""
 

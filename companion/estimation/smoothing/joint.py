@@ -38,14 +38,14 @@ association takes hits for a new visit, or contradictions for two."""
 
 @dataclass(frozen=True, slots=True)
 class PlacedFlight:
-    """A flight, its solution in its own frame, and its start in the frame of the survey."""
+    """A flight, its solution in the frame of the survey, and what is known of its start."""
 
     m: Measured
     x: Unknowns
-    start: Array
-    """(3,): north, east, yaw of the first keyframe."""
-    start_sigma: Array
-    """(3,): sigmas of the start; those of the first flight of a survey are not used."""
+    pad: Array
+    """(3,): north, east, yaw at which the first keyframe is expected."""
+    pad_sigma: Array
+    """(3,): sigmas of the pad; those of the first flight of a survey are not used."""
     rest_bias_rad_s: float = 0.0
     """Bias of the gyro, averaged before take-off, rad/s."""
 
@@ -55,18 +55,17 @@ def joined(
 ) -> tuple[Measured, Unknowns, MarginalPrior]:
     """All flights as one record, with initial values and the prior on their starts."""
     m = _joined_record([flight.m for flight in flights])
-    placed = [moved_to(flight.x, flight.start) for flight in flights]
     x = Unknowns(
-        poses=np.concatenate([each.poses for each in placed]),
-        walls=np.concatenate([each.walls for each in placed]),
-        reach_m=np.concatenate([each.reach_m for each in placed]),
-        calibration=np.concatenate([each.calibration for each in placed]),
+        poses=np.concatenate([each.x.poses for each in flights]),
+        walls=np.concatenate([each.x.walls for each in flights]),
+        reach_m=np.concatenate([each.x.reach_m for each in flights]),
+        calibration=np.concatenate([each.x.calibration for each in flights]),
     )
     later = tuple(
-        smoother.start_prior(frame, flight.start, flight.start_sigma, flight.rest_bias_rad_s)
+        smoother.start_prior(frame, flight.pad, flight.pad_sigma, flight.rest_bias_rad_s)
         for frame, flight in zip(m.begins[1:], flights[1:], strict=True)
     )
-    return m, x, smoother.from_start(flights[0].start, later)
+    return m, x, smoother.from_start(flights[0].pad, later)
 
 
 def moved_to(x: Unknowns, start: Array) -> Unknowns:

@@ -21,7 +21,7 @@ from companion.core.arrays import Array
 from companion.core.frames import Vector2
 from companion.estimation.association.pruning import Support
 from companion.estimation.hypotheses.search import HypothesisSearch
-from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
+from companion.estimation.smoothing.estimate import EarlierWalls, Estimate, MarginalPrior
 from companion.estimation.smoothing.factors import Models
 from companion.estimation.smoothing.flight_record import FlightRecord, FrameColumn
 from companion.estimation.smoothing.smoother import FLYING_GATES, Smoother
@@ -67,7 +67,8 @@ class WindowResult:
 class InFlightSmoothing:
     """Runs one smoothing after the other, in pieces."""
 
-    def __init__(self, models: Models) -> None:
+    def __init__(self, models: Models, earlier: EarlierWalls | None = None) -> None:
+        self._earlier = earlier
         self._smoother = Smoother(models, FLYING_SUPPORT)
         self._work: Generator[None, None, WindowResult] | None = None
         self._due_s = PERIOD_S
@@ -110,8 +111,9 @@ class InFlightSmoothing:
         poses = record.poses.copy()
         time_s = float(record.frames[-1, FrameColumn.TIME_S])
         raw_ne_m, raw_yaw_rad = record.raw
-        prior = smoother.from_start(np.zeros(3)) if is_whole else self._prior
-        assert prior is not None
+        prior = None if is_whole else self._prior
+        if prior is None:
+            prior = smoother.from_start(np.zeros(3), earlier=self._earlier)
         first = prior.frame
         part, first_hit = m.between(first, len(poses)), m.first_hit(first)
         x = Unknowns.at(poses[first:], smoother.models.rest_bias_rad_s)

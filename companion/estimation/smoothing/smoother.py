@@ -15,6 +15,7 @@ The measurements before are then a prior on its first pose and the shared unknow
 from collections.abc import Generator, Sequence
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from companion.core.arrays import Array, Indices
 from companion.estimation.association.association import Association
@@ -25,6 +26,7 @@ from companion.estimation.association.right_angles import square_pairs
 from companion.estimation.smoothing import factors
 from companion.estimation.smoothing.bordered_solver import BorderedSystem, Gaussian, Solution
 from companion.estimation.smoothing.estimate import (
+    EarlierWalls,
     Estimate,
     MarginalPrior,
     StartPrior,
@@ -71,20 +73,30 @@ class Smoother:
         self.models, self.support = models, support
         self._association = Association(models.ranges, models.odometry, support)
 
-    def from_start(self, start: Array, later: tuple[StartPrior, ...] = ()) -> MarginalPrior:
+    def from_start(
+        self,
+        start: Array,
+        later: tuple[StartPrior, ...] = (),
+        earlier: EarlierWalls | None = None,
+    ) -> MarginalPrior:
         """The prior without measurements, of one flight or of several.
 
-        The first pose is `start` (3,) by definition of the frame. `later`: starts of the other
-        flights.
+        Without `earlier` flights, the first pose is `start` (3,) by definition of the frame.
+        `later`: starts of the other flights.
         """
         gyro, odometry, ranges = self.models.gyro, self.models.odometry, self.models.ranges
-        first = self.start_prior(0, start, np.full(3, factors.MIN_SIGMA))
+        exact = np.full(3, factors.MIN_SIGMA)
+        first = self.start_prior(0, start, exact if earlier is None else earlier.start_sigma)
         flights = 1 + len(later)
         gain_sigma = ranges.gain_sigma + factors.MIN_SIGMA
         calibration_sigma = np.array([gyro.scale_sigma, odometry.scale_sigma, *gain_sigma])
         at = np.concatenate([first.at, np.zeros(flights * CALIBRATION_SIZE)])
         sigma = np.concatenate([first.sigma, np.tile(calibration_sigma, flights)])
-        gaussian = Gaussian(np.diag(sigma**-2.0), np.zeros(len(sigma)))
+        information = np.diag(sigma**-2.0)
+        if earlier is not None:
+            at = np.concatenate([at, earlier.walls.ravel()])
+            information = block_diag(information, np.linalg.inv(earlier.covariance))
+        gaussian = Gaussian(information, np.zeros(len(at)))
         return MarginalPrior(0, at, gaussian, flights, later)
 
     def start_prior(

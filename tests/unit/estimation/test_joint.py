@@ -33,7 +33,8 @@ def flown(path: list[tuple[float, float]], seed: int, scale_error: float) -> Fli
 
 
 def placed(record: FlightRecord, start: Array) -> PlacedFlight:
-    return PlacedFlight(Measured.of(record, UNITS), mapped(record).x, start, PAD_SIGMA)
+    here = moved_to(mapped(record).x, start)
+    return PlacedFlight(Measured.of(record, UNITS), here, start, PAD_SIGMA)
 
 
 def solved(flights: list[PlacedFlight]) -> Estimate:
