@@ -27,8 +27,8 @@ from companion.survey.unknown_start import (
 )
 
 WHOLE_SHARE = 0.85
-"""A flight fits as a whole if this share of its walls agrees. Chosen: at the right start 0.9 or more
-of a room agree."""
+"""A flight fits as a whole if this share of its walls agrees. Chosen: at the right start 0.9 or
+more of a room agree."""
 MAX_UNDONE = 3
 """After so many wrong starts a flight is left out for good. Chosen."""
 
