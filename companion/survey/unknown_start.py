@@ -98,6 +98,11 @@ class StartSearch:
                 f"together; a start needs {MIN_SHARED_WALLS}"
             )
         best = self.candidates[0]
+        if best.across_m < MIN_ACROSS_M:
+            return (
+                f"too little overlap: across one direction {best.across_m:.1f} m of wall fit; "
+                f"a start needs {MIN_ACROSS_M:.1f} m"
+            )
         if not self._fits:
             return (
                 f"no start fits: the best, {text(best.start)}, contradicts "
