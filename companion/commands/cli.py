@@ -26,8 +26,8 @@ MODULES = {
     "replay": "companion.commands.recording",
     "export": "companion.commands.recording",
     "report": "companion.commands.recording",
-    "merge": "companion.commands.survey",
-    "survey": "companion.commands.survey_map",
+    "merge": "companion.commands.merge",
+    "survey": "companion.commands.survey",
     "view": "companion.commands.view",
     "config": "companion.commands.config",
 }

@@ -1,6 +1,6 @@
-"""Makes one map from several flights: `companion merge`; runs on a laptop."""
+"""Shows and exports the joint map of a survey: `companion survey`; runs on a laptop."""
 
-from math import degrees, hypot
+from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,96 +8,91 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from companion.core.errors import ConfigError, RecordingError
+from companion.commands.recording import Format
+from companion.core.errors import SurveyError
+from companion.core.extras import needs_extra
 
 if TYPE_CHECKING:
-    from companion.recording.reader import Recording
-    from companion.survey.merge import Flown, Merged
+    from companion.survey.folder import Survey, SurveyMap
 
-MIN_SHARED_WALLS = 2
-"""Least walls that confirm where a flight began. Chosen: two walls determine a place."""
-EXIT_LEFT_OUT = 1
-"""Exit status if a flight is left out. Chosen."""
+EXIT_LEFT = 1
+"""Exit status of `status` if something is left to fly. Chosen."""
+
+
+class What(StrEnum):
+    """What to do with a survey."""
+
+    STATUS = "status"
+    MAP = "map"
+    EXPORT = "export"
+
 
 commands = typer.Typer()
+Formats = Annotated[
+    list[Format] | None, typer.Option("--format", help="Of the export; repeatable; default dxf.")
+]
 
 
-@commands.command("merge")
-def merge_command(
-    flights: Annotated[
-        list[Path], typer.Argument(metavar="FLIGHT.mcap ...", help="Recordings of flights.")
-    ],
-    out: Annotated[Path, typer.Option(help="Folder for the map.")] = Path("out"),
-    pad_sigma_m: Annotated[
-        float, typer.Option(min=0.001, max=1.0, help="Standard deviation of the starts, m.")
-    ] = 0.05,
-    pad_sigma_deg: Annotated[
-        float, typer.Option(min=0.01, max=20.0, help="Standard deviation of the headings, °.")
-    ] = 3.0,
+@commands.command("survey")
+def survey_command(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the survey.")],
+    what: Annotated[What, typer.Argument(help="status, map or export.")] = What.STATUS,
+    format_: Formats = None,
 ) -> None:
-    """Make one map from flights that began at the same place; see docs/surveys.md.
+    """Show a survey's flights and what is left, or write its joint map; see docs/surveys.md.
 
-    Exit status 1 if a flight did not fit and is left out of the map.
+    Exit status 1 of `status` if something is left to fly.
     """
-    import numpy as np  # noqa: PLC0415 - not for the drone
-
-    from companion.export.map_files import save  # noqa: PLC0415
-    from companion.recording.reader import read  # noqa: PLC0415
-    from companion.survey.merge import merge  # noqa: PLC0415
+    from companion.survey.folder import Survey  # noqa: PLC0415 - not for the drone
+    from companion.survey.left import left_to_fly  # noqa: PLC0415
 
     console = Console(highlight=False, markup=False)
-    recordings = [read(path) for path in flights]
-    _check(recordings)
-    flown = []
-    for number, recording in enumerate(recordings, 1):
-        console.print(f"solving flight {number} of {len(recordings)}: {recording.path.name}")
-        flown.append(_flown(recording))
-    console.print("solving all flights together")
-    pad_sigma = np.array([pad_sigma_m, pad_sigma_m, np.radians(pad_sigma_deg)])
-    merged = merge(flown, pad_sigma)
-    files = save(merged.plan, out)
-    console.print(_summary(merged))
-    for each in merged.left_out:
-        console.print(f"left out: {each.name}: {each.reason}")
-    console.print(f"map: {', '.join(str(file) for file in files)}")
-    if merged.left_out:
-        raise typer.Exit(EXIT_LEFT_OUT)
+    survey = Survey(folder, lambda line: console.print(line, soft_wrap=True))
+    if not survey.files:
+        raise SurveyError(f"{folder}: no recordings; fly with: companion fly --survey {folder}")
+    joint = survey.make_map()
+    if joint is None:
+        raise SurveyError(f"{folder}: no recording can be used: {survey.index.left_out}")
+    if what is What.EXPORT:
+        _export(joint, folder, [each.value for each in format_ or [Format("dxf")]])
+    console.print(_table(survey, joint))
+    for name, reason in survey.index.left_out.items():
+        console.print(f"not in the map: {name}: {reason}", soft_wrap=True)
+    earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
+    left = left_to_fly(earlier, joint.recordings[-1].config)
+    console.print(left.in_words())
+    if what is What.STATUS and left.places_ne_m:
+        raise typer.Exit(EXIT_LEFT)
 
 
-def _check(recordings: "list[Recording]") -> None:
-    """Refuse recordings that do not belong together."""
-    first = recordings[0]
-    for recording in recordings[1:]:
-        if recording.config.sensors != first.config.sensors:
-            raise ConfigError(
-                f"{recording.path}: [sensors] differs from that of {first.path}; "
-                "merge flights of one drone with the same sensors"
-            )
-    paths = [recording.path.resolve() for recording in recordings]
-    for path in paths:
-        if paths.count(path) > 1:
-            raise RecordingError(f"{path}: named twice; its measurements would count twice")
+def _table(survey: "Survey", joint: "SurveyMap") -> Table:
+    """A row for each flight: when, how long, how it ended, what it added."""
+    from companion.survey.added import walls_added_m  # noqa: PLC0415 - not for the drone
 
-
-def _flown(recording: "Recording") -> "Flown":
-    from companion.recording.replay import replay  # noqa: PLC0415 - not for the drone
-    from companion.survey.merge import Flown  # noqa: PLC0415
-
-    return Flown.of(recording.path.name, replay(recording))
-
-
-def _summary(merged: "Merged") -> Table:
-    """Table of the flights: where each began, and what it shares with the others."""
-    table = Table(title="flights", title_justify="left")
-    for column in ("flight", "began off the pad", "heading off", "walls shared"):
+    table = Table(title=f"survey {survey.folder}", title_justify="left")
+    for column in ("flight", "time", "ended", "off the pad", "walls added"):
         table.add_column(column)
-    for flight in merged.flights:
-        north_m, east_m, yaw_rad = flight.start.tolist()
-        shared = str(flight.shared_walls)
-        if len(merged.flights) > 1 and flight.shared_walls < MIN_SHARED_WALLS:
-            shared += ": placed by its pad alone"
-        off = f"{100 * hypot(north_m, east_m):.0f} cm", f"{degrees(yaw_rad):+.1f}°"
-        table.add_row(flight.name, *off, shared)
-    length_m = sum(wall.length_m for wall in merged.plan.walls)
-    table.caption = f"{len(merged.plan.walls)} walls, {length_m:.1f} m in all"
+    added_m = walls_added_m(joint.merged)
+    for flight, recording, wall_m in zip(
+        joint.merged.flights, joint.recordings, added_m, strict=True
+    ):
+        ended = recording.phases[-1] if recording.phases else None
+        state = (ended.trouble or ended.activity) if ended else "cut short"
+        flown_s = recording.ticks[-1].now_s - recording.ticks[0].now_s if recording.ticks else 0.0
+        north_m, east_m, _ = flight.start.tolist()
+        off_cm = 100 * (north_m**2 + east_m**2) ** 0.5
+        table.add_row(flight.name, f"{flown_s:.0f} s", state, f"{off_cm:.0f} cm", f"{wall_m:.1f} m")
+    length_m = sum(wall.length_m for wall in joint.merged.plan.walls)
+    table.caption = f"{len(joint.merged.plan.walls)} walls, {length_m:.1f} m in all"
     return table
+
+
+def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:
+    with needs_extra("export"):
+        from companion.core.frames import Place  # noqa: PLC0415 - not for the drone
+        from companion.export.formats import Labels, export  # noqa: PLC0415
+        from companion.export.plan.survey import survey  # noqa: PLC0415
+
+        link = joint.recordings[0].config.link
+        labels = Labels(f"Survey {folder.name}", Place(link.origin_lat_deg, link.origin_lon_deg, 0))
+        export(survey(joint.merged.plan), formats, folder, "survey", labels, tell=print)

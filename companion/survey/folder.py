@@ -27,7 +27,8 @@ from companion.earlier import EarlierFlights
 from companion.export.map_files import save, save_as
 from companion.recording.reader import Recording, read
 from companion.recording.replay import replay
-from companion.survey.merge import Flown, Merged, merge
+from companion.survey.flights import Flown
+from companion.survey.merge import Merged, Starts, merge
 
 PAD_SIGMA_M, PAD_SIGMA_DEG = 0.05, 3.0
 """Standard deviations of where a person puts a drone on a marked pad. Chosen."""
@@ -119,7 +120,7 @@ class Survey:
         if not flown:
             return None
         self._tell(f"solving {len(flown)} flights together")
-        merged = merge(flown, self.index.pad.sigma)
+        merged = merge(flown, Starts(self.index.pad.sigma))
         left_out |= {each.name: each.reason for each in merged.left_out}
         names = tuple(flight.name for flight in merged.flights)
         earlier = merged.for_next_flight(self.index.pad.sigma).to_bytes()

@@ -25,7 +25,8 @@ from companion.core.messages import FloorPlan
 from companion.earlier import EarlierFlights
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.run.console import ProgressLine
-from companion.survey.merge import Flown, Merged, merge
+from companion.survey.flights import Flown
+from companion.survey.merge import Merged, Starts, merge
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions
@@ -118,7 +119,7 @@ class Sorties:
             except SurveyError as error:
                 self._tell(str(error))
                 continue
-            merged = merge(self._flown, PAD_SIGMA)
+            merged = merge(self._flown, Starts(PAD_SIGMA))
             self._earlier = merged.for_next_flight(PAD_SIGMA)
             yield self._scored(number, app, merged, time.monotonic() - began_s)
             if app.flight.completed:

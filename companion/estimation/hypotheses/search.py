@@ -106,7 +106,15 @@ class HypothesisSearch:
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
             estimate = yield from self._search_strained(length_s, estimate, tried)
-        return (yield from self._without_superfluous(estimate))
+        estimate = yield from self._without_superfluous(estimate)
+        again = yield from settled(
+            self.smoother, estimate.x.since(0), self.m, self.prior, self._narrow_gates
+        )
+        return min(estimate, again, key=self._cost)
+
+    @property
+    def _narrow_gates(self) -> list[Gate]:
+        return [gate for gate in self.gates if gate.prunes_see_through]
 
     def _search_strained(
         self, length_s: float, estimate: Estimate, tried: set[bytes]
@@ -237,8 +245,7 @@ class HypothesisSearch:
         """
         alternative = split(estimate, [hits])
         yield from self._stepped(alternative.x, alternative.wall_of)
-        narrow = [gate for gate in self.gates if gate.prunes_see_through]
-        return Alternative(alternative, narrow, slack=WALL_COST)
+        return Alternative(alternative, self._narrow_gates, slack=WALL_COST)
 
     def _reassociated(
         self, x: Unknowns, wall_of: Indices, suspect: Mask

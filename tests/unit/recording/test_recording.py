@@ -337,7 +337,13 @@ def test_a_recording_that_has_stopped_keeps_no_messages(
     """Stored messages would fill the memory until the flight ends."""
     monkeypatch.setattr(FlightRecorder, "_tick", lambda *_: 1 / 0)
     recorder = FlightRecorder(
-        tmp_path / "flight.mcap", Config(), 0.0, lambda _: None, lambda: 0.0, continues=""
+        tmp_path / "flight.mcap",
+        Config(),
+        0.0,
+        lambda _: None,
+        lambda: 0.0,
+        continues="",
+        earlier=None,
     )
     autopilot, companion = pipe_pair()
     tap = recorder.tap(companion)
