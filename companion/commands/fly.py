@@ -47,7 +47,7 @@ def fly_command(
     )
     with flight_console() as console:
         if survey is None:
-            code = _fly(settings, out, console)
+            code = _fly(App(settings), settings, out, console)
         else:
             code = _fly_on(settings, survey, console)
     raise typer.Exit(code)
@@ -63,10 +63,18 @@ def _fly_on(settings: Config, folder: Path, console: Console) -> int:
     earlier = survey.earlier()
     if earlier is not None:
         console.print(left_to_fly(earlier, settings).in_words())
-    code = _fly(settings, folder / "last_flight", console, earlier=earlier, recordings=folder)
-    if code != EXIT_FAILED and (joint := survey.make_map()):
-        earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
-        console.print(left_to_fly(earlier, settings).in_words())
+    app = App(settings, earlier)
+    code = _fly(app, settings, folder / "last_flight", console, earlier=earlier, recordings=folder)
+    if app.flight.is_to_be_continued:
+        console.print(f"to be continued: {app.flight.ending}", soft_wrap=True)
+    if code == EXIT_FAILED:
+        return code  # the recovery needs the computer
+    try:
+        if joint := survey.make_map():
+            earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
+            console.print(left_to_fly(earlier, settings).in_words())
+    except CompanionError as error:  # the flight is over and keeps its status
+        console.print(f"the joint map is not made: {error}", soft_wrap=True)
     return code
 
 
@@ -88,6 +96,7 @@ def _refuse_not_recorded(settings: Config, folder: Path) -> None:
 
 
 def _fly(
+    app: App,
     settings: Config,
     out: Path,
     console: Console,
@@ -96,7 +105,6 @@ def _fly(
     recordings: Path | None = None,
 ) -> int:
     """Fly, and write the map to `out`; recordings go there, too, or to another folder."""
-    app = App(settings, earlier)
     with (
         open_rig(settings, recordings or out, console.print, earlier) as (rig, recorder),
         closing(open_feed(settings, app, console.print)) as feed,

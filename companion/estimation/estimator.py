@@ -13,7 +13,6 @@ from companion.core.messages import (
     GyroSample,
     Odometry,
     Pose,
-    RangeModel,
     RangeReading,
     RangeScan,
     RangeUnit,
@@ -24,7 +23,7 @@ from companion.estimation.filter_reset import restart
 from companion.estimation.filters.dead_reckoning import DeadReckoning
 from companion.estimation.filters.heading_filter import HeadingFilter, WallBearing
 from companion.estimation.filters.height_filter import Height
-from companion.estimation.filters.position_filter import LineSlam
+from companion.estimation.filters.position_filter import LineSlam, max_direction_range_m
 from companion.estimation.filters.wall_runs import Line, RunHit, WallRun
 from companion.estimation.hypotheses.search import most_likely
 from companion.estimation.smoothing.estimate import EarlierWalls, Estimate, MarginalPrior
@@ -48,8 +47,6 @@ COMPASS_STEP_RAD = math.radians(3)
 Chosen."""
 AIRBORNE_M = 0.1
 """Above this height the drone is in the air, m. Chosen."""
-MAX_DIRECTION_SIGMA_M = 0.12
-"""Only readings with at most this sigma determine wall directions, m. Chosen."""
 SQUARE_WITHIN_RAD = math.radians(5)
 """Walls within this angle of a right angle are assumed to be perpendicular, rad. Chosen."""
 
@@ -70,7 +67,7 @@ class Estimator:
         self.slam = LineSlam(self.heading, self.models.odometry)
         self._noise = OdometryNoise(self.models.odometry)
         self._max_direction_range_m = {
-            beam: _max_direction_range_m(unit.model) for beam, unit in units.items()
+            beam: max_direction_range_m(unit.model) for beam, unit in units.items()
         }
         self.velocity_frd_m_s: Vector2 = (0.0, 0.0)
         """Velocity by the last odometry, forward and right, m/s."""
@@ -397,11 +394,3 @@ class Estimator:
         reach_m = np.array([(wall.low_m, wall.high_m) for wall in self.slam.walls]).reshape(-1, 2)
         tangents = np.column_stack([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
         return Walls(lines, reach_m + (anchors * tangents).sum(axis=1)[:, None])
-
-
-def _max_direction_range_m(sensor: RangeModel) -> float:
-    """Longest range that determines wall directions, m: low sigma, not near the end of range."""
-    distance_m = sensor.max_m - LineSlam.END_SIGMAS * sensor.sigma_m(sensor.max_m)
-    while sensor.sigma_m(distance_m) > MAX_DIRECTION_SIGMA_M:
-        distance_m -= 0.1
-    return distance_m

@@ -191,10 +191,11 @@ def together(truths: list[TruthRecord], merged: Merged) -> TruthRecord:
 
 def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
     """Results of one flight, and the coverage that the survey has with it."""
+    ending = app.flight.ending
     return {
         "flight": number,
         "completed": app.flight.completed and truth.collisions == 0,
-        "ending": app.flight.ending,
+        "ending": f"to be continued: {ending}" if app.flight.is_to_be_continued else ending,
         "flight_time_s": round(truth.air_time_s, 2),
         "collisions": truth.collisions,
         "clearance_m": round(truth.clearance_m, 4),

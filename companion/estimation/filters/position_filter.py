@@ -20,7 +20,7 @@ import numpy as np
 
 from companion.core.arrays import Array
 from companion.core.frames import Vector2, Vector3, wrap_rad
-from companion.core.messages import RangeUnit
+from companion.core.messages import RangeModel, RangeUnit
 from companion.core.values import value
 from companion.estimation.filters.heading_filter import HeadingFilter
 from companion.estimation.filters.wall_runs import MAX_INCIDENCE_RAD, Line
@@ -32,6 +32,8 @@ WALLS = 5
 """Index of the first wall in x."""
 _MIN_COS = math.cos(MAX_INCIDENCE_RAD)
 """Cosine of the maximum incidence of a range on a wall."""
+MAX_DIRECTION_SIGMA_M = 0.12
+"""Only readings with at most this sigma determine wall directions, m. Chosen."""
 
 
 @dataclass(slots=True)
@@ -262,3 +264,11 @@ class LineSlam:
         self._f = np.eye(size + 1)
         self.walls.append(wall)
         return wall
+
+
+def max_direction_range_m(sensor: RangeModel) -> float:
+    """Longest range that determines wall directions, m: low sigma, not near the end of range."""
+    distance_m = sensor.max_m - LineSlam.END_SIGMAS * sensor.sigma_m(sensor.max_m)
+    while sensor.sigma_m(distance_m) > MAX_DIRECTION_SIGMA_M:
+        distance_m -= 0.1
+    return distance_m
