@@ -39,7 +39,8 @@ def ends(monkeypatch: pytest.MonkeyPatch, phase: Phase) -> None:
 
 
 def flown(folder: Path, console: Console | None = None) -> int:
-    return command._fly(Config(), folder, console or Console(quiet=True))
+    config = Config()
+    return command._fly(App(config), config, folder, console or Console(quiet=True))
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS, errno.EIO])
