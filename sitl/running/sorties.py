@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -26,6 +25,7 @@ from companion.earlier import EarlierFlights
 from companion.recording.recorder import NOT_RECORDED, Recorder, open_recorder
 from companion.run.console import ProgressLine
 from companion.survey.flights import Flown
+from companion.survey.folder import Pad
 from companion.survey.merge import Merged, Starts, merge
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
@@ -35,13 +35,8 @@ from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup, start_state
 
-PAD_SIGMA_M, PAD_SIGMA_RAD = 0.05, math.radians(3.0)
-"""Standard deviations of where a person puts the drone on a marked pad. Chosen; the default of
-`companion merge`."""
-PAD_SIGMA = np.array([PAD_SIGMA_M, PAD_SIGMA_M, PAD_SIGMA_RAD])
-"""The same as the survey takes them: north, east, m, and heading, rad."""
-
-
+PAD = Pad()
+"""How exactly a person puts the drone on the pad: the default of a survey."""
 _ROWS = (
     ("flight", "{}"),
     ("ending", "{}"),
@@ -119,8 +114,8 @@ class Sorties:
             except SurveyError as error:
                 self._tell(str(error))
                 continue
-            merged = merge(self._flown, Starts(PAD_SIGMA))
-            self._earlier = merged.for_next_flight(PAD_SIGMA)
+            merged = merge(self._flown, Starts(PAD.sigma))
+            self._earlier = merged.for_next_flight(PAD.sigma)
             yield self._scored(number, app, merged, time.monotonic() - began_s)
             if app.flight.completed:
                 return
@@ -165,8 +160,8 @@ def on_the_pad(setup: Setup, number: int) -> Setup:
     north_m, east_m, _ = first.position_ned_m
     start = setup.world.starts[setup.start].model_copy(
         update={
-            "position": (draw.gauss(north_m, PAD_SIGMA_M), draw.gauss(east_m, PAD_SIGMA_M)),
-            "heading_deg": math.degrees(draw.gauss(first.yaw_rad, PAD_SIGMA_RAD)),
+            "position": (draw.gauss(north_m, PAD.sigma_m), draw.gauss(east_m, PAD.sigma_m)),
+            "heading_deg": draw.gauss(math.degrees(first.yaw_rad), PAD.sigma_deg),
         }
     )
     world = setup.world.model_copy(update={"starts": (start,)})
