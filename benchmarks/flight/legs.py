@@ -18,7 +18,7 @@ from companion.core.arrays import Array, Mask
 from companion.navigation.swing import TO_THE_RIGHT
 from companion.safety.control_laws import BODY_RADIUS_M
 from companion.safety.swept_space import EYE_M, NARROW, WIDE, GridSpec, SweptGrid
-from companion.safety.velocity_guard import STOPS_M_S2
+from companion.safety.velocity_guard import CRAWL_M_S, STOPS_M_S2
 from sitl.autopilot.response import ARDUCOPTER, Shape, Shaper
 from sitl.core.vehicle import STEP_S, Follow, Loop
 
@@ -82,6 +82,7 @@ def fly(seed: int, fill: GridSpec, rate_deg_s: float, most_m_s: float) -> tuple[
     )
     found_m, found_m_s = np.full(LEGS, math.inf), np.zeros(LEGS)
     passed, swing = SweptGrid(fill), TO_THE_RIGHT
+    least_m_s = 0.0 if fill.is_proof else CRAWL_M_S
     nose = Axis(ARDUCOPTER.yaw, ARDUCOPTER.airframe.yaw)
     forward = Axis(ARDUCOPTER.horizontal, ARDUCOPTER.airframe.horizontal)
     along_m = speed_m_s = yaw_rad = time_s = 0.0
@@ -100,7 +101,8 @@ def fly(seed: int, fill: GridSpec, rate_deg_s: float, most_m_s: float) -> tuple[
         passed.sweep(eye, heading_rad + yaw_rad, (0.0, SEES_M), time_s)
         passed.free_hull(here, time_s)
         left_m = max(lane.clear_m - LAG_S * speed_m_s, 0.0)
-        speed_m_s = forward.tick(min(most_m_s, math.sqrt(2 * STOPS_M_S2 * left_m)))
+        bound_m_s = min(most_m_s, max(least_m_s, math.sqrt(2 * STOPS_M_S2 * left_m)))
+        speed_m_s = forward.tick(bound_m_s)
         along_m += speed_m_s * TICK_S
     stops_m = STOPS_WITHIN_S * found_m_s + found_m_s**2 / (2 * STOPS_M_S2)
     return along_m / time_s, float((legs.touched_m() - found_m < stops_m).mean())

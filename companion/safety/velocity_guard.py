@@ -14,7 +14,8 @@ passage, with an obstacle ahead on its course. It may then be as near to both si
 obstacle ahead. Otherwise it would be caught between obstacles whose positions drift.
 
 An undetected obstacle may stand where no beam has passed. So the drone flies only as fast as it can
-stop before the first unswept cell in its path. There it waits until a beam has swept the path.
+stop before the first unswept cell in its path. It may still crawl there, except among legs: there
+it waits until a beam has swept the path.
 
 Obstacles from minutes ago are in the map alone. They limit the speed towards them as in a passage.
 The drone does not give way to them, because the map may be wrong by decimetres.
@@ -32,7 +33,7 @@ from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
 from companion.safety.control_laws import BODY_RADIUS_M, BRAKING_M_S2, clamp
-from companion.safety.drift import AMONG_LEGS_SIGMAS, DRIFT_SIGMAS
+from companion.safety.drift import DRIFT_SIGMAS
 from companion.safety.obstacle_memory import Surroundings
 
 GIVE_WAY_GAIN_1_S = 0.8
@@ -63,6 +64,9 @@ STOPS_M_S2 = 1.0
 """Assumed deceleration before unswept space, m/s². Autopilots brake harder than this after their
 lag: from 0.8 m/s they stop within 0.4 to 0.6 m (docs/autopilot.md). Unswept space is most likely
 free."""
+CRAWL_M_S = 0.2
+"""Speed allowed into unswept space, m/s. Chosen: a swing of the nose sweeps the whole path before
+the drone reaches it. The drone advances a third of a metre per swing."""
 AMONG_LEGS_M_S = 0.6
 """Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
 is no higher: `benchmarks/flight/legs.py`."""
@@ -100,20 +104,24 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 
 
 def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: float) -> Vector2:
-    """Limit the speed so that the drone stops before unswept space.
+    """Limit the speed so that the drone stops before unswept space, or enters it at a crawl.
 
-    It enters only to give way to an obstacle, at no more than that speed: the obstacle is certain,
-    and in unswept space there is most likely none.
+    Among legs it enters only to give way to an obstacle, at no more than that speed: the obstacle
+    is certain, and in unswept space there is most likely none.
     """
     speed_m_s = math.hypot(*velocity)
-    if speed_m_s <= gives_way_m_s:
+    if around.is_among_legs:
+        min_m_s, max_m_s = gives_way_m_s, AMONG_LEGS_M_S
+    else:
+        min_m_s, max_m_s = CRAWL_M_S, math.inf
+    if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
     left_m = around.lane(math.atan2(right_m_s, forward_m_s)).clear_m
     left_m -= around.lag_s * math.hypot(*around.velocity_frd_m_s)
     stops_m_s = math.sqrt(2 * STOPS_M_S2 * max(left_m, 0.0))
-    among_legs_m_s = AMONG_LEGS_M_S if around.is_among_legs else math.inf
-    share = min(1.0, max(gives_way_m_s, stops_m_s) / speed_m_s, among_legs_m_s / speed_m_s)
+    max_m_s = min(max(min_m_s, stops_m_s), max_m_s)
+    share = min(1.0, max_m_s / speed_m_s)
     return share * forward_m_s, share * right_m_s
 
 
@@ -122,8 +130,7 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
     towards, away_m = _towards(around.points_frd_m)
     if not len(towards):
         return _Bounds(towards, away_m)
-    sigmas = AMONG_LEGS_SIGMAS if around.is_among_legs else DRIFT_SIGMAS
-    drifted_m = sigmas * np.broadcast_to(around.drift_m, len(away_m))
+    drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(away_m))
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     side_m = np.maximum(PASSAGE_CLEARANCE_M, drifted_m if around.is_among_legs else 0.0)
     least_m = np.minimum(planned_m, BODY_RADIUS_M + side_m)

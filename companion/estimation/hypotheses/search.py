@@ -199,8 +199,8 @@ class HypothesisSearch:
             alone = alternative.estimate
             if self._cost(alone) - alternative.slack >= likely or self._strain(alone) > max_strain:
                 continue
-            again = yield from settled(
-                self.smoother, alone.x, self.m, self.prior, alternative.gates
+            again = yield from self.smoother.smoothing(
+                alone.x, self.m, self.prior, alternative.gates
             )
             if self._cost(again) < likely:
                 return again

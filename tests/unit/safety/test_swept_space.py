@@ -21,7 +21,7 @@ from companion.drivers.chips.sharp import GP2Y0A710K0F
 from companion.safety.drift import Drift
 from companion.safety.obstacle_memory import AMONG_LEGS_S, ObstacleMemory, Surroundings
 from companion.safety.swept_space import LATELY_S, LEG_M, NARROW, TO_M, WIDE, Lane, SweptGrid
-from companion.safety.velocity_guard import MAX_GIVE_WAY_M_S, STOPS_M_S2, guarded
+from companion.safety.velocity_guard import CRAWL_M_S, MAX_GIVE_WAY_M_S, STOPS_M_S2, guarded
 
 HERE = (7.3, -4.1)
 SWING_RAD = math.radians(14)
@@ -179,15 +179,17 @@ def test_the_among_legs_state_is_permanent_after_four_legs(legs: int, stays: boo
 
 
 @pytest.mark.parametrize("clear_m", [0.0, 0.1, 0.3, 0.6, TO_M])
-@pytest.mark.parametrize(("is_among_legs", "most_m_s"), [(False, 1.0), (True, 0.6)])
+@pytest.mark.parametrize(
+    ("is_among_legs", "least_m_s", "most_m_s"), [(False, CRAWL_M_S, 1.0), (True, 0.0, 0.6)]
+)
 def test_the_drone_can_stop_before_unswept_space(
-    clear_m: float, is_among_legs: bool, most_m_s: float
+    clear_m: float, is_among_legs: bool, least_m_s: float, most_m_s: float
 ) -> None:
     around = Surroundings(lane=lambda _: Lane(clear_m), is_among_legs=is_among_legs)
     safe = guarded(Setpoint(0.6, -0.8, yaw_rate_rad_s=0.4), around, 0.3)
     stops_m_s = math.sqrt(2 * STOPS_M_S2 * clear_m)
     speed_m_s = math.hypot(safe.forward_m_s, safe.right_m_s)
-    assert speed_m_s == pytest.approx(min(most_m_s, stops_m_s))
+    assert speed_m_s == pytest.approx(max(least_m_s, min(most_m_s, stops_m_s)))
     course_rad = math.atan2(safe.right_m_s, safe.forward_m_s)
     assert speed_m_s == 0 or course_rad == pytest.approx(math.atan2(-0.8, 0.6))
     assert safe.yaw_rate_rad_s == 0.4
@@ -235,7 +237,7 @@ def test_the_drone_gives_way_to_an_obstacle_also_into_unswept_space() -> None:
 
 @pytest.mark.parametrize(
     ("half_width_m", "age_s", "is_clear"),
-    [(0.3, 0.5, True), (0.3, 15.0, False), (0.5, 15.0, True), (0.5, LATELY_S + 1, False)],
+    [(0.25, 0.5, True), (0.25, 15.0, False), (0.5, 15.0, True), (0.5, LATELY_S + 1, False)],
 )
 def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
     half_width_m: float, age_s: float, is_clear: bool
