@@ -12,7 +12,6 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.errors import SurveyError
-from companion.core.messages import WallSegment
 from companion.estimation.smoothing.estimate import EarlierWalls
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.grid_planner import START_NE_M
@@ -33,8 +32,6 @@ class EarlierFlights:
     walls: EarlierWalls
     space: Occupancy
     """Free and occupied space at the height of flight."""
-    segments: tuple[WallSegment, ...]
-    """The walls, for display."""
     tried: tuple[Places, ...] = ()
     """Targets of the looks so far: a target that was never seen is dropped after some looks."""
 
@@ -46,7 +43,6 @@ class EarlierFlights:
     def to_bytes(self) -> bytes:
         """All content, lossless: a NumPy archive."""
         arrays: dict[str, Any] = {
-            "segments": _rows(self.segments),
             "tried_sizes": np.array([len(places) for places in self.tried], dtype=np.int64),
             "tried": np.array([place for places in self.tried for place in places]).reshape(-1, 2),
         }
@@ -69,25 +65,12 @@ class EarlierFlights:
                 names = [name for name in archive.files if name.startswith(_SPACE)]
                 space = Occupancy.of_arrays({n.removeprefix(_SPACE): archive[n] for n in names})
                 tried = _places(archive["tried"], archive["tried_sizes"])
-                return cls(walls, space, _segments(archive["segments"]), tried)
+                return cls(walls, space, tried)
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise SurveyError(f"the map of earlier flights is not readable: {error!r}") from None
 
 
 _OF_WALLS = fields(EarlierWalls)
-
-
-def _rows(segments: tuple[WallSegment, ...]) -> Array:
-    """(s, 7): start, end, sigma, hits, sigma of the normal."""
-    rows = [(*s.start_ne_m, *s.end_ne_m, s.sigma_m, s.hits, s.normal_sigma_rad) for s in segments]
-    return np.array(rows).reshape(-1, 7)
-
-
-def _segments(rows: Array) -> tuple[WallSegment, ...]:
-    return tuple(
-        WallSegment((a, b), (c, d), sigma_m, int(hits), normal_sigma_rad)
-        for a, b, c, d, sigma_m, hits, normal_sigma_rad in rows.tolist()
-    )
 
 
 def _places(all_ne_m: Array, sizes: Indices) -> tuple[Places, ...]:

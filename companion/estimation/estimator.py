@@ -33,7 +33,13 @@ from companion.estimation.smoothing.odometry_noise import OdometryNoise
 from companion.estimation.smoothing.range_noise import BEAMS, RangeUnits
 from companion.estimation.smoothing.sliding_window import InFlightSmoothing, Walls
 from companion.estimation.smoothing.smoother import Smoother
-from companion.estimation.smoothing.state import POSE_SIZE, Measured, Unknowns
+from companion.estimation.smoothing.state import (
+    POSE_SIZE,
+    Measured,
+    Unknowns,
+    normals_of,
+    tangents_of,
+)
 from companion.estimation.solved_flight import SolvedFlight
 
 MAX_OBLIQUE_RAD = math.radians(30)
@@ -376,7 +382,7 @@ class Estimator:
     def known_walls(self) -> KnownWalls:
         """All walls, for the missions."""
         walls = self._walls()
-        normals = np.column_stack([np.cos(walls.lines[:, 0]), np.sin(walls.lines[:, 0])])
+        normals = normals_of(walls.lines)
         covariance_m2 = self.slam.offsets_covariance_m2
         return KnownWalls(normals, walls.lines[:, 1], walls.reach_m, covariance_m2)
 
@@ -392,5 +398,5 @@ class Estimator:
         lines = np.array([self.slam.line(wall) for wall in self.slam.walls]).reshape(-1, 2)
         anchors = np.array([wall.anchor_ne_m for wall in self.slam.walls]).reshape(-1, 2)
         reach_m = np.array([(wall.low_m, wall.high_m) for wall in self.slam.walls]).reshape(-1, 2)
-        tangents = np.column_stack([-np.sin(lines[:, 0]), np.cos(lines[:, 0])])
+        tangents = tangents_of(lines)
         return Walls(lines, reach_m + (anchors * tangents).sum(axis=1)[:, None])

@@ -26,6 +26,8 @@ from companion.estimation.smoothing.state import (
     Rays,
     Unknowns,
     in_rows,
+    normals_of,
+    tangents_of,
 )
 
 OPENING_M = 0.4
@@ -76,12 +78,12 @@ class Sight:
     @property
     def normals(self) -> Array:
         """(p, 2): unit normals of the pieces."""
-        return np.column_stack([np.cos(self.walls[:, 0]), np.sin(self.walls[:, 0])])
+        return normals_of(self.walls)
 
     @property
     def tangents(self) -> Array:
         """(p, 2): unit vectors along the pieces."""
-        return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
+        return tangents_of(self.walls)
 
     @property
     def length_m(self) -> float:

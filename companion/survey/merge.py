@@ -63,7 +63,7 @@ class Merged:
         of_walls = slice(x.calibration.size, None)
         covariance = solution.shared_covariance[of_walls, of_walls]
         walls = EarlierWalls(x.walls, x.reach_m, covariance, pad_sigma)
-        return EarlierFlights(walls, self.space.of_earlier_flight(), self.plan.walls, self.tried)
+        return EarlierFlights(walls, self.space.of_earlier_flight(), self.tried)
 
 
 @dataclass(frozen=True, slots=True)

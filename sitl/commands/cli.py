@@ -5,7 +5,7 @@ from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -44,6 +44,9 @@ from sitl.simulation.record import TruthRecord
 from sitl.view.cli import view
 from sitl.world.cli import commands as world_commands
 from sitl.world.format import WorldError
+
+if TYPE_CHECKING:
+    from sitl.scoring.report import Report
 
 EXIT_NOT_COMPLETED = 1
 """Exit status of a mission that was not completed."""
@@ -267,7 +270,6 @@ def fly(
     """Fly a mission and score it. Exit status 0 only if it was completed."""
     # These modules load the companion, its filters and the scorer; `sitl run` does not need them.
     from sitl.running.missions import fly_in_one_process, fly_in_two  # noqa: PLC0415
-    from sitl.running.sorties import fly_survey  # noqa: PLC0415
     from sitl.scoring.report import report_table, save_report  # noqa: PLC0415
     from sitl.testing.mission_file import load_mission  # noqa: PLC0415
 
@@ -291,10 +293,12 @@ def fly(
     console = Console(highlight=False, markup=False)
     outputs: list[Callable[[], object]] = []
     missed = ""
-    rows: list[dict[str, float | int | bool | str | None]] = []
+    rows: list[Report] = []
     if sorties > 1:
         if transport is not Transport.DIRECT or flown.events:
             raise SitlError("--sorties needs --transport direct, and a mission without events")
+        from sitl.running.sorties import fly_survey  # noqa: PLC0415
+
         result, rows, plan = fly_survey(options, settings, sorties, out=out, console=console)
         outputs += [partial(save, plan, out)] if out else []
     elif transport is Transport.UDP:

@@ -122,7 +122,7 @@ class Sorties:
 
     def _fly(self, number: int) -> App:
         recorder: Recorder = NOT_RECORDED
-        if self._out is not None:
+        if self._out:
             recorder = open_recorder(
                 self._out, self._settings, time.time(), self._tell, earlier=self._earlier
             )
@@ -133,7 +133,8 @@ class Sorties:
             make_app=partial(App, earlier=self._earlier),
             recorder=recorder,
         )
-        recorder.close(app.final_floor_plan())
+        if self._out:
+            recorder.close(app.final_floor_plan())
         self._truths.append(simulation.record)
         return app
 
@@ -147,7 +148,7 @@ class Sorties:
             outcome=app.flight,
             waited_s=waited_s,
         )
-        joint["return_m"] = round(max(_return_m(each, each) for each in truths), 4)
+        joint["return_m"] = round(max(_return_m(each) for each in truths), 4)
         return Sortie(_row(number, app, truths[-1], joint), joint, merged)
 
 
@@ -194,12 +195,12 @@ def _row(number: int, app: App, truth: TruthRecord, joint: Report) -> Report:
         "flight_time_s": round(truth.air_time_s, 2),
         "collisions": truth.collisions,
         "clearance_m": round(truth.clearance_m, 4),
-        "return_m": round(_return_m(truth, truth), 4),
+        "return_m": round(_return_m(truth), 4),
         "coverage": joint["coverage"],
         "wall_error_aligned_cm": joint["wall_error_aligned_cm"],
     }
 
 
-def _return_m(truth: TruthRecord, pad: TruthRecord) -> float:
+def _return_m(truth: TruthRecord) -> float:
     """Distance of the landing place from the take-off place of a flight, m."""
-    return math.dist(truth.path[-1].position_ned_m[:2], pad.take_off.position_ned_m[:2])
+    return math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2])

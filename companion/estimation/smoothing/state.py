@@ -72,12 +72,12 @@ class Unknowns:
     @property
     def normals(self) -> Array:
         """(w, 2): unit normals, towards the walls."""
-        return np.column_stack([np.cos(self.walls[:, 0]), np.sin(self.walls[:, 0])])
+        return normals_of(self.walls)
 
     @property
     def tangents(self) -> Array:
         """(w, 2): unit vectors along the walls, the normal turned clockwise by 90°."""
-        return np.column_stack([-np.sin(self.walls[:, 0]), np.cos(self.walls[:, 0])])
+        return tangents_of(self.walls)
 
     def since(self, frame: int) -> "Unknowns":
         """A copy from a keyframe of the first flight on."""
@@ -250,6 +250,16 @@ class Rays:
         """(n,): bearings of the beams."""
         bearing: Array = np.arctan2(self.beams[:, 1], self.beams[:, 0])
         return bearing
+
+
+def normals_of(walls: Array) -> Array:
+    """(w, 2): unit normals of walls (w, 2), towards them."""
+    return np.column_stack([np.cos(walls[:, 0]), np.sin(walls[:, 0])])
+
+
+def tangents_of(walls: Array) -> Array:
+    """(w, 2): unit vectors along walls (w, 2), the normal turned clockwise by 90°."""
+    return np.column_stack([-np.sin(walls[:, 0]), np.cos(walls[:, 0])])
 
 
 def to_ned(frd_m: Array, yaw_rad: Array) -> Array:
