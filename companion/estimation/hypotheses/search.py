@@ -26,6 +26,7 @@ import numpy as np
 from companion.core.arrays import Array, Indices, Mask
 from companion.estimation.association.gating import Gate
 from companion.estimation.hypotheses.chi_square import WALL_COST, cost
+from companion.estimation.hypotheses.fewer_walls import with_fewer_walls
 from companion.estimation.hypotheses.shift_stretches import Shift, shifted, shifts
 from companion.estimation.hypotheses.split_revisits import split, split_candidates
 from companion.estimation.smoothing.estimate import Estimate, MarginalPrior
@@ -106,7 +107,7 @@ class HypothesisSearch:
         tried: set[bytes] = set()
         for length_s in STRETCHES_S:
             estimate = yield from self._search_strained(length_s, estimate, tried)
-        estimate = yield from self._without_superfluous(estimate)
+        estimate = yield from with_fewer_walls(self.smoother, estimate, self.m, self.prior)
         again = yield from settled(
             self.smoother, estimate.x.since(0), self.m, self.prior, self._narrow_gates
         )
@@ -159,29 +160,6 @@ class HypothesisSearch:
                 break
             estimate = likelier
         return estimate
-
-    def _without_superfluous(self, estimate: Estimate) -> Generator[None, None, Estimate]:
-        """The solution without the walls that do not save their cost; those with few hits first.
-
-        The walls of the prior stay. Hits that other walls explain nearly as well may form a row
-        before one of them.
-        """
-        walls = len(estimate.x.walls)
-        hits = np.bincount(estimate.wall_of[estimate.wall_of != NO_WALL], minlength=walls)
-        kept, least = np.arange(walls), self._cost(estimate)
-        new = np.arange(self.prior.walls, walls)
-        for wall in new[np.argsort(hits[new], kind="stable")]:
-            fewer = kept[kept != wall]
-            x = estimate.x.since(0)
-            without = Estimate(x, x.keep_walls(fewer, estimate.wall_of), estimate.solution)
-            yield
-            if (lower := self._cost(without)) < least:
-                kept, least = fewer, lower
-        if len(kept) == walls:
-            return estimate
-        x = estimate.x.since(0)
-        wall_of = x.keep_walls(kept, estimate.wall_of)
-        return Estimate(x, wall_of, self.smoother.step(x, self.m, wall_of, self.prior))
 
     def _likelier(
         self,
