@@ -34,11 +34,11 @@ SPEED_SHARE, DOORWAY_S, TURNS_S = 0.75, 14.0, 10.0
 s, and time for the turns at both ends, s."""
 ROUGHLY = 1.1
 """Safety factor on the computed time. Flights out of a maze took 5 % more than computed."""
-AMONG_LEGS_MEAN_M_S, AMONG_LEGS_PRIOR_S = 0.2, 300.0
+AMONG_LEGS_MEAN_M_S, AMONG_LEGS_PRIOR_S = 0.15, 150.0
 """Initial mean speed on journeys among legs, m/s, and its weight, s. `benchmarks/flight/legs.py`
 measures 0.27 m/s on a straight path. Five flights in clutter went home at 0.10 to 0.20 m/s with
-sweeps. Two explored at 0.08 and 0.15 m/s, so a flight's own journeys correct the mean. The weight
-is chosen."""
+sweeps, and two explored at 0.08 and 0.15 m/s. So a flight's own journeys correct the mean. The
+weight is chosen."""
 STEP_M = 0.3
 """Spacing of the places where a path's clearance is evaluated, and of those between which a flown
 path is measured, m. Chosen."""

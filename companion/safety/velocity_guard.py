@@ -5,7 +5,8 @@ lag. Within the clearance the limit is negative, and the drone gives way.
 
 An obstacle nearer than the sensors' minimum range is not detected again, and the drone drifts
 against it. The part of that drift beyond the least clearance is added to the clearance. So the
-drone moves away.
+drone moves away. Among legs, where obstacles around the drone require opposite velocities, the
+obstacle with the most certain position counts most.
 
 A passage has obstacles on both sides of the course and none between. There the drone may come
 nearer to both sides than elsewhere, but keeps to the middle. Recent obstacle points lead it to the
@@ -33,7 +34,7 @@ from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
 from companion.safety.control_laws import BODY_RADIUS_M, BRAKING_M_S2, clamp
-from companion.safety.drift import DRIFT_SIGMAS
+from companion.safety.drift import AMONG_LEGS_SIGMAS, DRIFT_SIGMAS
 from companion.safety.obstacle_memory import Surroundings
 
 GIVE_WAY_GAIN_1_S = 0.8
@@ -67,6 +68,9 @@ free."""
 CRAWL_M_S = 0.2
 """Speed allowed into unswept space, m/s. Chosen: a swing of the nose sweeps the whole path before
 the drone reaches it. The drone advances a third of a metre per swing."""
+INEXACT_NEAR_M = 1.0
+"""Within this distance of an inexact point the drone does not crawl into unswept space, m. Chosen:
+the sensors' minimum range, below which a thin obstacle is not measured."""
 AMONG_LEGS_M_S = 0.6
 """Maximum speed among legs, m/s. Faster, the drone detects more legs too late, and its mean speed
 is no higher: `benchmarks/flight/legs.py`."""
@@ -87,6 +91,8 @@ class _Bounds:
 
     towards: Array
     max_m_s: Array
+    sigma_m: Array
+    """(n,): sigma of the obstacle's position, m."""
 
 
 def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Setpoint:
@@ -97,7 +103,10 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
     bounds = _by_points(around, clearance_m, passage), _by_recalled(around)
     towards = np.concatenate([each.towards for each in bounds])
     max_m_s = np.concatenate([each.max_m_s for each in bounds])
-    safe = _bounded(_to_the_middle(wanted, passage), towards, max_m_s)
+    sigma_m = np.concatenate([each.sigma_m for each in bounds])
+    if not around.is_among_legs:
+        sigma_m = np.ones_like(sigma_m)
+    safe = _bounded(_to_the_middle(wanted, passage), towards, max_m_s, sigma_m)
     gives_way_m_s = max(0.0, -float(max_m_s.min(initial=0.0)))
     forward, right = _within_swept_space(safe, around, gives_way_m_s)
     return replace(setpoint, forward_m_s=forward, right_m_s=right)
@@ -106,14 +115,13 @@ def guarded(setpoint: Setpoint, around: Surroundings, clearance_m: float) -> Set
 def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: float) -> Vector2:
     """Limit the speed so that the drone stops before unswept space, or enters it at a crawl.
 
-    Among legs it enters only to give way to an obstacle, at no more than that speed: the obstacle
-    is certain, and in unswept space there is most likely none.
+    Among legs and near an inexact point it enters only to give way to an obstacle, at no more than
+    that speed: the obstacle is certain, and in unswept space there is most likely none.
     """
     speed_m_s = math.hypot(*velocity)
-    if around.is_among_legs:
-        min_m_s, max_m_s = gives_way_m_s, AMONG_LEGS_M_S
-    else:
-        min_m_s, max_m_s = CRAWL_M_S, math.inf
+    may_crawl = not around.is_among_legs and not _is_inexact_point_near(around)
+    min_m_s = CRAWL_M_S if may_crawl else gives_way_m_s
+    max_m_s = AMONG_LEGS_M_S if around.is_among_legs else math.inf
     if speed_m_s <= min_m_s:
         return velocity
     forward_m_s, right_m_s = velocity
@@ -125,12 +133,19 @@ def _within_swept_space(velocity: Vector2, around: Surroundings, gives_way_m_s: 
     return share * forward_m_s, share * right_m_s
 
 
+def _is_inexact_point_near(around: Surroundings) -> bool:
+    """Return True if a thin obstacle may stand near the drone: it was detected only from afar."""
+    away_m = np.hypot(*around.points_frd_m.T)
+    return bool((away_m[np.broadcast_to(around.is_vague, len(away_m))] < INEXACT_NEAR_M).any())
+
+
 def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | None") -> _Bounds:
     """Speed limits of recent obstacles; negative where one is too near."""
     towards, away_m = _towards(around.points_frd_m)
     if not len(towards):
-        return _Bounds(towards, away_m)
-    drifted_m = DRIFT_SIGMAS * np.broadcast_to(around.drift_m, len(away_m))
+        return _Bounds(towards, away_m, away_m)
+    drift_m = np.broadcast_to(around.drift_m, len(away_m))
+    drifted_m = (AMONG_LEGS_SIGMAS if around.is_among_legs else DRIFT_SIGMAS) * drift_m
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     side_m = np.maximum(PASSAGE_CLEARANCE_M, drifted_m if around.is_among_legs else 0.0)
     least_m = np.minimum(planned_m, BODY_RADIUS_M + side_m)
@@ -140,14 +155,16 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
         keep_off_m = _keep_off_askew_m(towards, away_m, planned_m, least_m)
     left_m = away_m - POINT_M - keep_off_m - _stopping_m(towards, around)
     gives_way = np.maximum(GIVE_WAY_GAIN_1_S * left_m, -MAX_GIVE_WAY_M_S)
-    return _Bounds(towards, np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way))
+    max_m_s = np.where(left_m > 0, _stopping_speed_m_s(left_m), gives_way)
+    return _Bounds(towards, max_m_s, POINT_M + drift_m)
 
 
 def _by_recalled(around: Surroundings) -> _Bounds:
     """Speed limits of older obstacles from the map; never negative."""
     towards, away_m = _towards(around.recalled_frd_m)
     keep_off_m = BODY_RADIUS_M + PASSAGE_CLEARANCE_M + 0.5 * CELL_M
-    return _Bounds(towards, _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around)))
+    max_m_s = _stopping_speed_m_s(away_m - keep_off_m - _stopping_m(towards, around))
+    return _Bounds(towards, max_m_s, np.full_like(away_m, CELL_M))
 
 
 def _towards(points: Array) -> tuple[Array, Array]:
@@ -169,19 +186,20 @@ def _stopping_speed_m_s(left_m: Array) -> Array:
     return fast_m_s
 
 
-def _bounded(wanted: Array, towards: Array, max_m_s: Array) -> Vector2:
-    """Project the velocity repeatedly onto the most violated limit.
+def _bounded(wanted: Array, towards: Array, max_m_s: Array, sigma_m: Array) -> Vector2:
+    """Project the velocity repeatedly onto the most violated limit, relative to its sigma.
 
     If two limits contradict each other, the steps shrink until both are violated equally. So the
     drone moves to the middle of a gap that is too narrow. If it hovered, it would drift into a
-    side.
+    side. An obstacle of a minute ago demands the most clearance, but must not push the drone into
+    one of a second ago.
     """
     velocity = wanted.copy()
     if not len(towards):
         return float(velocity[0]), float(velocity[1])
     for round_ in range(ROUNDS):
         over = towards @ velocity - max_m_s
-        worst = int(over.argmax())
+        worst = int((over / sigma_m).argmax())
         if over[worst] <= 1e-6:
             break
         share = min(1.0, FULL_ROUNDS / (round_ + 1))

@@ -3,8 +3,9 @@
 A piece is built at its spot: width along x, back towards negative y. Heights are above the floor.
 Furniture below the usual flight height of 1.2 m is present as in every room.
 
-No piece ends just below or above the level beams, where the hull would hit it but no beam would
-detect it. A piece is lower than the hull, or has parts at beam height within 0.4 m of its outline.
+No part protrudes just below or above the level beams, where the hull would hit it but no beam would
+detect it. A piece is lower than the hull, or has its outline or legs in its corners at beam height.
+Shades and boards that protrude hang above the hull.
 """
 
 import random
@@ -34,8 +35,9 @@ BOARD_M = 0.03
 """Thickness of tops, seats and shelves, m."""
 LOW_M, HIGH_M = 0.9, 1.35
 """Pieces end below or above these heights, m; the hull is from 1.0 to 1.4 m and drifts by 0.1 m."""
-BOARDLESS_M = LOW_M, 1.5
-"""A rack has no board between these heights, m: it would protrude between two posts."""
+PROTRUDES_M = 1.5
+"""Boards and shades that protrude begin above this height, m, or end below `LOW_M`: the hull ends
+at 1.4 m and drifts by 0.1 m."""
 MIN_ABOVE_M = 0.1
 """Smallest distance of a piece to the ceiling, m."""
 
@@ -105,8 +107,8 @@ def _table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 
 def _high_table(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
-    """A bar table or standing desk: its legs reach flight height."""
-    width_m, depth_m = rng.uniform(0.5, 0.7), rng.uniform(0.5, 0.7)
+    """A bar table: its legs reach flight height, and the hull does not fit between them."""
+    width_m, depth_m = rng.uniform(0.5, 0.6), rng.uniform(0.5, 0.6)
     walls = _on_legs(spot, (width_m, depth_m), rng.uniform(*LEG_M), rng.uniform(HIGH_M, 1.45))
     return Piece(walls, spot.rectangle(width_m, depth_m))
 
@@ -136,7 +138,7 @@ def _rack(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     boards = tuple(
         slab(middle, width_m, depth_m, height_m - BOARD_M, height_m)
         for height_m in heights_m
-        if not BOARDLESS_M[0] < height_m < BOARDLESS_M[1]
+        if not LOW_M < height_m < PROTRUDES_M + BOARD_M
     )
     posts = _legs(middle, width_m, depth_m, post_m, top_m)
     return Piece((*posts, *boards), middle.rectangle(width_m, depth_m))
@@ -157,15 +159,18 @@ def _rail(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
 
 def _lamp(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:
     """A floor lamp: foot, pole, and a shade above flight height."""
-    foot_m, pole_m, shade_m = rng.uniform(0.25, 0.35), rng.uniform(0.03, 0.04), 0.3
-    top_m = min(rng.uniform(1.6, 1.9), ceiling_m)
-    walls = (
+    foot_m, pole_m = rng.uniform(0.25, 0.35), rng.uniform(0.03, 0.04)
+    shade_m, shade_height_m = 0.3, 0.25
+    top_m = min(rng.uniform(PROTRUDES_M + shade_height_m, 1.9), ceiling_m)
+    shade_from_m = max(top_m - shade_height_m, PROTRUDES_M)
+    walls = [
         slab(spot, foot_m, foot_m, 0.0, 0.03),
-        slab(spot, pole_m, pole_m, 0.03, top_m - 0.25),
-        slab(spot, shade_m, shade_m, top_m - 0.25, top_m),
-    )
+        slab(spot, pole_m, pole_m, 0.03, min(shade_from_m, top_m)),
+    ]
+    if top_m > shade_from_m:
+        walls.append(slab(spot, shade_m, shade_m, shade_from_m, top_m))
     side_m = max(foot_m, shade_m)
-    return Piece(walls, spot.rectangle(side_m, side_m))
+    return Piece(tuple(walls), spot.rectangle(side_m, side_m))
 
 
 def _pole(spot: Spot, rng: random.Random, ceiling_m: float) -> Piece:

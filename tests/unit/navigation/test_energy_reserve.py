@@ -7,7 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.core.messages import Pose
-from companion.navigation.energy_reserve import AMONG_LEGS_MEAN_M_S, STEP_M, Pace
+from companion.navigation.energy_reserve import (
+    AMONG_LEGS_MEAN_M_S,
+    AMONG_LEGS_PRIOR_S,
+    STEP_M,
+    Pace,
+)
 from companion.navigation.observation import Observation
 
 TICK_S = 0.05
@@ -38,7 +43,8 @@ def test_sway_is_no_progress() -> None:
         pace = pace.onward(
             tick * TICK_S, Observation(at, {}, 0.0, is_among_legs=True), travels=True
         )
-    assert pace.mean_m_s == pytest.approx(0.5 * AMONG_LEGS_MEAN_M_S, rel=0.01)
+    share = AMONG_LEGS_PRIOR_S / (AMONG_LEGS_PRIOR_S + 6000 * TICK_S)
+    assert pace.mean_m_s == pytest.approx(share * AMONG_LEGS_MEAN_M_S, rel=0.01)
 
 
 def test_fast_journeys_do_not_raise_it() -> None:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from companion.core.messages import Setpoint
 from companion.safety.obstacle_memory import Surroundings
+from companion.safety.swept_space import Lane
 from companion.safety.velocity_guard import guarded
 from tests.unit.safety.near_obstacles import CLEARANCE_M, FORWARD, Place
 
@@ -128,3 +129,28 @@ def test_no_velocity_leads_towards_an_obstacle_within_35_centimetres(
         if 0.01 < away_m < 0.35:
             towards = (safe.forward_m_s * forward_m + safe.right_m_s * right_m) / away_m
             assert towards <= 0.03
+
+
+@given(st.floats(0.25, 0.33), st.floats(0.75, 0.9), st.floats(-math.pi, math.pi))
+def test_an_obstacle_of_a_minute_ago_does_not_push_the_drone_into_a_new_one(
+    new_m: float, old_m: float, bearing_rad: float
+) -> None:
+    """A drone among legs was pushed into a pole 0.3 m beside by a post 0.9 m on the other side."""
+    towards_new = np.array([math.cos(bearing_rad), math.sin(bearing_rad)])
+    beside = Surroundings(
+        np.array([new_m * towards_new, -old_m * towards_new]),
+        drift_m=np.array([0.06, 0.2]),
+        is_among_legs=True,
+    )
+    safe = guarded(Setpoint(), beside, CLEARANCE_M)
+    assert towards_new @ (safe.forward_m_s, safe.right_m_s) < -0.02
+
+
+def test_the_drone_does_not_crawl_towards_a_pole_that_it_knows_only_from_afar() -> None:
+    """A pole detected from 4 m stood 0.4 m from its nearest possible position."""
+    unswept = Lane(clear_m=0.0)
+    pole = np.array([[0.7, 0.7]])
+    for is_inexact, speed_m_s in ((True, 0.0), (False, 0.2)):
+        beside = Surroundings(pole, is_vague=np.array([is_inexact]), lane=lambda _: unswept)
+        safe = guarded(FORWARD, beside, CLEARANCE_M)
+        assert math.hypot(safe.forward_m_s, safe.right_m_s) == pytest.approx(speed_m_s, abs=0.01)

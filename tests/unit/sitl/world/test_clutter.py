@@ -38,6 +38,8 @@ WIDE_M, PASSABLE_M = 0.45, 0.38
 """Half width of a door passable without clutter, and of its narrowest free part with it, m."""
 LIVED_IN = 0.5
 """Highest difficulty at which no door is shut."""
+HALF_GAP_M = 0.3
+"""Half the largest distance of two legs below a board that the hull could hit, m."""
 
 seeds = st.integers(0, 10**6)
 each_world = settings(max_examples=8, deadline=None)
@@ -75,7 +77,7 @@ def test_equal_seeds_give_equal_clutter_and_other_seeds_do_not(
 
 def test_a_seed_gives_the_same_clutter_on_every_machine() -> None:
     written = to_toml(cluttered(load_world("office"), LIVED_IN, 1))
-    assert hashlib.sha256(written.encode()).hexdigest()[:8] == "6d7886bc"
+    assert hashlib.sha256(written.encode()).hexdigest()[:8] == "1ad9a48b"
 
 
 def test_higher_difficulty_adds_more_clutter() -> None:
@@ -172,10 +174,10 @@ def test_beams_detect_the_parts_that_the_hull_can_touch(kind: object, seed: int)
     rng = random.Random(seed)
     piece = kind.make(Spot((3.0, 4.0)), rng, 2.3)  # type: ignore[attr-defined]
     panels = [panel for walls in piece.walls for panel in walls.panels(2.4)]
-    touched = [side for p in panels if p.bottom_m < 1.45 and p.top_m > 0.95 for side in p.outline]
+    touched = [side for p in panels if p.bottom_m < 1.49 and p.top_m > 0.95 for side in p.outline]
     at_beams = [side for p in panels if p.bottom_m < 1.1 and p.top_m > 1.3 for side in p.outline]
     if touched:
-        assert cKDTree(samples(at_beams)).query(samples(touched))[0].max() < 0.4
+        assert cKDTree(samples(at_beams)).query(samples(touched))[0].max() <= HALF_GAP_M
 
 
 def a_doorway(width_m: float) -> World:
