@@ -6,10 +6,7 @@ from companion.core.arrays import Array
 from companion.core.values import value
 
 DRIFT_SIGMAS = 2.0
-"""Limit of the drone's drift in sigmas in the open: 19 of 20 cases on either axis."""
-AMONG_LEGS_SIGMAS = 3.0
-"""Limit of the drift among legs, in sigmas: 369 of 370 cases on either axis. A flight meets dozens
-of legs there, and stands beside some of them for half a minute."""
+"""Limit of the drone's drift in sigmas: 19 of 20 cases on either axis."""
 
 
 @value

@@ -29,7 +29,7 @@ import numpy as np
 from companion.core.arrays import Array, Indices, Mask
 from companion.core.frames import Vector2
 from companion.safety.control_laws import BODY_RADIUS_M
-from companion.safety.drift import AMONG_LEGS_SIGMAS, NO_DRIFT, Drift
+from companion.safety.drift import DRIFT_SIGMAS, NO_DRIFT, Drift
 
 LATELY_S = 30.0
 """Time for which a swept cell stays free, s. Chosen: odometry drifts by less than a hand's width.
@@ -97,7 +97,7 @@ WIDE = GridSpec(cell_m=0.05, cells=256, to_m=TO_M, reach_m=0.24, beside_m=0.0, i
 """Grid for flight in the open. Chosen."""
 NARROW = GridSpec(cell_m=0.0125, cells=512, to_m=1.8, reach_m=0.2125, beside_m=0.2, is_proof=True)
 """Grid among legs. Chosen: `to_m` is the stopping distance from 1 m/s plus half a second,
-`beside_m` is three sigmas of the drift over ten seconds."""
+`beside_m` is two sigmas of the drift over `LATELY_S`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +178,7 @@ class SweptGrid:
         age_s = now_s - self.when_s(places + place_ne_m)
         is_unswept = age_s >= LATELY_S
         oldest_s = np.where(is_unswept, 0.0, age_s)[:, samples.is_body].max(axis=1)
-        drifted_m = AMONG_LEGS_SIGMAS * drift.sigma_m(oldest_s)
+        drifted_m = DRIFT_SIGMAS * drift.sigma_m(oldest_s)
         is_unswept &= samples.beside_m < drifted_m[:, None]
         off_rad = samples.off_rad[is_unswept & (samples.reached_m < NEXT_M)]
         return Lane(

@@ -34,7 +34,7 @@ from companion.core.messages import Setpoint
 from companion.core.values import value
 from companion.mapping.occupancy import CELL_M
 from companion.safety.control_laws import BODY_RADIUS_M, BRAKING_M_S2, clamp
-from companion.safety.drift import AMONG_LEGS_SIGMAS, DRIFT_SIGMAS
+from companion.safety.drift import DRIFT_SIGMAS
 from companion.safety.obstacle_memory import Surroundings
 
 GIVE_WAY_GAIN_1_S = 0.8
@@ -145,7 +145,7 @@ def _by_points(around: Surroundings, clearance_m: float, passage: "_Passage | No
     if not len(towards):
         return _Bounds(towards, away_m, away_m)
     drift_m = np.broadcast_to(around.drift_m, len(away_m))
-    drifted_m = (AMONG_LEGS_SIGMAS if around.is_among_legs else DRIFT_SIGMAS) * drift_m
+    drifted_m = DRIFT_SIGMAS * drift_m
     planned_m = BODY_RADIUS_M + clearance_m + np.maximum(drifted_m - PASSAGE_CLEARANCE_M, 0.0)
     side_m = np.maximum(PASSAGE_CLEARANCE_M, drifted_m if around.is_among_legs else 0.0)
     least_m = np.minimum(planned_m, BODY_RADIUS_M + side_m)

@@ -237,7 +237,7 @@ def test_the_drone_gives_way_to_an_obstacle_also_into_unswept_space() -> None:
 
 @pytest.mark.parametrize(
     ("half_width_m", "age_s", "is_clear"),
-    [(0.25, 0.1, True), (0.25, 15.0, False), (0.5, 15.0, True), (0.5, LATELY_S + 1, False)],
+    [(0.25, 0.5, True), (0.25, 15.0, False), (0.5, 15.0, True), (0.5, LATELY_S + 1, False)],
 )
 def test_space_beside_the_path_is_swept_as_far_as_the_drone_has_drifted(
     half_width_m: float, age_s: float, is_clear: bool
