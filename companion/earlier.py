@@ -5,6 +5,7 @@ The bytes go into the flight's recording, so that it can be replayed without the
 
 import io
 import zipfile
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -42,10 +43,7 @@ class EarlierFlights:
 
     def to_bytes(self) -> bytes:
         """All content, lossless: a NumPy archive."""
-        arrays: dict[str, Any] = {
-            "tried_sizes": np.array([len(places) for places in self.tried], dtype=np.int64),
-            "tried": np.array([place for places in self.tried for place in places]).reshape(-1, 2),
-        }
+        arrays: dict[str, Any] = places_as_arrays(self.tried)
         arrays |= {f"{_WALLS}{each.name}": getattr(self.walls, each.name) for each in _OF_WALLS}
         arrays |= {f"{_SPACE}{name}": array for name, array in self.space.arrays().items()}
         file = io.BytesIO()
@@ -64,8 +62,7 @@ class EarlierFlights:
                 walls = EarlierWalls(*(archive[f"{_WALLS}{each.name}"] for each in _OF_WALLS))
                 names = [name for name in archive.files if name.startswith(_SPACE)]
                 space = Occupancy.of_arrays({n.removeprefix(_SPACE): archive[n] for n in names})
-                tried = _places(archive["tried"], archive["tried_sizes"])
-                return cls(walls, space, tried)
+                return cls(walls, space, places_of_arrays(archive))
         except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile) as error:
             raise SurveyError(f"the map of earlier flights is not readable: {error!r}") from None
 
@@ -73,9 +70,17 @@ class EarlierFlights:
 _OF_WALLS = fields(EarlierWalls)
 
 
-def _places(all_ne_m: Array, sizes: Indices) -> tuple[Places, ...]:
-    """The places (n, 2) in groups of the given sizes."""
-    ends = np.cumsum(sizes)[:-1]
+def places_as_arrays(tried: Sequence[Places]) -> dict[str, Array | Indices]:
+    """Groups of places, such as the targets of looks, as arrays by name."""
+    return {
+        "tried_sizes": np.array([len(places) for places in tried], dtype=np.int64),
+        "tried": np.array([place for places in tried for place in places]).reshape(-1, 2),
+    }
+
+
+def places_of_arrays(arrays: Mapping[str, Any]) -> tuple[Places, ...]:
+    """The groups that `places_as_arrays` wrote."""
+    all_ne_m, ends = arrays["tried"], np.cumsum(arrays["tried_sizes"])[:-1]
     return tuple(
         tuple((north_m, east_m) for north_m, east_m in group.tolist())
         for group in np.split(all_ne_m, ends)

@@ -14,7 +14,6 @@ from companion.core.errors import ConfigError, RecordingError
 if TYPE_CHECKING:
     from companion.core.arrays import Array
     from companion.recording.reader import Recording
-    from companion.survey.flights import Flown
     from companion.survey.merge import Merged, MergedFlight
 
 MIN_SHARED_WALLS = 2
@@ -66,6 +65,7 @@ def merge_command(
     from companion.export.map_files import save  # noqa: PLC0415
     from companion.recording.reader import read  # noqa: PLC0415
     from companion.survey.merge import Starts, merge  # noqa: PLC0415
+    from companion.survey.solved import solved  # noqa: PLC0415
 
     console = Console(highlight=False, markup=False)
     recordings = [read(path) for path in flights]
@@ -74,7 +74,7 @@ def merge_command(
     flown = []
     for number, recording in enumerate(recordings, 1):
         console.print(f"solving flight {number} of {len(recordings)}: {recording.path.name}")
-        flown.append(_flown(recording))
+        flown.append(solved(recording))
     if starts is StartsKnown.UNKNOWN:
         console.print("searching where the flights began")
     console.print("solving all flights together")
@@ -123,13 +123,6 @@ def _given(texts: list[str], names: list[str]) -> "dict[str, Array]":
             raise ConfigError(f"--start {text}: the numbers must be finite")
         given[name] = np.array([north_m, east_m, radians(heading_deg)])
     return given
-
-
-def _flown(recording: "Recording") -> "Flown":
-    from companion.recording.replay import replay  # noqa: PLC0415 - not for the drone
-    from companion.survey.flights import Flown  # noqa: PLC0415
-
-    return Flown.of(recording.path.name, replay(recording))
 
 
 def _summary(merged: "Merged") -> Table:

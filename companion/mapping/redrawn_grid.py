@@ -116,11 +116,10 @@ class RedrawnGrid:
             first = int(keyframe_of[self._drawn_rays])
         self._drawn[first:known] = keyframes[first:known]
 
-    def draw_onto(self, grid: Occupancy, keyframes: Array) -> None:
-        """Draw all rays of the flight onto another grid, by its keyframes (k, 3)."""
-        rays = np.concatenate([*self._dropped, self._rays[: self._count]])
-        for low in range(0, len(rays), RAYS_PER_STAGE):
-            grid.draw(_placed(rays[low : low + RAYS_PER_STAGE], keyframes))
+    @property
+    def rays(self) -> Array:
+        """(r, 8): all rays of the flight, for `draw_onto`."""
+        return np.concatenate([*self._dropped, self._rays[: self._count]])
 
     def advance(self) -> None:
         """Draw the next rays if there are enough."""
@@ -136,6 +135,12 @@ class RedrawnGrid:
                 del self._stages[1 : MAX_STAGES // 2 : 2]  # the latest stages are the most useful
         if end == self._count:
             self.grid = self._canvas
+
+
+def draw_onto(grid: Occupancy, rays: Array, keyframes: Array) -> None:
+    """Draw the rays (r, 8) of a flight onto a grid, by its keyframes (k, 3)."""
+    for low in range(0, len(rays), RAYS_PER_STAGE):
+        grid.draw(_placed(rays[low : low + RAYS_PER_STAGE], keyframes))
 
 
 def _placed(rays: Array, keyframes: Array) -> Rays:

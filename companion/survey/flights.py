@@ -7,19 +7,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from companion.app import App
-from companion.core.arrays import Array
+from companion.core.arrays import Array, Indices
 from companion.core.errors import SurveyError
-from companion.core.messages import FloorPlan
+from companion.core.messages import Surface
 from companion.estimation.association.pruning import Support
-from companion.estimation.estimator import Estimator
 from companion.estimation.hypotheses.search import most_likely
 from companion.estimation.smoothing.estimate import Estimate
 from companion.estimation.smoothing.factors import Models
-from companion.estimation.smoothing.flight_record import NO_WALL
+from companion.estimation.smoothing.flight_record import NO_WALL, FlightRecord
 from companion.estimation.smoothing.joint import PlacedFlight, joined
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import YAW, Measured, Unknowns, project
-from companion.mapping.redrawn_grid import RedrawnGrid
 from companion.pdps.frontiers import Places
 from companion.survey.evidence import Sight
 
@@ -32,17 +30,25 @@ is left out. Chosen."""
 
 @dataclass(frozen=True, slots=True)
 class Flown:
-    """A flight to merge: its estimator at the end, its map, and the space that its beams saw."""
+    """A flight to merge: its measurements, its solution alone, and the space that it saw."""
 
     name: str
-    estimator: Estimator
-    plan: FloorPlan
-    space: RedrawnGrid
+    models: Models
+    record: FlightRecord
+    m: Measured
+    knows_earlier_flights: bool
+    """It began with the map of earlier flights, in their frame."""
+    x: Unknowns
+    """The flight solved alone."""
+    wall_of: Indices
+    """(n,): wall of each hit in `x`, or NO_WALL."""
+    rays: Array
+    """(r, 8): as in `RedrawnGrid.rays`."""
+    ceiling_m: float | None
+    floor_m: float | None
+    tops: tuple[Surface, ...]
     tried: tuple[Places, ...]
     """Targets of its looks, also of those in the flights that it knows."""
-    m: Measured
-    alone: Estimate
-    """The flight solved alone."""
 
     @classmethod
     def of(cls, name: str, app: App) -> "Flown":
@@ -58,17 +64,30 @@ class Flown:
             m, alone = estimator.solved()
         except np.linalg.LinAlgError as error:
             raise SurveyError(f"{name}: cannot be solved ({error}); leave it out") from None
-        tried = tuple(look.at_ne_m for look in app.flight.building.tried)
-        return cls(name, estimator, app.floor_plan(), app.space, tried, m, alone)
+        plan = app.floor_plan()
+        return cls(
+            name,
+            estimator.models,
+            estimator.record,
+            m,
+            estimator.knows_earlier_flights,
+            alone.x,
+            alone.wall_of,
+            app.space.rays,
+            plan.ceiling_m,
+            plan.floor_m,
+            plan.tops,
+            tuple(look.at_ne_m for look in app.flight.building.tried),
+        )
 
     @property
     def explained(self) -> float:
         """Share of its hits on walls when solved alone."""
-        return float((self.alone.wall_of != NO_WALL).mean())
+        return float((self.wall_of != NO_WALL).mean())
 
     def sight(self) -> Sight:
         """Its walls and beams, in its own frame."""
-        return _sight(self.alone, self.m, self.estimator.models)
+        return _sight(self.x, self.m, self.models, self.wall_of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +125,7 @@ class Joint:
     @classmethod
     def of(cls, placed: Sequence[Placed]) -> "Joint":
         """Solve the flights together."""
-        models = _models([each.flown.estimator.models for each in placed])
+        models = _models([each.flown.models for each in placed])
         smoother = Smoother(models, Support())
         flights = [
             PlacedFlight(
@@ -114,7 +133,7 @@ class Joint:
                 each.x,
                 each.expected,
                 each.sigma,
-                each.flown.estimator.models.rest_bias_rad_s,
+                each.flown.models.rest_bias_rad_s,
             )
             for each in placed
         ]
@@ -133,7 +152,10 @@ class Joint:
 
     def sight(self, without: int | None = None) -> Sight:
         """Walls and beams of all flights, or of all but one."""
-        return _sight(self.estimate, self.m, self.models, without)
+        wall_of = self.estimate.wall_of
+        if without is not None:
+            wall_of = np.where(self.m.hit_flight == without, NO_WALL, wall_of)
+        return _sight(self.estimate.x, self.m, self.models, wall_of)
 
 
 def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
@@ -178,10 +200,6 @@ def _models(models: Sequence[Models]) -> Models:
     return replace(models[0], odometry=replace(noisiest, step_variance_m2_per_s=walk))
 
 
-def _sight(estimate: Estimate, m: Measured, models: Models, without: int | None = None) -> Sight:
-    """Walls and beams of a solution, of all its flights or of all but one."""
-    wall_of = estimate.wall_of
-    if without is not None:
-        wall_of = np.where(m.hit_flight == without, NO_WALL, wall_of)
+def _sight(x: Unknowns, m: Measured, models: Models, wall_of: Indices) -> Sight:
     sigma_m = models.ranges.sigma_m(m.beam, m.distance_m)
-    return Sight.of(estimate.x, project(estimate.x, m), sigma_m, wall_of)
+    return Sight.of(x, project(x, m), sigma_m, wall_of)

@@ -2,6 +2,7 @@
 
     DIR/survey.json       the pad, the flights in the map, and those that do not fit, with reasons
     DIR/flight_*.mcap     one recording for each flight
+    DIR/solved/*.npz      each flight solved alone; made again when missing or outdated
     DIR/earlier.npz       what the next flight knows; made again when it is missing or outdated
     DIR/map.json ...      the joint map
 
@@ -26,9 +27,9 @@ from companion.core.textfile import read_text
 from companion.earlier import EarlierFlights
 from companion.export.map_files import save, save_as
 from companion.recording.reader import Recording, read
-from companion.recording.replay import replay
 from companion.survey.flights import Flown
 from companion.survey.merge import Merged, Starts, merge
+from companion.survey.solved import is_kept, kept_or_solved
 
 PAD_SIGMA_M, PAD_SIGMA_DEG = 0.05, 3.0
 """Standard deviations of where a person puts a drone on a marked pad. Chosen."""
@@ -144,9 +145,10 @@ class Survey:
         check_same_sensors(list(recordings.values()))
         flown: list[Flown] = []
         for number, (name, recording) in enumerate(recordings.items(), 1):
-            self._tell(f"solving flight {number} of {len(recordings)}: {name}")
+            if not is_kept(recording.path):
+                self._tell(f"solving flight {number} of {len(recordings)}: {name}")
             try:
-                flown.append(Flown.of(name, replay(recording)))
+                flown.append(kept_or_solved(recording))
             except SurveyError as error:
                 left_out[name] = str(error)
         return recordings, flown

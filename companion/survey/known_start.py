@@ -49,9 +49,9 @@ def _placed(
     left_out: list[LeftOut] = []
     known: Unknowns | None = None
     for each in flights:
-        pad, x = given.get(each.name, np.zeros(3)), each.alone.x.since(0)
-        if each.estimator.knows_earlier_flights:
-            wall_of = each.alone.wall_of
+        pad, x = given.get(each.name, np.zeros(3)), each.x.since(0)
+        if each.knows_earlier_flights:
+            wall_of = each.wall_of
             x.keep_walls(np.unique(wall_of[wall_of != NO_WALL]), wall_of)
         elif known is not None:
             start = refined_start(x, known, pad, pad_sigma)

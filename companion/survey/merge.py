@@ -22,6 +22,7 @@ from companion.estimation.smoothing.state import Measured
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
 from companion.mapping.occupancy import Occupancy
+from companion.mapping.redrawn_grid import draw_onto
 from companion.pdps.frontiers import Places
 from companion.survey.flights import Flown, Joint, LeftOut
 from companion.survey.known_start import solved_from_pad
@@ -81,7 +82,7 @@ class Starts:
 def merge(flown: Sequence[Flown], starts: Starts) -> Merged:
     """Solve the flights together; a flight that does not fit is left out."""
     is_known = [
-        not starts.are_unknown or each.name in starts.given or each.estimator.knows_earlier_flights
+        not starts.are_unknown or each.name in starts.given or each.knows_earlier_flights
         for each in flown
     ]
     is_known[0] = True
@@ -98,7 +99,7 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
     flights = [_of_one(number, each, m, joint.estimate, lines) for number, each in enumerate(flown)]
     space = Occupancy()
     for each, flight in zip(flown, flights, strict=True):
-        each.space.draw_onto(space, flight.poses)
+        draw_onto(space, each.rays, flight.poses)
     walls = wall_segments(
         lines,
         np.concatenate([flight.points_ne_m for flight in flights]),
@@ -113,15 +114,15 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         hits += [replace(hit, time_s=hit.time_s + later_s) for hit in flight.hits()]
         path += [replace(pose, time_s=pose.time_s + later_s) for pose in flight.path()]
         later_s = path[-1].time_s + PAUSE_S
-    ceilings = [each.plan.ceiling_m for each in flown if each.plan.ceiling_m is not None]
-    floors = [each.plan.floor_m for each in flown if each.plan.floor_m is not None]
+    ceilings = [each.ceiling_m for each in flown if each.ceiling_m is not None]
+    floors = [each.floor_m for each in flown if each.floor_m is not None]
     plan = FloorPlan(
         walls,
         tuple(hits),
         tuple(path),
         float(np.median(ceilings)) if ceilings else None,
         float(np.median(floors)) if floors else None,
-        tuple(top for each in flown for top in each.plan.tops),
+        tuple(top for each in flown for top in each.tops),
     )
     shared = _shared_walls([flight.wall_of for flight in flights], len(lines))
     starts = [joint.start(number) for number in range(len(flown))]
@@ -155,8 +156,7 @@ def _of_one(
     frames = slice(m.begins[number], (*m.begins, len(x.poses))[number + 1])
     own = replace(x, poses=x.poses[frames], calibration=x.calibration[[number]])
     wall_of = estimate.wall_of[m.hit_flight == number]
-    units = flown.estimator.models.ranges
-    return SolvedFlight.of(flown.estimator.record, own, lines, wall_of, units)
+    return SolvedFlight.of(flown.record, own, lines, wall_of, flown.models.ranges)
 
 
 def _shared_walls(wall_of: Sequence[Indices], walls: int) -> list[int]:

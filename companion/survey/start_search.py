@@ -92,7 +92,7 @@ class Placing:
         _, number, start = max(found, key=lambda each: each[:2])
         flight = self._waiting.pop(-number)
         self._found[flight.flown.name] = flight
-        x = moved_to(flight.flown.alone.x, start)
+        x = moved_to(flight.flown.x, start)
         here = Placed(flight.flown, x, start, FOUND_SIGMA, is_found=True)
         self.joint = Joint.of([*self.joint.placed, here])
         while (misfit := worst_misfit(self.joint, self._known)) is not None:

@@ -78,6 +78,13 @@ class Table:
         self._rows = np.empty((256, columns))
         self._count = 0
 
+    @classmethod
+    def of(cls, rows: Array) -> "Table":
+        """A table of the rows (n, columns)."""
+        table = cls(rows.shape[1])
+        table._rows, table._count = rows.copy(), len(rows)
+        return table
+
     def __len__(self) -> int:
         return self._count
 
@@ -112,6 +119,13 @@ class FlightRecord:
         self._moved_frd_m: Vector2 = (0.0, 0.0)
         self._turned_rad = 0.0
         self._gap_rad2 = 0.0
+
+    @classmethod
+    def of_ended_flight(cls, frames: Array, hits: Array) -> "FlightRecord":
+        """A record of keyframes (k, FrameColumn) and hits (n, HitColumn)."""
+        record = cls()
+        record._frames, record._hits = Table.of(frames), Table.of(hits)
+        return record
 
     @property
     def frames(self) -> Array:

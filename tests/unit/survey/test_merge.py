@@ -15,11 +15,10 @@ import pytest
 from companion.core.arrays import Array
 from companion.core.frames import ned_to_frd, wrap_rad
 from companion.recording.reader import read
-from companion.recording.replay import replay
 from companion.survey import start_search
 from companion.survey.evidence import Sight
-from companion.survey.flights import Flown
 from companion.survey.known_start import solved_from_pad
+from companion.survey.solved import solved
 from companion.survey.start_search import Placing
 from companion.survey.unknown_start import StartSearch, is_same, search_start
 from sitl.testing import Sitl
@@ -187,9 +186,7 @@ def test_a_wrong_start_is_refused(
 def test_a_wrong_alignment_is_undone(
     recordings: list[Path], monkeypatch: pytest.MonkeyPatch, wrong: int
 ) -> None:
-    first, elsewhere = (
-        Flown.of(path.name, replay(read(path))) for path in (recordings[0], recordings[2])
-    )
+    first, elsewhere = (solved(read(path)) for path in (recordings[0], recordings[2]))
     searches: list[StartSearch] = []
 
     def wrong_at_first(flight: Sight, known: Sight, refuted: Sequence[Array] = ()) -> StartSearch:

@@ -6,12 +6,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from companion.core.errors import SurveyError
 from companion.recording.reader import read
 from companion.recording.replay import is_same_map, replay
 from companion.survey.folder import Survey
+from companion.survey.solved import kept_at, kept_or_solved
 
 pytestmark = pytest.mark.flights
 
@@ -109,6 +111,27 @@ def test_what_the_next_flight_knows_is_kept_until_a_flight_is_added_or_removed(
     (folder / "earlier.npz").write_bytes(b"damaged")
     assert Survey(folder, told.append).earlier() is not None
     assert "is made again" in told[0]
+
+
+def test_a_flight_is_solved_once(flown: Path, tmp_path: Path) -> None:
+    """A damaged or outdated file is replaced."""
+    file = Path(shutil.copy(min(flown.glob("*.mcap")), tmp_path))
+    recording = read(file)
+    first = kept_or_solved(recording)
+    kept = kept_at(file)
+    again, made_at = kept_or_solved(recording), kept.stat().st_mtime_ns
+    for name in ("poses", "walls", "reach_m", "calibration"):
+        assert np.array_equal(getattr(again.x, name), getattr(first.x, name))
+    assert np.array_equal(again.wall_of, first.wall_of)
+    assert np.array_equal(again.rays, first.rays)
+    for name in ("tops", "tried", "ceiling_m", "floor_m", "explained"):
+        assert getattr(again, name) == getattr(first, name), name
+    assert again.models.odometry == first.models.odometry
+    assert np.array_equal(again.m.distance_m, first.m.distance_m)
+    assert kept.stat().st_mtime_ns == made_at
+    kept.write_bytes(b"damaged")
+    assert np.array_equal(kept_or_solved(recording).x.poses, first.x.poses)
+    assert kept.stat().st_mtime_ns > made_at
 
 
 def test_a_survey_without_flights_and_a_damaged_index_are_refused(tmp_path: Path) -> None:

@@ -1,0 +1,138 @@
+"""Solves the flights of recordings, each alone, and keeps the results in files.
+
+To solve a flight, its recording is replayed, which takes a sixtieth of the time of the flight. The
+result is kept in a NumPy archive beside the recording. It is used again while the recording and the
+program's version are the same.
+"""
+
+import hashlib
+import io
+import json
+import zipfile
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from companion.app import level_units
+from companion.config.settings import SensorsConfig
+from companion.core.messages import Surface
+from companion.earlier import places_as_arrays, places_of_arrays
+from companion.estimation.smoothing.factors import Models
+from companion.estimation.smoothing.flight_record import FlightRecord
+from companion.estimation.smoothing.odometry_model import OdometryModel
+from companion.estimation.smoothing.range_noise import RangeUnits
+from companion.estimation.smoothing.state import Unknowns
+from companion.export.map_files import save_as
+from companion.recording.reader import Recording
+from companion.recording.replay import replay
+from companion.survey.flights import Flown
+
+FOLDER = "solved"
+"""Name of the folder beside the recordings."""
+_OF_X = ("poses", "walls", "reach_m", "calibration")
+"""Arrays of `Unknowns`."""
+
+
+def solved(recording: Recording) -> Flown:
+    """Replay a recording and solve its flight.
+
+    Raises:
+        SurveyError: the drone did not fly, or the flight cannot be solved.
+    """
+    return Flown.of(recording.path.name, replay(recording))
+
+
+def kept_or_solved(recording: Recording) -> Flown:
+    """The same from the file beside the recording; it is made if it is missing or outdated.
+
+    Raises:
+        SurveyError: the drone did not fly, or the flight cannot be solved.
+        CompanionError: the file cannot be written.
+    """
+    path = kept_at(recording.path)
+    made_of = {"version": version("pdps-companion"), "sha256": _digest(recording.path)}
+    kept = _load(path, recording.path.name, recording.config.sensors, made_of)
+    if kept is not None:
+        return kept
+    flown = solved(recording)
+    path.parent.mkdir(exist_ok=True)
+    save_as(lambda data, file: file.write_bytes(data), _to_bytes(flown, made_of), path)
+    return flown
+
+
+def is_kept(recording: Path) -> bool:
+    """True if a result of this recording is there; it may be outdated."""
+    return kept_at(recording).exists()
+
+
+def kept_at(recording: Path) -> Path:
+    """File for the solved flight of a recording."""
+    return recording.parent / FOLDER / f"{recording.stem}.npz"
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _to_bytes(flown: Flown, made_of: dict[str, str]) -> bytes:
+    values = {
+        "made_of": made_of,
+        "rest_bias_rad_s": flown.models.rest_bias_rad_s,
+        "odometry": asdict(flown.models.odometry),
+        "knows_earlier_flights": flown.knows_earlier_flights,
+        "ceiling_m": flown.ceiling_m,
+        "floor_m": flown.floor_m,
+        "tops": [asdict(top) for top in flown.tops],
+    }
+    arrays: dict[str, Any] = {
+        "values": np.array(json.dumps(values)),
+        "frames": flown.record.frames,
+        "hits": flown.record.hits,
+        "wall_of": flown.wall_of,
+        "rays": flown.rays,
+        **{name: getattr(flown.x, name) for name in _OF_X},
+        **places_as_arrays(flown.tried),
+    }
+    file = io.BytesIO()
+    np.savez_compressed(file, **arrays)
+    return file.getvalue()
+
+
+def _load(path: Path, name: str, sensors: SensorsConfig, made_of: dict[str, str]) -> Flown | None:
+    """The kept flight; None if there is none, or it is damaged or outdated."""
+    try:
+        with np.load(path, allow_pickle=False) as archive:
+            values = json.loads(str(archive["values"]))
+            if values["made_of"] != made_of:
+                return None
+            record = FlightRecord.of_ended_flight(archive["frames"], archive["hits"])
+            models = Models(
+                RangeUnits(level_units(sensors)),
+                values["rest_bias_rad_s"],
+                odometry=OdometryModel(**values["odometry"]),
+            )
+            return Flown(
+                name,
+                models,
+                record,
+                models.measured(record),
+                values["knows_earlier_flights"],
+                Unknowns(**{each: archive[each] for each in _OF_X}),
+                archive["wall_of"],
+                archive["rays"],
+                values["ceiling_m"],
+                values["floor_m"],
+                tuple(_surface(top) for top in values["tops"]),
+                places_of_arrays(archive),
+            )
+    except (OSError, ValueError, KeyError, TypeError, zipfile.BadZipFile):
+        return None
+
+
+def _surface(values: dict[str, Any]) -> Surface:
+    north_m, east_m = values.pop("centre_ne_m")
+    return Surface(centre_ne_m=(north_m, east_m), **values)
