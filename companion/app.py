@@ -287,6 +287,7 @@ class App:
                 wander_m,
                 around.lane,
                 around.is_among_legs,
+                around.legs,
             ),
             space=self.space.grid,
             floor=self._heights,

@@ -25,6 +25,7 @@ from companion.navigation.grid_planner import (
 )
 from companion.navigation.observation import Observation
 from companion.navigation.path_follower import Way, most_speed_m_s
+from companion.safety.obstacle_memory import AMONG_LEGS_S, FURNISHED_LEGS
 from companion.safety.velocity_guard import clear_of_all_m
 
 ASK_AGAIN_S = 5.0
@@ -170,6 +171,7 @@ def _left_s(reserve: Reserve, spent: Spent, plan: MissionConfig) -> tuple[float,
 def _way_home_s(
     observation: Observation, space: Occupancy, plan: MissionConfig, pace: Pace
 ) -> float:
+    """Time to fly home, s. With few legs, the drone is slow for a while at each of them."""
     here = observation.pose.ne_m
     ground = find_ground(space, here, clear_of_all_m(plan))
     ways = find_ways(ground)
@@ -179,8 +181,11 @@ def _way_home_s(
         return TURNS_S + math.dist(here, START_NE_M) / (UNKNOWN_SPEED_SHARE * plan.speed_m_s)
     way = ways.to(START_NE_M)
     doorways = find_doorways(ways.ground, here, way)
-    most_m_s = pace.mean_m_s if observation.is_among_legs else plan.speed_m_s
-    return TURNS_S + _flown_s(ways, here, way, plan, most_m_s) + DOORWAY_S * len(doorways)
+    among_legs_s = _flown_s(ways, here, way, plan, pace.mean_m_s)
+    if observation.legs < FURNISHED_LEGS:
+        in_the_open_s = _flown_s(ways, here, way, plan, plan.speed_m_s)
+        among_legs_s = min(among_legs_s, in_the_open_s + AMONG_LEGS_S * observation.legs)
+    return TURNS_S + among_legs_s + DOORWAY_S * len(doorways)
 
 
 def _flown_s(

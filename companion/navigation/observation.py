@@ -43,6 +43,8 @@ class Observation:
     """The part of the path towards a bearing (FRD, rad) that the beams have swept."""
     is_among_legs: bool = False
     """True if a thin obstacle that stands alone was detected lately."""
+    legs: int = 0
+    """Number of such obstacles detected in this flight."""
 
     def clear_m(self, beam: Beam) -> float:
         """Free distance from the drone's centre along a beam, m.

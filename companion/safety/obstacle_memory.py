@@ -82,6 +82,8 @@ class Surroundings:
     """Returns the swept part of the path at a bearing, rad, FRD."""
     is_among_legs: bool = False
     """A thin, isolated obstacle was detected recently."""
+    legs: int = 0
+    """Number of such obstacles detected in this flight."""
 
 
 class ObstacleMemory:
@@ -107,6 +109,7 @@ class ObstacleMemory:
             self._points.drift_m(self._now_s),
             lane=self._lane,
             is_among_legs=self._is_among_legs,
+            legs=len(self._points.legs),
         )
 
     def _lane(self, bearing_frd_rad: float) -> Lane:

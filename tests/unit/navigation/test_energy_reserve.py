@@ -1,6 +1,7 @@
 """Tests the mean speed by which the time home is estimated among legs."""
 
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
@@ -10,10 +11,17 @@ from companion.core.messages import Pose
 from companion.navigation.energy_reserve import (
     AMONG_LEGS_MEAN_M_S,
     AMONG_LEGS_PRIOR_S,
+    ASK_AGAIN_S,
+    ROUGHLY,
     STEP_M,
     Pace,
+    Reserve,
+    Spent,
+    step,
 )
 from companion.navigation.observation import Observation
+from companion.safety.obstacle_memory import AMONG_LEGS_S, FURNISHED_LEGS
+from tests.grids import PLAN, observation, open_ground
 
 TICK_S = 0.05
 
@@ -63,3 +71,25 @@ def test_the_way_between_two_journeys_does_not_count() -> None:
     paused = pace.onward(150.0, away, travels=False)
     resumed = paused.onward(200.0, away, travels=True)
     assert math.isclose(resumed.mean_m_s, pace.mean_m_s)
+
+
+def turns_back_at_s(legs: int) -> int:
+    """Time at which a drone 3 m from its start turns back for a limit of 300 s, s."""
+    plan = PLAN.model_copy(update={"time_limit_s": 300.0})
+    here = replace(observation((3.0, 0.0)), legs=legs, is_among_legs=legs > 0)
+    reserve, ground = Reserve(), open_ground()
+    for second in range(300):
+        reserve, why = step(reserve, Spent(second, None), here, ground, plan, travels=False)
+        if why:
+            return second
+    return 300
+
+
+def test_each_leg_costs_time_on_the_way_home() -> None:
+    """A drone that had seen two legs turned back with 60 % of its battery, 115 s from home."""
+    none, one, two, many = (turns_back_at_s(legs) for legs in (0, 1, 2, FURNISHED_LEGS))
+    assert 270 - AMONG_LEGS_S < none < 280
+    for fewer, more in ((none, one), (one, two)):
+        assert 0 <= fewer - more <= ROUGHLY * AMONG_LEGS_S + ASK_AGAIN_S
+    assert many <= two
+    assert many == pytest.approx(300 - ROUGHLY * 3.0 / AMONG_LEGS_MEAN_M_S, abs=60)
