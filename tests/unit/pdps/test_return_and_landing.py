@@ -154,10 +154,10 @@ def test_the_return_begins_earlier_where_the_path_home_is_narrow() -> None:
 
 
 def test_the_return_begins_earlier_among_legs() -> None:
-    """The path home of 3 m takes 12 s at the speed among legs, not 4 s."""
+    """The path home of 3 m takes 20 s at the speed among legs, not 4 s."""
     plan = PLAN.model_copy(update={"speed_m_s": 1.0})
     late = view(position=(3.0, 0.0), time_s=90.0 + plan.time_limit_s - plan.reserve_s - 20.0)
-    among = replace(late, observation=replace(late.observation, is_among_legs=True))
+    among = replace(late, observation=replace(late.observation, legs=4))
     assert step(flying(Phase.ROOM), late, plan)[0].phase is Phase.ROOM
     assert step(flying(Phase.ROOM), among, plan)[0].phase is Phase.HOME
 
