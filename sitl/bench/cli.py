@@ -27,6 +27,7 @@ from sitl.running.options import (
 if TYPE_CHECKING:
     from sitl.bench.missions import Flown
     from sitl.bench.summary import Summary
+    from sitl.bench.surveys import SurveyFlown
     from sitl.scoring.report import Report
 
 commands = typer.Typer(no_args_is_help=True, help="Measure the simulator and the companion.")
@@ -39,6 +40,8 @@ def _end_as_by_ctrl_c() -> None:
 
 
 DEFAULT_PROFILE = "gp2y0a710k0f"
+FIRST_START = (None, "1")
+"""The first start of a world, or of a plan in a folder."""
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object.")]
 
 
@@ -171,6 +174,78 @@ def missions(
     sheets = [path for path in (out and out / "missions.png", sheet) if path and flights]
     outputs += [partial(save_as, draw_sheet, flights, path) for path in sheets]
     each_by_itself(outputs)
+
+
+@commands.command()
+def surveys(
+    worlds: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="As for `bench missions`; one survey from the first start of each. Repeatable."
+        ),
+    ] = None,
+    seeds: Annotated[int, typer.Option(help="Surveys of each world: seeds 1 to N.", min=1)] = 1,
+    profile: Profile = DEFAULT_PROFILE,
+    autopilot: Annotated[Autopilot, typer.Option(help="Emulated firmware.")] = (
+        Autopilot.ARDUPILOT
+    ),
+    sorties: Annotated[int, typer.Option(help="Most flights of a survey.", min=2)] = 6,
+    battery_s: Battery = 600.0,
+    crop: Crop = None,
+    clutter: Annotated[float, typer.Option(help="Clutter in every world.", min=0, max=1)] = 0.0,
+    single: Annotated[
+        bool,
+        typer.Option(help="Fly each world also in one flight, with the battery of all flights."),
+    ] = False,
+    as_json: AsJson = False,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder for surveys.json, updated after each survey, and a sheet by flight."
+        ),
+    ] = None,
+) -> None:
+    """Fly surveys on all cores: several flights from one pad, with one joint map."""
+    from companion.export.map_files import save_as  # noqa: PLC0415 - slow to load
+    from sitl.bench.parallel import with_a_bar  # noqa: PLC0415
+    from sitl.bench.sets import jobs_for  # noqa: PLC0415
+    from sitl.bench.sheet import draw_sheet  # noqa: PLC0415
+    from sitl.bench.surveys import SurveyJob, failed, fly, lost, sum_up, survey_table  # noqa: PLC0415
+
+    jobs = [
+        SurveyJob(job, sorties, single)
+        for job in jobs_for(
+            worlds or ["paper"],
+            seeds,
+            [profile],
+            "building",
+            autopilot=autopilot,
+            crop_m=crop,
+            battery_s=battery_s,
+            clutters=[clutter],
+        )
+        if job.options.start in FIRST_START
+    ]
+    ended: list[SurveyFlown] = []
+
+    def progress_text(flown: "SurveyFlown") -> str:
+        ended.append(flown)
+        if out is not None:  # kept if interrupted; a full disk is no reason to stop
+            with suppress(OutputError):
+                save_as(_save_json, sum_up(ended), out / "surveys.json")
+                save_as(draw_sheet, [each.joint for each in ended], out / "surveys.png")
+        row = flown.row
+        return f"{row['world']}: {row.get('flights', 0)} flights, {row['ending']}"
+
+    flown = with_a_bar(jobs, progress_text, fly, lost)
+    result = sum_up(flown)
+    if as_json:
+        print(json.dumps(result, indent=1))
+    else:
+        console = Console(highlight=False)
+        console.print(survey_table(result))
+        for line in failed(flown):
+            console.print(line, soft_wrap=True, markup=False)
 
 
 def _save_json(result: "Summary", path: Path) -> None:

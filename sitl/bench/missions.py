@@ -10,6 +10,7 @@ from companion.core.frames import Vector2, frd_to_ned
 from companion.core.messages import FloorPlan
 from companion.pdps.room_scan_state import ScanPhase
 from companion.safety.health.lateness import TICK_S
+from sitl.core.truth import TrueState
 from sitl.running.options import FlightOptions
 from sitl.scoring.report import Report, make_report
 from sitl.simulation.lockstep import fly_in_lockstep
@@ -54,7 +55,8 @@ class Sketch:
 
     truth: Sequence[Segment] = ()
     mapped: Sequence[Segment] = ()
-    path: Sequence[Vector2] = ()
+    paths: Sequence[Sequence[Vector2]] = ()
+    """The true path of each flight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +92,7 @@ def _fly(job: Job) -> Flown:
         script(simulation, app)
         watched.tick(app.flight.activity, app.flight.trouble)
 
-    app, simulation = fly_in_lockstep(setup, settings, _ignore, script=happens)
+    app, simulation = fly_in_lockstep(setup, settings, ignore, script=happens)
     plan = app.final_floor_plan()
     report = make_report(
         setup,
@@ -137,7 +139,7 @@ class Watch:
         self._is_alarmed = is_alarmed
 
 
-def _ignore(progress: Progress) -> None:
+def ignore(progress: Progress) -> None:
     """Ignore the progress."""
 
 
@@ -151,11 +153,14 @@ def _over_least(trace_s: float | None, report: Report, truth: Sequence[Segment])
 
 def _sketch(truth: Sequence[Segment], plan: FloorPlan, record: TruthRecord) -> Sketch:
     """The map placed by the true take-off pose, without alignment."""
-    take_off = record.take_off
+    mapped = [
+        (in_world(record.take_off, wall.start_ne_m), in_world(record.take_off, wall.end_ne_m))
+        for wall in plan.walls
+    ]
+    return Sketch(truth, mapped, [[state.position_ned_m[:2] for state in record.path]])
 
-    def in_world(point: Vector2) -> Vector2:
-        north_m, east_m = frd_to_ned(*point, take_off.yaw_rad)
-        return take_off.position_ned_m[0] + north_m, take_off.position_ned_m[1] + east_m
 
-    mapped = [(in_world(wall.start_ne_m), in_world(wall.end_ne_m)) for wall in plan.walls]
-    return Sketch(truth, mapped, [state.position_ned_m[:2] for state in record.path])
+def in_world(take_off: TrueState, point_ne_m: Vector2) -> Vector2:
+    """A point of the map in the world's frame, by the true take-off pose, m."""
+    north_m, east_m = frd_to_ned(*point_ne_m, take_off.yaw_rad)
+    return take_off.position_ned_m[0] + north_m, take_off.position_ned_m[1] + east_m

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from itertools import cycle
 from pathlib import Path
 
 from companion.core.figures import Axes, Figure, LineCollection
@@ -10,7 +11,9 @@ from sitl.bench.missions import Flown
 from sitl.scoring.report import Report
 
 PAPER, INK = "#fbfaf7", "#22333b"
-TRUTH, MAPPED, PATH = "#7d8a93", "#e0425a", "#2f7fc1"
+TRUTH, MAPPED = "#7d8a93", "#e0425a"
+PATHS = ("#2f7fc1", "#e08a1e", "#3f9c58", "#8a5fc2", "#1aa5a5", "#b0578d")
+"""Colours of the first flight, the second, ..."""
 GOOD, BAD = "#2a7f4f", "#c1121f"
 CELL_INCHES, TITLE_INCHES, HEAD_INCHES = 3.0, 0.5, 0.35
 """Side of a plan, height of its title, and height of the sheet's head, inches. Chosen."""
@@ -20,7 +23,10 @@ MAX_COLUMNS = 10
 """Largest number of plans in a row. Chosen."""
 MAX_LETTERS = 66
 """Length at which the lines of a title are cut, characters. Chosen."""
-HEAD = "grey: true walls   red: the map   blue: the true path, ● start, × end of a failed flight"
+HEAD = (
+    "grey: true walls   red: the map   other colours: the true path of each flight, ● start, "
+    "× end of a failed flight"
+)
 FIGURES = (
     ("coverage", "coverage {:.0%}"),
     ("false_walls", "false walls {:.1%}"),
@@ -53,19 +59,23 @@ def draw_sheet(flights: Sequence[Flown], path: Path) -> None:
 
 def _draw(flown: Flown, axes: Axes) -> None:
     sketch, row = flown.sketch, flown.row
-    for lines, colour, width in (
+    layers: list[tuple[Sequence[Sequence[Vector2]], str, float]] = [
         (sketch.truth, TRUTH, 1.0),
         (sketch.mapped, MAPPED, 1.4),
-        ([sketch.path] if sketch.path else [], PATH, 0.8),
-    ):
+    ]
+    layers += [
+        ([path], colour, 0.8) for path, colour in zip(sketch.paths, cycle(PATHS), strict=False)
+    ]
+    for lines, colour, width in layers:
         flat = [[_east_north(point) for point in line] for line in lines]
         axes.add_collection(LineCollection(flat, colors=colour, linewidths=width))
     axes.autoscale_view()
     colour = GOOD if row["completed"] else BAD
-    if sketch.path:
-        axes.plot(*_east_north(sketch.path[0]), marker="o", markersize=4, color=PATH)
+    if sketch.paths:
+        axes.plot(*_east_north(sketch.paths[0][0]), marker="o", markersize=4, color=PATHS[0])
         if not row["completed"]:
-            axes.plot(*_east_north(sketch.path[-1]), marker="x", markersize=8, color=BAD, mew=2)
+            end = _east_north(sketch.paths[-1][-1])
+            axes.plot(*end, marker="x", markersize=8, color=BAD, mew=2)
     axes.set_title(_title(row), fontsize=6, parse_math=False, color=colour)
 
 

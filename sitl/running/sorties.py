@@ -101,7 +101,8 @@ class Sorties:
         self._setup, self._settings = setup, settings
         self._watch, self._tell, self._out = watch, tell, out
         self._flown: list[Flown] = []
-        self._truths: list[TruthRecord] = []
+        self.truths: list[TruthRecord] = []
+        """The true course of each flight so far."""
         self._earlier: EarlierFlights | None = None
 
     def fly(self, count: int) -> Iterator[Sortie]:
@@ -135,11 +136,11 @@ class Sorties:
         )
         if self._out:
             recorder.close(app.final_floor_plan())
-        self._truths.append(simulation.record)
+        self.truths.append(simulation.record)
         return app
 
     def _scored(self, number: int, app: App, merged: Merged, waited_s: float) -> Sortie:
-        truths = self._truths
+        truths = self.truths
         joint = make_report(
             self._setup,
             self._settings,

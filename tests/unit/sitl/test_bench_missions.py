@@ -108,7 +108,7 @@ def test_a_flight_returns_its_report_job_and_trace() -> None:
     assert flown.row["completed"]
     assert (flown.row["world"], flown.row["start"], flown.row["seed"]) == ("room_100", "1", 3)
     assert 1.0 < float(flown.row["trace_over_least"] or 0) < 2.5
-    for line in (*flown.sketch.mapped, flown.sketch.path):
+    for line in (*flown.sketch.mapped, *flown.sketch.paths):
         for north, east in line:
             assert -0.5 < north < 10.5
             assert -0.5 < east < 10.5
@@ -211,7 +211,7 @@ def test_the_table_fits_80_columns_and_shows_clutter_only_if_present() -> None:
 def test_the_sheet_has_a_plan_for_every_flight(tmp_path: Path) -> None:
     crashed = row(clutter=0.5, completed=False, collisions=1, false_alarms=2)
     room = [((0.0, 0.0), (4.0, 0.0)), ((4.0, 0.0), (4.0, 3.0))]
-    flown = Flown(crashed, Sketch(room, room, [(1.0, 1.0), (2.0, 1.0)]))
+    flown = Flown(crashed, Sketch(room, room, [[(1.0, 1.0), (2.0, 1.0)]]))
     lost_ones = [lost(job("room"), "nothing to draw")] * 4
     draw_sheet([flown, *lost_ones], tmp_path / "sheet.png")
     with Image.open(tmp_path / "sheet.png") as image:

@@ -1,0 +1,175 @@
+"""Flies, scores and sketches surveys: several flights with one joint map."""
+
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from statistics import median
+from typing import Any
+
+from rich import box
+from rich.table import Table
+
+from sitl.bench import missions
+from sitl.bench.missions import Flown, Job, Sketch, in_world
+from sitl.running.sorties import Sorties
+from sitl.scoring.report import Report
+from sitl.testing.mission_file import load_mission
+from sitl.world.plan import wall_surfaces
+
+MAX_BATTERY_S = 3600.0
+"""Longest time of a battery, s."""
+HOME_M = 0.3
+"""A flight that lands within this distance of its take-off place is home, m."""
+OF_A_SINGLE = ("completed", "coverage", "wall_error_aligned_cm", "flight_time_s", "collisions")
+"""Keys of the comparison with a single flight."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyJob:
+    """A survey to fly."""
+
+    first: Job
+    """The first flight."""
+    sorties: int
+    """Most flights."""
+    is_compared: bool = False
+    """Fly the world also in one flight, with the battery of all of them."""
+
+    @property
+    def key(self) -> Report:
+        """Columns that identify its row."""
+        return self.first.key
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyFlown:
+    """Result of a survey."""
+
+    joint: Flown
+    """Keys of the job and of the joint map's report, and its sketch."""
+    sorties: tuple[Report, ...] = ()
+    """A row for each flight."""
+    left_out: tuple[str, ...] = ()
+    """Flights that are not in the map, with reasons."""
+
+    @property
+    def row(self) -> dict[str, Any]:
+        """All results, for `--json`."""
+        return {**self.joint.row, "sorties": self.sorties, "left_out": self.left_out}
+
+
+def fly(job: SurveyJob) -> SurveyFlown:
+    """Fly; an exception becomes a row of the results."""
+    try:
+        return _fly(job)
+    except Exception as error:  # one failed survey must not end the campaign
+        return lost(job, f"{type(error).__name__}: {error}")
+
+
+def lost(job: SurveyJob, why: str) -> SurveyFlown:
+    """The row of a survey without a report."""
+    return SurveyFlown(missions.lost(job.first, why))
+
+
+def _fly(job: SurveyJob) -> SurveyFlown:
+    setup, _ = job.first.options.setup()
+    settings = job.first.options.settings(load_mission(job.first.mission).settings)
+    told: list[str] = []
+    began_s = time.monotonic()
+    sorties = Sorties(setup, settings, missions.ignore, tell=told.append)
+    flights = list(sorties.fly(job.sorties))
+    if not flights:
+        return lost(job, "; ".join(told))
+    last = flights[-1]
+    rows = tuple(each.flight for each in flights)
+    row: Report = {
+        **last.joint,
+        **job.key,
+        "lost": False,
+        "flights": len(rows),
+        "away": sum(return_m(each) > HOME_M for each in rows),
+        "waited_s": round(time.monotonic() - began_s, 1),
+        **(_single(job) if job.is_compared else {}),
+    }
+    take_off = sorties.truths[0].take_off
+    walls = [
+        (in_world(take_off, wall.start_ne_m), in_world(take_off, wall.end_ne_m))
+        for wall in last.merged.plan.walls
+    ]
+    paths = [[state.position_ned_m[:2] for state in truth.path] for truth in sorties.truths]
+    truth = wall_surfaces(setup.world, settings.mission.height_m)
+    left_out = tuple(f"{each.name}: {each.reason}" for each in last.merged.left_out)
+    return SurveyFlown(Flown(row, Sketch(truth, walls, paths)), rows, (*told, *left_out))
+
+
+def return_m(row: Report) -> float:
+    """Distance of a flight's landing from its take-off, m."""
+    return float(row["return_m"] or 0.0)
+
+
+def _single(job: SurveyJob) -> Report:
+    """Results of one flight with the battery of all flights, with a prefix."""
+    options = job.first.options
+    battery_s = min((options.battery_s or 0.0) * job.sorties, MAX_BATTERY_S)
+    flown = missions.fly(replace(job.first, options=replace(options, battery_s=battery_s)))
+    return {f"single_{key}": flown.row.get(key) for key in OF_A_SINGLE}
+
+
+def sum_up(surveys: Sequence[SurveyFlown]) -> dict[str, Any]:
+    """All rows and a total: the output of `--json`."""
+    scored = [each.row for each in surveys if not each.row["lost"]]
+    totals: dict[str, Any] = {
+        "surveys": len(surveys),
+        "completed": sum(row["completed"] for row in scored),
+        "lost": len(surveys) - len(scored),
+        **{key: sum(row[key] for row in scored) for key in ("flights", "collisions", "away")},
+    }
+    if scored:
+        totals["coverage_median"] = round(median(row["coverage"] for row in scored), 4)
+        totals["coverage_min"] = min(row["coverage"] for row in scored)
+        totals["return_max_m"] = max(row["return_m"] for row in scored)
+    return {"rows": [each.row for each in surveys], "totals": totals}
+
+
+_COLUMNS = (
+    ("flights", "{flights}"),
+    ("hits", "{collisions}"),
+    ("coverage by flight", "{by_flight}"),
+    ("walls\ncm", "{wall_error_aligned_cm:.1f}"),
+    ("single\ncm", "{single_wall_error_aligned_cm:.1f}"),
+    ("single\ncoverage", "{single_coverage:.0%}"),
+    ("off pad\nmax", "{return_m:.2f}"),
+    ("least\nclear", "{clearance_m:.2f}"),
+    ("air\ns", "{flight_time_s:.0f}"),
+)
+
+
+def survey_table(result: dict[str, Any]) -> Table:
+    """A row for each survey, and the totals as caption."""
+    table = Table("world", box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    for heading, _ in _COLUMNS:
+        table.add_column(heading, justify="right")
+    for row in result["rows"]:
+        table.add_row(row["world"], *(_cell(form, row) for _, form in _COLUMNS))
+    table.caption = ", ".join(f"{key}: {value}" for key, value in result["totals"].items())
+    return table
+
+
+def _cell(form: str, row: dict[str, Any]) -> str:
+    by_flight = " ".join(f"{each['coverage']:.2f}" for each in row["sorties"])
+    try:
+        return form.format(**row, by_flight=by_flight)
+    except (KeyError, TypeError, ValueError):
+        return "–"
+
+
+def failed(surveys: Sequence[SurveyFlown]) -> Iterator[str]:
+    """One line for each survey that was not completed, and each flight that did not come home."""
+    for each in surveys:
+        name = f"{each.row['world']}, seed {each.row['seed']}"
+        if not each.row["completed"]:
+            yield f"{name}: {each.row['ending']}"
+        for sortie in each.sorties:
+            if return_m(sortie) > HOME_M:
+                off = f"landed {return_m(sortie):.2f} m off the pad: {sortie['ending']}"
+                yield f"{name}, flight {sortie['flight']}: {off}"
