@@ -84,6 +84,8 @@ def merge_command(
     console.print(_summary(merged))
     for each in merged.left_out:
         console.print(f"left out: {each.name}: {each.reason}")
+    for change in merged.changes:
+        console.print(change.in_words(merged.flights[change.flight].name), soft_wrap=True)
     console.print(f"map: {', '.join(str(file) for file in files)}")
     if merged.left_out:
         raise typer.Exit(EXIT_LEFT_OUT)

@@ -58,6 +58,9 @@ def survey_command(
     console.print(_table(survey, joint))
     for name, reason in survey.index.left_out.items():
         console.print(f"not in the map: {name}: {reason}", soft_wrap=True)
+    for change in joint.merged.changes:
+        found_by = joint.merged.flights[change.flight].name
+        console.print(change.in_words(found_by), soft_wrap=True)
     earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
     left = left_to_fly(earlier, joint.recordings[-1].config)
     console.print(left.in_words())

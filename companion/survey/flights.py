@@ -19,6 +19,7 @@ from companion.estimation.smoothing.joint import PlacedFlight, joined
 from companion.estimation.smoothing.smoother import Smoother
 from companion.estimation.smoothing.state import YAW, Measured, Unknowns, project
 from companion.pdps.frontiers import Places
+from companion.survey.changes import contradicted_shares
 from companion.survey.evidence import Sight
 
 MAX_START_SIGMAS = 3.0
@@ -26,6 +27,10 @@ MAX_START_SIGMAS = 3.0
 MAX_LOST_SHARE = 0.1
 """Share of a flight's hits that fit a wall alone, but not in the joint map, above which the flight
 is left out. Chosen."""
+MAX_CONTRADICTED_SHARE = 0.25
+"""Share of a flight's hits on walls that other flights passed through, above which the flight is
+left out. Chosen: 0.15 where a door was shut and a cupboard moved in a room of 26 m², 0.4 to 0.5
+where a flight began elsewhere."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,6 +169,10 @@ def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
     Only flights from number `first` on. The first of all defines the frame, so it always fits.
     """
     misfits: list[tuple[float, int, str]] = []
+    estimate = joint.estimate
+    contradicted = contradicted_shares(
+        estimate.x, joint.m, estimate.wall_of, joint.models.ranges
+    ).tolist()
     for number, each in enumerate(joint.placed[first:], first):
         lost = joint.lost_share(number)
         if not each.is_found:
@@ -176,6 +185,10 @@ def worst_misfit(joint: Joint, first: int = 1) -> tuple[int, str] | None:
         if lost > MAX_LOST_SHARE:
             reason = f"{100 * lost:.0f} % of its ranges contradict the map of the others"
             misfits.append((lost / MAX_LOST_SHARE, number, reason))
+        if contradicted[number] > MAX_CONTRADICTED_SHARE:
+            share = contradicted[number]
+            reason = f"{100 * share:.0f} % of its walls contradict the free space of the others"
+            misfits.append((share / MAX_CONTRADICTED_SHARE, number, reason))
     if not misfits:
         return None
     _, number, reason = max(misfits)

@@ -18,12 +18,19 @@ from companion.earlier import EarlierFlights
 from companion.estimation.smoothing.estimate import EarlierWalls, Estimate
 from companion.estimation.smoothing.flight_record import NO_WALL
 from companion.estimation.smoothing.joint import PAUSE_S
-from companion.estimation.smoothing.state import Measured
+from companion.estimation.smoothing.state import (
+    WALL_SIZE,
+    Measured,
+    Unknowns,
+    project,
+    reach_m,
+)
 from companion.estimation.solved_flight import SolvedFlight
 from companion.mapping.floor_plan import wall_segments
 from companion.mapping.occupancy import Occupancy
 from companion.mapping.redrawn_grid import draw_onto
 from companion.pdps.frontiers import Places
+from companion.survey.changes import Change, changes
 from companion.survey.flights import Flown, Joint, LeftOut
 from companion.survey.known_start import solved_from_pad
 from companion.survey.start_search import Placing
@@ -55,15 +62,20 @@ class Merged:
     flights: tuple[MergedFlight, ...]
     left_out: tuple[LeftOut, ...]
     estimate: Estimate
+    reach_m: Array
+    """(w, 2): interval of each wall's hits; empty for walls that are gone."""
     space: Occupancy
     tried: tuple[Places, ...]
+    changes: tuple[Change, ...] = ()
+    """What has changed between the flights."""
 
     def for_next_flight(self, pad_sigma: Array) -> EarlierFlights:
         """What a new flight from the pad has to know; `pad_sigma` as in `Starts`."""
         x, solution = self.estimate.x, self.estimate.solution
-        of_walls = slice(x.calibration.size, None)
-        covariance = solution.shared_covariance[of_walls, of_walls]
-        walls = EarlierWalls(x.walls, x.reach_m, covariance, pad_sigma)
+        stay = np.flatnonzero(self.reach_m[:, 0] <= self.reach_m[:, 1])
+        rows = x.calibration.size + (WALL_SIZE * stay[:, None] + np.arange(WALL_SIZE)).ravel()
+        covariance = solution.shared_covariance[np.ix_(rows, rows)]
+        walls = EarlierWalls(x.walls[stay], self.reach_m[stay], covariance, pad_sigma)
         return EarlierFlights(walls, self.space.of_earlier_flight(), self.tried)
 
 
@@ -94,9 +106,12 @@ def merge(flown: Sequence[Flown], starts: Starts) -> Merged:
 
 
 def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
-    m, lines = joint.m, joint.estimate.wall_lines
+    m, x, lines = joint.m, joint.estimate.x, joint.estimate.wall_lines
+    found = changes(x, m, joint.estimate.wall_of, joint.models.ranges)
     flown = [each.flown for each in joint.placed]
-    flights = [_of_one(number, each, m, joint.estimate, lines) for number, each in enumerate(flown)]
+    flights = [
+        _of_one(number, each, m, x, (lines, found.wall_of)) for number, each in enumerate(flown)
+    ]
     space = Occupancy()
     for each, flight in zip(flown, flights, strict=True):
         draw_onto(space, each.rays, flight.poses)
@@ -138,8 +153,10 @@ def _merged(joint: Joint, left_out: tuple[LeftOut, ...]) -> Merged:
         ),
         left_out,
         joint.estimate,
+        reach_m(x, project(x, m).points, found.wall_of),
         space,
         _tried(flown),
+        found.listed,
     )
 
 
@@ -149,13 +166,17 @@ def _tried(flown: Sequence[Flown]) -> tuple[Places, ...]:
 
 
 def _of_one(
-    number: int, flown: Flown, m: Measured, estimate: Estimate, lines: tuple[WallLine, ...]
+    number: int,
+    flown: Flown,
+    m: Measured,
+    x: Unknowns,
+    walls: tuple[tuple[WallLine, ...], Indices],
 ) -> SolvedFlight:
-    """One flight of the joint solution."""
-    x = estimate.x
+    """One flight of the joint solution. `walls`: all lines, and the line of each hit (n,)."""
+    lines, wall_of_all = walls
     frames = slice(m.begins[number], (*m.begins, len(x.poses))[number + 1])
     own = replace(x, poses=x.poses[frames], calibration=x.calibration[[number]])
-    wall_of = estimate.wall_of[m.hit_flight == number]
+    wall_of = wall_of_all[m.hit_flight == number]
     return SolvedFlight.of(flown.record, own, lines, wall_of, flown.models.ranges)
 
 

@@ -264,6 +264,10 @@ def fly(
     sorties: Annotated[
         int, typer.Option(help="Flights of a survey, each with a full battery.", min=1, max=50)
     ] = 1,
+    then: Annotated[
+        str | None,
+        typer.Option(help="With --sorties: the world from the second flight on.", metavar="WORLD"),
+    ] = None,
     report: Annotated[Path | None, typer.Option(help="File for the report, JSON.")] = None,
     out: Annotated[Path | None, typer.Option(help="Folder for all files of the flight.")] = None,
 ) -> None:
@@ -294,12 +298,16 @@ def fly(
     outputs: list[Callable[[], object]] = []
     missed = ""
     rows: list[Report] = []
+    if then and sorties == 1:
+        raise SitlError("--then needs --sorties: the world changes between two flights")
     if sorties > 1:
         if transport is not Transport.DIRECT or flown.events:
             raise SitlError("--sorties needs --transport direct, and a mission without events")
         from sitl.running.sorties import fly_survey  # noqa: PLC0415
 
-        result, rows, plan = fly_survey(options, settings, sorties, out=out, console=console)
+        result, rows, plan = fly_survey(
+            options, settings, sorties, then=then, out=out, console=console
+        )
         outputs += [partial(save, plan, out)] if out else []
     elif transport is Transport.UDP:
         result = fly_in_two(

@@ -30,10 +30,12 @@ from companion.survey.merge import Merged, Starts, merge
 from sitl.core.errors import SitlError
 from sitl.core.noise import stream
 from sitl.running.options import FlightOptions
-from sitl.scoring.report import Report, make_report
+from sitl.scoring.report import Report, least_clear_in_the_open_m, make_report
 from sitl.simulation.lockstep import fly_in_lockstep
 from sitl.simulation.record import TruthRecord
 from sitl.simulation.simulation import Setup, start_state
+from sitl.world.format import World
+from sitl.world.loading import load_world
 
 PAD = Pad()
 """How exactly a person puts the drone on the pad: the default of a survey."""
@@ -62,11 +64,18 @@ class Sortie:
 
 
 def fly_survey(
-    options: FlightOptions, settings: Config, count: int, *, out: Path | None, console: Console
+    options: FlightOptions,
+    settings: Config,
+    count: int,
+    *,
+    then: str | None,
+    out: Path | None,
+    console: Console,
 ) -> tuple[Report, list[Report], FloorPlan]:
     """Fly a survey for `sitl fly`; return the scores of the joint map, a row a flight, and the map.
 
-    The recordings are written to `out`, which is then a survey's folder. The map is not.
+    The recordings are written to `out`, which is then a survey's folder. The map is not. `then`:
+    the world from the second flight on.
 
     Raises:
         SitlError: no flight can be made into a map.
@@ -77,13 +86,17 @@ def fly_survey(
         table.add_column(column)
     rows: list[Report] = []
     with ProgressLine(console) as progress:
-        sorties = Sorties(setup, settings, progress.show, out, console.print)
+        changed = load_world(then) if then else None
+        sorties = Sorties(setup, settings, progress.show, out, console.print, then=changed)
         for sortie in sorties.fly(count):
             rows.append(sortie.flight)
             table.add_row(*(form.format(sortie.flight[key]) for key, form in _ROWS))
     if not rows:
         raise SitlError("no flight of the survey can be made into a map")
     console.print(table)
+    for change in sortie.merged.changes:
+        found_by = sortie.merged.flights[change.flight].name
+        console.print(change.in_words(found_by), soft_wrap=True)
     return sortie.joint, rows, sortie.merged.plan
 
 
@@ -97,8 +110,12 @@ class Sorties:
         watch: Callable[[Progress], None],
         out: Path | None = None,
         tell: Callable[[str], None] = print,
+        *,
+        then: World | None = None,
     ) -> None:
+        """`then`: the world from the second flight on, if it has changed."""
         self._setup, self._settings = setup, settings
+        self._then = then or setup.world
         self._watch, self._tell, self._out = watch, tell, out
         self._flown: list[Flown] = []
         self.truths: list[TruthRecord] = []
@@ -128,7 +145,7 @@ class Sorties:
                 self._out, self._settings, time.time(), self._tell, earlier=self._earlier
             )
         app, simulation = fly_in_lockstep(
-            on_the_pad(self._setup, number),
+            on_the_pad(self._setup, number, self._then),
             self._settings,
             self._watch,
             make_app=partial(App, earlier=self._earlier),
@@ -142,7 +159,7 @@ class Sorties:
     def _scored(self, number: int, app: App, merged: Merged, waited_s: float) -> Sortie:
         truths = self.truths
         joint = make_report(
-            self._setup,
+            self._setup if number == 1 else replace(self._setup, world=self._then),
             self._settings,
             merged.plan,
             together(truths, merged),
@@ -150,11 +167,16 @@ class Sorties:
             waited_s=waited_s,
         )
         joint["return_m"] = round(max(_return_m(each) for each in truths), 4)
+        worlds = (self._setup.world, *(self._then,) * (len(truths) - 1))
+        joint["clearance_open_m"] = min(map(least_clear_in_the_open_m, worlds, truths))
         return Sortie(_row(number, app, truths[-1], joint), joint, merged)
 
 
-def on_the_pad(setup: Setup, number: int) -> Setup:
-    """The setup of the n-th flight: drawn anew, and put on the pad by hand from the second on."""
+def on_the_pad(setup: Setup, number: int, then: World) -> Setup:
+    """The setup of the n-th flight: drawn anew, and put on the pad by hand from the second on.
+
+    `then`: the world from the second flight on.
+    """
     if number == 1:
         return setup
     draw = stream(setup.seed, f"sortie {number}")
@@ -166,7 +188,7 @@ def on_the_pad(setup: Setup, number: int) -> Setup:
             "heading_deg": draw.gauss(math.degrees(first.yaw_rad), PAD.sigma_deg),
         }
     )
-    world = setup.world.model_copy(update={"starts": (start,)})
+    world = then.model_copy(update={"starts": (start,)})
     return replace(setup, world=world, start=0, seed=draw.randrange(2**31))
 
 

@@ -72,7 +72,7 @@ def make_report(
     report |= {
         "collisions": truth.collisions,
         "clearance_m": truth.clearance_m,
-        "clearance_open_m": _clear_in_the_open_m(setup.world, truth),
+        "clearance_open_m": least_clear_in_the_open_m(setup.world, truth),
         "return_m": math.dist(truth.path[-1].position_ned_m[:2], truth.take_off.position_ned_m[:2]),
         "flight_time_s": truth.air_time_s,
         "least_time_s": least_time_s(surfaces, standoff, config.mission.speed_m_s),
@@ -82,7 +82,7 @@ def make_report(
     return {key: _rounded(value) for key, value in report.items()}
 
 
-def _clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
+def least_clear_in_the_open_m(world: World, truth: TruthRecord) -> float:
     """Smallest clearance to surfaces at the drone's height, in the air, outside passages, m."""
     places: dict[float, list[Vector2]] = defaultdict(list)
     for state in truth.path:

@@ -36,15 +36,14 @@ def passed_through(
     Also True for hits whose beam would have passed through a firm piece. A piece is a short row of
     hits on one wall with no gap above `opening_m`.
     """
-    hit, piece, pieces = _pieces(x, rays.points, wall_of, opening_m)
-    beam, passed_piece = _passages(x, rays, sigma_m, pieces)
-    passed = np.bincount(passed_piece, minlength=len(pieces.wall))
-    stopped = np.bincount(piece, minlength=len(pieces.wall))
+    seen = Crossings.of(x, rays, sigma_m, wall_of, opening_m)
+    passed = np.bincount(seen.passed, minlength=seen.count)
+    stopped = np.bincount(seen.stopped, minlength=seen.count)
     is_refuted = (passed > MAX_PASSED_SHARE * stopped) & (passed >= MIN_PASSED)
     wrong = np.zeros(len(wall_of), dtype=bool)
-    wrong[hit] = is_refuted[piece]
+    wrong[seen.hit] = is_refuted[seen.stopped]
     is_firm = (passed <= FIRM_PASSED_SHARE * stopped) & (stopped >= FIRM_STOPPED)
-    wrong[beam[is_firm[passed_piece]]] = True
+    wrong[seen.beam[is_firm[seen.passed]]] = True
     return wrong
 
 
@@ -55,43 +54,80 @@ def passages(
 
     Lines through legs and the edges of furniture have hits enough to exist, but beams pass between.
     """
-    _, _, pieces = _pieces(x, rays.points, wall_of, opening_m)
-    _, passed_piece = _passages(x, rays, sigma_m, pieces)
-    return np.bincount(pieces.wall[passed_piece], minlength=len(x.walls))
+    seen = Crossings.of(x, rays, sigma_m, wall_of, opening_m)
+    return np.bincount(seen.pieces.wall[seen.passed], minlength=len(x.walls))
 
 
 @dataclass(frozen=True, slots=True)
-class _Pieces:
-    """Straight pieces of wall, ordered by wall and position, (p,)."""
+class Pieces:
+    """Straight pieces of wall, ordered by flight, wall and position, (p,)."""
 
+    flight: Indices
+    """Flight that detected it."""
     wall: Indices
     low_m: Array
     """Position along the wall, m."""
     high_m: Array
 
-    def at(self, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
-        """The pieces at positions on walls (n,), and a mask of the positions that have one."""
-        before = np.searchsorted(FAR_M * self.wall + self.low_m, FAR_M * wall + along_m) - 1
+    def at(self, flight: Indices, wall: Indices, along_m: Array) -> tuple[Indices, Mask]:
+        """The flights' pieces at positions on walls (n,), and a mask of the positions with one."""
+        walls = int(max(self.wall.max(), wall.max(initial=0))) + 1
+        own, number = walls * self.flight + self.wall, walls * flight + wall
+        before = np.searchsorted(FAR_M * own + self.low_m, FAR_M * number + along_m) - 1
         piece = np.maximum(before, 0)
-        inside = (before >= 0) & (self.wall[piece] == wall) & (along_m < self.high_m[piece])
+        inside = (before >= 0) & (own[piece] == number) & (along_m < self.high_m[piece])
         return piece, inside
 
 
-def _pieces(
-    x: Unknowns, points: Array, wall_of: Indices, opening_m: float
-) -> tuple[Indices, Indices, _Pieces]:
-    """Hits that have a wall (h,), the piece of each (h,), and the pieces."""
-    hit = np.flatnonzero(wall_of != NO_WALL)
-    order, along, is_first = in_rows(x, points[hit], wall_of[hit], opening_m)
-    hit = hit[order]
-    is_first |= np.diff(np.floor(along / STRETCH_M), prepend=0) != 0
-    first = np.flatnonzero(is_first)
-    last = np.append(first[1:], len(hit)) - 1 if len(first) else first
-    pieces = _Pieces(wall_of[hit][first], along[first], along[last])
-    return hit, np.cumsum(is_first) - 1, pieces
+@dataclass(frozen=True, slots=True)
+class Crossings:
+    """Which beams ended on pieces of wall, and which passed through.
+
+    A piece belongs to one flight, and only beams of that flight count: between two flights a door
+    may be shut, and furniture may move.
+    """
+
+    pieces: Pieces
+    hit: Indices
+    """(h,): hits on walls."""
+    stopped: Indices
+    """(h,): piece of each."""
+    beam: Indices
+    """(b,): beams that passed through a piece."""
+    passed: Indices
+    """(b,): piece that each passed through."""
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return len(self.pieces.wall)
+
+    @classmethod
+    def of(
+        cls,
+        x: Unknowns,
+        rays: Rays,
+        sigma_m: Array,
+        wall_of: Indices,
+        opening_m: float,
+        *,
+        piece_m: float = STRETCH_M,
+    ) -> "Crossings":
+        """Cut the walls into pieces of at most `piece_m`, and find the beams that cross them."""
+        hit = np.flatnonzero(wall_of != NO_WALL)
+        order, along, is_first = in_rows(
+            x, rays.points[hit], wall_of[hit], opening_m, rays.flight[hit]
+        )
+        hit = hit[order]
+        is_first |= np.diff(np.floor(along / piece_m), prepend=0) != 0
+        first = np.flatnonzero(is_first)
+        last = np.append(first[1:], len(hit)) - 1 if len(first) else first
+        one = hit[first]
+        pieces = Pieces(rays.flight[one], wall_of[one], along[first], along[last])
+        return cls(pieces, hit, np.cumsum(is_first) - 1, *_passages(x, rays, sigma_m, pieces))
 
 
-def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: _Pieces) -> tuple[Indices, Indices]:
+def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: Pieces) -> tuple[Indices, Indices]:
     """Pairs of a beam and a piece of wall that it passed through: beams and pieces."""
     if not len(pieces.wall):
         return np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
@@ -106,7 +142,8 @@ def _passages(x: Unknowns, rays: Rays, sigma_m: Array, pieces: _Pieces) -> tuple
         beam, wall = np.nonzero(crosses)
         share = from_m[beam, wall] / (from_m[beam, wall] - to_m[beam, wall])
         met = origins[beam] + share[:, None] * (points[beam] - origins[beam])
-        piece, inside = pieces.at(wall, (met * x.tangents[wall]).sum(axis=1))
+        along_m = (met * x.tangents[wall]).sum(axis=1)
+        piece, inside = pieces.at(rays.flight[low + beam], wall, along_m)
         beams.append(low + beam[inside])
         passed.append(piece[inside])
     return np.concatenate(beams), np.concatenate(passed)

@@ -244,6 +244,8 @@ class Rays:
     """(n, 2): unit vectors along the beams."""
     points: Array
     """(n, 2): ends of the beams."""
+    flight: Indices
+    """(n,): flight of each hit."""
 
     @property
     def bearing_rad(self) -> Array:
@@ -275,7 +277,7 @@ def project(x: Unknowns, m: Measured) -> Rays:
     bearing = yaw + m.bearing_rad
     range_m = m.mount_m + unbiased_m(x, m)
     beams = np.column_stack([np.cos(bearing), np.sin(bearing)])
-    return Rays(origins, beams, origins + range_m[:, None] * beams)
+    return Rays(origins, beams, origins + range_m[:, None] * beams, m.hit_flight)
 
 
 def unbiased_m(x: Unknowns, m: Measured) -> Array:
@@ -301,15 +303,17 @@ def reach_m(x: Unknowns, points: Array, wall_of: Indices) -> Array:
 
 
 def in_rows(
-    x: Unknowns, points: Array, wall: Indices, max_gap_m: float
+    x: Unknowns, points: Array, wall: Indices, max_gap_m: float, group: Indices | None = None
 ) -> tuple[Indices, Array, Mask]:
     """Sort hits (h, 2) on walls (h,) into rows without a larger gap.
 
-    Returns the order by wall and position, (h,); the positions along the walls in that order; and a
-    mask of the first hits of the rows.
+    Returns the order by group, wall and position, (h,); the positions along the walls in that
+    order; and a mask of the first hits of the rows. `group` (h,): hits of two groups form no row.
     """
     along = (points * x.tangents[wall]).sum(axis=1)
-    order = np.lexsort((along, wall))
-    wall, along = wall[order], along[order]
+    group = np.zeros_like(wall) if group is None else group
+    order = np.lexsort((along, wall, group))
+    group, wall, along = group[order], wall[order], along[order]
     is_first = (np.diff(wall, prepend=-1) != 0) | (np.diff(along, prepend=0) > max_gap_m)
+    is_first |= np.diff(group, prepend=0) != 0
     return order, along, is_first
