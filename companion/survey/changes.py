@@ -25,9 +25,9 @@ PIECE_M = 0.25
 """Greatest length of a piece of wall, m. Chosen: a flight along a wall has a dozen hits on it."""
 MIN_BEAMS = 4
 """Least beams of a flight that show a piece, or its absence. Chosen: one or two may be outliers."""
-MIN_CHANGED_M = 0.5
-"""Least length of a change, m. Chosen: shorter ones may be errors of a pose at the end of a
-wall."""
+MIN_CHANGED_M = 0.4
+"""Least length of a change, m. Chosen: the least opening in a wall; shorter ones may be errors of a
+pose at the end of a wall."""
 THERE, PASSED, UNKNOWN = 1, -1, 0
 """What a flight shows of a piece."""
 

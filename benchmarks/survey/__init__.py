@@ -1,0 +1,1 @@
+"""Surveys: changes between flights, and the cost of a joint map."""

@@ -1,0 +1,89 @@
+"""Tests that a survey finds what has changed between its flights."""
+
+import math
+from itertools import pairwise
+
+import pytest
+
+from companion.config import settings
+from companion.core.frames import frd_to_ned
+from companion.survey.changes import Change
+from sitl.running.sorties import Sortie, Sorties
+from sitl.sensors.beam import RAY
+from sitl.simulation.simulation import Setup
+from sitl.testing.flight import ReportView
+from sitl.world.format import Box, Walls, World
+
+pytestmark = pytest.mark.flights
+
+HEIGHT_M, FRONT_M = 2.6, 0.6
+PAD_NE_M = 2.2, 3.0
+JAMBS = (2.2, 3.4)
+"""East of the doorway's sides, m."""
+
+
+def two_rooms(cupboard_east_m: float, *, door_is_shut: bool) -> World:
+    """Rooms of 4.4 and 8.4 m by 6 m with a doorway of 1.2 m, and a cupboard at the south wall."""
+    outer = Walls(points=((0, 0), (13, 0), (13, 6), (0, 6)), closed=True)
+    partition = [
+        Walls(points=((4.4, end), (4.4, jamb), (4.6, jamb), (4.6, end)))
+        for end, jamb in zip((0, 6), JAMBS, strict=True)
+    ]
+    door = [Walls(points=tuple((4.45, jamb) for jamb in JAMBS))] if door_is_shut else []
+    cupboard = Box(corner=(0.0, cupboard_east_m), size=(FRONT_M, 1.4), bottom_m=0.0, top_m=2.0)
+    return World(
+        name="two rooms",
+        height_m=HEIGHT_M,
+        walls=(outer, *partition, *door),
+        boxes=(cupboard,),
+        starts=({"name": "pad", "position": PAD_NE_M, "heading_deg": 30},),
+    )
+
+
+@pytest.fixture(scope="module")
+def sorties() -> list[Sortie]:
+    """The cupboard is moved by 2.2 m and the door is shut after the first flight."""
+    before, after = two_rooms(2.0, door_is_shut=False), two_rooms(4.2, door_is_shut=True)
+    config = settings.load(None, {"mission.kind": "building", "mission.time_limit_s": 120.0})
+    setup = Setup(before, "two rooms", 2, config.sensors, "ardupilot", {}, RAY, battery_s=120.0)
+    return list(Sorties(setup, config, lambda _: None, tell=print, then=after).fly(3))
+
+
+def in_world(change: Change) -> list[tuple[float, float]]:
+    """Ends of a change, north and east in the world, m."""
+    ends = (change.start_ne_m, change.end_ne_m)
+    turned = (frd_to_ned(*end, math.radians(30)) for end in ends)
+    return [(PAD_NE_M[0] + north_m, PAD_NE_M[1] + east_m) for north_m, east_m in turned]
+
+
+def test_a_shut_door_and_a_moved_cupboard_are_listed(sorties: list[Sortie]) -> None:
+    changes = sorties[-1].merged.changes
+    fronts = [("gone", FRONT_M, 2.7), ("new", FRONT_M, 4.9), ("new", 4.45, 2.8)]
+    """State, north, and east of the middle of what has changed."""
+    found = []
+    for change in changes:
+        (from_north_m, from_east_m), (to_north_m, to_east_m) = in_world(change)
+        assert math.dist((from_north_m, from_east_m), (to_north_m, to_east_m)) > 0.8
+        north_m, east_m = (from_north_m + to_north_m) / 2, (from_east_m + to_east_m) / 2
+        found.append(("new" if change.is_new else "gone", north_m, east_m))
+        assert change.flight == 1
+        assert "since flight 2: wall from" in change.in_words("flight 2")
+    for state, north_m, east_m in fronts:
+        assert any(
+            each[0] == state and math.dist(each[1:], (north_m, east_m)) < 0.5 for each in found
+        ), (state, north_m, east_m, found)
+
+
+def test_the_map_shows_the_building_as_the_last_flight_found_it(sorties: list[Sortie]) -> None:
+    joint = ReportView(sorties[-1].joint)
+    assert joint.collisions == 0
+    assert joint.coverage > 0.9
+    assert joint.false_walls < 0.01
+    assert joint.wall_error_aligned_cm < 4
+    assert joint.clearance_open_m > 0
+
+
+def test_an_unchanged_building_has_no_changes(sorties: list[Sortie]) -> None:
+    assert not sorties[0].merged.changes
+    for earlier, later in pairwise(sorties[1:]):
+        assert len(later.merged.changes) == len(earlier.merged.changes)
