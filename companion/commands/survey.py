@@ -14,6 +14,7 @@ from companion.core.extras import needs_extra
 
 if TYPE_CHECKING:
     from companion.survey.folder import Survey, SurveyMap
+    from companion.survey.left import Left
 
 EXIT_LEFT = 1
 """Exit status of `status` if something is left to fly. Chosen."""
@@ -25,6 +26,7 @@ class What(StrEnum):
     STATUS = "status"
     MAP = "map"
     EXPORT = "export"
+    REPORT = "report"
 
 
 commands = typer.Typer()
@@ -36,10 +38,10 @@ Formats = Annotated[
 @commands.command("survey")
 def survey_command(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder of the survey.")],
-    what: Annotated[What, typer.Argument(help="status, map or export.")] = What.STATUS,
+    what: Annotated[What, typer.Argument(help="status, map, export or report.")] = What.STATUS,
     format_: Formats = None,
 ) -> None:
-    """Show a survey's flights and what is left, or write its joint map; see docs/surveys.md.
+    """Show a survey's flights and what is left, or write its map or report; see docs/surveys.md.
 
     Exit status 1 of `status` if something is left to fly.
     """
@@ -64,6 +66,8 @@ def survey_command(
     earlier = joint.merged.for_next_flight(survey.index.pad.sigma)
     left = left_to_fly(earlier, joint.recordings[-1].config)
     console.print(left.in_words())
+    if what is What.REPORT:
+        _report(joint, left, folder)
     if what is What.STATUS and left.places_ne_m:
         raise typer.Exit(EXIT_LEFT)
 
@@ -88,6 +92,15 @@ def _table(survey: "Survey", joint: "SurveyMap") -> Table:
     length_m = sum(wall.length_m for wall in joint.merged.plan.walls)
     table.caption = f"{len(joint.merged.plan.walls)} walls, {length_m:.1f} m in all"
     return table
+
+
+def _report(joint: "SurveyMap", left: "Left", folder: Path) -> None:
+    path = folder / "survey.html"
+    with needs_extra("export"):
+        from companion.report.survey_page import write_survey_report  # noqa: PLC0415
+
+        write_survey_report(joint.merged, joint.recordings, left, folder, path)
+    print(path)
 
 
 def _export(joint: "SurveyMap", folder: Path, formats: list[str]) -> None:

@@ -22,7 +22,15 @@ def write_report(recording: Recording, plan: FloorPlan, title: str, path: Path) 
     Raises:
         OutputError: the file cannot be written.
     """
-    text = report_page(recording, survey(plan), title)
+    save_page(report_page(recording, survey(plan), title), path)
+
+
+def save_page(text: str, path: Path) -> None:
+    """Write a page.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
@@ -30,21 +38,28 @@ def write_report(recording: Recording, plan: FloorPlan, title: str, path: Path) 
         raise OutputError(f"{path}: {error.strerror}") from error
 
 
+def filled(template: str, **parts: str) -> str:
+    """A page from a template of this package, with the common style."""
+    folder = files("companion.report")
+    text, style = ((folder / name).read_text(encoding="utf-8") for name in (template, "page.css"))
+    return Template(text).substitute(style=style, **parts)
+
+
 def report_page(recording: Recording, found: Survey, title: str) -> str:
     """HTML text of the report."""
     end_s = recording.ticks[-1].now_s if recording.ticks else 0.0
     activities = spans(recording.phases, end_s)
-    template = Template((files("companion.report") / "page.html").read_text(encoding="utf-8"))
     result = ending(recording)
-    return template.substitute(
+    return filled(
+        "page.html",
         title=escape(title),
         result=escape(result),
         result_class="good" if result == "mission complete" else "bad",
         facts=_facts(recording, found, end_s),
         plan=plan_picture(found, activities, recording.faults),
-        rooms=_rooms(found),
-        walls=_walls(found.plan),
-        openings=_openings(found),
+        rooms=rooms_table(found),
+        walls=walls_table(found.plan),
+        openings=openings_table(found),
         timeline=timeline_picture(activities, recording.faults),
         activities=_activities(activities),
         faults=_faults(recording),
@@ -73,22 +88,27 @@ def _facts(recording: Recording, found: Survey, end_s: float) -> str:
         ("outline mapped", f"{100 * outline_seen(plan):.0f} % of all directions"),
         ("faults", f"{sum(not fault.is_over for fault in recording.faults)}"),
     ]
+    return facts_list(facts)
+
+
+def facts_list(facts: Sequence[tuple[str, str]]) -> str:
+    """Names and values."""
     return "".join(f"<div><dt>{escape(k)}</dt><dd>{escape(v)}</dd></div>" for k, v in facts)
 
 
-def _rooms(found: Survey) -> str:
+def rooms_table(found: Survey) -> str:
     rows = [(room.name, f"{room.area_m2:.2f} m²") for room in found.rooms]
-    return _table(("room", "area"), rows, "no closed room: too many walls are missing")
+    return table(("room", "area"), rows, "no closed room: too many walls are missing")
 
 
-def _openings(found: Survey) -> str:
+def openings_table(found: Survey) -> str:
     rows = [
         (f"{gap.width_m:.2f} m", _place(gap.start_ne_m, gap.end_ne_m)) for gap in found.openings
     ]
-    return _table(("opening", "from – to (north, east), m"), rows, "no opening detected")
+    return table(("opening", "from – to (north, east), m"), rows, "no opening detected")
 
 
-def _walls(plan: FloorPlan) -> str:
+def walls_table(plan: FloorPlan) -> str:
     rows = [
         (
             f"{number}",
@@ -101,7 +121,7 @@ def _walls(plan: FloorPlan) -> str:
         for number, wall in enumerate(plan.walls, start=1)
     ]
     heads = ("wall", "length", "± across", "± direction", "returns", "from – to (north, east), m")
-    return _table(heads, rows, "no wall mapped")
+    return table(heads, rows, "no wall mapped")
 
 
 def _place(start_ne_m: Sequence[float], end_ne_m: Sequence[float]) -> str:
@@ -114,13 +134,13 @@ def _activities(activities: Sequence[Span]) -> str:
         (f"{span.begin_s:.1f} s", f"{span.end_s - span.begin_s:.1f} s", span.activity)
         for span in activities
     ]
-    return _table(("from", "for", "activity"), rows, "no activity")
+    return table(("from", "for", "activity"), rows, "no activity")
 
 
 def _faults(recording: Recording) -> str:
     rows = [(f"{fault.time_s:.1f} s", fault.source, fault.text) for fault in recording.faults]
     texts = [(f"{time_s:.1f} s", text) for time_s, text in recording.autopilot_texts]
-    return _table(("at", "source", "fault"), rows, "no faults") + _table(
+    return table(("at", "source", "fault"), rows, "no faults") + table(
         ("at", "autopilot message"), texts, "no messages from the autopilot"
     )
 
@@ -130,10 +150,10 @@ def _beams(recording: Recording) -> str:
         (use.beam.value, *(f"{100 * use.shares.get(state, 0.0):.1f} %" for state in RangeState))
         for use in beam_uses(recording)
     ]
-    return _table(("beam", *(state.value for state in RangeState)), rows, "no reading")
+    return table(("beam", *(state.value for state in RangeState)), rows, "no reading")
 
 
-def _table(heads: Sequence[str], rows: Iterable[Sequence[str]], when_empty: str) -> str:
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]], when_empty: str) -> str:
     rows = list(rows)
     if not rows:
         return f"<p class='none'>{escape(when_empty)}</p>"

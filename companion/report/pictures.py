@@ -71,7 +71,7 @@ def plan_picture(survey: Survey, spans: Sequence[Span], faults: Sequence[Recorde
         if plan.path:
             _draw_path(figure, axes, plan)
             _draw_faults(axes, plan, faults)
-        return _svg(figure)
+        return svg(figure)
 
 
 def _draw_walls(axes: Axes, survey: Survey) -> None:
@@ -129,7 +129,7 @@ def timeline_picture(spans: Sequence[Span], faults: Sequence[RecordedFault]) -> 
         axes.set_yticks(range(len(rows) + 1), [*rows, "faults"])
         axes.invert_yaxis()
         axes.set_xlabel("time, s")
-        return _svg(figure)
+        return svg(figure)
 
 
 def plots_picture(recording: Recording, plan: FloorPlan) -> str:
@@ -149,7 +149,7 @@ def plots_picture(recording: Recording, plan: FloorPlan) -> str:
         for one in axes:
             one.grid(color="#e5e7e6", linewidth=0.6)
         figure.align_ylabels(axes)
-        return _svg(figure)
+        return svg(figure)
 
 
 def _plot_ranges(axes: Axes, recording: Recording) -> None:
@@ -207,7 +207,7 @@ def _plot_certainty(axes: Axes, recording: Recording) -> None:
     heading.set_ylabel("heading, ° (σ)", color=RETURN)
 
 
-def _svg(figure: Figure) -> str:
+def svg(figure: Figure) -> str:
     """SVG element of a figure, without the XML header of a separate file."""
     file = io.StringIO()
     figure.savefig(file, format="svg", metadata={"Date": None})

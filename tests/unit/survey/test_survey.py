@@ -84,6 +84,15 @@ def test_the_folder_alone_makes_the_map_and_says_what_is_left(flown: Path, tmp_p
     merged = json.loads((folder / "survey.json").read_text())["merged"]
     assert merged == sorted(file.name for file in folder.glob("*.mcap"))
 
+    reported = run("companion", "survey", str(folder), "report")
+    assert reported.returncode == 0, reported.stdout + reported.stderr
+    assert "solving flight" not in reported.stdout
+    page = (folder / "survey.html").read_text()
+    for name in merged:
+        assert name in page
+    assert "nothing has changed" in page
+    assert page.count("<svg") == 1
+
     for file in sorted(folder.glob("*.mcap"))[1:]:
         file.unlink()
     status = run("companion", "survey", str(folder), "status")

@@ -1,0 +1,160 @@
+"""Writes the report of a survey as one HTML page: what each flight added, and what is left."""
+
+from collections.abc import Sequence
+from html import escape
+from itertools import cycle, islice
+from pathlib import Path
+
+from companion.core.figures import Axes, Figure, LineCollection, rc_context
+from companion.core.frames import Vector2
+from companion.export.plan.survey import Survey, survey
+from companion.recording.reader import Recording
+from companion.report.numbers import ending
+from companion.report.page import (
+    facts_list,
+    filled,
+    openings_table,
+    rooms_table,
+    save_page,
+    table,
+    walls_table,
+)
+from companion.report.pictures import INK, ROOM, STYLE, svg
+from companion.survey.added import CELL_M, AddedPiece, pieces_added
+from companion.survey.left import Left
+from companion.survey.merge import Merged
+
+COLOURS = ("#2f7fc1", "#e08a1e", "#3f9c58", "#8a5fc2", "#c1121f", "#1aa5a5", "#b0578d", "#7a6a3a")
+"""Colours of the first flight, the second, ..."""
+
+
+def write_survey_report(
+    merged: Merged, recordings: Sequence[Recording], left: Left, folder: Path, path: Path
+) -> None:
+    """Write the report. `recordings`: those of `merged.flights`.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    found, pieces = survey(merged.plan), pieces_added(merged)
+    title = f"Survey {folder.name}"
+    text = filled(
+        "survey.html",
+        title=escape(title),
+        result=escape("complete" if not left.places_ne_m else left.in_words()),
+        result_class="good" if not left.places_ne_m else "bad",
+        facts=_facts(merged, recordings, found, left),
+        plan=_plan_picture(merged, found, pieces, left),
+        flights=_flights(merged, recordings, pieces),
+        left_out=table(
+            ("flight", "reason"),
+            [(each.name, each.reason) for each in merged.left_out],
+            "every flight is in the map",
+        ),
+        changes=_changes(merged),
+        walls=walls_table(found.plan),
+        rooms=rooms_table(found),
+        openings=openings_table(found),
+        folder=escape(folder.name),
+    )
+    save_page(text, path)
+
+
+def _facts(merged: Merged, recordings: Sequence[Recording], found: Survey, left: Left) -> str:
+    walls = merged.plan.walls
+    length_m = sum(wall.length_m for wall in walls)
+    sigma_m = sum(wall.length_m * wall.sigma_m for wall in walls) / (length_m or 1.0)
+    return facts_list(
+        [
+            ("flights", f"{len(merged.flights)}"),
+            ("recorded", f"{sum(map(_recorded_s, recordings)) / 60:.1f} min"),
+            ("walls", f"{len(walls)}, {length_m:.1f} m"),
+            ("wall uncertainty", f"± {100 * sigma_m:.1f} cm (1 σ)"),
+            ("rooms", f"{len(found.rooms)}, {sum(room.area_m2 for room in found.rooms):.1f} m²"),
+            ("places left", f"{len(left.places_ne_m)}"),
+            ("edge to unseen space", f"{left.edge_m:.1f} m"),
+        ]
+    )
+
+
+def _flights(merged: Merged, recordings: Sequence[Recording], pieces: Sequence[AddedPiece]) -> str:
+    added = [piece.flight for piece in pieces]
+    rows = []
+    for number, (flight, recording) in enumerate(zip(merged.flights, recordings, strict=True)):
+        north_m, east_m, _ = flight.start.tolist()
+        rows.append(
+            (
+                f"{number + 1}",
+                flight.name,
+                f"{_recorded_s(recording):.0f} s",
+                ending(recording),
+                f"{100 * float((north_m**2 + east_m**2) ** 0.5):.0f} cm",
+                f"{CELL_M * added.count(number):.1f} m",
+                f"{flight.shared_walls}",
+            )
+        )
+    heads = ("", "flight", "time", "ended", "began off the pad", "walls added", "walls shared")
+    return table(heads, rows, "no flight")
+
+
+def _changes(merged: Merged) -> str:
+    rows = [
+        (
+            "new" if change.is_new else "gone",
+            merged.flights[change.flight].name,
+            _place(change.start_ne_m),
+            _place(change.end_ne_m),
+        )
+        for change in merged.changes
+    ]
+    return table(("wall", "since", "from (north, east), m", "to"), rows, "nothing has changed")
+
+
+def _place(place_ne_m: Vector2) -> str:
+    return f"({place_ne_m[0]:.2f}, {place_ne_m[1]:.2f})"
+
+
+def _recorded_s(recording: Recording) -> float:
+    ticks = recording.ticks
+    return ticks[-1].now_s - ticks[0].now_s if ticks else 0.0
+
+
+def _plan_picture(merged: Merged, found: Survey, pieces: Sequence[AddedPiece], left: Left) -> str:
+    """Draw walls by the flight that detected them first, paths, changes and what is left."""
+    colours = list(islice(cycle(COLOURS), len(merged.flights)))
+    with rc_context(STYLE):
+        figure = Figure(figsize=(7.6, 7.0), layout="constrained")
+        axes = figure.add_subplot(aspect="equal")
+        axes.set_xlabel("east of the pad, m")
+        axes.set_ylabel("north (first heading), m")
+        for room in found.rooms:
+            axes.fill([e for _, e in room.outline_ne_m], [n for n, _ in room.outline_ne_m], ROOM)
+        ends_s = [flight.later_s for flight in merged.flights[1:]]
+        for number, colour in enumerate(colours):
+            path = [
+                pose.ne_m
+                for pose in merged.plan.path
+                if sum(pose.time_s >= end_s for end_s in ends_s) == number
+            ]
+            walls = [
+                [piece.start_ne_m, piece.end_ne_m] for piece in pieces if piece.flight == number
+            ]
+            _draw(axes, walls, colour, 2.5)
+            _draw(axes, [path], colour, 0.8)
+            axes.plot([], [], color=colour, label=f"flight {number + 1}")
+        for change in merged.changes:
+            style = "-" if change.is_new else ":"
+            ends = [change.start_ne_m, change.end_ne_m]
+            axes.plot([e for _, e in ends], [n for n, _ in ends], style, color=INK, linewidth=1.2)
+        for north_m, east_m in left.places_ne_m:
+            axes.plot(east_m, north_m, "o", markersize=7, markerfacecolor="none", color=INK)
+        axes.plot(0, 0, marker="^", markersize=9, color=INK)
+        axes.annotate("pad", (0, 0), (7, 5), textcoords="offset points", color=INK)
+        axes.autoscale_view()
+        axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        return svg(figure)
+
+
+def _draw(axes: Axes, lines: Sequence[Sequence[Vector2]], colour: str, width: float) -> None:
+    flat = [[(east_m, north_m) for north_m, east_m in line] for line in lines if line]
+    axes.add_collection(LineCollection(flat, colors=colour, linewidths=width))
