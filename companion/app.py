@@ -338,11 +338,12 @@ class App:
 
     def sketch(self) -> Sketch:
         """Return the present map for the viewer; takes a few milliseconds."""
+        earlier = self._earlier.segments() if self._earlier else ()
         if self.estimator is None:
-            return Sketch()
+            return Sketch(earlier_walls=earlier)
         traced = self.estimator.so_far()
         sketched = traced.thinned(MAX_SKETCHED)
-        return Sketch(_segments(traced), *sketched, self._ceiling.height_m)
+        return Sketch(_segments(traced), *sketched, self._ceiling.height_m, earlier)
 
     def _drawn_up(self, traced: SolvedFlight) -> FloorPlan:
         return FloorPlan(

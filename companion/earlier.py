@@ -4,6 +4,7 @@ The bytes go into the flight's recording, so that it can be replayed without the
 """
 
 import io
+import math
 import zipfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
@@ -13,7 +14,9 @@ import numpy as np
 
 from companion.core.arrays import Array, Indices
 from companion.core.errors import SurveyError
+from companion.core.messages import WallSegment
 from companion.estimation.smoothing.estimate import EarlierWalls
+from companion.estimation.smoothing.state import normals_of, tangents_of
 from companion.mapping.occupancy import Occupancy
 from companion.navigation.grid_planner import START_NE_M
 from companion.pdps.explore import Explore
@@ -35,6 +38,25 @@ class EarlierFlights:
     """Free and occupied space at the height of flight."""
     tried: tuple[Places, ...] = ()
     """Targets of the looks so far: a target that was never seen is dropped after some looks."""
+
+    def segments(self) -> tuple[WallSegment, ...]:
+        """The walls from their first to their last hit, for display."""
+        lines, reach_m, covariance = self.walls.walls, self.walls.reach_m, self.walls.covariance
+        feet, tangents = lines[:, 1:] * normals_of(lines), tangents_of(lines)
+        segments = []
+        for wall, (low_m, high_m) in enumerate(reach_m.tolist()):
+            (start, end) = (
+                (float(north_m), float(east_m))
+                for north_m, east_m in (feet[wall] + at * tangents[wall] for at in (low_m, high_m))
+            )
+            own = slice(2 * wall, 2 * wall + 2)
+            across = np.array(
+                [-(low_m + high_m) / 2, 1.0]
+            )  # of direction and offset, at its middle
+            variance_m2 = float(across @ covariance[own, own] @ across)
+            direction_rad = math.sqrt(covariance[2 * wall, 2 * wall])
+            segments.append(WallSegment(start, end, math.sqrt(variance_m2), 0, direction_rad))
+        return tuple(segments)
 
     def begin(self) -> FlightState:
         """The state in which the next flight begins. It explores what is left of a room, too."""

@@ -382,3 +382,5 @@ class Sketch:
     path_ned_m: tuple[Vector3, ...] = ()
     ceiling_m: float | None = None
     """Height above the take-off point."""
+    earlier_walls: tuple[WallSegment, ...] = ()
+    """Walls that earlier flights of the survey have mapped."""

@@ -1,4 +1,4 @@
-"""Draws the map and its uncertainty, the path and the drone."""
+"""Draws the map and its uncertainty, walls of earlier flights, the path and the drone."""
 
 import math
 import time
@@ -42,7 +42,10 @@ LABEL_PERIOD_S = 2.0
 POINT_COLOUR = (84, 98, 111)
 PATH_COLOUR = (58, 134, 200)
 DRONE_COLOUR = (29, 53, 87)
-"""Colours of points, path and drone, RGB, 0 to 255. Chosen."""
+EARLIER_COLOUR = (139, 152, 159)
+"""Colours of points, path, drone and walls of earlier flights, RGB, 0 to 255. Chosen."""
+EARLIER_SHARE = 0.5
+"""Height of walls of earlier flights relative to walls of this flight. Chosen."""
 
 
 class MappedSide:
@@ -54,6 +57,7 @@ class MappedSide:
         self._name = name
         self._frame = scene.add_frame(name, show_axes=False)
         self._walls = Upright(scene, f"{name}/walls")
+        self._earlier = Upright(scene, f"{name}/earlier", opacity=0.6)
         self._bands = Upright(scene, f"{name}/bands", opacity=0.3)
         self._points: PointCloudHandle = scene.add_point_cloud(
             f"{name}/points",
@@ -115,8 +119,11 @@ class MappedSide:
         ends = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.walls]
         sigmas_m = np.array([wall.sigma_m for wall in sketch.walls])
         colours = colours_of(sigmas_m)
+        earlier = [(wall.start_ne_m, wall.end_ne_m) for wall in sketch.earlier_walls]
+        grey = np.tile(EARLIER_COLOUR, (len(earlier), 1))
         with self._server.atomic():
             thickness_m = MIN_THICKNESS_M
+            self._earlier.show(earlier, 0.0, EARLIER_SHARE * top_m, thickness_m, grey)
             self._walls.show(ends, 0.0, top_m, thickness_m, colours, overlap_m=thickness_m)
             widths_m = 2 * BAND_SIGMAS * self._exaggeration * sigmas_m
             self._bands.show(ends, 0.0, BAND_HEIGHT_M, widths_m, colours)
@@ -178,7 +185,8 @@ def _middle(wall: WallSegment) -> Vector2:
 
 def extent_ne_m(sketch: Sketch) -> tuple[Vector2, Vector2]:
     """Smallest and largest (north, east) of the map, with a margin, m."""
-    places = [point for wall in sketch.walls for point in (wall.start_ne_m, wall.end_ne_m)]
+    walls = (*sketch.walls, *sketch.earlier_walls)
+    places = [point for wall in walls for point in (wall.start_ne_m, wall.end_ne_m)]
     places += [(north, east) for north, east, _ in sketch.path_ned_m]
     norths, easts = zip(*places, strict=True) if places else ((0.0,), (0.0,))
     margin_m = 1.0 if places else 5.0

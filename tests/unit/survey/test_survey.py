@@ -1,6 +1,7 @@
 """Tests of a survey: several flights with short batteries, one map that grows."""
 
 import json
+import math
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from companion.app import App
 from companion.core.errors import SurveyError
 from companion.recording.reader import read
 from companion.recording.replay import is_same_map, replay
@@ -117,6 +119,12 @@ def test_what_the_next_flight_knows_is_kept_until_a_flight_is_added_or_removed(
     assert first is not None
     assert again is not None
     assert again.to_bytes() == first.to_bytes()
+    config = read(files[1]).config
+    shown = App(config, first).sketch().earlier_walls
+    mapped = json.loads((folder / "map.json").read_text())["walls"]
+    lengths_m = [math.dist(wall["start_ne_m"], wall["end_ne_m"]) for wall in mapped]
+    assert sum(wall.length_m for wall in shown) > 0.9 * sum(lengths_m)
+    assert all(wall.sigma_m < 0.1 for wall in shown if wall.length_m > 2)
     (folder / "earlier.npz").write_bytes(b"damaged")
     assert Survey(folder, told.append).earlier() is not None
     assert "is made again" in told[0]
